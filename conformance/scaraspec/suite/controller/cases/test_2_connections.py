@@ -1,4 +1,4 @@
-"""Clause 2: the controller listens on port 8877, for one client after the other (L79)."""
+"""Clause 2: the controller listens on port 8877 and serves one client after another (L79)."""
 
 from contextlib import suppress
 from typing import Final
@@ -30,7 +30,7 @@ _ASKED: Final = 5
 
 @case("2/1")
 def test_listens(subject: ControllerUnderTest) -> None:
-    """A connection that the client opens is taken, and served for more than one request."""
+    """The controller accepts a connection and serves more than one request on it."""
     line = subject.open()
     line.ask("get_status")
     line.ask("get_version")
@@ -38,10 +38,10 @@ def test_listens(subject: ControllerUnderTest) -> None:
 
 @case("2/2")
 def test_port(subject: ControllerUnderTest) -> None:
-    """The subject takes connections on port 8877, or on the one that the tester named."""
+    """The controller accepts connections on port 8877, or on the port that the tester named."""
     port = subject.access.port
     if port is None:
-        raise CaseSkipped("the link is no network")
+        raise CaseSkipped("the link is not a network link")
     for _ in range(3):
         line = _connect(subject)
         line.ask("get_status")
@@ -51,13 +51,13 @@ def test_port(subject: ControllerUnderTest) -> None:
             "2/2",
             "A-2-1",
             UserMessage("port {port}", port=port),
-            UserMessage("it was reached on port {port}", port=port),
+            UserMessage("the controller was reached on port {port}", port=port),
         )
 
 
 @case("2/13")
 def test_one_after_the_other(subject: ControllerUnderTest) -> None:
-    """A hundred clients connect one after the other, ask something, and close."""
+    """A hundred clients connect one after another, send a request, and close."""
     subject.notices_leaving()
     for _ in range(_TIMES):
         line = _connect(subject)
@@ -67,7 +67,7 @@ def test_one_after_the_other(subject: ControllerUnderTest) -> None:
 
 @case("2/13", name="leaving")
 def test_ways_of_leaving(subject: ControllerUnderTest) -> None:
-    """A hundred clients leave in ways that are not orderly; the next is served all the same."""
+    """A hundred clients disconnect in abnormal ways; the next client is still served."""
     subject.notices_leaving()
     for number in range(_TIMES):
         _leave(_connect(subject), number % 5)
@@ -77,25 +77,25 @@ def test_ways_of_leaving(subject: ControllerUnderTest) -> None:
 def _leave(line: OutgoingConnection, way: int) -> None:
     """End a connection in one of five ways."""
     match way:
-        case 0:  # as if its cable were cut
+        case 0:  # as if the cable were cut
             line.reset()
         case 1:  # in the middle of a frame
             line.send_bytes(b"\xaa\x09")
             line.close()
-        case 2:  # without listening to the answer
+        case 2:  # without waiting for the reply
             line.send("get_version")
             line.reset()
-        case 3:  # listening on, which a subject need not know
+        case 3:  # half-close, which a controller need not support
             line.send("get_status")
-            with suppress(CaseInconclusive):  # no link but TCP can
+            with suppress(CaseInconclusive):  # only TCP supports it
                 line.half_close()
             line.close()
-        case _:  # having done nothing
+        case _:  # without any request
             line.close()
 
 
 def _connect(subject: ControllerUnderTest) -> OutgoingConnection:
-    """Log in; where one client is served at a time, its end may take a moment to be noticed."""
+    """Log in; a controller that serves one client at a time may need a moment to notice its end."""
     for _ in range(_AGAIN):
         try:
             return subject.open()
@@ -106,23 +106,23 @@ def _connect(subject: ControllerUnderTest) -> OutgoingConnection:
     return subject.open()
 
 
-# ---------------------------------------------------------------------- a further client
+# ---------------------------------------------------------------------- a second client
 
 
 @case("2/12", hazards=(Hazard.READ_ONLY,))
 def test_second_client(subject: ControllerUnderTest) -> None:
-    """A client connects while a request of another is half sent and answered; none is disturbed.
+    """A second client connects while a request of the first is incomplete; both are served.
 
-    What a robot tells of itself (A-3-16) is not told as often as another client asks.
+    Unsolicited frames of a robot (A-3-16) are not sent as often as another client sends requests.
     """
     if not subject.access.several:
-        raise CaseSkipped("this link carries one connection at a time")
+        raise CaseSkipped("this link carries only one connection at a time")
     told = subject.observer.told_unasked
     first = subject.open()
     version, time = (first.request(name).encode() for name in ("get_version", "get_time"))
     first.send_bytes(version[:2])
     second = subject.open(login=False)
-    subject.pause(MOMENT_S / subject.ics.time_scale)  # half a frame may wait for a second
+    subject.pause(MOMENT_S / subject.ics.time_scale)  # a partial frame may wait for a second
     if _displaced(subject, first, second):
         return
     first.send_bytes(version[2:])
@@ -135,7 +135,8 @@ def test_second_client(subject: ControllerUnderTest) -> None:
     second.send("get_version")
     first.reply("get_time")
     second.reply("get_status")
-    expect_equal(second.reply("get_version").value, said, "two clients are told two versions")
+    message = "two clients received two different versions"
+    expect_equal(second.reply("get_version").value, said, message)
     for line in (first, second):
         _nothing_of_the_other(alone=all(seen.frame.opcode in told for seen in line.sync()))
     for _ in range(_ASKED):
@@ -148,34 +149,35 @@ def test_second_client(subject: ControllerUnderTest) -> None:
 def _nothing_of_the_other(*, alone: bool) -> None:
     expect(
         alone,
-        "a client was sent what another one had asked for",
-        expected="each reply on the connection that asked",
-        observed="a further frame",
+        "a client received a reply to another client's request",
+        expected="each reply on the connection of its request",
+        observed="an additional frame",
     )
 
 
 def _displaced(
     subject: ControllerUnderTest, first: OutgoingConnection, second: OutgoingConnection
 ) -> bool:
-    """Whether the newcomer has taken the place of the one before (A-2-2)."""
+    """Whether the new connection replaced the previous one (A-2-2)."""
     second.pump()
     if first.ends(within_s=SILENCE_S / subject.ics.time_scale) is None:
         return False
     subject.log_in(second)
     second.ask("get_status")
-    subject.tolerate("2/12", "max_clients", "newest", "a new client displaces the one before")
+    message = "a new client replaces the previous one"
+    subject.tolerate("2/12", "max_clients", "newest", message)
     return True
 
 
 def _admitted(
     subject: ControllerUnderTest, first: OutgoingConnection, second: OutgoingConnection
 ) -> bool:
-    """Whether the newcomer is served beside the one before; if not, the latter still is."""
+    """Whether the new client is served together with the first; if not, the first still must be."""
     try:
         if subject.access.needs_login:
             subject.log_in(second)
         second.ask("get_version")
-    except CaseFailed:  # it may answer the login with 0, or nothing at all
+    except CaseFailed:  # the login may be answered 0, or not at all
         if _displaced(subject, first, second):
             return False
         first.ask("get_status")

@@ -1,4 +1,4 @@
-"""Clause 2: TCP carries a stream; how it is cut into segments means nothing (L79; A-2-6)."""
+"""Clause 2: TCP carries a stream, and its segmentation has no meaning (L79; A-2-6)."""
 
 import itertools
 from collections.abc import Mapping
@@ -26,13 +26,13 @@ from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import NoReply
 from scaraspec.user_message import UserMessage
 
-_BURST: Final = 250  # more than a kilobyte, which a small buffer holds; the judge follows 256
+_BURST: Final = 250  # more than a kilobyte, the size of a small buffer; the judge tracks 256
 _CARRIERS: Final = (GET_TIME, GET_VERSION, GET_STATUS)
 
 
 @case("2/5", slow=True)
 def test_cut_at_every_byte(subject: ControllerUnderTest) -> None:
-    """Every carrier, and the login, is cut at every byte into two segments; a login at all."""
+    """Requests split at every byte, and a login split into single bytes, are answered."""
     line = subject.open()
     for name in ("get_time", "get_version", "get_status"):
         frame = line.request(name).encode()
@@ -53,7 +53,7 @@ def test_cut_at_every_byte(subject: ControllerUnderTest) -> None:
 
 @case("2/5", name="slowly", slow=True)
 def test_slowly(subject: ControllerUnderTest) -> None:
-    """A request comes byte by byte, and a login in three pieces, with almost 1 s between them."""
+    """A request sent byte by byte, and a login in three parts, are answered despite 1 s pauses."""
     parts = {subject.open(): ("get_status", pieces(GET_STATUS, (1, 1, 1)))}
     if not subject.takes_several:
         _send_slowly(subject, parts)
@@ -68,8 +68,8 @@ def test_slowly(subject: ControllerUnderTest) -> None:
 def _send_slowly(
     subject: ControllerUnderTest, parts: Mapping[OutgoingConnection, tuple[str, list[bytes]]]
 ) -> None:
-    """Send on several connections at once, piece by piece; await each reply."""
-    for number, now in enumerate(itertools.zip_longest(*(each for _, each in parts.values()))):
+    """Send on several connections at once, part by part; wait for each reply."""
+    for number, now in enumerate(itertools.zip_longest(*(sent for _, sent in parts.values()))):
         if number:
             subject.pause(SLOWEST_S / subject.ics.time_scale)
         for line, part in zip(parts, now, strict=True):
@@ -81,7 +81,7 @@ def _send_slowly(
 @case("2/5", name="random")
 @given(queries=some_queries, sizes=some_cuts)
 def test_random_cuts(subject: ControllerUnderTest, queries: list[Query], sizes: list[int]) -> None:
-    """Queries that follow each other come in segments of random sizes."""
+    """Consecutive queries in segments of random sizes are all answered."""
     line = subject.open()
     if takes_one_at_a_time(subject):
         for query in known_to(subject, queries):
@@ -93,7 +93,7 @@ def test_random_cuts(subject: ControllerUnderTest, queries: list[Query], sizes: 
 
 @case("2/5", "2/6", name="across", slow=True)
 def test_segments_across_frames(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Each segment ends one frame and begins the next, at every byte."""
+    """Segments that contain the end of one frame and the start of the next are all answered."""
     for cut in examples(range(1, 4)):
         parts = pieces(b"".join(_CARRIERS * 2), (cut, *[4] * 5))
         send_in(line, parts, subject, SEGMENT_S)
@@ -104,7 +104,7 @@ def test_segments_across_frames(subject: ControllerUnderTest, line: OutgoingConn
 @case("2/6")
 @given(queries=some_queries)
 def test_several_in_one_segment(subject: ControllerUnderTest, queries: list[Query]) -> None:
-    """One segment brings several queries, and each is answered."""
+    """Several queries in one segment are all answered."""
     line = subject.open()
     _served_together(subject, line, queries)
     line.close()
@@ -112,10 +112,10 @@ def test_several_in_one_segment(subject: ControllerUnderTest, queries: list[Quer
 
 @case("2/6", name="burst")
 def test_burst(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """One segment brings hundreds of requests, and each is answered.
+    """Hundreds of requests in one segment are all answered.
 
-    The first one is longer by half of another: a buffer of 256 bytes, or of any power of two, ends
-    inside of a request.
+    The first one has an odd length, so that a buffer of 256 bytes, or of any power of two, ends
+    inside a request.
     """
     longer = Query("get_analog_input", 1)
     turn = (Query("get_time"), Query("get_version"), Query("get_status"), longer)
@@ -124,7 +124,7 @@ def test_burst(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 @case("2/6", name="login")
 def test_login_and_more(subject: ControllerUnderTest) -> None:
-    """One segment brings the login and a query, which is served because the login comes first."""
+    """A query in the same segment as the login is served, because the login comes first."""
     line = subject.open(login=False)
     login = _login(subject, line) if subject.access.needs_login else b""
     line.send_bytes(login + GET_STATUS)
@@ -140,7 +140,7 @@ def _login(subject: ControllerUnderTest, line: OutgoingConnection) -> bytes:
 def _served_together(
     subject: ControllerUnderTest, line: OutgoingConnection, queries: list[Query]
 ) -> None:
-    """Each of these is answered, or only the first where the subject claims so (A-3-14)."""
+    """Expect a reply to each query, or only to the first if the ICS claims so (A-3-14)."""
     if not takes_one_at_a_time(subject):
         ask_together(subject, line, queries)
         return
@@ -161,5 +161,5 @@ def _or_one_at_a_time(subject: ControllerUnderTest, line: OutgoingConnection, na
             "2/6",
             "pipelining",
             "one",
-            UserMessage("{name} behind another one was not served", name=name),
+            UserMessage("{name} after another request was not served", name=name),
         )

@@ -1,7 +1,7 @@
-"""Clause 2: over the network, nothing is done for whom has not logged in (L83, L104; A-4-4).
+"""Clause 2: over the network, no request is executed without a login (L83, L104; A-4-4).
 
-Whether such a client hears nothing, hears the failure form or is cut off is a reading; what counts
-is that nothing has changed. What is sent is chosen so that a subject which does it does no harm.
+Whether such a client gets no reply, a refusal or a closed connection is a reading; the cases only
+require that nothing changes. The requests are chosen so that they do no harm if they are executed.
 """
 
 from collections.abc import Iterator
@@ -52,20 +52,20 @@ Requests = list[tuple[str, Any]]
 
 
 class _Stranger:
-    """A client that sends requests without a login, on a new connection where it is cut off.
+    """A client that sends requests without a login, on a new connection if the old one is closed.
 
     Attributes:
-        granted: What was answered with yes.
+        granted: The replies that accepted a request.
     """
 
     def __init__(self, subject: ControllerUnderTest, *, wrong_logins: int = 0) -> None:
         if not subject.access.needs_login:
-            raise CaseSkipped("on this link no login is needed (L83)")
+            raise CaseSkipped("this link needs no login (L83)")
         self.granted: list[FrameSeen] = []
         self._subject, self._wrong_logins = subject, wrong_logins
 
     def ask(self, *requests: tuple[str, Any]) -> None:
-        """Connect, send requests, and listen for a moment."""
+        """Connect, send requests, and collect replies for a moment."""
         line = self._connect()
         for name, value in examples(requests):
             try:
@@ -81,7 +81,7 @@ class _Stranger:
 
     def _connect(self) -> OutgoingConnection:
         line = self._subject.open(login=False)
-        wrong_logins, self._wrong_logins = self._wrong_logins, 0  # no more than these (A-4.1-2)
+        wrong_logins, self._wrong_logins = self._wrong_logins, 0  # only these (A-4.1-2)
         for _ in range(wrong_logins):
             try:
                 said = line.ask("login", rotated(self._subject.password))
@@ -89,7 +89,7 @@ class _Stranger:
                 if line.ending is None:
                     raise
                 return self._subject.open(login=False)
-            expect(said.accepted is False, "a wrong password opens", requirement="4.1/3")
+            expect(said.accepted is False, "a wrong password was accepted", requirement="4.1/3")
         return line
 
     def _hear(self, line: OutgoingConnection, for_s: float) -> None:
@@ -98,18 +98,18 @@ class _Stranger:
         line.inbox.clear()
 
     def expect_nothing(self) -> None:
-        """Fail the subject if anything was answered with yes.
+        """Fail the case if any request was accepted.
 
         Raises:
-            CaseFailed: It was.
+            CaseFailed: A request was accepted.
         """
         for seen in self.granted:
             expect(
                 condition=False,
                 message=UserMessage(
-                    "{seen} was accepted on a connection that had not logged in", seen=seen.name
+                    "{command} was accepted on a connection without a login", command=seen.name
                 ),
-                expected="silence, a refusal or the end of the connection",
+                expected="no reply, a refusal or the end of the connection",
                 observed=f"{seen.frame}",
             )
 
@@ -122,11 +122,11 @@ def _grants(value: Any) -> bool:
 def _unchanged(
     subject: ControllerUnderTest, *settings: tuple[str, str]
 ) -> Iterator[dict[str, Any]]:
-    """See that values stay as they are; what has changed is put back.
+    """Expect that settings keep their values; restore those that changed.
 
     Args:
-        subject: The subject.
-        settings: What asks for each value, and what sets it.
+        subject: The SUT.
+        settings: For each value, the command that reads it and the command that sets it.
     """
     before = _values(subject, settings)
     yield before
@@ -144,7 +144,7 @@ def _values(subject: ControllerUnderTest, settings: tuple[tuple[str, str], ...])
     values = {name: line.ask(name).value for name, _ in settings}
     line.close()
     if None in values.values():
-        raise CaseInconclusive("the subject does not say how it is set")
+        raise CaseInconclusive("the controller does not report its settings")
     return values
 
 
@@ -154,7 +154,7 @@ _HOME: Final = ("get_initial_tool_position", "set_initial_tool_position")
 
 @contextmanager
 def _settings_tried(subject: ControllerUnderTest) -> Iterator[Requests]:
-    """Give what sets positions, the clock and a file; see that none of it happens."""
+    """Yield requests that set positions, the clock and a file; expect that none takes effect."""
     name = subject.new_name()
     with _unchanged(subject, _GRIPPER, _HOME) as before, _clock_kept(subject) as time:
         pose = before["get_initial_tool_position"]
@@ -171,7 +171,7 @@ def _settings_tried(subject: ControllerUnderTest) -> Iterator[Requests]:
 
 @case("2/11", hazards=(Hazard.STATE,))
 def test_settings(subject: ControllerUnderTest) -> None:
-    """Positions, the clock and files are set without a login; none of it happens."""
+    """Requests that set positions, the clock and files have no effect without a login."""
     stranger = _Stranger(subject)
     with _settings_tried(subject) as settings:
         stranger.ask(*settings)
@@ -180,12 +180,12 @@ def test_settings(subject: ControllerUnderTest) -> None:
 
 @contextmanager
 def _clock_kept(subject: ControllerUnderTest) -> Iterator[datetime]:
-    """Give the subject's time; see that it is not set, and if it is, put it back."""
+    """Yield the controller's time; expect that the clock is not set, and restore it if it is."""
     line = subject.open()
     before: datetime | None = line.ask("get_time").value
     line.close()
     if before is None:
-        raise CaseInconclusive("the subject does not say its time")
+        raise CaseInconclusive("the controller does not report its time")
     yield before
     line = subject.open()
     after: datetime | None = line.ask("get_time").value
@@ -198,9 +198,9 @@ def _clock_kept(subject: ControllerUnderTest) -> Iterator[datetime]:
 
 @case("2/11", "4.1/3", name="wrong-login", hazards=(Hazard.STATE,))
 def test_wrong_login(subject: ControllerUnderTest) -> None:
-    """After a wrong password settings are tried; they do not take effect.
+    """Settings have no effect after a wrong password.
 
-    Nor do they after a second one, where things may be lost (A-4.1-2).
+    Where destructive cases are allowed, they are tried after a second wrong password (A-4.1-2).
     """
     destructive = Hazard.DESTRUCTIVE in subject.allowed
     stranger = _Stranger(subject, wrong_logins=2 if destructive else 1)
@@ -211,7 +211,7 @@ def test_wrong_login(subject: ControllerUnderTest) -> None:
 
 @case("2/11", name="beside", hazards=(Hazard.STATE,))
 def test_beside_another(subject: ControllerUnderTest) -> None:
-    """While one client is logged in, another one that is not tries settings."""
+    """Settings of a client without a login have no effect while another client is logged in."""
     subject.require_multiple_connections()
     subject.open()
     stranger = _Stranger(subject)
@@ -222,7 +222,7 @@ def test_beside_another(subject: ControllerUnderTest) -> None:
 
 @case("2/11", name="behind", hazards=(Hazard.STATE,))
 def test_behind_another(subject: ControllerUnderTest) -> None:
-    """Another client leaves in the midst of an upload, or is cut off; the next tries a setting."""
+    """A setting has no effect without a login after another client disconnected in an upload."""
     stranger = _Stranger(subject)
     with _unchanged(subject, _GRIPPER):
         for cut in examples((False, True)):
@@ -235,9 +235,9 @@ def test_behind_another(subject: ControllerUnderTest) -> None:
 
 @case("2/11", name="motion", hazards=(Hazard.MOTION, Hazard.STATE))
 def test_motion(subject: ControllerUnderTest) -> None:
-    """All that moves, and an output, is asked for without a login; nothing happens.
+    """Motion commands and an output have no effect without a login.
 
-    So it is while a program of another client runs.
+    An output is also tried while a program of another client runs.
     """
     subject.moved = True
     line = subject.open()
@@ -264,8 +264,9 @@ def test_motion(subject: ControllerUnderTest) -> None:
         line.send("set_digital_output", PortValue(port, int(before[-1])))
         line.sync()
     expect_equal(after, before, "an output was set without a login")
-    expect_equal(status, "00", "a command executes that came without a login")
-    expect(moved <= STANDSTILL, "the arm has moved without a login", observed=f"by {moved:.2f}")
+    expect_equal(status, "00", "a command sent without a login is executed")
+    message = "the arm moved without a login"
+    expect(moved <= STANDSTILL, message, observed=f"by {moved:.2f}")
     if subject.takes_several:
         with outputs_kept(line):
             with lasting(subject, line, RUN, queries=False):
@@ -276,9 +277,9 @@ def test_motion(subject: ControllerUnderTest) -> None:
 
 @case("2/11", name="loss", hazards=(Hazard.DESTRUCTIVE, Hazard.STATE))
 def test_loss(subject: ControllerUnderTest) -> None:
-    """A file is deleted, password, network and default are set without a login; all stays.
+    """Deleting a file, or setting password, network or default program, needs a login.
 
-    So does the file behind a wrong login.
+    Deleting is also tried after a wrong login.
     """
     line = subject.open()
     name = subject.new_name()
@@ -288,7 +289,7 @@ def test_loss(subject: ControllerUnderTest) -> None:
     stranger = _Stranger(subject)
     other = PasswordChange(subject.password, PLAIN_PASSWORD)
     stranger.ask(("set_default_program", name), ("delete_program", name))
-    if network is not None:  # what it answers 4.3 judges
+    if network is not None:  # clause 4.3 judges the reply
         stranger.ask(("set_network", network))
     stranger.ask(("set_password", other))
     mistaken = _Stranger(subject, wrong_logins=1)
@@ -299,7 +300,7 @@ def test_loss(subject: ControllerUnderTest) -> None:
     if not opens:
         subject.log_in(line, other.new)
         line.ask("set_password", PasswordChange(other.new, other.old))
-    expect(opens, "the password was changed without a login", observed="0 to the old one")
+    expect(opens, "the password was changed without a login", observed="0 to the old password")
     is_there = line.ask("download_name", name).accepted
     expect(is_there, "a file was deleted without a login", observed="0 to 0x54")
     stranger.expect_nothing()
@@ -307,7 +308,7 @@ def test_loss(subject: ControllerUnderTest) -> None:
 
 @case("2/11", name="shutdown", hazards=(Hazard.DESTRUCTIVE,), last=True)
 def test_shutdown(subject: ControllerUnderTest) -> None:
-    """A shutdown is asked for without a login; the subject goes on."""
+    """A shutdown request without a login has no effect."""
     stranger = _Stranger(subject)
     stranger.ask(("shutdown", None))
     line = subject.open()

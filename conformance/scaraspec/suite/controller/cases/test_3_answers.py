@@ -1,4 +1,4 @@
-"""Clause 3: every valid request is answered, under its own opcode, however long it goes on."""
+"""Clause 3: every valid request is answered under its own opcode, also in long sessions."""
 
 from typing import Final
 
@@ -19,7 +19,7 @@ from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.user_message import UserMessage
 
 _STATE: Final = (Hazard.STATE,)
-_LONG: Final = 60  # requests for each example that is asked for
+_LONG: Final = 60  # requests for each configured example
 _FILES: Final = 2
 _FILE_BYTES: Final = 300
 _CONSTANT: Final = (
@@ -35,12 +35,12 @@ _SETTINGS: Final = (
 )
 
 
-# ---------------------------------------------------------------------- under its opcode
+# ---------------------------------------------------------------------- own opcode
 
 
 @case("3/11")
 def test_opcodes_of_queries(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Every query is answered under the opcode that it has."""
+    """Every query is answered under its own opcode."""
     for query in examples(known_to(subject)):
         _ask_under_its_opcode(line, *query)
     _ask_under_its_opcode(line, "download_name", subject.new_name())
@@ -48,7 +48,7 @@ def test_opcodes_of_queries(subject: ControllerUnderTest, line: OutgoingConnecti
 
 @case("3/11", name="settings", hazards=_STATE)
 def test_opcodes_of_settings(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Settings, which are set to what they are, and an upload are answered under their opcodes."""
+    """Settings that are set to their current values, and an upload, keep their opcodes."""
     for name, setter in examples(_SETTINGS):
         value = line.ask(name).value
         if value is not None and setter not in subject.ics.unsupported:
@@ -60,18 +60,18 @@ def test_opcodes_of_settings(subject: ControllerUnderTest, line: OutgoingConnect
 
 @case("3/11", name="loss", hazards=(Hazard.DESTRUCTIVE,))
 def test_opcode_of_a_deletion(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The deletion of a file that is not there is answered under its opcode."""
+    """The deletion of a missing file is answered under its own opcode."""
     _ask_under_its_opcode(line, "delete_program", subject.new_name())
 
 
 def _ask_under_its_opcode(
     line: OutgoingConnection, name: str, value: object = None
 ) -> ReceivedFrame:
-    """Ask, and where the reply is not found, say whether it came under another opcode.
+    """Send a request; if the reply is missing, report whether it came under another opcode.
 
     Raises:
-        CaseFailed: It did.
-        NoReply: It did not come at all.
+        CaseFailed: The reply has another opcode.
+        NoReply: There is no reply.
     """
     try:
         return line.ask(name, value)
@@ -87,13 +87,13 @@ def _ask_under_its_opcode(
         ) from None
 
 
-# ---------------------------------------------------------------------- at all
+# ---------------------------------------------------------------------- every request
 
 
 @case("3/31")
 @given(queries=some_queries)
 def test_queries_one_by_one(subject: ControllerUnderTest, queries: list[Query]) -> None:
-    """Queries in any order, with others before and behind, are answered one by one."""
+    """Queries in any order are answered one by one."""
     line = subject.open()
     for query in known_to(subject, queries):
         line.ask(*query)
@@ -102,7 +102,7 @@ def test_queries_one_by_one(subject: ControllerUnderTest, queries: list[Query]) 
 
 @case("3/31", name="twice")
 def test_queries_twice(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Every query is asked twice in a row, and is answered twice."""
+    """Every query that is sent twice in a row is answered twice."""
     for query in examples(known_to(subject)):
         line.ask(*query)
         line.ask(*query)
@@ -110,7 +110,7 @@ def test_queries_twice(subject: ControllerUnderTest, line: OutgoingConnection) -
 
 @case("3/31", name="after-refusals")
 def test_behind_refusals(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Behind each of many requests that are refused, valid ones are answered."""
+    """Valid requests are answered after each of many refused requests."""
     missing = subject.new_name()
     for _ in range(50):
         line.ask("download_name", missing)
@@ -119,7 +119,7 @@ def test_behind_refusals(subject: ControllerUnderTest, line: OutgoingConnection)
 
 @case("3/31", name="long-session")
 def test_long_session(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Thousands of queries on one connection are all answered, the last ones as the first."""
+    """Thousands of queries on one connection are all answered, the last like the first."""
     queries = known_to(subject)
     rounds = settings().max_examples * _LONG // len(queries)
     said: dict[str, bytes] = {}
@@ -129,7 +129,7 @@ def test_long_session(subject: ControllerUnderTest, line: OutgoingConnection) ->
             expect(
                 query.name not in _CONSTANT or said.setdefault(query.name, data) == data,
                 UserMessage(
-                    "in round {number} of a long session {query} is answered otherwise",
+                    "in round {number} of a long session, {query} has another reply",
                     number=number,
                     query=query.name,
                 ),
@@ -141,7 +141,7 @@ def test_long_session(subject: ControllerUnderTest, line: OutgoingConnection) ->
 
 @case("3/31", name="many-files", hazards=_STATE)
 def test_many_files(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """File after file is sent, fetched and deleted on one connection, the last as the first."""
+    """Many files are uploaded, downloaded and deleted on one connection without a difference."""
     content = content_of(_FILE_BYTES)
     for _ in range(settings().max_examples * _FILES):
         expect_round_trip(subject, line, content)

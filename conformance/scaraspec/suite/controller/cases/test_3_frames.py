@@ -1,4 +1,4 @@
-"""Clause 3: how a frame is made, in what the controller sends and in what it takes (L89-98)."""
+"""Clause 3: the frame format, in frames sent and received by the controller (L89-98)."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -46,9 +46,9 @@ _BLAME: Final[Mapping[Fault, str]] = {
     Fault.TAG: "3/14",
 }
 _LONG_NAME_BYTES: Final = 30  # L226
-_FEW: Final = 7  # for which any robot has room
-_MANY: Final = 9  # so many such names, and their bars, do not fit one frame
-_SHORT_REPLIES: Final = 45  # so many replies with the status fill the longest frame
+_FEW: Final = 7  # every robot has room for so many
+_MANY: Final = 9  # so many such names, with separators, do not fit one frame
+_SHORT_REPLIES: Final = 45  # so many status replies fill the longest frame
 _IDLE_S: Final = 0.6
 _LENGTHS: Final = (
     *range(18),
@@ -62,12 +62,12 @@ _LENGTHS: Final = (
     255,
 )
 
-# ---------------------------------------------------------------------- what is sent
+# ---------------------------------------------------------------------- frames sent by the SUT
 
 
 @case("3/1", "3/4", "3/5", "3/6", "3/7", "3/8", "3/32")
 def test_replies_are_frames(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Every query is answered with a frame: its bytes, its length, and nothing around it."""
+    """Every query is answered with a frame of the right format, and with no bytes around it."""
     for query in examples(known_to(subject)):
         with _told_apart(line, query.name):
             line.ask(*query)
@@ -77,7 +77,7 @@ def test_replies_are_frames(subject: ControllerUnderTest, line: OutgoingConnecti
 
 @contextmanager
 def _told_apart(line: OutgoingConnection, name: str) -> Iterator[None]:
-    """Where no frame came, find out what came: a wrong length waits for what follows it."""
+    """If no valid reply arrives, find its fault: a wrong length delays the frames after it."""
     try:
         yield
     except CaseFailed:
@@ -91,7 +91,7 @@ def _told_apart(line: OutgoingConnection, name: str) -> Iterator[None]:
 
 
 def _no_noise(line: OutgoingConnection, name: str) -> None:
-    """Say what is wrong with bytes that are no frame."""
+    """Fail the case if there are invalid bytes, and report their fault."""
     line.pump()
     for noise in line.invalid_bytes:
         found = diagnose(noise)
@@ -99,7 +99,7 @@ def _no_noise(line: OutgoingConnection, name: str) -> None:
         if requirement == "3/7" and found.observed == "0":
             requirement = "3/8"
         raise CaseFailed(
-            UserMessage("{name} was answered with bytes that are no frame", name=name),
+            UserMessage("{name} was answered with bytes that are not a frame", name=name),
             expected=f"{found.fault.value} {found.expected}",
             observed=noise.data.hex(" "),
             requirement=requirement,
@@ -108,7 +108,7 @@ def _no_noise(line: OutgoingConnection, name: str) -> None:
 
 @case("3/8", name="empty")
 def test_reply_without_data(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The default program is asked for, of which there may be none; its frame is a frame."""
+    """The reply to a request for the default program is a valid frame, also if there is none."""
     command = line.send("get_default_program")
     came = [
         seen
@@ -117,14 +117,13 @@ def test_reply_without_data(subject: ControllerUnderTest, line: OutgoingConnecti
     ]
     _no_noise(line, "get_default_program")
     if not came:
-        subject.tolerate(
-            "3/8", "default_none", "silence", "the default program is not answered at all"
-        )
+        message = "the request for the default program is not answered at all"
+        subject.tolerate("3/8", "default_none", "silence", message)
 
 
 @case("3/6", "3/5", "3/7", name="long", hazards=(Hazard.STATE,))
 def test_long_replies(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Long names make a program list that does not fit one frame, and a download fills chunks."""
+    """A program list that does not fit one frame, and full chunks of a download, are valid."""
     content = short_program(subject)
     stem = "n" * (_LONG_NAME_BYTES - len(subject.new_name()) - 1)
     names = [subject.new_name(stem) for _ in range(_MANY)]
@@ -134,7 +133,7 @@ def test_long_replies(subject: ControllerUnderTest, line: OutgoingConnection) ->
         except CaseFailed as error:
             if number < _FEW or error.requirement != "5.2/2":
                 raise
-            break  # there is no more room (A-5-21)
+            break  # no more room (A-5-21)
     with _told_apart(line, "download_name"):
         expect_stored(line, names[0], content)
     with _told_apart(line, "list_programs"):
@@ -146,11 +145,11 @@ def test_long_replies(subject: ControllerUnderTest, line: OutgoingConnection) ->
 
 @case("3/32", "3/10", "3/26", name="idle")
 def test_nothing_while_idle(subject: ControllerUnderTest) -> None:
-    """A connection is silent before the login, behind it, and behind a query."""
+    """A connection is silent before the login, after it, and after a query."""
     lines = [subject.open(login=False)]
     if subject.takes_several:
         lines.append(subject.open())
-        with suppress(CaseFailed):  # it may not serve three (A-2-2)
+        with suppress(CaseFailed):  # three connections may be too many (A-2-2)
             lines.append(subject.open())
         lines[-1].ask("get_status")
     subject.pause(_IDLE_S)
@@ -167,19 +166,19 @@ def test_nothing_while_idle(subject: ControllerUnderTest) -> None:
 
 
 def _is_silent(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A frame of another kind than the document knows fails; others are only warned of (A-3-16)."""
+    """Fail on an undefined opcode or a final result; warn of other unsolicited frames (A-3-16)."""
     _no_noise(line, "nothing")
     for seen in line.inbox:
         expect(
             seen.frame.opcode in BY_OPCODE,
-            "a frame with an undefined opcode came while nothing was asked",
+            "a frame with an undefined opcode arrived without a request",
             expected="silence",
             observed=f"{seen.frame}",
             requirement="3/10",
         )
         expect(
             not seen.frame.tagged,
-            "a final result came while nothing was asked",
+            "a final result arrived without a request",
             expected="silence",
             observed=f"{seen.frame}",
             requirement="3/16",
@@ -188,25 +187,25 @@ def _is_silent(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
             "3/26",
             "A-3-16",
             "unsolicited frame",
-            UserMessage("{frame} came unasked", frame=seen.frame),
+            UserMessage("{frame} arrived without a request", frame=seen.frame),
         )
     line.inbox.clear()
 
 
 @case("3/10")
 def test_opcodes_of_replies(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """No query is answered with an opcode that the document does not define."""
+    """No query is answered with an undefined opcode."""
     answers = [answer.seen for answer in ask_all(subject, line)]
     for seen in (*answers, *line.inbox):
         expect(
             seen.frame.opcode in BY_OPCODE,
-            "a reply bears an undefined opcode",
+            "a reply has an undefined opcode",
             expected="an opcode of clauses 4 and 5",
             observed=f"{seen.frame}",
         )
 
 
-# ---------------------------------------------------------------------- what is taken
+# ---------------------------------------------------------------------- frames received by the SUT
 
 
 @case("3/9", "3/6")
@@ -217,9 +216,9 @@ def test_opcodes_of_replies(subject: ControllerUnderTest, line: OutgoingConnecti
     | st.integers(0, 63).map(lambda n: GET_VERSION * n)
     | st.integers(0, 127).map(lambda n: b"\xcc\xaa" * n)
 )
-@example(data=b"\xcc" + GET_VERSION)  # who looks for the end in small frames alone finds one
+@example(data=b"\xcc" + GET_VERSION)  # a search for the end byte in small frames finds one
 def test_data_on_a_query(subject: ControllerUnderTest, data: bytes) -> None:
-    """A query has up to 255 bytes of data; it is answered or not, and none of them is a frame."""
+    """Data of up to 255 bytes in a query is never taken for a frame, whether answered or not."""
     frame = Frame(A2C, 0x07, data).encode()
     assume(harmless(frame + GET_STATUS))
     line = subject.open()
@@ -227,7 +226,7 @@ def test_data_on_a_query(subject: ControllerUnderTest, data: bytes) -> None:
     for seen in _came(subject, line):
         expect(
             seen.frame.opcode == 0x07,
-            "bytes inside of the data of a frame were taken for a frame",
+            "bytes in the data of a frame were taken for a frame",
             expected="a reply to 0x07, or none (A-3-12)",
             observed=f"{seen.frame}",
         )
@@ -236,8 +235,8 @@ def test_data_on_a_query(subject: ControllerUnderTest, data: bytes) -> None:
 
 @case("3/6", name="lengths")
 def test_every_length(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A query has up to 255 bytes of data, and none of them is a frame, however many there are."""
-    pushed = OPCODES - {GET_TIME[1]}  # some send such things unasked (A-3-16)
+    """Data of every length up to 255 bytes in a query is never taken for a frame."""
+    pushed = OPCODES - {GET_TIME[1]}  # some controllers send these unsolicited (A-3-16)
     for length_bytes in examples(_LENGTHS):
         many, rest = divmod(length_bytes, len(GET_TIME))
         line.send_bytes(Frame(A2C, 0x08, b"0" * rest + GET_TIME * many).encode())
@@ -245,7 +244,7 @@ def test_every_length(subject: ControllerUnderTest, line: OutgoingConnection) ->
         expect(
             not others,
             UserMessage(
-                "behind {length_bytes} bytes of data the frames are out of step",
+                "after {length_bytes} bytes of data, the frame boundaries are lost",
                 length_bytes=length_bytes,
             ),
         )
@@ -254,13 +253,14 @@ def test_every_length(subject: ControllerUnderTest, line: OutgoingConnection) ->
 
 
 def _came(subject: ControllerUnderTest, line: OutgoingConnection) -> list[FrameSeen]:
-    """What a query with data brought about; closing is a reading (A-3-9)."""
+    """Return the replies to a query with data; closing the connection is a reading (A-3-9)."""
     try:
         return line.sync()
     except NoReply:
         if line.ending is None:
             raise
-        subject.tolerate("3/6", "on_unknown", "close", "a query with data ends the connection")
+        message = "a query with data closes the connection"
+        subject.tolerate("3/6", "on_unknown", "close", message)
         return line.inbox
 
 
@@ -275,7 +275,7 @@ _FULL_OF_MARKS: Final = (
 
 @case("3/9", name="content", hazards=(Hazard.STATE,))
 def test_marks_in_files(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Files full of start and end bytes are sent, and come back as they are."""
+    """Files full of start and end bytes are stored unchanged."""
     expect_round_trip(subject, line, b"plain" * 50)
     for content in examples(_FULL_OF_MARKS):
         expect_round_trip(subject, line, content, "3/9")
@@ -284,8 +284,9 @@ def test_marks_in_files(subject: ControllerUnderTest, line: OutgoingConnection) 
 
 @case("3/9", name="name", hazards=(Hazard.STATE,))
 def test_marks_in_names(line: OutgoingConnection) -> None:
-    """A name with 0xAA and 0xCC in it is asked for; it is refused or served, in one frame."""
+    """A name that contains 0xAA and 0xCC is refused with one frame."""
     for data in examples((b"\xaa.rob", b"\xcc.rob", b"a\xcc\xaab.rob", b"\xb0\xcc\xaa\xcc.rob")):
         answer = line.ask("download_name", data=data)
-        expect(answer.accepted is False, "a file is sent that is not there", requirement="5.3/3")
+        message = "a missing file was accepted for download"
+        expect(answer.accepted is False, message, requirement="5.3/3")
         expect(not line.sync(), "bytes of a name were taken for a frame", observed="a reply")

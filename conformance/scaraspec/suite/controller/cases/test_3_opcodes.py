@@ -1,4 +1,4 @@
-"""Clause 3: opcodes that nobody defined (L96; A-3-9); a real robot, which may move, gets none."""
+"""Clause 3: undefined opcodes (L96; A-3-9). A real robot, which may move, gets none."""
 
 import math
 from collections.abc import Iterable
@@ -34,7 +34,7 @@ from scaraspec.suite.program_files.listed import store_program
 from scaraspec.user_message import UserMessage
 
 _UNDEFINED: Final = tuple(o for o in range(256) if o not in BY_OPCODE and o != TAG)
-"""No reply can bear the tag for its opcode (A-3-5), so what follows it is read on no connection."""
+"""Without the tag: no reply can have it as its opcode (A-3-5), so its connection is not judged."""
 _DATA: Final = (b"", b"1", b"1|1", b"0" * MAX_DATA_BYTES)
 _MOTION: Final = (Hazard.STATE, Hazard.MOTION)
 _CENTRE: Final = Point(10, -20, 30)
@@ -51,7 +51,7 @@ _RESTLESS: Final = (
 
 @case("3/21", undefined=True)
 def test_undefined_opcodes(subject: ControllerUnderTest) -> None:
-    """Every undefined opcode is sent; nothing happens, and no other opcode answers."""
+    """No undefined opcode changes anything or is answered under another opcode."""
     subject.moved = True
     before = _state(subject)
     for data in _DATA:
@@ -65,7 +65,7 @@ def test_undefined_opcodes(subject: ControllerUnderTest) -> None:
 
 @case("3/21", name="alone", undefined=True)
 def test_undefined_opcodes_alone(subject: ControllerUnderTest) -> None:
-    """Undefined opcodes are the first that a connection brings, and one segment brings them all."""
+    """Undefined opcodes change nothing as the first requests of a connection, in one segment."""
     subject.moved = True
     before = _state(subject)
     line = subject.open(judged=False)
@@ -80,7 +80,7 @@ def test_undefined_opcodes_alone(subject: ControllerUnderTest) -> None:
 def test_settings_behind_undefined_opcodes(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
-    """A gripper centre, a default program and outputs that are on stay behind all of them."""
+    """A gripper center, a default program and active outputs are kept after undefined opcodes."""
     for name in ("set_gripper_center", "set_default_program", "set_digital_output"):
         require_command(subject, name)
     subject.require_multiple_connections()
@@ -91,8 +91,8 @@ def test_settings_behind_undefined_opcodes(
         taken = [line.ask("set_gripper_center", _CENTRE).accepted, named]
         taken += [set_output(line, port, on=True).accepted for port in ALL_OUTPUTS]
         if not any(taken):
-            raise CaseSkipped("the subject takes none of these settings")
-        await_rest(subject, line)  # the default program may be run once it is set (A-4.12-3)
+            raise CaseSkipped("the controller accepts none of these settings")
+        await_rest(subject, line)  # setting the default program may run it (A-4.12-3)
         before = _state(subject)
         _send(subject, (Frame(A2C, opcode) for opcode in _UNDEFINED))
         _expect_unchanged(subject, before)
@@ -102,7 +102,7 @@ def test_settings_behind_undefined_opcodes(
 
 @case("3/21", name="in-an-upload", hazards=(Hazard.STATE,), undefined=True)
 def test_undefined_opcodes_in_an_upload(subject: ControllerUnderTest) -> None:
-    """Between two chunks of a file all of them are sent, and it arrives whole."""
+    """A file is stored unchanged although undefined opcodes are sent between its chunks."""
     name, opcodes = subject.new_name(), list(_UNDEFINED)
     content = content_of(BUFFER_BYTES * math.ceil(len(opcodes) / _A_CHUNK))
     line = subject.open(judged=False)
@@ -112,10 +112,11 @@ def test_undefined_opcodes_in_an_upload(subject: ControllerUnderTest) -> None:
         for opcode in examples(opcodes[:_A_CHUNK]):
             _send_one(subject, line, Frame(A2C, opcode))
             if line.ending is not None:
-                raise CaseSkipped("the subject ends the connection behind an undefined opcode")
+                raise CaseSkipped("the controller closes the connection after an undefined opcode")
         if silence.passed_s > limits_of(subject).survived_s:
-            raise CaseSkipped("between so many answers the transfer may be over")
-        send(line, chunk, "3/21", "behind undefined opcodes a chunk of an upload is not taken")
+            raise CaseSkipped("the transfer may have timed out between so many replies")
+        message = "an upload chunk was refused after undefined opcodes"
+        send(line, chunk, "3/21", message)
         del opcodes[:_A_CHUNK]
     expect_stored(again(subject, line), name, content, "3/21")
 
@@ -124,7 +125,7 @@ def test_undefined_opcodes_in_an_upload(subject: ControllerUnderTest) -> None:
 def test_undefined_opcodes_beside_a_program(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
-    """A program that runs goes on behind all of them, which another client sends at once."""
+    """A running program continues when another client sends all undefined opcodes at once."""
     subject.require_multiple_connections()
     other = subject.open(judged=False)
     with lasting(subject, line, RUN) as task:
@@ -135,14 +136,14 @@ def test_undefined_opcodes_beside_a_program(
         own = None if status.value == task.state else interrupted(line, RUN)
         expect(
             status.value == task.state or (own is not None and own.done),
-            "a program that ran is gone behind undefined opcodes",
+            "a running program ended after undefined opcodes",
             expected=task.state,
             observed=f"{own or status}",
         )
 
 
 def _send(subject: ControllerUnderTest, frames: Iterable[Frame]) -> None:
-    """Send each, on a new connection where the subject closes."""
+    """Send each frame, on a new connection if the controller closed the old one."""
     line = subject.open(judged=False)
     for frame in examples(frames):
         _send_one(subject, line, frame)
@@ -152,7 +153,7 @@ def _send(subject: ControllerUnderTest, frames: Iterable[Frame]) -> None:
 
 
 def _send_one(subject: ControllerUnderTest, line: OutgoingConnection, frame: Frame) -> None:
-    """Send a request with an undefined opcode, and a query behind it."""
+    """Send a request with an undefined opcode, and then a query."""
     line.send_frame(frame)
     try:
         line.send_bytes(GET_STATUS)
@@ -160,9 +161,9 @@ def _send_one(subject: ControllerUnderTest, line: OutgoingConnection, frame: Fra
     except NoReply:
         expect(
             line.ending is not None,
-            "behind a request with an undefined opcode nothing is answered any more",
+            "no reply arrives after a request with an undefined opcode",
             expected="a reply to 0x09, or the end of the connection",
-            observed=f"silence behind opcode {frame.opcode:02X}",
+            observed=f"silence after opcode {frame.opcode:02X}",
         )
     _only_themselves(subject, line, frozenset({frame.opcode}))
 
@@ -170,7 +171,7 @@ def _send_one(subject: ControllerUnderTest, line: OutgoingConnection, frame: Fra
 def _only_themselves(
     subject: ControllerUnderTest, line: OutgoingConnection, opcodes: frozenset[int]
 ) -> None:
-    """An undefined opcode is answered under itself or not at all."""
+    """Expect that an undefined opcode is answered under itself or not at all."""
     if line.ending is not None:
         subject.tolerate("3/21", "on_unknown", "close", "the connection was closed")
     told = subject.observer.told_unasked - opcodes
@@ -179,7 +180,7 @@ def _only_themselves(
             continue
         expect(
             seen.frame.opcode in opcodes and not seen.frame.tagged,
-            "a request with an undefined opcode was answered with another one",
+            "a request with an undefined opcode was answered under another opcode",
             expected="silence, or the opcode of the request",
             observed=f"{seen.frame}",
         )
@@ -192,7 +193,7 @@ def _only_themselves(
     line.inbox.clear()
 
 
-# ---------------------------------------------------------------------- what must not change
+# ---------------------------------------------------------------------- unchanged state
 
 
 def _state(subject: ControllerUnderTest) -> dict[str, Any]:
@@ -212,10 +213,11 @@ def _expect_unchanged(subject: ControllerUnderTest, before: dict[str, Any]) -> N
     after = _state(subject)
     joints = before.pop("joints")
     moved = farthest(after.pop("joints"), joints)
-    expect(moved <= STANDSTILL, "an undefined opcode has moved the arm", observed=f"by {moved:.2f}")
+    message = "an undefined opcode moved the arm"
+    expect(moved <= STANDSTILL, message, observed=f"by {moved:.2f}")
     for name, data in before.items():
         expect_equal(
             after[name],
             data,
-            UserMessage("an undefined opcode has changed what {name} tells", name=name),
+            UserMessage("an undefined opcode changed the reply to {name}", name=name),
         )

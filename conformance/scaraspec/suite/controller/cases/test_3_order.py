@@ -1,6 +1,6 @@
-"""Clause 3: requests sent without waiting: their replies, and the order in which things happen.
+"""Clause 3: requests sent without waiting: their replies, and the order of their effects.
 
-In which order replies come is a reading; in which order requests take effect is not (A-3-14).
+The order of the replies is a reading; the order of the effects is not (A-3-14).
 """
 
 from collections.abc import Sequence
@@ -52,7 +52,7 @@ _CHUNKS: Final = 3
 @case("3/24")
 @given(queries=some_queries)
 def test_replies_in_order(subject: ControllerUnderTest, queries: list[Query]) -> None:
-    """Queries are sent without waiting; none of their replies is missing, and they keep order."""
+    """Every query sent without waiting is answered, and the replies keep the order."""
     _takes_several(subject)
     line = subject.open()
     queries = known_to(subject, queries)
@@ -62,24 +62,24 @@ def test_replies_in_order(subject: ControllerUnderTest, queries: list[Query]) ->
 
 
 def _takes_several(subject: ControllerUnderTest) -> None:
-    """Go on only where requests may follow each other without waiting.
+    """Skip the case if the SUT serves one request at a time.
 
     Raises:
-        CaseSkipped: They may not.
+        CaseSkipped: It serves one request at a time.
     """
     if takes_one_at_a_time(subject):
-        raise CaseSkipped("the subject serves one request at a time (pipelining)")
+        raise CaseSkipped("the controller serves one request at a time (pipelining)")
 
 
 def _tell_order(subject: ControllerUnderTest, answers: list[ReceivedFrame]) -> None:
     places = [answer.seen.place.offset_bytes for answer in answers]
     if any(later < earlier for earlier, later in pairwise(places)):
-        subject.tolerate("3/24", "pipelining", "any-order", "replies came in another order")
+        subject.tolerate("3/24", "pipelining", "any-order", "replies arrived in another order")
 
 
 @case("3/24", name="same")
 def test_same_opcode(subject: ControllerUnderTest) -> None:
-    """Twenty requests for the status, twenty replies: no more and no fewer."""
+    """Twenty status requests get exactly twenty replies."""
     _takes_several(subject)
     line = subject.open()
     line.send_bytes(line.request("get_status").encode() * 20)
@@ -89,7 +89,7 @@ def test_same_opcode(subject: ControllerUnderTest) -> None:
             "3/26",
             "A-3-16",
             "unsolicited frame",
-            UserMessage("{frame} came unasked", frame=seen.frame),
+            UserMessage("{frame} arrived without a request", frame=seen.frame),
         )
 
 
@@ -98,18 +98,18 @@ def test_same_opcode(subject: ControllerUnderTest) -> None:
 
 @case("3/30", hazards=_STATE)
 def test_last_setting_stays(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """One segment sets the gripper centre eight times; the last one stays."""
+    """The last of eight gripper centers that are set in one segment is kept."""
     _takes_several(subject)
     require_command(subject, "set_gripper_center", "get_gripper_center")
     before = line.ask("get_gripper_center").value
     try:
         for centres in (_CENTRES, _CENTRES[::-1]):
-            _send_together(line, [("set_gripper_center", each) for each in centres])
+            _send_together(line, [("set_gripper_center", center) for center in centres])
             for _ in centres:
                 said = line.reply("set_gripper_center").accepted
                 expect(said, "a setting was refused", requirement="4.20/2")
             now = line.ask("get_gripper_center").value
-            expect_equal(now, centres[-1], "not the setting that was sent last has stayed")
+            expect_equal(now, centres[-1], "the last setting was not kept")
     finally:
         if before is not None:
             line.ask("set_gripper_center", before)
@@ -117,32 +117,33 @@ def test_last_setting_stays(subject: ControllerUnderTest, line: OutgoingConnecti
 
 @case("3/30", name="queries", hazards=_STATE)
 def test_queries_between_settings(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """One segment sets and asks in turn; each question is answered as of its place."""
+    """Queries between settings in one segment return the values that are set before them."""
     _takes_several(subject)
     require_command(subject, "set_gripper_center", "get_gripper_center")
     before = line.ask("get_gripper_center").value
     requests: list[tuple[str, object]] = []
-    for each in _CENTRES:
-        requests += [("set_gripper_center", each), ("get_gripper_center", None)]
+    for center in _CENTRES:
+        requests += [("set_gripper_center", center), ("get_gripper_center", None)]
     try:
         _send_together(line, requests)
-        said = [line.reply("get_gripper_center").value for _ in _CENTRES]
+        values = [line.reply("get_gripper_center").value for _ in _CENTRES]
     finally:
         if before is not None:
             line.ask("set_gripper_center", before)
-    if said != list(_CENTRES):
-        expect_equal(set(said), set(_CENTRES), "questions were not answered as of their place")
-        subject.tolerate("3/24", "pipelining", "any-order", "replies came in another order")
+    if values != list(_CENTRES):
+        message = "queries did not return the values set before them"
+        expect_equal(set(values), set(_CENTRES), message)
+        subject.tolerate("3/24", "pipelining", "any-order", "replies arrived in another order")
 
 
 @case("3/30", name="clock", hazards=_STATE)
 def test_last_time_stays(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """One segment sets the clock ahead and back; the last time stays."""
+    """The last of several times that are set in one segment is kept."""
     _takes_several(subject)
     require_command(subject, "set_time", "get_time")
     before: datetime | None = line.ask("get_time").value
     if before is None:
-        raise CaseInconclusive("the subject does not say its time")
+        raise CaseInconclusive("the controller does not report its time")
     ahead = [("set_time", shifted(before, hours * _HOUR)) for hours in (5, 3, 1, 0)]
     _send_together(line, ahead)
     for _ in ahead:
@@ -152,7 +153,7 @@ def test_last_time_stays(subject: ControllerUnderTest, line: OutgoingConnection)
         line.ask("set_time", before)
     expect(
         now is not None and abs(now - before) <= _CLOCK_SLACK,
-        "not the time that was set last has stayed",
+        "the last time that was set was not kept",
         expected=f"{before}",
         observed=f"{now}",
     )
@@ -160,7 +161,7 @@ def test_last_time_stays(subject: ControllerUnderTest, line: OutgoingConnection)
 
 @case("3/30", name="upload", hazards=_STATE)
 def test_upload_in_one_segment(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """One segment brings a name and the chunks of its file, which is stored as it was sent."""
+    """An upload whose name and chunks are sent in one segment is stored unchanged."""
     _takes_several(subject)
     require_command(subject, "upload_name", "upload_chunk")
     name, content = subject.new_name(), content_of(200 * _CHUNKS)
@@ -175,11 +176,11 @@ def test_upload_in_one_segment(subject: ControllerUnderTest, line: OutgoingConne
 
 @case("3/30", "4/6", name="stop", hazards=_MOTION)
 def test_stop_behind_a_jog(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """One segment brings a jog, a lock and an emergency stop: it moves, is busy, and stands."""
+    """A jog, a lock and a stop in one segment: the lock is refused, and the arm stops."""
     _takes_several(subject)
     require_command(subject, "jog", "emergency_stop")
     with returning(subject, line):
-        jog_somewhere(subject, line)  # finds out in which notation (A-4.28-1)
+        jog_somewhere(subject, line)  # determines the notation (A-4.28-1)
         stop(subject, line)
         refuses = subject.dialect["busy_reply"] != "queue"
         locks = refuses and "lock_joints" not in subject.ics.unsupported
@@ -189,22 +190,22 @@ def test_stop_behind_a_jog(subject: ControllerUnderTest, line: OutgoingConnectio
             jog, stopped = line.reply("jog"), line.reply("emergency_stop")
             locked = jog.accepted and _locked_between(line, jog, stopped)
             if stopped.accepted:
-                finish(subject, line, "emergency_stop")  # until then the arm may slow down
+                finish(subject, line, "emergency_stop")  # until then, the arm may decelerate
             status = status_behind(line).value
             stop_motion(subject, line)
             if jog.accepted:
                 break
         else:
-            raise CaseInconclusive("the subject refuses to jog in any direction")
+            raise CaseInconclusive("the controller refuses to jog in every direction")
         expect(
             stopped.accepted and status != "04",
-            "an emergency stop that came behind a jog did not stop it",
+            "an emergency stop sent right after a jog did not stop it",
             expected="1, and a status other than 04",
             observed=f"{stopped}, and {status}",
         )
         expect(
             not locked,
-            "a lock that came behind a jog was accepted",
+            "a lock sent right after a jog was accepted",
             expected="0|04, or silence",
             observed="1",
             requirement="4/6",
@@ -212,7 +213,7 @@ def test_stop_behind_a_jog(subject: ControllerUnderTest, line: OutgoingConnectio
 
 
 def _locked_between(line: OutgoingConnection, jog: ReceivedFrame, stopped: ReceivedFrame) -> bool:
-    """Whether a lock was accepted between a jog and its stop, and before anything had ended."""
+    """Whether a lock was accepted between a jog and its stop, before anything ended."""
     between = range(jog.seen.place.offset_bytes, stopped.seen.place.offset_bytes)
     for seen in line.inbox:
         if seen.place.offset_bytes not in between:

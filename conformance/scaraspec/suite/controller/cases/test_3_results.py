@@ -1,6 +1,6 @@
-"""Clause 3: the final results of two-stage commands: tagged, behind the first reply, exactly one.
+"""Clause 3: final results of two-stage commands: tagged, after the first reply, exactly one.
 
-What a command does is judged with its own clause; here it is only brought to its end.
+The effect of a command is judged in its own clause; here it is only performed to its end.
 """
 
 from typing import Any, Final
@@ -46,12 +46,12 @@ from scaraspec.traffic.events import FrameSeen, InvalidBytes
 from scaraspec.user_message import UserMessage
 
 _MOTION: Final = (Hazard.MOTION, Hazard.STATE)
-_LATER_S: Final = 0.4  # for how long a second result is looked for
+_LATER_S: Final = 0.4  # how long a second result is waited for
 _TIMES: Final = 12
 _FAR: Final = MoveTarget(1, 9e5, 9e5, 9e5, 0.0, 0.0, 0.0)
 
 
-# ---------------------------------------------------------------------- one, and tagged
+# ---------------------------------------------------------------------- one tagged result
 
 
 @pytest.mark.parametrize("name", TWO_STAGE)
@@ -59,45 +59,47 @@ _FAR: Final = MoveTarget(1, 9e5, 9e5, 9e5, 0.0, 0.0, 0.0)
 def test_one_tagged_result(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str
 ) -> None:
-    """A command ends with one final result, behind the tag and behind its first reply."""
+    """A command ends with one final result, which has the tag and follows the first reply."""
     try:
         performed = perform(subject, line, name)
     finally:
-        line.finish()  # another tag makes another length
+        line.finish()  # a different tag changes the length
         _expect_tagged(subject, name)
     first, result = performed.first, performed.result
     if result is None:
         return
     expect(
         first.seen.place.offset_bytes < result.seen.place.offset_bytes,
-        UserMessage("the final result of {name} came ahead of its first reply", name=name),
+        UserMessage("the final result of {name} arrived before its first reply", name=name),
         expected="the first reply first",
         observed="the final result first",
         requirement="3/16",
     )
     line.inbox[:0] = line.sync()
-    _no_result(line, name, f"{name} ended a second time", "3/18")
+    message = UserMessage("{name} ended a second time", name=name)
+    _no_result(line, name, message, "3/18")
 
 
 @case("3/18", name="twice", hazards=_MOTION)
 def test_no_second_result(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Every command ends once; time passes, and none of them ends again."""
+    """Every command has exactly one final result, also after a wait."""
     names = [name for name in TWO_STAGE if name not in subject.ics.unsupported]
     for name in names:
         perform(subject, line, name)
         line.inbox.clear()
     line.wait(_LATER_S)
     for name in names:
-        _no_result(line, name, f"{name} ended a second time", "3/18")
+        message = UserMessage("{name} ended a second time", name=name)
+        _no_result(line, name, message, "3/18")
 
 
 def _expect_tagged(subject: ControllerUnderTest, name: str) -> None:
-    """Look among what has just passed for a final result that came without its tag."""
+    """Fail the case if a recent frame or invalid bytes are a final result without its tag."""
     opcode = BY_NAME[name].opcode
     for seen in subject.observer.recent:
         if seen.place.direction is C2A and _lacks_its_tag(seen, opcode):
             raise CaseFailed(
-                UserMessage("the final result of {name} came without the tag", name=name),
+                UserMessage("the final result of {name} has no tag", name=name),
                 expected=f"{TAG:02X} {opcode:02X}",
                 observed=f"{seen.frame}" if isinstance(seen, FrameSeen) else show(seen.data[:8]),
                 requirement="3/12",
@@ -105,7 +107,7 @@ def _expect_tagged(subject: ControllerUnderTest, name: str) -> None:
 
 
 def _lacks_its_tag(seen: FrameSeen | InvalidBytes, opcode: int) -> bool:
-    """Whether it is a final result without a tag, with another one, or with it elsewhere."""
+    """Whether it is a final result without the tag, with another tag, or with a misplaced one."""
     if isinstance(seen, FrameSeen):
         frame = seen.frame
         return frame.opcode == opcode and not frame.tagged and _says_how_it_ended(frame.data)
@@ -132,7 +134,7 @@ def _is_result(seen: FrameSeen, name: str) -> bool:
 
 @case("3/14")
 def test_queries_bear_no_tag(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The replies of queries bear no tag; one that does is undocumented (A-3-6)."""
+    """The replies to queries have no tag; a tagged one is undocumented (A-3-6)."""
     try:
         ask_all(subject, line)
     except NoReply:
@@ -140,7 +142,7 @@ def test_queries_bear_no_tag(subject: ControllerUnderTest, line: OutgoingConnect
         if tagged is None:
             raise
         raise CaseFailed(
-            "a query was answered behind the tag of final results",
+            "a query was answered with the tag of final results",
             expected="no tag",
             observed=f"{tagged.frame}",
         ) from None
@@ -148,19 +150,19 @@ def test_queries_bear_no_tag(subject: ControllerUnderTest, line: OutgoingConnect
 
 @case("3/18", "3/16", name="again", hazards=_MOTION)
 def test_again_and_again(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program runs a dozen times, asked about meanwhile; each run has its one result."""
+    """A program that runs a dozen times, with queries during the runs, has one result per run."""
     find_out_whether_it_listens(subject, line)
     program = start_program(subject, line, RUN, 0).program
     finish(subject, line, RUN)
     for _ in range(_TIMES):
         first = line.ask(RUN, program)
-        expect(first.accepted, "a program that ran is refused", requirement="4.15/4")
+        expect(first.accepted, "a program that ran before was refused", requirement="4.15/4")
         if listens(subject, line):
             line.ask("get_status")
         result = finish(subject, line, RUN)
         expect(
             first.seen.place.offset_bytes < result.seen.place.offset_bytes,
-            "a final result came ahead of its first reply",
+            "a final result arrived before its first reply",
             requirement="3/16",
         )
         line.inbox[:0] = line.sync()
@@ -169,7 +171,7 @@ def test_again_and_again(subject: ControllerUnderTest, line: OutgoingConnection)
 
 @case("3/18", name="own-connection", hazards=_MOTION)
 def test_result_for_whom_asked(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """While another client is connected, the result comes to the one that asked."""
+    """The final result arrives on the connection of its request, not on another one."""
     subject.require_multiple_connections()
     other = subject.open()
     find_out_whether_it_listens(subject, line)
@@ -182,14 +184,14 @@ def test_result_for_whom_asked(subject: ControllerUnderTest, line: OutgoingConne
         other.sync()
 
 
-# ---------------------------------------------------------------------- none
+# ---------------------------------------------------------------------- no result
 
 
 @case("3/17", hazards=_MOTION, slow=True)
 def test_no_result_of_what_is_refused(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
-    """Programs that are not there, a pose out of reach and a jog nowhere are refused, and end."""
+    """Refused commands (missing program, unreachable pose, invalid jog) have no final result."""
     subject.moved = True
     missing = subject.new_name()
     requests: list[tuple[str, Any, bytes | None]] = [
@@ -214,9 +216,9 @@ def test_no_result_of_what_is_refused(
 def test_no_result_of_what_came_while_busy(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
-    """While a program runs, other commands are refused, and none of them has a result."""
+    """Commands that are refused while a program runs have no final result."""
     if subject.dialect["busy_reply"] == "queue":
-        raise CaseSkipped("the subject claims to execute afterwards what comes while it is busy")
+        raise CaseSkipped("the ICS claims that requests are queued while the controller is busy")
     require_command(subject, RUN)
     requests = harmless_requests(subject, line)
     with lasting(subject, line, RUN) as task:
@@ -232,4 +234,5 @@ def test_no_result_of_what_came_while_busy(
 def _stay_without_result(line: OutgoingConnection, names: list[str]) -> None:
     line.wait(_LATER_S)
     for name in names:
-        _no_result(line, name, f"a final result of {name} came, which was refused", "3/17")
+        message = UserMessage("a final result of {name} arrived although it was refused", name=name)
+        _no_result(line, name, message, "3/17")

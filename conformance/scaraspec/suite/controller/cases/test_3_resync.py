@@ -1,7 +1,7 @@
-"""Clause 3: bytes that are no frame. Where the next frame is looked for is a reading (A-3-10).
+"""Clause 3: bytes that are not a frame. Where the next frame is searched is a reading (A-3-10).
 
-The document says nothing of them. What counts is that the subject goes on to serve, on the same
-connection or on a new one, and that it does nothing that nobody asked for.
+The document does not mention them. The cases require that the controller continues to serve, on
+the same connection or a new one, and that it executes nothing that was not requested.
 """
 
 from contextlib import suppress
@@ -57,11 +57,11 @@ _DAMAGED: Final = (
     b"\x55" * _LONG_BYTES,
     b"\0" * _LONG_BYTES,
 )
-"""One of each way to be no frame."""
+"""One example of each kind of bytes that are not a frame."""
 
 
 def _tell(subject: ControllerUnderTest, requirement: str, how: Recovery) -> None:
-    """Closing is the one reading that shows beyond doubt."""
+    """Tolerate a closed connection: it is the only reading that can be observed with certainty."""
     if how is Recovery.ANEW:
         subject.tolerate(requirement, "resync", "close", "the connection was closed")
 
@@ -71,7 +71,7 @@ def _tell(subject: ControllerUnderTest, requirement: str, how: Recovery) -> None
 
 @case("3/19", name="start")
 def test_wrong_start(subject: ControllerUnderTest) -> None:
-    """A request begins with every byte that is no start byte."""
+    """The controller recovers from requests with every wrong start byte."""
     line = subject.open(judged=False)
     for start in {*range(256)} - {A2C.start, C2A.start}:
         try:
@@ -91,7 +91,7 @@ def test_wrong_start(subject: ControllerUnderTest) -> None:
 @case("3/19")
 @given(garbage=strays, carrier=carriers)
 def test_stray_bytes(subject: ControllerUnderTest, garbage: bytes, carrier: bytes) -> None:
-    """Stray bytes come before, between and behind requests, in segments of their own."""
+    """The controller recovers from stray bytes between requests, in their own segments."""
     assume(harmless((garbage + carrier) * 2 + FLOOD))
     line = subject.open(judged=False)
     for data in (garbage, carrier, garbage, carrier):
@@ -108,7 +108,7 @@ def test_stray_bytes(subject: ControllerUnderTest, garbage: bytes, carrier: byte
 @case("3/19", name="joined")
 @given(garbage=strays, carrier=carriers)
 def test_joined_with_requests(subject: ControllerUnderTest, garbage: bytes, carrier: bytes) -> None:
-    """Stray bytes come in one segment with the requests around them."""
+    """The controller recovers from stray bytes in one segment with requests."""
     data = (garbage + carrier) * 2
     assume(harmless(data + FLOOD))
     _tell(subject, "3/19", survives(subject, data, requirement="3/19"))
@@ -116,7 +116,7 @@ def test_joined_with_requests(subject: ControllerUnderTest, garbage: bytes, carr
 
 @case("3/19", name="long")
 def test_much_garbage(subject: ControllerUnderTest) -> None:
-    """Thousands of bytes come none of which begins a frame, and then text as a person types it."""
+    """The controller recovers from thousands of stray bytes, and from typed text."""
     line = subject.open(judged=False)
     for data in examples(
         (b"\x55" * _LONG_BYTES, b"\x00" * _LONG_BYTES, b"\xff" * 300, b"help\r\n" * 50)
@@ -130,19 +130,19 @@ def test_much_garbage(subject: ControllerUnderTest) -> None:
     _tell(subject, "3/19", how)
 
 
-# ---------------------------------------------------------------------- spoilt frames
+# ---------------------------------------------------------------------- malformed frames
 
 
 @case("3/20", slow=True)
 @given(frame=spoiled)
 def test_spoiled_frames(subject: ControllerUnderTest, frame: bytes) -> None:
-    """A request has a wrong end byte, or a length that is not the number of its data bytes."""
+    """The controller recovers from a request with a wrong end byte or a wrong length."""
     _tell(subject, "3/20", survives(subject, frame, requirement="3/20"))
 
 
 @case("3/20", name="end")
 def test_every_wrong_end(subject: ControllerUnderTest) -> None:
-    """A request ends with each of many wrong bytes; that it is answered is only warned of."""
+    """The controller recovers from each of many wrong end bytes; a reply is only warned of."""
     for end in examples((0x00, 0x0D, 0x33, 0xAB, 0xAC, 0xCB, 0xCD, 0xEC, 0xFF)):
         data = GET_STATUS[:-1] + bytes((end,))
         _tell(subject, "3/20", survives(subject, data, requirement="3/20"))
@@ -156,7 +156,7 @@ def test_every_wrong_end(subject: ControllerUnderTest) -> None:
 
 @case("3/20", name="length")
 def test_wrong_lengths(subject: ControllerUnderTest) -> None:
-    """The length is one too small or too great, or that which counts the whole frame."""
+    """The controller recovers from a length that is too small, too large, or of the whole frame."""
     for size_bytes, wrong in examples(product((0, 1, 8), (-1, 1, 3, 4))):
         declared = (size_bytes + wrong) % 256
         data = bytes((A2C.start, 0x08, declared)) + b"0" * size_bytes + bytes((A2C.end,))
@@ -165,16 +165,16 @@ def test_wrong_lengths(subject: ControllerUnderTest) -> None:
 
 @case("3/20", name="ascii-length")
 def test_length_in_digits(subject: ControllerUnderTest) -> None:
-    """The length is an ASCII digit, as a reader of the document's table may take it (A-0-4)."""
+    """The controller recovers from a length in ASCII digits, a reading of the document (A-0-4)."""
     data = b"\xaa\x09\x30\xcc" + b"\xaa\x08\x31\x30\xcc"
     _tell(subject, "3/20", survives(subject, data, requirement="3/20"))
 
 
 @case("3/20", name="printed", hazards=(Hazard.STATE, Hazard.MOTION, Hazard.DESTRUCTIVE))
 def test_printed_lengths(subject: ControllerUnderTest) -> None:
-    """Requests have lengths that are as wrong as the document prints them (register, section 11).
+    """The controller recovers from requests with the wrong lengths of the document's examples.
 
-    What they would do, if they were taken for whole, changes nothing.
+    They are in section 11 of the register. If they are executed, they change nothing.
     """
     subject.moved = True
     line = subject.open()
@@ -188,7 +188,7 @@ def test_printed_lengths(subject: ControllerUnderTest) -> None:
     for row in examples(row for row in WRONG_LENGTHS if row.frame.direction is A2C):
         data = values[row.frame.opcode].rstrip(b"\0")
         off_by = row.declared - len(row.frame.data)
-        declared = (len(data) + off_by) % 256  # the subject may have told nothing, or too much
+        declared = (len(data) + off_by) % 256  # the reported value may be empty or too long
         raw = bytes((A2C.start, row.frame.opcode, declared)) + data + bytes((A2C.end,))
         opcodes = OPCODES | {row.frame.opcode}
         how = survives(subject, raw, requirement="3/20", opcodes=opcodes)
@@ -197,7 +197,7 @@ def test_printed_lengths(subject: ControllerUnderTest) -> None:
 
 @case("3/20", name="truncated", slow=True)
 def test_truncated(subject: ControllerUnderTest) -> None:
-    """A request with data stops at every byte, and the next one follows at once."""
+    """The controller recovers from a request that is truncated at any byte."""
     frame = Frame(A2C, 0x08, b"0123456").encode()
     for cut in examples(range(1, len(frame))):
         _tell(subject, "3/20", survives(subject, frame[:cut], requirement="3/20"))
@@ -208,7 +208,7 @@ def test_truncated(subject: ControllerUnderTest) -> None:
 def test_frames_inside_garbage(
     subject: ControllerUnderTest, frame: bytes, before: bytes, behind: bytes
 ) -> None:
-    """A whole request stands in the data of a spoilt one; it is served or not."""
+    """The controller recovers from a malformed request whose data contains a valid one."""
     inner = before + frame + behind
     data = bytes((A2C.start, 0x07, len(inner))) + inner + b"\x55"
     assume(harmless(data + FLOOD))
@@ -217,13 +217,13 @@ def test_frames_inside_garbage(
 
 @case("3/20", name="tag")
 def test_tag_from_the_client(subject: ControllerUnderTest) -> None:
-    """A request bears the tag of a final result."""
+    """The controller recovers from a request with the tag of a final result."""
     _tell(subject, "3/20", survives(subject, b"\xaa\x90\x08\x00\xcc", requirement="3/20"))
 
 
 @case("3/20", name="often")
 def test_often(subject: ControllerUnderTest) -> None:
-    """One connection brings two hundred spoilt requests; each time the next request is served."""
+    """The controller serves valid requests between two hundred malformed ones."""
     line = subject.open(judged=False)
     for number in range(200):
         try:
@@ -236,20 +236,21 @@ def test_often(subject: ControllerUnderTest) -> None:
     _tell(subject, "3/20", recovers(subject, line))
 
 
-# ---------------------------------------------------------------------- the other direction
+# ---------------------------------------------------------------------- wrong direction
 
 
 @case("3/23", slow=True)
 @given(opcode=st.sampled_from((0x07, 0x08, 0x09)), data=st.binary(max_size=20))
 def test_wrong_direction(subject: ControllerUnderTest, opcode: int, data: bytes) -> None:
-    """A frame comes in the controller's own form; it is garbage, or is answered in that form."""
+    """A request in the format of replies is ignored as invalid, or answered."""
     frame = Frame(C2A, opcode, data.replace(b"\xaa", b"\x55")).encode()
     line = subject.open(judged=False)
     line.send_bytes(frame)
     line.apart()
     nothing_else(line, requirement="3/23")
     if any(seen.frame.opcode == opcode for seen in line.inbox):
-        subject.tolerate("3/23", "A-3-13", "accepted", "a frame of the other direction was served")
+        message = "a request in the format of replies was served"
+        subject.tolerate("3/23", "A-3-13", "accepted", message)
     line.inbox.clear()
     how = recovers(subject, line)
     nothing_else(line, requirement="3/23")
@@ -259,7 +260,7 @@ def test_wrong_direction(subject: ControllerUnderTest, opcode: int, data: bytes)
 
 @case("3/23", name="reply")
 def test_own_reply(subject: ControllerUnderTest) -> None:
-    """The subject's own replies come back to it, as from a loop in the wiring."""
+    """The controller recovers from its own replies, as in a wiring loop."""
     replies = b"".join(
         Frame(C2A, opcode, data).encode()
         for opcode, data in ((0x07, b"20141222143000"), (0x08, b"1.0.0"), (0x09, b"00"))
@@ -269,7 +270,7 @@ def test_own_reply(subject: ControllerUnderTest) -> None:
 
 @case("3/20", "3/19", name="bystander")
 def test_bystander(subject: ControllerUnderTest) -> None:
-    """No damage on one connection ends another, as it would where the program dies and restarts."""
+    """Invalid bytes on one connection do not end another one, for example by a crash."""
     subject.require_multiple_connections()
     bystander = subject.open()
     for data in examples(_DAMAGED):
@@ -277,19 +278,19 @@ def test_bystander(subject: ControllerUnderTest) -> None:
         bystander.pump()
         expect(
             bystander.ending is None,
-            UserMessage("{data} on one connection has ended another", data=show(data)),
-            expected="a connection that stays",
-            observed="the end of both",
+            UserMessage("{data} on one connection ended another one", data=show(data)),
+            expected="an open connection",
+            observed="the end of both connections",
         )
     bystander.ask("get_status")
 
 
-# ---------------------------------------------------------------------- frames that stop
+# ---------------------------------------------------------------------- incomplete frames
 
 
 @case("3/29")
 def test_half_frames(subject: ControllerUnderTest) -> None:
-    """A connection stops in the middle of a frame; the next is served, and gets none of it."""
+    """After a connection ends within a frame, the next one is served and is not affected."""
     subject.notices_leaving()
     for part in examples(_PARTS):
         line = subject.open(judged=False)
@@ -305,7 +306,7 @@ def test_half_frames(subject: ControllerUnderTest) -> None:
 
 @case("3/29", name="reset")
 def test_cut_off_in_a_frame(subject: ControllerUnderTest) -> None:
-    """A connection is cut off in the middle of a frame; the next is served."""
+    """After a connection is reset within a frame, the next one is served."""
     subject.notices_leaving()
     for part in examples(_PARTS):
         line = subject.open(judged=False)
@@ -316,7 +317,7 @@ def test_cut_off_in_a_frame(subject: ControllerUnderTest) -> None:
 
 @case("3/29", name="half-close")
 def test_half_close_in_a_frame(subject: ControllerUnderTest) -> None:
-    """A client in the middle of a frame sends no more but listens on; the next is served."""
+    """After a client half-closes within a frame, the next connection is served."""
     if subject.access.port is None:
         raise CaseSkipped("only a network link can be half closed")
     for part in examples(_PARTS):
@@ -331,14 +332,14 @@ def test_half_close_in_a_frame(subject: ControllerUnderTest) -> None:
 
 @case("3/29", name="several")
 def test_several_half_frames(subject: ControllerUnderTest) -> None:
-    """Several connections stop in the middle of a frame; later ones are served."""
+    """While several connections wait within a frame, new ones are served."""
     _hang(subject)
     _serves(subject)
 
 
 @case("3/29", name="silence", slow=True)
 def test_silent_half_frames(subject: ControllerUnderTest) -> None:
-    """Where they are silent for long the subject serves all the same, and them too or no more."""
+    """While connections wait long within a frame, new ones are served; the old ones work or end."""
     lines = _hang(subject)
     subject.pause(_GIVEN_UP_S)
     _serves(subject)
@@ -350,22 +351,23 @@ def test_silent_half_frames(subject: ControllerUnderTest) -> None:
 
 
 def _hang(subject: ControllerUnderTest) -> list[OutgoingConnection]:
-    """Several connections, each in the middle of a frame."""
+    """Return several connections, each with an incomplete frame."""
     subject.require_multiple_connections()
     lines = [subject.open(judged=False)]
-    with suppress(CaseFailed):  # it may not serve so many (A-2-2)
+    with suppress(CaseFailed):  # so many may not be served (A-2-2)
         while len(lines) <= _HANGING:
             lines.append(subject.open(judged=False))
-    lines.pop().close()  # one more is to be served
+    lines.pop().close()  # leave room for one more
     for line, part in zip(lines, _PARTS, strict=False):
         line.send_bytes(part)
     return lines
 
 
 def _serves(subject: ControllerUnderTest) -> None:
-    """See that a new connection is served, and that nothing of others reaches it."""
+    """Expect that a new connection is served and gets no reply to requests of others."""
     line = subject.open()
     line.ask("get_time")
     line.ask("get_status")
-    expect(not line.inbox, "a new connection was sent what another one had asked for")
+    message = "a new connection received a reply to another connection's request"
+    expect(not line.inbox, message)
     line.close()

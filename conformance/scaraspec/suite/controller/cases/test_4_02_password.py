@@ -1,4 +1,4 @@
-"""Clause 4.2: a new password (0x03, L121-141)."""
+"""Clause 4.2: change the password (0x03, L121-141)."""
 
 from scaraspec.protocol.commands import PasswordChange
 from scaraspec.protocol.fields import show
@@ -20,7 +20,7 @@ from scaraspec.user_message import UserMessage
 
 _EMPTY_FIELDS = ("empty in old", "empty in new")
 _TRIED = ("no-bars", "empty-payload", "last-missing", *_EMPTY_FIELDS)
-"""Malformed pairs that are tried: few, as each may count for an attempt with a wrong password."""
+"""Malformed pairs to try: only a few, as each may count as an attempt with a wrong password."""
 
 
 def _expect_login(
@@ -31,7 +31,7 @@ def _expect_login(
     *,
     opens: bool = True,
 ) -> None:
-    """Log in on a new connection, or be refused."""
+    """Log in on a new connection, and expect success or a refusal."""
     line = subject.open(login=False)
     answer = line.ask("login", password)
     expect(
@@ -46,7 +46,7 @@ def _expect_login(
 
 @case("4.2/4", "4.2/2")
 def test_changed(subject: ControllerUnderTest) -> None:
-    """A new password opens the next login and the old one does not, change after change."""
+    """After a change, the new password is accepted and the old one is refused."""
     first = old = subject.password
     with password_kept(subject):
         for new in examples((*usable_passwords(subject), first)):
@@ -59,12 +59,12 @@ def test_changed(subject: ControllerUnderTest) -> None:
                     "4.2/2",
                     "A-4.1-3",
                     "refused",
-                    UserMessage("{new} may be no password", new=show(new)),
+                    UserMessage("{new} is not accepted as a password", new=show(new)),
                 )
                 continue
-            _expect_login(subject, new, "the new password does not open the next login", "4.2/4")
+            _expect_login(subject, new, "the new password is refused at the next login", "4.2/4")
             if old == first:  # one wrong attempt is enough (A-4.1-2)
-                message = "the old password still opens a login"
+                message = "the old password is still accepted"
                 _expect_login(subject, old, message, "4.2/4", opens=False)
             old = new
 
@@ -72,22 +72,22 @@ def test_changed(subject: ControllerUnderTest) -> None:
 def _expect_refused(
     subject: ControllerUnderTest, line: OutgoingConnection, wrong: bytes, new: bytes, right: bytes
 ) -> None:
-    """Offer a wrong old password, in vain: the right one still opens the next login."""
+    """Expect that a change with a wrong old password is refused and changes nothing."""
     answer = change(line, wrong, new)
     expect(
         answer.accepted is False,
-        "a new password with a wrong old one was not answered 0",
+        "a password change with a wrong old password was not answered 0",
         expected="0",
         observed=f"{answer}",
     )
     line.close()
-    message = "after a refused change the password does not log in any more"
+    message = "after a refused change, the password is no longer accepted"
     _expect_login(subject, right, message, "4.2/5")
 
 
 @case("4.2/3", "4.2/5")
 def test_wrong_old_password(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """With a wrong old password the change is refused and the password remains."""
+    """A change with a wrong old password is refused, and the password remains valid."""
     right = subject.password
     with password_kept(subject):
         for wrong in examples(filter(None, (altered(right), right[:-1]))):
@@ -97,7 +97,7 @@ def test_wrong_old_password(subject: ControllerUnderTest, line: OutgoingConnecti
 
 @case("4.2/3", "4.2/5", name="after-a-change")
 def test_former_password(subject: ControllerUnderTest) -> None:
-    """Who has changed the password, and who was there meanwhile, gives the former one; refused."""
+    """A change with the former password is refused on connections that were open at the change."""
     former, tried = subject.password, False
     with password_kept(subject):
         lines = [subject.open() for _ in range(2 if subject.takes_several else 1)]
@@ -108,25 +108,25 @@ def test_former_password(subject: ControllerUnderTest) -> None:
             except NoReply:
                 served = False
             if not served:
-                continue  # the change has ended its login
+                continue  # the change ended its login
             _expect_refused(subject, line, former, former, PLAIN_PASSWORD)
             tried = True
     if not tried:
-        raise CaseSkipped("a new password ends all logins")
+        raise CaseSkipped("a password change ends all logins")
 
 
 @case("4.2/6", "4.2/5", name="malformed")
 def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A pair without separator or with an empty field changes nothing."""
+    """A pair without separator or with an empty field does not change the password."""
     right = subject.password
     with password_kept(subject):
         wrongs = malformed("set_password", PasswordChange(right, PLAIN_PASSWORD))
-        for wrong in examples(each for each in wrongs if f"{each}" in _TRIED):
+        for wrong in examples(pair for pair in wrongs if f"{pair}" in _TRIED):
             offered = offer(subject, line, "set_password", wrong)
             line = offered.line
             if not offered.accepted:
                 line.close()
-                message = "after a malformed change the password does not log in any more"
+                message = "after a malformed change, the password is no longer accepted"
                 _expect_login(subject, right, message, "4.2/5")
                 line = subject.open()
                 continue

@@ -1,4 +1,4 @@
-"""Clause 4.3: the network settings as they are read (0x04, L143-153)."""
+"""Clause 4.3: read the network settings (0x04, L143-153)."""
 
 from scaraspec.protocol.commands import Network
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
@@ -9,14 +9,14 @@ from scaraspec.suite.engine.expectations import expect, expect_equal
 
 @case("4.3/2", "4.3/3", "4.3/4")
 def test_network(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The network is three IPv4 values between bars, the same for every connection that asks."""
+    """The network is three IPv4 values with separators, the same on each connection."""
     first = line.ask("get_network")
     expect(
         isinstance(first.value, Network),
-        "the network is not three IPv4 values between bars",
+        "the network is not three IPv4 values with separators",
         expected="ip|mask|gateway",
         observed=f"{first}",
     )
     line.close()
     again = subject.open().ask("get_network")
-    expect_equal(again.value, first.value, "the network changed although nobody set it")
+    expect_equal(again.value, first.value, "the network changed although it was not set")

@@ -1,7 +1,7 @@
-"""Clause 4.4: setting the network (0x05, L155-165).
+"""Clause 4.4: set the network (0x05, L155-165).
 
-On a robot that keeps to its address only mask and gateway are changed: another address would cut
-us off. Where that cannot happen the address changes, too.
+If the robot applies the address, only mask and gateway are changed: another address would
+interrupt the connection. Where this cannot happen, the address is changed, too.
 """
 
 from collections.abc import Iterator
@@ -41,7 +41,7 @@ _LONGEST: Final = Network("192.168.200.150", "255.255.255.192", "192.168.200.190
 
 @st.composite
 def _networks(draw: st.DrawFn) -> Network:
-    """Private addresses with a gateway in the same net: what every validation takes (A-4.4-2)."""
+    """Private addresses with a gateway in the same net: each validation accepts them (A-4.4-2)."""
     net = IPv4Network((draw(_PRIVATE), draw(st.integers(16, 30))), strict=False)
     hosts = st.integers(1, net.num_addresses - 2)
     ip, gateway = draw(st.lists(hosts, min_size=2, max_size=2, unique=True))
@@ -51,13 +51,13 @@ def _networks(draw: st.DrawFn) -> Network:
 def _read(line: OutgoingConnection) -> Network:
     answer = line.ask("get_network")
     if not isinstance(answer.value, Network):
-        message = "the network is not three IPv4 values between bars"
+        message = "the network is not three IPv4 values with separators"
         raise CaseFailed(message, observed=f"{answer}", requirement="4.3/2")
     return answer.value
 
 
 def _others(now: Network) -> tuple[Network, Network]:
-    """Two networks with the same address, another mask, and gateways of their own."""
+    """Return two networks with the same address, another mask and different gateways."""
     mask = _MASKS[now.mask == _MASKS[0]]
     head, _, tail = now.ip.rpartition(".")
     first, second, *_ = (f"{head}.{part}" for part in (1, 254, 200) if f"{part}" != tail)
@@ -67,13 +67,13 @@ def _others(now: Network) -> tuple[Network, Network]:
 def _set(
     subject: ControllerUnderTest, line: OutgoingConnection, wanted: Network, *, again: bool
 ) -> OutgoingConnection:
-    """Set a network; a connection on which it can be read.
+    """Set a network; return a connection on which it can be read.
 
-    A request whose connection ended may not have been heard, where a setting before it may have
-    ended that: `again` says so, and it is sent once more.
+    If the connection ends because of an earlier setting, the request may be lost. `retry` allows
+    one more attempt in this case.
 
     Raises:
-        CaseFailed: It was refused.
+        CaseFailed: The network was refused.
     """
     try:
         answer = line.ask("set_network", wanted)
@@ -93,7 +93,7 @@ def _set(
         return line
     expect(
         answer.accepted,
-        "a network that can be was not answered 1",
+        "a valid network was not answered 1",
         expected="1",
         observed=f"{answer}",
         requirement="4.4/2",
@@ -104,7 +104,7 @@ def _set(
 def _shown(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> tuple[Network, OutgoingConnection]:
-    """The network, and where it is read: elsewhere if setting it ends the connection only now."""
+    """Return the network and the connection used: a new one if the old one ended late."""
     try:
         return _read(line), line
     except NoReply:
@@ -117,7 +117,7 @@ def _shown(
 def _expect_set(
     subject: ControllerUnderTest, line: OutgoingConnection, wanted: Network, *, again: bool
 ) -> OutgoingConnection:
-    """Set a network, as `_set` does, and read it back; the connection that is in use then."""
+    """Set a network as `_set` does, and read it back; return the connection then in use."""
     line = _set(subject, line, wanted, again=again)
     if subject.ics.network_applies == "after-restart":
         subject.hook("restart")
@@ -135,7 +135,7 @@ def _expect_set(
 
 @contextmanager
 def _network_kept(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[None]:
-    """Put the network back, and let it take effect where that needs a restart."""
+    """Restore the network, and restart the controller if the network needs it to take effect."""
     try:
         with kept(subject, line, "network"):
             yield
@@ -147,7 +147,7 @@ def _network_kept(subject: ControllerUnderTest, line: OutgoingConnection) -> Ite
 
 @case("4.4/4", "4.4/2", "4.4/3")
 def test_mask_and_gateway(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Another mask and another gateway are set and shown, the address remains."""
+    """Another mask and another gateway are set and reported; the address stays."""
     others = _others(_read(line))
     with _network_kept(subject, line):
         for wanted in examples(others):
@@ -156,9 +156,9 @@ def test_mask_and_gateway(subject: ControllerUnderTest, line: OutgoingConnection
 
 @case("4.4/4", "4.4/2", name="address")
 def test_address(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Any address, mask and gateway that can be are set and shown in this order."""
+    """Any valid address, mask and gateway are set and reported."""
     if not subject.access.readdressable:
-        raise CaseSkipped("another address would cut us off from a subject on another machine")
+        raise CaseSkipped("another address would interrupt the connection to the controller")
     lines = [line]
 
     @example(_LONGEST)
@@ -172,7 +172,7 @@ def test_address(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 
 @case("4.4/5", "4.4/2")
 def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """An address that cannot be is not answered 1, and what was refused changes nothing."""
+    """An invalid address is not accepted, and a refused request changes nothing."""
     before = _read(line)
     other = _others(before)[1]
     if subject.access.readdressable:
@@ -187,13 +187,13 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
                 expected="0",
                 observed=f"{offered}",
             )
-            silent = offered.answer is None and not wrong.firm  # it may have been taken, too
+            silent = offered.answer is None and not wrong.firm  # it may have been accepted
             if offered.accepted or silent:
                 line = _set(subject, line, before, again=True)
             elif (shown := _read(line)) != before:
                 raise CaseFailed(
                     UserMessage(
-                        "a network with {wrong} was refused and has changed the network",
+                        "a network with {wrong} was refused but changed the network",
                         wrong=wrong,
                     ),
                     expected="|".join(before),

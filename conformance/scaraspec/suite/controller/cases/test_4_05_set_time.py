@@ -1,4 +1,4 @@
-"""Clause 4.5: setting the clock (0x06, L167-177)."""
+"""Clause 4.5: set the clock (0x06, L167-177)."""
 
 from datetime import datetime, timedelta
 from typing import Final
@@ -29,7 +29,7 @@ _SECOND: Final = timedelta(seconds=1)
 
 
 def _moment(text: str) -> datetime:
-    return datetime.strptime(text, "%Y%m%d%H%M%S")  # noqa: DTZ007 - the document names no zone
+    return datetime.strptime(text, "%Y%m%d%H%M%S")  # noqa: DTZ007 - the document has no time zone
 
 
 _NOON: Final = _moment("20240615120000")
@@ -41,7 +41,7 @@ _EDGES: Final = tuple(
             "20000229123456",
             "20280229235959",
             "20241231120000",  # the 366th day
-            "20380119031408",  # behind what 32 bits of seconds hold
+            "20380119031408",  # does not fit 32 bits of seconds
             "20960229000000",
             "20991231235959",
             *(f"2026{month:02}31120000" for month in (1, 3, 5, 7, 8, 10, 12)),
@@ -49,7 +49,7 @@ _EDGES: Final = tuple(
     )
 )
 _GRAVEST: Final = tuple(map(_moment, ("20250101000000", "20240229000000", "20230301000000")))
-"""What the clock is to roll over to where there is little time: everything, and leap days."""
+"""Rollovers to try first if time is short: the new year and leap days."""
 _OTHERS: Final = tuple(
     map(
         _moment,
@@ -70,9 +70,9 @@ _OTHERS: Final = tuple(
     )
 )
 _AFTER_S: Final = 1.1
-"""Behind the second before it a clock must have rolled over."""
+"""Wait from one second before a rollover until after it."""
 _LATER_S: Final = 2.1
-"""Behind which a clock that stands still is off by more than it may be."""
+"""Wait after which a stopped clock exceeds the tolerance."""
 
 
 @case("4.5/4", "4.5/3")
@@ -87,16 +87,16 @@ def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 @case("4.5/4", "4.5/3", name="while-running", hazards=PROGRAMS)
 def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A setting while a program runs is answered "1" and shows, or "0" and changes nothing."""
+    """Setting the clock while a program runs is answered "1" and works, or "0" without a change."""
     with kept(subject, line, "clock"), running(subject, line):
         first, asked_s = read(subject, line), subject.now_ns / _NS
-        day = shifted(first.time, timedelta(days=1))  # a wait by the clock is over, not endless
-        time = day.replace(hour=12)  # an hour that every day has
+        day = shifted(first.time, timedelta(days=1))  # later, so that a wait by the clock ends
+        time = day.replace(hour=12)  # an hour that exists on every day
         answer = line.ask("set_time", time)
         if answer.accepted:
             first = Reading(time, asked_s, answer.time_s)
         message = UserMessage(
-            "a setting while a program ran was answered {answer}, and the clock is another",
+            "setting the clock while a program ran was answered {answer}, but the clock differs",
             answer=answer,
         )
         expect_ran(subject, first, read(subject, line), message, "4.5/4")
@@ -104,7 +104,7 @@ def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnectio
 
 @case("4.5/6", "4.5/4")
 def test_every_moment(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Every moment of the years 2000 to 2099 can be set and is shown."""
+    """Every time from 2000 to 2099 can be set and is shown."""
 
     @given(payload_values(BY_NAME["set_time"].request))
     def each(time: datetime) -> None:
@@ -123,25 +123,25 @@ def _expect_rollover(
 ) -> Reading:
     first = set_to(subject, line, time - _SECOND)
     line.wait(_AFTER_S / subject.ics.time_scale)
-    message = UserMessage("the clock does not go over to {time}", time=time)
+    message = UserMessage("the clock does not roll over to {time}", time=time)
     expect_ran(subject, first, read(subject, line), message, "4.5/6")
     return first
 
 
 @case("4.5/6", "4.5/4", name="new-year", slow=True)
 def test_new_year(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The clock goes over into a new year, onto 29 February, past 28 February, and goes on."""
+    """The clock rolls over to a new year, to 29 February and from 28 February, and continues."""
     with kept(subject, line, "clock"):
         for time in examples(_GRAVEST):
             first = _expect_rollover(subject, line, time)
         line.wait((_LATER_S - _AFTER_S) / subject.ics.time_scale)
-        message = "the clock did not go on from the time that was set"
+        message = "the clock did not continue from the time that was set"
         expect_ran(subject, first, read(subject, line), message, "4.5/4")
 
 
 @case("4.5/6", name="rollovers")
 def test_rollovers(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The clock goes over into minutes, hours, days and months of every kind."""
+    """The clock rolls over to minutes, hours, days and months of every kind."""
     patient(subject, len(_OTHERS) * _AFTER_S)
     with kept(subject, line, "clock"):
         for time in examples(_OTHERS):
@@ -150,7 +150,7 @@ def test_rollovers(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 
 @case("4.5/5")
 def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A time that no calendar has, or that is none, is not answered 1, and the clock goes on."""
+    """An invalid time is not answered 1, and the clock continues."""
     with kept(subject, line, "clock"):
         first = set_to(subject, line, _NOON)
         for wrong in examples(malformed("set_time", _NOON + timedelta(days=700), subject.dialect)):
@@ -165,6 +165,6 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
             if offered.accepted:
                 first = set_to(subject, line, _NOON)
             message = UserMessage(
-                "the clock did not go on as before when {wrong} was refused", wrong=wrong
+                "the clock did not continue after {wrong} was refused", wrong=wrong
             )
             expect_ran(subject, first, read(subject, line), message)

@@ -1,4 +1,4 @@
-"""Clause 4.6: the clock as it is read (0x07, L179-189)."""
+"""Clause 4.6: read the clock (0x07, L179-189)."""
 
 from typing import Final
 
@@ -14,7 +14,7 @@ _STEP_S: Final = 0.35
 _TIMES: Final = 3
 _MINUTES_S: Final = 150.0
 _HOURS_S: Final = 8 * 3600.0
-_PARTS: Final = 9  # three days
+_PARTS: Final = 9  # three days in total
 
 
 def _expect_on(first: Reading, then: Reading) -> None:
@@ -29,32 +29,32 @@ def _expect_on(first: Reading, then: Reading) -> None:
 
 @case("4.6/2", "4.6/3", "4.6/4")
 def test_time(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The time is 14 digits of the calendar, never goes back, and gains a second a second."""
+    """The time is 14 digits of a valid date, never goes back, and advances at the right rate."""
     first = before = read(subject, line)
     for _ in range(_STEPS):
         line.wait(_STEP_S / subject.ics.time_scale)
         for _ in range(_TIMES):
             now = read(subject, line)
             _expect_on(before, now)
-            message = "the clock does not gain a second a second"
+            message = "the clock does not advance one second per second"
             expect_ran(subject, first, now, message, "4.6/4")
             before = now
 
 
 @case("4.6/4", name="minutes")
 def test_minutes(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """In the course of minutes the clock neither gains nor loses, whether it is read or not."""
+    """The clock keeps its rate over minutes without being read."""
     patient(subject, _MINUTES_S)
     first = read(subject, line)
     line.wait(_MINUTES_S / subject.ics.time_scale)
     line = alive(subject, line)
-    message = "the clock gains or loses in the course of minutes"
+    message = "the clock is fast or slow over some minutes"
     expect_ran(subject, first, read(subject, line), message, "4.6/4")
 
 
 @case("4.6/4", name="days")
 def test_days(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """In the course of days the clock passes every noon and every midnight."""
+    """The clock runs through every hour of several days."""
     patient(subject, _PARTS * _HOURS_S)
     first = before = read(subject, line)
     for _ in range(_PARTS):

@@ -1,4 +1,4 @@
-"""Clause 4.7: the version of the software (0x08, L191-203)."""
+"""Clause 4.7: the software version (0x08, L191-203)."""
 
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
@@ -18,11 +18,11 @@ def test_version(line: OutgoingConnection) -> None:
 
 @case("4.7/4")
 def test_constant(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The version is the same however often it is asked for, and on another connection."""
+    """The version is the same in all replies and on another connection."""
     first = line.ask("get_version").value
     for number in range(2, _TIMES):
-        message = UserMessage("request {number} for the version gave another one", number=number)
+        message = UserMessage("request {number} returned another version", number=number)
         expect_equal(line.ask("get_version").value, first, message)
     line.close()
     version = subject.open().ask("get_version").value
-    expect_equal(version, first, "another connection is told another version")
+    expect_equal(version, first, "another connection returned another version")

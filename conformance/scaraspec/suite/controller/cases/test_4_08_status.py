@@ -39,45 +39,48 @@ def _expect_idle(line: OutgoingConnection, message: str) -> None:
     answer = status_behind(line)
     code = sound(answer)
     if code is None:
-        message = "the status is no code of table 8-1"
+        message = "the status is not a code of table 8-1"
         raise CaseFailed(message, expected="00", observed=f"{answer}", requirement="4.8/2")
     expect_equal(code.text, _IDLE, message, requirement="4.8/3")
 
 
 @case("4.8/2", "4.8/3", "4.8/9")
 def test_idle(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The status of a robot at rest is 00, however often it is asked for, whatever else is."""
+    """The status of an idle robot is 00, also after repeated and after other queries."""
     with unless_others_run(subject):
         for _ in range(_TIMES):
-            _expect_idle(line, "the status of a robot at rest is not 00")
+            _expect_idle(line, "the status of an idle robot is not 00")
         for query in known_to(subject):
             line.ask(*query)
-            _expect_idle(line, f"the status of a robot at rest is not 00 behind {query.name}")
+            message = UserMessage(
+                "the status of an idle robot is not 00 after {query}", query=query.name
+            )
+            _expect_idle(line, message)
         line.close()
-        _expect_idle(subject.open(), "another connection is not told that the robot is at rest")
+        _expect_idle(subject.open(), "another connection does not report that the robot is idle")
 
 
 @case("4.8/3", "4.8/9", name="refused", hazards=(Hazard.MOTION,))
 def test_idle_once_refused(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A robot that has refused a program which is not stored is still at rest."""
+    """A robot that refuses a missing program stays idle."""
     missing = subject.new_name()
     subject.moved = True
     for command in ("run_program", "simulate_program"):
-        if line.ask(command, missing).accepted:  # it may fail late (A-4.15-1)
+        if line.ask(command, missing).accepted:  # it may fail later (A-4.15-1)
             line.result(command)
-        message = UserMessage("the status is not 00 once {command} was refused", command=command)
+        message = UserMessage("the status is not 00 after {command} was refused", command=command)
         _expect_idle(line, message)
 
 
 @case("4.8/4", "4.8/3", "4.8/10", hazards=_MOTION, slow=True)
 def test_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """While a program runs the status is 01, before and behind it 00."""
+    """The status is 01 while a program runs, and 00 before and after it."""
     _watch_program(subject, line, "run_program", "01", "4.8/4")
 
 
 @case("4.8/5", "4.8/3", "4.8/10", hazards=_MOTION, slow=True)
 def test_simulating(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """While a program is simulated the status is 02, before and behind it 00."""
+    """The status is 02 while a program is simulated, and 00 before and after it."""
     _watch_program(subject, line, "simulate_program", "02", "4.8/5")
 
 
@@ -89,14 +92,12 @@ def _watch_program(
     requirement: str,
 ) -> None:
     name = store_wait_program(subject, line, _WAIT_S)
-    _expect_idle(line, "the status of a robot at rest is not 00")
+    _expect_idle(line, "the status of an idle robot is not 00")
     try:
         begin(subject, line, command, name)
         if not expect_status(subject, line, command, code, requirement):
             raise CaseSkipped(
-                UserMessage(
-                    "{command} was over before the status could be asked for", command=command
-                )
+                UserMessage("{command} ended before the status could be requested", command=command)
             )
         for _ in range(int(_WAIT_S / _STEP_S) - 1):
             line.wait(_STEP_S / subject.ics.time_scale)
@@ -110,19 +111,19 @@ def _watch_program(
 
 @case("4.8/6", "4.8/10", "4.9/6", hazards=_MOTION)
 def test_resetting(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """While the robot resets the status is 03."""
+    """The status is 03 while the robot resets."""
     _watch(subject, line, RESET, "4.8/6")
 
 
 @case("4.8/7", "4.8/10", "4.9/6")
 def test_moving(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """While the arm moves by a step the status is 04."""
+    """The status is 04 while the arm moves by a step."""
     _watch(subject, line, MOVE, "4.8/7")
 
 
 @case("4.8/7", "4.8/10", "4.9/6", name="jogging")
 def test_jogging(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """While the arm jogs the status is 04, until it is stopped."""
+    """The status is 04 while the arm jogs, until it is stopped."""
     _watch(subject, line, JOG, "4.8/7")
 
 
@@ -132,19 +133,18 @@ def _watch(
     with lasting(subject, line, command) as task:
         if not expect_status(subject, line, command, task.state, requirement):
             raise CaseSkipped(
-                UserMessage(
-                    "{command} was over before the status could be asked for", command=command
-                )
+                UserMessage("{command} ended before the status could be requested", command=command)
             )
         line.wait(subject.ics.motion.jog_s / 2)
         expect_status(subject, line, command, task.state, requirement)
-        with suppress(NoReply):  # a robot that executes need not answer (A-4-3)
+        with suppress(NoReply):  # a robot that executes a command need not answer (A-4-3)
             told = line.ask("get_running_program")
             expect(
                 not isinstance(told.value, RunningProgram),
-                UserMessage("a program is told to run during {command}", command=command),
+                UserMessage("a running program is reported during {command}", command=command),
                 expected="0",
                 observed=f"{told}",
                 requirement="4.9/6",
             )
-    _expect_idle(line, f"the robot is not idle although {command} is over")
+    message = UserMessage("the robot is not idle although {command} has ended", command=command)
+    _expect_idle(line, message)

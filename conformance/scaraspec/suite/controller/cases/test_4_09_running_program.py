@@ -1,4 +1,4 @@
-"""Clause 4.9: what the robot says of the program that runs (0x0A, L219-237)."""
+"""Clause 4.9: the running program (0x0A, L219-237)."""
 
 from typing import Final, NamedTuple
 
@@ -34,19 +34,19 @@ from scaraspec.suite.program_files.listed import long_name, program_names, store
 from scaraspec.user_message import UserMessage
 
 _NONE: Final = (b"0", b"0||", b"\0", b"\0||")
-"""No program runs; the ways to say so (A-4.9-2, A-T-1)."""
+"""No program runs: the possible replies (A-4.9-2, A-T-1)."""
 _DEFAULTS: Final = ("get_default_program", "set_default_program")
 _WAIT_S: Final = 3
 _STEP_S: Final = 0.7
 _LAG_S: Final = 0.3
-_SLACK_S: Final = 1.5  # two times, each cut to a whole second, and half a one
+_SLACK_S: Final = 1.5  # two times, each truncated to a whole second, plus half a second
 _DRIFT: Final = 0.01
 _MINUTE_S, _HOUR_S, _DAY_S = 60, 3600, 86_400
 _NS: Final = 1e9
 
 
 def _says_none(answer: ReceivedFrame) -> bool:
-    """Whether no program is told; NULs may follow the flag, and it may be one (A-T-1, A-T-3)."""
+    """Whether no program is reported; NULs may follow the flag or be the flag (A-T-1, A-T-3)."""
     flag, rest = answer.frame.data[:1], answer.frame.data[1:]
     return flag + rest.rstrip(b"\0") in _NONE
 
@@ -59,10 +59,10 @@ def _expect_none(line: OutgoingConnection, message: str) -> None:
 def _told(
     subject: ControllerUnderTest, line: OutgoingConnection, command: str, name: bytes
 ) -> RunningProgram | None:
-    """What is told of a program while it runs; None where it has ended.
+    """Return the reply for a running program; None if it has ended.
 
     Raises:
-        CaseFailed: It is told wrongly.
+        CaseFailed: The reply is wrong.
     """
     answer = ask_busy(subject, line, "get_running_program", command)
     told = answer.value
@@ -70,26 +70,26 @@ def _told(
         if ended(line, command, _LAG_S) is not None:
             return None
         if command == "simulate_program" and _says_none(answer):
-            message = "a simulated program is not told as running"
+            message = "a simulated program is not reported as running"
             subject.tolerate("4.9/10", "A-4.9-4", "no", message)
             return None
-        message = "the program that runs is not told"
+        message = "the running program is not reported"
         expected = f"1|{name.decode()}|DDHHMMSS"
         raise CaseFailed(message, expected=expected, observed=f"{answer}", requirement="4.9/2")
     expect_equal(
-        told.name, name, "another program is told than the one that runs", requirement="4.9/4"
+        told.name, name, "another program is reported than the running one", requirement="4.9/4"
     )
     _expect_form(answer)
     return told
 
 
 def _expect_form(answer: ReceivedFrame) -> None:
-    """Eight digits, of which hours, minutes and seconds are such (A-4.9-3); T/4 is for more."""
+    """Expect eight digits with valid hours, minutes and seconds (A-4.9-3); T/4 covers the rest."""
     text = answer.frame.data.rstrip(b"\0|").rpartition(b"|")[2]
     carried = text[2:4] < b"24" and text[4:6] < b"60" and text[6:] < b"60"
     expect(
         len(text) == len("DDHHMMSS") and text.isdigit() and carried,
-        "the run time is not DDHHMMSS with hours, minutes and seconds that are carried over",
+        "the run time is not DDHHMMSS with valid hours, minutes and seconds",
         expected="DDHHMMSS",
         observed=f"{answer}",
         requirement="4.9/3",
@@ -97,7 +97,7 @@ def _expect_form(answer: ReceivedFrame) -> None:
 
 
 class _Reading(NamedTuple):
-    """A run time, and between which times it was told."""
+    """A run time, and the times of its request and its reply."""
 
     run_time_s: int
     asked_s: float
@@ -111,14 +111,14 @@ def _read(subject: ControllerUnderTest, line: OutgoingConnection, name: bytes) -
 
 
 def _expect_grown(subject: ControllerUnderTest, first: _Reading, then: _Reading, what: str) -> None:
-    """Hold two run times against the time between them."""
+    """Compare the increase of the run time with the elapsed time."""
     scale = subject.ics.time_scale
     least_s = (then.asked_s - first.told_s) * scale
     most_s = (then.told_s - first.asked_s) * scale
     grown_s, slack_s = then.run_time_s - first.run_time_s, _SLACK_S + _DRIFT * most_s
     expect(
         least_s - slack_s <= grown_s <= most_s + slack_s,
-        UserMessage("the run time does not grow as time passes{what}", what=what),
+        UserMessage("the run time does not match the elapsed time{addition}", addition=what),
         expected=f"{most_s:.1f} s more than {first.run_time_s} s",
         observed=f"{then.run_time_s} s",
         requirement="4.9/5",
@@ -131,11 +131,12 @@ def _now_s(subject: ControllerUnderTest) -> float:
 
 @case("4.9/6", "4.9/7")
 def test_none(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """While no program runs the reply is 0, without name and time, on every connection."""
+    """While no program runs, the reply is 0 without name and time, on every connection."""
     with unless_others_run(subject):
-        _expect_none(line, "a program is told although none runs")
+        _expect_none(line, "a running program is reported although none runs")
         line.close()
-        _expect_none(subject.open(), "a program is told to another connection although none runs")
+        message = "a running program is reported on another connection although none runs"
+        _expect_none(subject.open(), message)
 
 
 @case(
@@ -143,10 +144,10 @@ def test_none(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     *("4.6/4", "4.8/4", "4.10/11"),
 )
 def test_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """One of two programs runs: it is told, all 30 bytes of its name, and its run time grows.
+    """A running program is reported with all 30 bytes of its name, and its run time increases.
 
-    So does the time of the clock. The other one is the default program, as far as there is one.
-    Another client is told of it, too.
+    The clock advances, too. Another program is the default program, if the SUT has one. A second
+    client gets the same reply.
     """
     other = store_program(subject, line)
     name = store_wait_program(subject, line, _WAIT_S, long_name(subject, NAME_MAX_BYTES))
@@ -181,9 +182,9 @@ def _expect_told(
         else:
             line.result("run_program")
         expect_rest(subject, line, "the robot is not idle although run_program has ended")
-        _expect_none(line, "a program is told to run although it has ended")
+        _expect_none(line, "a program is reported as running although it has ended")
         if first is None:
-            raise CaseSkipped("the program was over before it could be asked about")
+            raise CaseSkipped("the program ended before its status could be requested")
     finally:
         stop_motion(subject, line)
 
@@ -191,7 +192,7 @@ def _expect_told(
 def _expect_listed_beside(
     subject: ControllerUnderTest, line: OutgoingConnection, other: bytes, running: bytes
 ) -> None:
-    """The program that runs is in a list that has another one."""
+    """Expect that the running program is listed, if the other one is."""
     try:
         names = program_names(subject, line)
     except NoReply:  # a robot that executes need not answer (A-4-3)
@@ -206,7 +207,7 @@ def _expect_listed_beside(
 
 
 def _clock(subject: ControllerUnderTest, line: OutgoingConnection) -> Reading | None:
-    """What the clock shows; None where that is not told, as while it executes (A-4-3)."""
+    """Return the clock's time; None if there is no reply, for example while busy (A-4-3)."""
     if "get_time" in subject.ics.unsupported:
         return None
     try:
@@ -219,18 +220,18 @@ def _expect_clock_on(
     subject: ControllerUnderTest, first: Reading | None, then: Reading | None
 ) -> None:
     if first is not None and then is not None:
-        message = "the clock does not go on while a program runs"
+        message = "the clock does not advance while a program runs"
         expect_ran(subject, first, then, message, "4.6/4")
 
 
 def _expect_flag_and_status(line: OutgoingConnection, requirement: str) -> None:
-    """The flag is 1 between two statuses 01, whoever has begun the program."""
+    """Expect the flag 1 between two statuses 01, whichever client started the program."""
     before = line.ask("get_status").value
     answer = line.ask("get_running_program")
     if before == line.ask("get_status").value == "01":
         expect(
             isinstance(answer.value, RunningProgram),
-            "no program is told although the status is 01",
+            "no program is reported although the status is 01",
             expected="1|name|DDHHMMSS",
             observed=f"{answer}",
             requirement=requirement,
@@ -239,7 +240,7 @@ def _expect_flag_and_status(line: OutgoingConnection, requirement: str) -> None:
 
 @case("4.9/4", "4.9/6", "4.9/10", name="simulated", hazards=PROGRAMS)
 def test_simulated(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """While a program is simulated it is told by its name, or not at all, whatever ran before."""
+    """A simulated program is reported with its name, or not at all, whatever ran before."""
     if RUN not in subject.ics.unsupported:
         start_program(subject, line, RUN, seconds=0)
         finish(subject, line, RUN)
@@ -249,18 +250,18 @@ def test_simulated(subject: ControllerUnderTest, line: OutgoingConnection) -> No
         _told(subject, line, "simulate_program", name)
     finally:
         stop_motion(subject, line)
-    _expect_none(line, "a program is told to run although its simulation has ended")
+    _expect_none(line, "a program is reported as running although its simulation has ended")
 
 
 @case("4.9/3", "4.9/5", name="minute", hazards=PROGRAMS)
 def test_minute(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The run time goes over into minutes."""
+    """The run time rolls over to minutes."""
     _watch_carries(subject, line, (_MINUTE_S,))
 
 
 @case("4.9/3", "4.9/5", name="day", hazards=PROGRAMS)
 def test_day(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The run time goes over into minutes, hours and days."""
+    """The run time rolls over to minutes, hours and days."""
     marks = (_MINUTE_S, 10 * _MINUTE_S, _HOUR_S, 10 * _HOUR_S, _DAY_S, _DAY_S + _HOUR_S)
     _watch_carries(subject, line, marks)
 
@@ -268,7 +269,7 @@ def test_day(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 def _watch_carries(
     subject: ControllerUnderTest, line: OutgoingConnection, marks_s: tuple[int, ...]
 ) -> None:
-    """Run a program past these run times, and look at it just before and just behind each."""
+    """Run a program past these run times, and read its run time just before and after each."""
     lasts_s = marks_s[-1] + 5
     patient(subject, lasts_s)
     name = store_wait_program(subject, line, lasts_s)
@@ -281,9 +282,9 @@ def _watch_carries(
             line.wait(max(begun_s + at_s / scale - _now_s(subject), 0.0))
             now = _read(subject, line, name)
             if now is None:
-                raise CaseInconclusive("a program ended that should still wait")
+                raise CaseInconclusive("a program ended although its wait was not over")
             if first is not None:
-                _expect_grown(subject, first, now, f" past {marks_s[-1]} s")
+                _expect_grown(subject, first, now, f" after {marks_s[-1]} s")
             first = first or now
     finally:
         stop_motion(subject, line)

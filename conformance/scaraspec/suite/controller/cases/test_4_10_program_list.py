@@ -1,4 +1,4 @@
-"""Clause 4.10: the list of the programs (0x0B, L239-251)."""
+"""Clause 4.10: the program list (0x0B, L239-251)."""
 
 import math
 from collections import Counter
@@ -29,13 +29,13 @@ from scaraspec.suite.program_files.writing import program_file, wait
 from scaraspec.user_message import UserMessage
 
 _EMPTY: Final = (b"0", b"0|", b"")
-"""The list of an empty store, in the ways to tell it (A-4.10-4)."""
+"""The possible replies of an empty program store (A-4.10-4)."""
 _MANY: Final = 40  # more than 32
-_FEW: Final = 7  # for which any robot has room
+_FEW: Final = 7  # every robot has room for so many
 _LENGTHS_BYTES: Final = (30, 12, 17, 30, 23)
-"""Names of these lengths make parts of every length about the longest."""
+"""Names of these lengths make parts of every length close to the maximum."""
 _NODES: Final = 258
-"""More than a byte counts, and than a buffer of 16 kilobytes holds."""
+"""Does not fit one byte, nor a buffer of 16 kilobytes."""
 _TOO_LONG_BYTES: Final = 256
 """A part of this length must have been divided."""
 
@@ -52,13 +52,13 @@ def _delete(line: OutgoingConnection, name: bytes) -> None:
 
 
 def _listed(subject: ControllerUnderTest, line: OutgoingConnection) -> list[bytes]:
-    """The names in the list, which is checked as a whole."""
+    """Return the names in the list, after checks of the whole list."""
     parts = list_parts(subject, line)
     more = [seen for seen in line.sync() if seen.name == "list_programs"]
     expect(
         not more,
-        "another part of the list comes behind one that begins with 0",
-        expected="no more",
+        "another part of the list follows one that begins with 0",
+        expected="no further part",
         observed="; ".join(f"{seen.frame}" for seen in more),
         requirement="4.10/2",
     )
@@ -73,7 +73,7 @@ def _expect_names(parts: list[ReceivedFrame]) -> None:
     twice = [show(name) for name, count in Counter(names).items() if count > 1]
     expect(
         not twice,
-        "a name stands in the list more than once",
+        "a name is in the list more than once",
         expected="once",
         observed=", ".join(twice),
         requirement="4.10/7",
@@ -87,7 +87,7 @@ def _expect_listed(names: list[bytes], wanted: list[bytes]) -> None:
     glued = [show(n) for n in names if any(m in n and m != n for m in wanted)]
     expect(
         not glued,
-        "names in the list are not separated by bars",
+        "names in the list are not separated by |",
         expected=missing[0],
         observed=", ".join(glued),
         requirement="4.10/3",
@@ -96,13 +96,13 @@ def _expect_listed(names: list[bytes], wanted: list[bytes]) -> None:
     torn = [show(n) for n in names if n and n not in wanted and n in known and n.isascii()]
     expect(
         not torn,
-        "a name does not stand whole in one part of the list",
+        "a name is not complete in one part of the list",
         expected=missing[0],
         observed=", ".join(torn),
         requirement="4.10/6",
     )
     raise CaseFailed(
-        "a program that was uploaded is not listed",
+        "an uploaded program is not listed",
         expected=missing[0],
         observed=", ".join(map(show, names)),
         requirement="4.10/11",
@@ -111,24 +111,23 @@ def _expect_listed(names: list[bytes], wanted: list[bytes]) -> None:
 
 @case("4.10/2", "4.10/3", "4.10/7", "4.10/9")
 def test_list(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The list is a flag and names between bars, none of them empty or twice."""
+    """The list is a flag and names with separators; no name is empty or listed twice."""
     _listed(subject, line)
 
 
 @case("4.10/8")
 def test_empty(line: OutgoingConnection) -> None:
-    """The list of an empty store is the flag 0 without any name."""
+    """The list of an empty program store is the flag 0 without a name."""
     answer = line.ask("list_programs")
     if answer.value is not None and any(answer.value.names):
-        raise CaseSkipped("there are programs on the subject, which are not the suite's to delete")
-    expect_in(
-        answer.frame.data.rstrip(b"\0"), _EMPTY, "the list of an empty store is not the flag 0"
-    )
+        raise CaseSkipped("the controller has programs that the suite may not delete")
+    message = "the list of an empty program store is not the flag 0"
+    expect_in(answer.frame.data.rstrip(b"\0"), _EMPTY, message)
 
 
 @case("4.10/4", "4.10/2", "4.10/3", "4.10/5", "4.10/6", "4.10/7", "4.10/9", "4.10/11", name="many")
 def test_many(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Program after program is uploaded and listed, in as many parts as that takes."""
+    """Each of many uploaded programs is listed, in as many parts as needed."""
     mine: list[bytes] = []
     before = _listed(subject, line)
     lengths = _overfilling(subject, line)
@@ -140,7 +139,9 @@ def test_many(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
         except CaseFailed as error:
             if number < _FEW or error.requirement != "5.2/2":
                 raise
-            message = UserMessage("there is room for {number} more programs", number=number)
+            message = UserMessage(
+                "the controller has room for only {number} more programs", number=number
+            )
             subject.tolerate("4.10/4", "A-5-21", "full", message)
             mine.remove(longest := max(mine, key=len))
             _delete(line, longest)
@@ -154,7 +155,7 @@ def test_many(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
         gone = [show(name) for name in names if name not in before and name not in mine]
         expect(
             not gone,
-            "a program that was deleted is still listed",
+            "a deleted program is still listed",
             expected="not in the list",
             observed=", ".join(gone),
             requirement="4.10/11",
@@ -162,9 +163,9 @@ def test_many(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 
 def _overfilling(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[int]:
-    """The lengths of names that make one part just too long, in whatever order they are listed.
+    """Yield lengths of names that make one part just too long, in any order of the list.
 
-    Those behind the first follow from the list that has it: so its bars are counted (A-4.10-2).
+    The later lengths depend on the list with the first name, so that separators count (A-4.10-2).
     """
     yield NAME_MAX_BYTES
     parts = list_parts(subject, line)
@@ -176,7 +177,7 @@ def _overfilling(subject: ControllerUnderTest, line: OutgoingConnection) -> Iter
 
 @case("4.10/11", name="names")
 def test_names(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program is listed by its name, whatever that is, from its upload to its deletion."""
+    """A program is listed by its name from its upload to its deletion, whatever its name is."""
 
     @example("AZaz09_-")
     @example("AZaz09")
@@ -191,7 +192,7 @@ def test_names(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
         _delete(line, name)
         expect(
             name not in program_names(subject, line),
-            "a program that was deleted is still listed",
+            "a deleted program is still listed",
             expected="not in the list",
             observed=show(name),
         )
@@ -201,9 +202,9 @@ def test_names(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 @case("4.10/11", "4.10/2", name="another-connection")
 def test_another_connection(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """What one connection has uploaded another one finds in its list, however long it is.
+    """A program uploaded on one connection is listed on another one, whatever its size is.
 
-    So it does where the name of one program begins as that of another does.
+    This also holds for two programs whose names have the same beginning.
     """
     name = subject.new_name()
     stem, dot, extension = name.rpartition(b".")

@@ -1,7 +1,7 @@
-"""Clause 4.11: deleting a program (0x0C, L253-263).
+"""Clause 4.11: delete a program (0x0C, L253-263).
 
-Only what the suite itself has uploaded is deleted, and no name is tried that something else could
-bear.
+Only programs that the suite uploaded are deleted, and no name is tried that another program could
+have.
 """
 
 from typing import Any, Final
@@ -24,7 +24,7 @@ from scaraspec.user_message import UserMessage
 _DESTRUCTIVE: Final = (Hazard.STATE, Hazard.DESTRUCTIVE)
 _TIMES: Final = 3
 _LONG_BYTES: Final = 25
-"""Of a name: near ones are not longer than names may be (L226)."""
+"""Length of a program name, so that similar names do not exceed the allowed length (L226)."""
 _STATE: Final = ("get_network", "get_gripper_center", "get_initial_tool_position", "get_version")
 
 
@@ -32,7 +32,7 @@ def _delete(line: OutgoingConnection, name: bytes) -> None:
     answer = line.ask("delete_program", name)
     expect(
         answer.accepted,
-        "a program that is stored was not deleted with the answer 1",
+        "deleting a stored program was not answered 1",
         expected="1",
         observed=f"{answer}",
         requirement="4.11/2",
@@ -42,15 +42,15 @@ def _delete(line: OutgoingConnection, name: bytes) -> None:
 def _expect_refused(
     subject: ControllerUnderTest, line: OutgoingConnection, wrong: Malformed, requirement: str
 ) -> OutgoingConnection:
-    """Fail the subject if it says that it has deleted what is not there.
+    """Fail the case if the deletion of something that does not exist is answered 1.
 
     Returns:
-        The connection to go on with.
+        The connection to continue with.
     """
     try_request = offer(subject, line, "delete_program", wrong)
     expect(
         not try_request.accepted,
-        UserMessage("{kind} was deleted with the answer 1", kind=wrong.kind),
+        UserMessage("the deletion of {kind} was answered 1", kind=wrong.kind),
         expected="0",
         observed=f"{try_request} to {show(wrong.data)}",
         requirement=requirement,
@@ -60,26 +60,26 @@ def _expect_refused(
 
 @case("4.11/3", "4.11/2", hazards=_DESTRUCTIVE)
 def test_gone(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """What was deleted is neither listed nor downloadable, and its name is free again."""
+    """A deleted program is not listed and cannot be downloaded, and its name is free again."""
     content = short_program(subject)
     other, name = store_program(subject, line), store_program(subject, line)
     for _ in range(_TIMES):
         _delete(line, name)
         expect(
             name not in program_names(subject, line),
-            "a program that was deleted is still listed",
+            "a deleted program is still listed",
             expected="not in the list",
             observed=show(name),
         )
         expect(
             not line.ask("download_name", name).accepted,
-            "a program that was deleted can be downloaded",
+            "a deleted program can be downloaded",
             expected="0",
             observed="1",
         )
         expect(
             not line.ask("delete_program", name).accepted,
-            "a program that was deleted before was deleted with the answer 1",
+            "a second deletion of the same program was answered 1",
             expected="0",
             observed="1",
             requirement="4.11/4",
@@ -91,7 +91,7 @@ def test_gone(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 
 def _goes_alone(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Fail the subject if it takes the name of what it deletes for a pattern or a beginning."""
+    """Fail the case if the name is taken as a pattern or as the beginning of a name."""
     try:
         name = store_program(subject, line, subject.new_name(".a"))
         others = [name.replace(b".", b"x", 1), name + b".rob"]
@@ -104,10 +104,8 @@ def _goes_alone(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     for other in others:
         expect(
             other in left,
-            UserMessage(
-                "the deletion of {name} took {other} along", name=show(name), other=show(other)
-            ),
-            expected="listed still",
+            UserMessage("deleting {name} also deleted {other}", name=show(name), other=show(other)),
+            expected="still listed",
             observed="not in the list",
             requirement="4.10/11",
         )
@@ -115,18 +113,18 @@ def _goes_alone(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 @case("4.11/3", name="run", hazards=(*_DESTRUCTIVE, Hazard.MOTION))
 def test_not_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """What was deleted can be neither run nor simulated."""
+    """A deleted program can be neither run nor simulated."""
     name = store_program(subject, line)
     _delete(line, name)
     try:
         for command in examples(("run_program", "simulate_program")):
             subject.moved = True
             answer = line.ask(command, name)
-            if answer.accepted:  # it may fail late (A-4.15-1)
+            if answer.accepted:  # it may fail later (A-4.15-1)
                 answer = line.result(command)
             expect(
                 not (answer.done or answer.accepted),
-                UserMessage("{command} still finds a program that was deleted", command=command),
+                UserMessage("{command} still finds a deleted program", command=command),
                 expected="0|20",
                 observed=f"{answer}",
             )
@@ -136,7 +134,7 @@ def test_not_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 
 @case("4.11/3", "4.11/2", name="running", hazards=(*_DESTRUCTIVE, Hazard.MOTION))
 def test_while_it_runs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program that runs may be deleted or not (A-4.11-1); afterwards the answer holds."""
+    """Deleting a running program is allowed or refused (A-4.11-1), and the reply is true."""
     with lasting(subject, line, RUN) as task:
         answer = try_request(line, "delete_program", task.program)
         task.lasts()
@@ -146,16 +144,16 @@ def test_while_it_runs(subject: ControllerUnderTest, line: OutgoingConnection) -
     if not answer.accepted:
         expect(
             listed,
-            "a program that ran was deleted with the answer 0",
-            expected="listed still",
+            "deleting a running program was answered 0, but it is no longer listed",
+            expected="still listed",
             observed=show(task.program),
             requirement="4.11/2",
         )
         return
-    subject.tolerate("4.11/5", "delete_guard", "allow", "a program was deleted while it ran")
+    subject.tolerate("4.11/5", "delete_guard", "allow", "a running program was deleted")
     expect(
         not listed,
-        "a program that was deleted while it ran is listed afterwards",
+        "a program that was deleted while it ran is still listed afterwards",
         expected="not in the list",
         observed=show(task.program),
     )
@@ -163,7 +161,7 @@ def test_while_it_runs(subject: ControllerUnderTest, line: OutgoingConnection) -
 
 @case("4.11/4", "4.11/2", hazards=_DESTRUCTIVE)
 def test_missing(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A name that is not stored is not answered 1, however like a stored one it is."""
+    """Deleting a name that is not stored is not answered 1, however similar it is to another."""
     name = store_program(subject, line, long_name(subject, _LONG_BYTES))
     content = short_program(subject)
     stem, dot, extension = name.rpartition(b".")
@@ -178,7 +176,7 @@ def test_missing(subject: ControllerUnderTest, line: OutgoingConnection) -> None
             name[1:],
             stem + b"*" + dot + extension,
             stem[:-1] + b"?" + dot + extension,
-            name[:1] + name[2:0:-1] + name[3:],  # of the same letters, and nobody's
+            name[:1] + name[2:0:-1] + name[3:],  # the same letters in another order
             INHERITED,
         )
     ):
@@ -190,7 +188,7 @@ def test_missing(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 
 @case("4.11/6", "4.11/4", hazards=_DESTRUCTIVE)
 def test_paths(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A name with path elements deletes nothing, and changes nothing else either."""
+    """A name with path elements deletes nothing and changes nothing."""
     name, content = (
         store_program(subject, line),
         short_program(subject),
@@ -215,7 +213,7 @@ def test_paths(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     after = _state(line)
     expect(
         before == after,
-        "names with path elements have changed something else",
+        "names with path elements changed something else",
         expected=f"{before}",
         observed=f"{after}",
     )
@@ -227,13 +225,13 @@ def _state(line: OutgoingConnection) -> list[Any]:
 
 @case("4.11/4", name="malformed", hazards=_DESTRUCTIVE)
 def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Names that are none delete nothing, and what is stored remains."""
+    """Malformed names delete nothing."""
     name, content = (
         store_program(subject, line),
         short_program(subject),
     )
     for wrong in examples(malformed("delete_program", name)):
         if b".." in wrong.data or wrong.data == b".":
-            continue  # what is there is not the suite's
+            continue  # it may not belong to the suite
         line = _expect_refused(subject, line, wrong._replace(kind=f"a name with {wrong}"), "4.11/4")
     expect_stored(line, name, content, "4.11/4")

@@ -1,4 +1,4 @@
-"""Clause 4.12: the default program as it is read (0x0D or 0x13, L265-275)."""
+"""Clause 4.12: read the default program (0x0D or 0x13, L265-275)."""
 
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
@@ -19,14 +19,14 @@ from scaraspec.traffic.events import FrameSeen
 
 
 def _told(subject: ControllerUnderTest, line: OutgoingConnection) -> list[FrameSeen]:
-    """What is told when asked with either opcode; of a 0 and something else the latter."""
+    """Return the replies to both opcodes; if one has no program, only the other."""
     replies = [reply for opcode in OPCODES if (reply := ask_default(subject, line, opcode))]
     return [reply for reply in replies if not says_nothing(reply)] or replies
 
 
 @case("4.12/2", "4.12/4")
 def test_both_opcodes(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Asked with either opcode, the default program is told with the same, or not at all."""
+    """The two opcodes return the same default program, or one of them is not answered."""
     told = _told(subject, line)
     if not told:
         message = "neither 0x0D nor 0x13 is answered: there may be no default program"
@@ -34,7 +34,7 @@ def test_both_opcodes(subject: ControllerUnderTest, line: OutgoingConnection) ->
         return
     expect(
         len({reply.value for reply in told}) == 1,
-        "the two opcodes are told different default programs",
+        "the two opcodes returned different default programs",
         observed=", ".join(f"{reply.frame}" for reply in told),
         requirement="4.12/3",
     )
@@ -42,14 +42,14 @@ def test_both_opcodes(subject: ControllerUnderTest, line: OutgoingConnection) ->
 
 @case("4.12/5", "4.12/2", "4.12/3", hazards=(Hazard.STATE,))
 def test_told(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Where one of two programs is the default one, 0x0D or 0x13 or both tell its name."""
+    """The default program is returned for 0x0D, 0x13 or both."""
     with default_kept(subject, line):
         store_program(subject, line)
         name = store_program(subject, line)
         answer = line.ask("set_default_program", name)
         expect(
             answer.accepted,
-            "a program that is stored cannot be made the default one",
+            "a stored program cannot be made the default program",
             expected="1",
             observed=f"{answer}",
             requirement="4.13/2",
@@ -64,7 +64,7 @@ def test_told(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
         for reply in replies:
             expect(
                 reply.value == name,
-                "the default program is told by another name",
+                "the default program was returned with another name",
                 expected=show(name),
                 observed=f"{reply.frame}",
                 requirement="4.12/3",
@@ -75,29 +75,30 @@ def test_told(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 @case("4.12/4", "4.13/3", hazards=(Hazard.DESTRUCTIVE, Hazard.STATE), name="deleted")
 def test_none(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Once the default program is deleted there is none, or as before; another's end is nothing.
+    """After the default program is deleted, there is none, or its name remains.
 
-    It is the default one again where it is stored and named again.
+    The deletion of another program changes nothing. The deleted program becomes the default program
+    again when it is stored and set again.
     """
     with default_kept(subject, line):
         other, name = store_program(subject, line), store_program(subject, line)
         if not line.ask("set_default_program", name).accepted:
-            raise CaseSkipped("no program can be made the default one")
+            raise CaseSkipped("no program can be made the default program")
         expect_default(subject, line, name, "4.12/3")
         if line.ask("delete_program", other).accepted:
             expect_default(subject, line, name, "4.13/3")
         if not line.ask("delete_program", name).accepted:
             raise CaseSkipped("the default program cannot be deleted (A-4.11-1)")
-        for _ in range(2):  # others, which nobody has named, wherever they are put
+        for _ in range(2):  # other programs, which may take its place in the store
             store_program(subject, line)
         for reply in _told(subject, line):
             expect(
                 reply.value in (b"", name),
-                "no default program is told as something else than nothing or 0",
+                "without a default program, the reply is not empty or 0",
                 expected="no data, or 0",
                 observed=f"{reply.frame}",
             )
-        line = alive(subject, line)  # an opcode that it does not know may have ended the other
+        line = alive(subject, line)  # an unknown opcode may have closed the old one
         store_program(subject, line, name)
         if line.ask("set_default_program", name).accepted:
             expect_default(subject, line, name, "4.13/3")

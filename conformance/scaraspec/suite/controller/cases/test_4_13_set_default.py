@@ -1,4 +1,4 @@
-"""Clause 4.13: setting the default program (0x0E, L277-287)."""
+"""Clause 4.13: set the default program (0x0E, L277-287)."""
 
 from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
@@ -26,7 +26,7 @@ def _set(line: OutgoingConnection, name: bytes) -> None:
     answer = line.ask("set_default_program", name)
     expect(
         answer.accepted,
-        "a program that is stored cannot be made the default one",
+        "a stored program cannot be made the default program",
         expected="1",
         observed=f"{answer}",
         requirement="4.13/2",
@@ -35,7 +35,7 @@ def _set(line: OutgoingConnection, name: bytes) -> None:
 
 @case("4.13/3", "4.13/2", "4.10/11")
 def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The program that was named last is the default one, not one that was uploaded since."""
+    """The default program is the one that was set last, not one that was uploaded later."""
     with default_kept(subject, line):
         names = [subject.new_name(), long_name(subject, NAME_MAX_BYTES), subject.new_name("a")]
         for name in names:
@@ -48,7 +48,7 @@ def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
         listed = program_names(subject, line)
         expect(
             name in listed,
-            "a program that was uploaded is not listed while it is the default one",
+            "an uploaded program is not listed while it is the default program",
             expected=show(name),
             observed=", ".join(map(show, listed)),
             requirement="4.10/11",
@@ -59,14 +59,14 @@ def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 @case("4.13/5", "4.13/4")
 def test_missing(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program that is not stored does not become the default one, and the former one stays."""
+    """Setting a program that is not stored is refused, and the default program is unchanged."""
     with default_kept(subject, line):
         name = store_program(subject, line)
         _set(line, name)
         missing = subject.new_name()
         answer = line.ask("set_default_program", missing)
         if answer.accepted:
-            message = "a program that is not stored can be made the default one"
+            message = "a program that is not stored can be made the default program"
             subject.tolerate("4.13/4", "A-4.13-1", "accepted", message)
         else:
             expect_default(subject, line, name, "4.13/5")
@@ -74,7 +74,7 @@ def test_missing(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 
 @case("4.13/5", "4.13/2", name="malformed")
 def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A name that is none and was refused leaves the default program as it was."""
+    """A malformed name that is refused does not change the default program."""
     with default_kept(subject, line):
         name = store_program(subject, line)
         _set(line, name)
@@ -89,9 +89,9 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 
 @case("4.13/6", "4.13/2", "4.13/3", "4.13/5", hazards=(Hazard.STATE, Hazard.MOTION))
 def test_moves_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """To name a default program starts nothing, and to run another names none.
+    """Setting a default program starts nothing, and running another program does not change it.
 
-    While that runs the default program is named as ever, or that is refused.
+    While it runs, another default program can be set or is refused.
     """
     with default_kept(subject, line):
         other, name = store_program(subject, line), store_program(subject, line)
@@ -103,7 +103,7 @@ def test_moves_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -
             line.wait(_SOON_S)
             statuses.append(line.ask("get_status").value)
             if any(status != IDLE for status in statuses):
-                message = "the program that was made the default one was started"
+                message = "the program that was set as default program was started"
                 raise CaseFailed(message, expected=IDLE, observed=", ".join(map(str, statuses)))
             if farthest(joints_of(line), before) > STANDSTILL:
                 message = "the arm moved after set_default_program"

@@ -1,4 +1,4 @@
-"""Clause 4.14: the temperatures of the motors (0x0F, L289-302)."""
+"""Clause 4.14: the motor temperatures (0x0F, L289-302)."""
 
 from scaraspec.protocol.commands import BY_NAME, JointValues
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
@@ -11,12 +11,12 @@ _PAUSE_S = 0.05
 
 @case("4.14/2", "4.14/5")
 def test_temperatures(line: OutgoingConnection) -> None:
-    """The temperatures are four numbers between bars, time after time."""
+    """The temperatures are four numbers with separators in each reply."""
     for _ in range(_TIMES):
         answer = line.ask("get_motor_temperatures")
         expect(
             isinstance(answer.value, JointValues),
-            "the temperatures are not four numbers between bars",
+            "the temperatures are not four numbers with separators",
             expected="inner arm|outer arm|wrist|rotation",
             observed=f"{answer}",
         )
@@ -25,7 +25,7 @@ def test_temperatures(line: OutgoingConnection) -> None:
 
 @case("4.14/3")
 def test_opcode(line: OutgoingConnection) -> None:
-    """The temperatures come with 0x0F, or with 0x0E as printed."""
+    """The temperatures have the opcode 0x0F, or 0x0E as printed."""
     command = BY_NAME["get_motor_temperatures"]
     line.send("get_motor_temperatures")
     came = line.collect_replies()
@@ -37,6 +37,7 @@ def test_opcode(line: OutgoingConnection) -> None:
     if not answers:
         observed = "; ".join(f"{seen.frame}" for seen in came)
         if not observed:
-            raise NoReply("the temperatures were not told", expected="a reply", observed="silence")
-        message = "the temperatures bear the opcode of another command"
+            message = "the request for the temperatures was not answered"
+            raise NoReply(message, expected="a reply", observed="silence")
+        message = "the temperatures have the opcode of another command"
         raise CaseFailed(message, expected="0F, or 0E", observed=observed)

@@ -1,4 +1,4 @@
-"""Clause 4.15: a program is run (0x30, L304-328)."""
+"""Clause 4.15: run a program (0x30, L304-328)."""
 
 from hypothesis import example
 from hypothesis import strategies as st
@@ -34,19 +34,19 @@ from scaraspec.suite.program_files.listed import INHERITED, long_name
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 _DEFAULTS = ("get_default_program", "set_default_program")
 _LONG_BYTES = 25
-"""Of a name: near ones are not longer than names may be (L226)."""
+"""Length of a program name, so that similar names do not exceed the allowed length (L226)."""
 
 
 @case("4.15/2", name="missing", hazards=_MOTION)
 def test_checked_before_the_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A run that cannot be is refused at once: nothing executes behind the reply."""
+    """A run that is not possible is refused at once: nothing executes after the reply."""
     require_command(subject, RUN)
     subject.moved = True
     first = line.ask(RUN, subject.new_name())
     status = line.ask("get_status")
     expect(
         status.value not in BUSY or (first.accepted and status.value == "01"),
-        "the robot executes something behind the refusal of a missing program",
+        "the robot executes something after it refused a missing program",
         expected="00",
         observed=f"{first}, then {status}",
     )
@@ -58,12 +58,12 @@ def test_checked_before_the_reply(subject: ControllerUnderTest, line: OutgoingCo
             expected="0|20",
             observed=f"{first}, {result}",
         )
-        subject.tolerate("4.15/2", "A-4.15-1", "00|20", "the missing program was found later")
+        subject.tolerate("4.15/2", "A-4.15-1", "00|20", "the missing program was detected late")
 
 
 @case("4.15/2", name="fault", needs=("motor_fault", "clear_faults"), hazards=_MOTION)
 def test_not_run_with_a_fault(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A robot whose inner arm's motor has failed does not run a program: "0|11"."""
+    """A robot with a failed inner arm motor refuses to run a program with "0|11"."""
     program = stored(subject, line, 0)
     subject.moved = True
     try:
@@ -72,12 +72,13 @@ def test_not_run_with_a_fault(subject: ControllerUnderTest, line: OutgoingConnec
         told = finish(subject, line, RUN) if first.accepted else first
         expect(
             not told.done and told.code == "11",
-            "a program is run although a motor has failed",
+            "a program runs although a motor has failed",
             expected="0|11",
             observed=f"{told}",
         )
         if first.accepted:
-            subject.tolerate("4.15/2", "A-4.15-4", "00|11", "the fault was found after the reply")
+            message = "the fault was detected after the reply"
+            subject.tolerate("4.15/2", "A-4.15-4", "00|11", message)
     finally:
         subject.hook("clear_faults")
         if line.ask("get_status").value != "00" and line.ask("reset").accepted:
@@ -86,7 +87,7 @@ def test_not_run_with_a_fault(subject: ControllerUnderTest, line: OutgoingConnec
 
 @case("4.15/3", hazards=_MOTION)
 def test_refusal(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """What cannot be run is refused with "0|" and a code of two characters."""
+    """A run that is not possible is refused with "0|" and a code of two characters."""
     require_command(subject, RUN)
     subject.moved = True
     for _ in range(2):
@@ -104,7 +105,7 @@ def test_refusal(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 
 @case("4.15/4", hazards=_MOTION)
 def test_stored_programs_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A stored program is run, whatever name it has, and again when another was run."""
+    """A stored program runs, whatever its name is, and again after another program ran."""
     extension = start_program(subject, line, RUN, seconds=0).program.rpartition(b".")[2]
     done(subject, line, RUN)
 
@@ -132,9 +133,9 @@ def test_stored_programs_run(subject: ControllerUnderTest, line: OutgoingConnect
 
 @case("4.15/5", hazards=_MOTION, slow=True)
 def test_end_of_a_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A run ends with "11" when its program does, not before: the status is 01 until then.
+    """A run ends with "11" when its program ends, not earlier: the status is 01 until then.
 
-    Of a stop that came before it nothing is left.
+    An earlier stop has no effect on it.
     """
     require_responsive(subject, line)
     stop_nothing(subject, line)
@@ -144,24 +145,24 @@ def test_end_of_a_run(subject: ControllerUnderTest, line: OutgoingConnection) ->
         early = [seen for seen in line.inbox if seen.frame.tagged]
         expect(
             not early,
-            "the final result of a run came while the program was running",
+            "the final result of a run arrived while the program was running",
             expected="11 when the program has ended",
             observed=" ".join(f"{seen.frame}" for seen in early),
         )
     result = done(subject, line, RUN)
     expect(
         result.time_s >= begun.answer.time_s,
-        "a run ends before it has begun",
-        expected="11 behind 1",
+        "a run ends before it starts",
+        expected="11 after 1",
         observed=f"{result}",
     )
 
 
 @case("4.15/7", hazards=_MOTION)
 def test_missing_program(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program whose name is not in use is not run, however near to it another name is.
+    """A name that is not in use is refused, however similar it is to the name of a program.
 
-    Nor is the default program in its place, as far as there is one.
+    The default program is not run instead, if there is one.
     """
     require_command(subject, RUN)
     program = stored(subject, line, 0, long_name(subject, _LONG_BYTES))
@@ -201,7 +202,7 @@ def _expect_near_ones_missing(
 
 @case("4.15/7", name="deleted", hazards=_MOTION)
 def test_deleted_program(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program that was run and then deleted is not run any more."""
+    """A program that was run and then deleted cannot be run again."""
     program = start_program(subject, line, RUN, seconds=0).program
     done(subject, line, RUN)
     line.ask("delete_program", program)
@@ -210,7 +211,7 @@ def test_deleted_program(subject: ControllerUnderTest, line: OutgoingConnection)
 
 @case("4.15/7", name="not-whole", hazards=_MOTION)
 def test_unfinished_upload(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program of which nothing but the name was sent never runs to a good end."""
+    """A program of which only the name was sent never ends with success."""
     require_command(subject, RUN)
     subject.moved = True
     name = subject.new_name()
@@ -221,7 +222,7 @@ def test_unfinished_upload(subject: ControllerUnderTest, line: OutgoingConnectio
     if first is not None and first.accepted:
         expect(
             not finish(subject, line, RUN).done,
-            "a program of which nothing was sent ends as done",
+            "a program without content ended with success",
             expected="0|20",
             observed="1, 11",
         )
@@ -229,7 +230,7 @@ def test_unfinished_upload(subject: ControllerUnderTest, line: OutgoingConnectio
 
 @case("4.15/8", "4/6", hazards=_MOTION)
 def test_second_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """During a run a second one is not accepted, of the same program or of another."""
+    """During a run, a second run is refused, of the same program or of another."""
     other = stored(subject, line, 0)
     if subject.dialect["busy_reply"] == "queue":
         return
@@ -246,14 +247,14 @@ def test_second_run(subject: ControllerUnderTest, line: OutgoingConnection) -> N
             answer = try_request(subject.open(), RUN, other)
             expect(
                 answer is None or not answer.accepted,
-                "a second run was accepted during another client's",
+                "a second run was accepted during a run of another client",
                 expected="0|01",
                 observed=f"{answer}",
             )
         shown = line.ask("get_running_program").value
         expect(
             shown is None or shown.name == task.program,
-            "a run that was refused has taken the place of the one before",
+            "a refused run replaced the running program",
             expected=task.program.decode(),
             observed=f"{shown}",
         )

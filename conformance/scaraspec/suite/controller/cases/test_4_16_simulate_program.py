@@ -1,4 +1,4 @@
-"""Clause 4.16: a program is simulated (0x31, L330-354)."""
+"""Clause 4.16: simulate a program (0x31, L330-354)."""
 
 from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.hazard import Hazard
@@ -34,13 +34,13 @@ _MOTION = (Hazard.STATE, Hazard.MOTION)
 
 @case("4.16/2", hazards=_MOTION)
 def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """What can be simulated is answered "1", again and again, also between runs."""
+    """A simulation is answered "1" if it is possible, repeatedly and between runs."""
     for name in (SIMULATE, RUN, SIMULATE):
         answer = start_program(subject, line, name, seconds=0).answer
         expect_first_reply(name, answer)
         expect(
             text_of(answer) == b"1",
-            UserMessage("the first reply to {name} is more than the flag 1", name=name),
+            UserMessage("the first reply to {name} is not just the flag 1", name=name),
             expected="1",
             observed=f"{answer}",
         )
@@ -49,7 +49,7 @@ def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> 
 
 @case("4.16/2", "8/5", name="missing", hazards=_MOTION)
 def test_missing_program(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program that is not stored is not simulated; code 20 says so."""
+    """The controller refuses to simulate a program that is not stored, with code 20."""
     program = stored(subject, line, 0)
     for name in examples((subject.new_name(), program + b"x", program[:-1])):
         expect_missing(subject, line, SIMULATE, name, "8/5")
@@ -59,7 +59,7 @@ def test_missing_program(subject: ControllerUnderTest, line: OutgoingConnection)
 
 @case("4.16/3", hazards=_MOTION)
 def test_end_of_a_simulation(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A simulation ends with "11", a second one too, and a run afterwards is a run."""
+    """A simulation ends with "11", also the second one, and a later run is reported as a run."""
     for _ in range(2):
         start_program(subject, line, SIMULATE, seconds=0)
         done(subject, line, SIMULATE)
@@ -67,7 +67,7 @@ def test_end_of_a_simulation(subject: ControllerUnderTest, line: OutgoingConnect
         status = line.ask("get_status")
         expect(
             status.value != "02",
-            "a run behind a simulation is reported as a simulation",
+            "a run after a simulation is reported as a simulation",
             expected="01",
             observed=f"{status}",
             requirement="4.8/4",
@@ -76,8 +76,8 @@ def test_end_of_a_simulation(subject: ControllerUnderTest, line: OutgoingConnect
 
 @case("4.16/5", "4.8/5", hazards=_MOTION)
 def test_simulation_touches_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A simulated program that sets an output, and waits, moves no joint and sets none."""
-    require_responsive(subject, line)  # which finds the layout, too
+    """A simulated program that sets an output and waits moves no joint and changes no output."""
+    require_responsive(subject, line)  # it also determines the layout
     with outputs_kept(line) as before:
         port = settable(line)[-1]
         nodes = [set_output(port, on=not before[port - 1]), *wait(1)]
@@ -89,7 +89,7 @@ def test_simulation_touches_nothing(subject: ControllerUnderTest, line: Outgoing
         status = line.ask("get_status")
         expect(
             status.value not in BUSY or status.value == "02",
-            "a simulation is reported as something else",
+            "a simulation is reported as another state",
             expected="02",
             observed=f"{status}",
             requirement="4.8/5",
@@ -97,8 +97,8 @@ def test_simulation_touches_nothing(subject: ControllerUnderTest, line: Outgoing
         now, moved = outputs(line), farthest(joints_of(line), joints)
         stop_motion(subject, line)
         if now != before or outputs(line) != before:
-            message = "a simulation has set an output"
+            message = "a simulation changed an output"
             subject.tolerate("4.16/5", "A-4.16-1", "outputs", message)
         if max(moved, farthest(joints_of(line), joints)) > STANDSTILL:
-            message = "a simulation has moved the arm"
+            message = "a simulation moved the arm"
             subject.tolerate("4.16/5", "A-4.16-1", "motion", message)

@@ -1,4 +1,4 @@
-"""Clause 4.17: the emergency stop (0x32, L356-383), which is no safety function (A-4.17-3)."""
+"""Clause 4.17: the emergency stop (0x32, L356-383). It is not a safety function (A-4.17-3)."""
 
 from typing import Final
 
@@ -53,22 +53,22 @@ from scaraspec.suite.engine.expectations import CaseSkipped, NoReply, expect
 from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.user_message import UserMessage
 
-_BARELY_S: Final = 0.02  # a step may take but a fifth of a second
+_BARELY_S: Final = 0.02  # a step may take only a fifth of a second
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 _AGAIN = 15
 _FILE_BYTES: Final = 450
 _LOOKS_S: Final = (0.05, 0.05, 0.1, 0.8)
-"""Between two looks at an arm that was stopped: a slow one needs a while to show."""
+"""Between two checks of a stopped arm: slow motion takes a while to show."""
 
 
 def expect_stopped(
     subject: ControllerUnderTest, line: OutgoingConnection, answer: ReceivedFrame
 ) -> ReceivedFrame:
-    """Fail the subject unless the stop was accepted and has succeeded; its result."""
+    """Fail the case unless the stop was accepted and succeeded; return its final result."""
     accepted(STOP, answer)
     expect(
         text_of(answer) == b"1",
-        "the first reply to the stop is more than the flag 1",
+        "the first reply to the stop is not just the flag 1",
         expected="1",
         observed=f"{answer}",
         requirement="4.17/3",
@@ -78,9 +78,9 @@ def expect_stopped(
 
 @case("4.17/2", hazards=(Hazard.MOTION,))
 def test_nothing_to_stop(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """An idle robot answers "0", or follows the reading that it always stops; nothing changes.
+    """An idle robot answers "0", or follows the reading that a stop always succeeds.
 
-    What follows it in its segment is served.
+    Nothing else changes. A request in the same segment after the stop is served.
     """
     require_command(subject, STOP)
     subject.moved = True
@@ -93,7 +93,7 @@ def test_nothing_to_stop(subject: ControllerUnderTest, line: OutgoingConnection)
             continue
         expect(
             answer.accepted is False and answer.frame.data[:1] == b"0",
-            "a stop where nothing is to be stopped is neither refused nor accepted",
+            "a stop of an idle robot is neither refused nor accepted",
             expected="0",
             observed=f"{answer}",
         )
@@ -101,14 +101,14 @@ def test_nothing_to_stop(subject: ControllerUnderTest, line: OutgoingConnection)
     status = line.ask("get_status") if answer.accepted else _behind_a_stop(subject, line)
     expect(
         status.value not in BUSY,
-        "a robot that was told to stop when it was idle executes something",
+        "an idle robot executes something after a stop",
         expected="00",
         observed=f"{status}",
     )
 
 
 def _behind_a_stop(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFrame:
-    """The status that is asked for in one segment with a stop, which is not needed."""
+    """Return the status that is requested in one segment after a stop of an idle robot."""
     if takes_one_at_a_time(subject):
         return line.ask("get_status")
     line.send_bytes(line.request(STOP).encode() + GET_STATUS)
@@ -123,14 +123,14 @@ def _behind_a_stop(subject: ControllerUnderTest, line: OutgoingConnection) -> Re
 @pytest.mark.parametrize("name", STATES)
 @case("4.17/6", "4.17/3", "4.17/4", "4.17/8", "3/18", hazards=_MOTION)
 def test_stop(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
-    """Each command is stopped while it executes: "1", "11", and its own result once at most."""
+    """A stop interrupts each command: "1", "11", and at most one result of the command itself."""
     with lasting(subject, line, name, queries=False) as task:
         answer = line.ask(STOP)
         if not answer.accepted and task.over:
             task.lasts()
         expect(
             answer.accepted,
-            UserMessage("the stop is refused while {name} executes", name=name),
+            UserMessage("the stop was refused while {name} executed", name=name),
             expected="1",
             observed=f"{answer}",
         )
@@ -140,12 +140,12 @@ def test_stop(subject: ControllerUnderTest, line: OutgoingConnection, name: str)
 
 
 def _interrupts(answer: ReceivedFrame, task: Task) -> None:
-    """Go on only where a simulation had not ended before the stop, which may succeed all the same.
+    """Skip the case if a simulation had ended before the stop; the stop may succeed even then.
 
-    Who simulates takes what time he likes (A-4.16-1, A-4.17-1).
+    The duration of a simulation is open (A-4.16-1, A-4.17-1).
 
     Raises:
-        CaseSkipped: It had.
+        CaseSkipped: The simulation had ended.
     """
     if task.name == SIMULATE and task.over_before(answer):
         task.lasts()
@@ -155,7 +155,7 @@ def _expect_interrupted(line: OutgoingConnection, task: Task) -> None:
     own = interrupted(line, task.name)
     expect(
         own is None or not own.done or task.name == JOG,
-        UserMessage("{task} ended with 11 although a stop had interrupted it", task=task.name),
+        UserMessage("{task} ended with 11 although a stop interrupted it", task=task.name),
         expected="00|code",
         observed=f"{own}",
         requirement="4.17/8",
@@ -163,7 +163,7 @@ def _expect_interrupted(line: OutgoingConnection, task: Task) -> None:
     status = status_behind(line)
     expect(
         status.value not in BUSY,
-        UserMessage("{task} goes on behind the stop", task=task.name),
+        UserMessage("{task} continues after the stop", task=task.name),
         expected="00",
         observed=f"{status}",
         requirement="4.17/4",
@@ -176,7 +176,7 @@ def _expect_interrupted(line: OutgoingConnection, task: Task) -> None:
 def test_stop_behind_the_start(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str
 ) -> None:
-    """A stop that is sent before the start was answered stops what has been started."""
+    """A stop that is sent before the reply to the start stops the command that was started."""
     perform(subject, line, name)
     with returning(subject, line):
         value = _step_there_and_back(subject, line) if name == MOVE else stored(subject, line)
@@ -187,7 +187,7 @@ def test_stop_behind_the_start(
         try:
             answer = line.reply(STOP)
         except NoReply:
-            message = "a request was lost that was sent before the answer to the one before"
+            message = "a request sent before the reply to the previous one was lost"
             subject.tolerate("4.17/6", "pipelining", "one", message)
             answer = line.ask(STOP)
         task = Task(name, line)
@@ -199,17 +199,17 @@ def test_stop_behind_the_start(
 
 
 def _step_there_and_back(subject: ControllerUnderTest, line: OutgoingConnection) -> MoveTarget:
-    """A step that the arm can go, found by going it."""
+    """Return a step that the arm can make, found by making it, and move back."""
     with returning(subject, line):
-        there, answer = begin_step_somewhere(subject, line)
+        pose, answer = begin_step_somewhere(subject, line)
         accepted(MOVE, answer)
         done(subject, line, MOVE)
-    return target(there, SLOWEST_PERCENT)
+    return target(pose, SLOWEST_PERCENT)
 
 
 @case("4.17/6", "4.17/3", "4.17/4", name="in-transfers", hazards=_MOTION)
 def test_stop_within_a_transfer(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program is stopped between two chunks of a file, of one sent and of one fetched."""
+    """A stop interrupts a program between two chunks of an upload and of a download."""
     name, tried = subject.new_name(), False
     upload(line, name, content_of(_FILE_BYTES))
     for fetches in examples((False, True)):
@@ -225,7 +225,7 @@ def test_stop_within_a_transfer(subject: ControllerUnderTest, line: OutgoingConn
                     task.lasts()
                 expect(
                     answer.accepted,
-                    "the stop of a program is refused between two chunks of a file",
+                    "the stop of a program was refused between two chunks of a file",
                     expected="1",
                     observed=f"{answer}",
                 )
@@ -234,14 +234,14 @@ def test_stop_within_a_transfer(subject: ControllerUnderTest, line: OutgoingConn
                 tried = True
         line = again(subject, line)
     if not tried:
-        raise CaseSkipped("no file is sent or fetched while a program runs")
+        raise CaseSkipped("no file can be uploaded or downloaded while a program runs")
 
 
 @case("4.17/4", "3/18", name="twice", hazards=_MOTION)
 def test_stop_twice(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Two stops at once are two answers, and one result for each that says "1".
+    """Two stops at once get two replies, and one final result for each reply that is "1".
 
-    What is run behind them ends once.
+    A later run ends exactly once.
     """
     with lasting(subject, line, RUN, queries=False):
         line.send(STOP)
@@ -250,11 +250,11 @@ def test_stop_twice(subject: ControllerUnderTest, line: OutgoingConnection) -> N
         try:
             answers.append(line.reply(STOP))
         except NoReply:
-            message = "a request was lost that was sent before the answer to the one before"
+            message = "a request sent before the reply to the previous one was lost"
             subject.tolerate("4.17/4", "pipelining", "one", message)
         expect(
             answers[0].accepted,
-            "the first of two stops is refused while a program runs",
+            "the first of two stops was refused while a program ran",
             expected="1",
             observed=f"{answers[0]}",
             requirement="4.17/6",
@@ -265,13 +265,13 @@ def test_stop_twice(subject: ControllerUnderTest, line: OutgoingConnection) -> N
         line.no_result(STOP, for_s=0.1)
     start_program(subject, line, RUN, seconds=0)
     done(subject, line, RUN)
-    line.no_result(RUN, for_s=0.1, requirement="3/18")  # of the one that was stopped
+    line.no_result(RUN, for_s=0.1, requirement="3/18")  # of the run that was stopped
 
 
 @case("4.17/3", name="again", hazards=_MOTION)
 def test_stop_again_and_again(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program is stopped as often as it is run; each time it begins anew."""
-    with lasting(subject, line, RUN, queries=False):  # which finds the layout
+    """A program can be stopped each time it is run; each run starts from the beginning."""
+    with lasting(subject, line, RUN, queries=False):  # it determines the layout
         pass
     program = stored(subject, line)
     for _ in range(_AGAIN):
@@ -280,7 +280,7 @@ def test_stop_again_and_again(subject: ControllerUnderTest, line: OutgoingConnec
         shown = line.ask("get_running_program")
         expect(
             shown.value is None,
-            "a program that was stopped is still said to run",
+            "a stopped program is still reported as running",
             expected="0",
             observed=f"{shown}",
             requirement="4.9/6",
@@ -291,7 +291,7 @@ def test_stop_again_and_again(subject: ControllerUnderTest, line: OutgoingConnec
 @pytest.mark.parametrize("name", [MOVE, JOG])
 @case("4.17/7", hazards=_MOTION)
 def test_standstill(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
-    """Behind the stop's "11" the joints stand still where the stop has met them."""
+    """After the "11" of a stop, the joints stay where the stop stopped them."""
     with lasting(subject, line, name, queries=False) as task:
         line.wait(_BARELY_S)
         answer = line.ask(STOP)
@@ -304,7 +304,7 @@ def test_standstill(subject: ControllerUnderTest, line: OutgoingConnection, name
             now, here = joints_of(line), pose_of(line)
             expect(
                 farthest(first, now) <= STANDSTILL and same_place(there, here),
-                "the arm goes on moving behind the emergency stop",
+                "the arm continues to move after the emergency stop",
                 expected=f"{tuple(first)} at {tuple(there)}",
                 observed=f"{tuple(now)} at {tuple(here)}",
             )
@@ -312,7 +312,7 @@ def test_standstill(subject: ControllerUnderTest, line: OutgoingConnection, name
 
 @case("4.17/8", name="results", hazards=_MOTION, slow=True)
 def test_interrupted_results(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """What a stop interrupts fails, or has no result; time passes and none comes as success."""
+    """An interrupted command fails or has no result, and no success arrives later."""
     for name in examples((RUN, RESET, MOVE)):
         with lasting(subject, line, name, queries=False) as task:
             answer = line.ask(STOP)

@@ -1,4 +1,4 @@
-"""Clause 4.18: the robot is reset (0x33, L385-419)."""
+"""Clause 4.18: reset the robot (0x33, L385-419)."""
 
 import pytest
 
@@ -39,7 +39,7 @@ _REST_S = 0.3
 
 @case("4.18/2", hazards=_MOTION)
 def test_refused_during_a_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """While a program runs the reset is refused with "0|01", however often, and changes nothing."""
+    """A reset while a program runs is refused with "0|01" each time, and changes nothing."""
     require_command(subject, RESET)
     if subject.dialect["busy_reply"] == "queue":
         return
@@ -56,7 +56,7 @@ def test_refused_during_a_run(subject: ControllerUnderTest, line: OutgoingConnec
         status = line.ask("get_status")
         expect(
             status.value == "01" or task.over,
-            "the program that ran is gone behind a reset that was refused",
+            "the running program ended after a refused reset",
             expected="01",
             observed=f"{status}",
         )
@@ -66,7 +66,7 @@ def test_refused_during_a_run(subject: ControllerUnderTest, line: OutgoingConnec
 def test_refused_during_a_simulation(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
-    """While a program is simulated the reset is refused, with that state."""
+    """A reset while a program is simulated is refused with the code of that state."""
     require_command(subject, RESET)
     if subject.dialect["busy_reply"] != "queue":
         with home_at(subject, line), lasting(subject, line, SIMULATE) as task:
@@ -75,7 +75,7 @@ def test_refused_during_a_simulation(
 
 @case("4.18/3", hazards=_MOTION)
 def test_idle_robot_is_reset(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """An idle robot accepts the reset with "1", at first and when something was stopped before."""
+    """An idle robot accepts a reset with "1", also after something was stopped."""
     require_command(subject, RESET)
     with returning(subject, line):
         for stopped in examples((False, True, False)):
@@ -83,11 +83,13 @@ def test_idle_robot_is_reset(subject: ControllerUnderTest, line: OutgoingConnect
                 start_program(subject, line, RUN)
                 stop(subject, line)
                 stop_motion(subject, line)
-            with home_at(subject, line):  # behind the program, which may set another (A-6.3-3)
+            with home_at(
+                subject, line
+            ):  # after the program, which may set another position (A-6.3-3)
                 answer = begin_or_skip(subject, line, RESET)
                 expect(
                     text_of(answer) == b"1",
-                    "the first reply to a reset is more than the flag 1",
+                    "the first reply to a reset is not just the flag 1",
                     expected="1",
                     observed=f"{answer}",
                 )
@@ -96,16 +98,16 @@ def test_idle_robot_is_reset(subject: ControllerUnderTest, line: OutgoingConnect
 
 @case("4.18/4", "4/7", hazards=_MOTION)
 def test_end_of_a_reset(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A reset that has a way to go ends with "11": the way is gone, and the robot can be used."""
+    """A reset with motion ends with "11" after the motion, and the robot can be used again."""
     with lasting(subject, line, RESET):
         done(subject, line, RESET)
-        expect_stays(line, "the arm goes on behind the end of its reset", for_s=_REST_S)
+        expect_stays(line, "the arm continues to move after the end of its reset", for_s=_REST_S)
         status = status_at_rest(line)
         expect(
             status.value == IDLE,
             UserMessage(
-                "the status is {status_value} behind a reset that has succeeded",
-                status_value=status.value,
+                "the status is {status} after a successful reset",
+                status=status.value,
             ),
             expected=IDLE,
             observed=f"{status}",
@@ -125,7 +127,7 @@ def test_end_of_a_reset(subject: ControllerUnderTest, line: OutgoingConnection) 
 def test_reset_from_a_fault(
     subject: ControllerUnderTest, line: OutgoingConnection, fault: str
 ) -> None:
-    """A reset does not succeed while a fault lasts; when its cause is gone the robot is idle."""
+    """A reset does not succeed during a fault; after the cause is removed, the robot is idle."""
     require_command(subject, RESET)
     with returning(subject, line), home_at(subject, line):
         subject.moved = True
@@ -136,12 +138,12 @@ def test_reset_from_a_fault(
                 result = finish(subject, line, RESET)
                 expect(
                     not result.done,
-                    "a reset is said to have succeeded although the fault lasts",
+                    "a reset succeeded although the fault is still present",
                     expected="00|code",
                     observed=f"{result}",
                 )
             else:
-                message = "a robot in error refused the reset"
+                message = "a robot in an error state refused the reset"
                 subject.tolerate("4.18/4", "reset_from_error", "idle-only", message)
         finally:
             subject.hook("clear_faults")

@@ -1,4 +1,4 @@
-"""Clause 4.19: the gripper centre as it is read (0x34, L421-431)."""
+"""Clause 4.19: read the gripper center (0x34, L421-431)."""
 
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
@@ -9,8 +9,8 @@ from scaraspec.suite.engine.expectations import expect_equal
 
 @case("4.19/2")
 def test_gripper_center(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The gripper centre is three numbers between bars, the same for every connection."""
+    """The gripper center is three numbers with separators, the same on each connection."""
     first = gripper_of(line)
     line.close()
     second = gripper_of(subject.open())
-    expect_equal(second, first, "the gripper centre changed although nobody set it")
+    expect_equal(second, first, "the gripper center changed although it was not set")

@@ -1,4 +1,4 @@
-"""Clause 4.20: setting the gripper centre (0x35, L433-443)."""
+"""Clause 4.20: set the gripper center (0x35, L433-443)."""
 
 from typing import Final
 
@@ -33,9 +33,9 @@ from scaraspec.user_message import UserMessage
 _EXAMPLE: Final = Point(200, 300, 456)  # L438
 _PLAIN: Final = Point(1.5, -2, 30.5)
 _OTHER: Final = Point(7.5, -8, 9)
-_LARGE: Final = Point(123.4, -1234.5, 3276.8)  # the last in tenths is more than 15 bits hold
+_LARGE: Final = Point(123.4, -1234.5, 3276.8)  # the last one in tenths exceeds 15 bits
 _SLIGHT: Final = Point(0.5, -0.5, 0.5)
-_MEANT: Final = 4  # of a position: x, y, z and thetaX (L1006)
+_MEANT: Final = 4  # fields of a position: x, y, z and thetaX (L1006)
 _SOON_S: Final = 0.1
 
 _tenths = st.integers(-1000, 1000).map(lambda tenths: tenths / 10)
@@ -43,12 +43,12 @@ _thousandths = st.integers(-100_000, 100_000).map(lambda thousandths: thousandth
 
 
 def _set(subject: ControllerUnderTest, line: OutgoingConnection, wanted: Point) -> None:
-    """Set it; who runs a program may refuse (A-4.20-1)."""
+    """Set the gripper center; a refusal is allowed while a program runs (A-4.20-1)."""
     answer = line.ask("set_gripper_center", wanted)
     with unless_others_run(subject, line):
         expect(
             answer.accepted,
-            "a gripper centre was not answered 1",
+            "setting a gripper center was not answered 1",
             expected="1",
             observed=f"{answer}",
             requirement="4.20/2",
@@ -56,13 +56,13 @@ def _set(subject: ControllerUnderTest, line: OutgoingConnection, wanted: Point) 
 
 
 def _expect_shown(line: OutgoingConnection, wanted: Point) -> None:
-    message = "0x34 does not give the gripper centre that was set"
+    message = "0x34 does not return the gripper center that was set"
     expect_numbers(gripper_of(line), wanted, message, "4.20/3")
 
 
 @case("4.20/3", "4.20/2")
 def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The gripper centre that was set is read back, sign and first decimal included."""
+    """The gripper center that was set is returned, including sign and first decimal."""
 
     @example(Point(0, 0, 0))
     @example(Point(-0.1, 0.1, -100))
@@ -83,7 +83,7 @@ def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 @case("4.20/3", name="decimals")
 def test_decimals(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Numbers with more digits, and the example of the document, are read back as set."""
+    """Numbers with more decimals, and the example of the document, are returned as set."""
 
     @example(_EXAMPLE)
     @example(_LARGE)
@@ -94,7 +94,7 @@ def test_decimals(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
         if answer.accepted:
             _expect_shown(line, wanted)
             return
-        message = "a gripper centre was refused and has changed all the same"
+        message = "a gripper center was refused but changed"
         expect_numbers(gripper_of(line), before, message, "4.20/2")
 
     with kept(subject, line, "gripper centre"):
@@ -103,13 +103,14 @@ def test_decimals(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
 
 @case("4.20/3", "4.20/2", name="while-running", hazards=PROGRAMS)
 def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A setting while a program runs is answered "1" and shows, or "0" and changes nothing."""
+    """Setting the gripper center in a run is answered "1" and works, or "0" without a change."""
     with kept(subject, line, "gripper centre"), running(subject, line):
         for wanted in examples((_PLAIN, _OTHER)):
             before = gripper_of(line)
             answer = line.ask("set_gripper_center", wanted)
             message = UserMessage(
-                "a setting while a program ran was answered {answer}, and 0x34 gives another",
+                "setting the gripper center in a run was answered {answer}, but 0x34 returns "
+                "another value",
                 answer=answer,
             )
             expect_numbers(
@@ -119,7 +120,7 @@ def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnectio
 
 @case("4.20/3", "4.21/3", "4.13/3", name="behind-resets", hazards=PROGRAMS)
 def test_behind_resets(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Gripper centre, initial position and default program stay behind a reset, and another."""
+    """Gripper center, initial position and default program are unchanged after two resets."""
     require_command(subject, RESET)
     program = store_program(subject, line)
     with kept(subject, line, "gripper centre"), default_kept(subject, line):
@@ -132,7 +133,7 @@ def test_behind_resets(subject: ControllerUnderTest, line: OutgoingConnection) -
                 begin_or_skip(subject, line, RESET)
                 done(subject, line, RESET)
                 _expect_shown(line, _SLIGHT)
-                message = "a reset has changed the initial tool position"
+                message = "a reset changed the initial tool position"
                 expect_numbers(initial_of(line)[:_MEANT], home[:_MEANT], message, "4.21/3")
                 if named:
                     expect_default(subject, line, program, "4.13/3")
@@ -140,7 +141,7 @@ def test_behind_resets(subject: ControllerUnderTest, line: OutgoingConnection) -
 
 @case("4.20/4", "4.20/3")
 def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """What is not three numbers is not answered 1, and changes nothing."""
+    """A value that is not three numbers is not answered 1 and changes nothing."""
     with kept(subject, line, "gripper centre"):
         _set(subject, line, _PLAIN)
         _expect_shown(line, _PLAIN)
@@ -149,21 +150,21 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
             line = offered.line
             expect(
                 not (offered.accepted and wrong.firm),
-                UserMessage("{wrong} was accepted as a gripper centre", wrong=wrong),
+                UserMessage("{wrong} was accepted as a gripper center", wrong=wrong),
                 expected="0",
                 observed=f"{offered}",
             )
             if offered.accepted:
                 _set(subject, line, _PLAIN)
             message = UserMessage(
-                "a gripper centre with {wrong} was refused and has changed it", wrong=wrong
+                "a gripper center with {wrong} was refused but changed it", wrong=wrong
             )
             expect_numbers(gripper_of(line), _PLAIN, message, "4.20/3")
 
 
 @case("4.20/5", "4.20/2", hazards=(Hazard.STATE, Hazard.MOTION))
 def test_moves_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """To set the gripper centre moves no joint."""
+    """Setting the gripper center moves no joint."""
     with kept(subject, line, "gripper centre"):
         for wanted in examples((Point(0, 0, 50), Point(20, -20, 0))):
             before = joints_of(line)
@@ -173,7 +174,7 @@ def test_moves_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -
             after = joints_of(line)
             expect(
                 farthest(before, after) <= STANDSTILL,
-                "the arm moved when the gripper centre was set",
+                "the arm moved when the gripper center was set",
                 expected=f"{tuple(before)}",
                 observed=f"{tuple(after)}",
                 requirement="4.20/5",

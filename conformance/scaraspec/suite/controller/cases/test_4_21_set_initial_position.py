@@ -1,6 +1,6 @@
-"""Clause 4.21: setting the initial tool position (0x36, L445-455).
+"""Clause 4.21: set the initial tool position (0x36, L445-455).
 
-Where the arm can go is not known: what is set lies close to where it stands.
+The workspace of the arm is unknown, so each position is close to the current one.
 """
 
 from typing import Final
@@ -23,34 +23,34 @@ from scaraspec.suite.engine.expectations import CaseFailed, expect
 from scaraspec.suite.program_files.bench import PROGRAMS, running
 from scaraspec.user_message import UserMessage
 
-_MEANT: Final = 4  # x, y, z and thetaX; the others mean nothing (L1006)
+_MEANT: Final = 4  # x, y, z and thetaX; the others have no meaning (L1006)
 _ASIDE: Final = 0.5  # mm or degrees
 _SOON_S: Final = 0.2
 _READINGS: Final = 5
 
 
 def _at(pose: Pose, decimals: int) -> Pose:
-    """A pose with so many decimals, and zeros where nothing is meant."""
+    """Return a pose with `decimals` decimals, and zeros in fields without meaning."""
     x, y, z, theta_x, *_ = (round(value, decimals) for value in pose)
     return Pose(x, y, z, theta_x, 0, 0)
 
 
 def _near(line: OutgoingConnection) -> Pose:
-    """Make where the arm stands the initial position, and the gripper's centre that of the tool.
+    """Set the current position as the initial one, and the gripper center to zero; return it.
 
-    Then both are the same, whichever of them 0x38 gives (A-4.23-1). At an end of the travel what is
-    read may lie beyond, where it is never still.
+    Then both points that 0x38 may return are the same (A-4.23-1). At a limit of the workspace, the
+    reported pose may be outside of it and may vary.
 
     Raises:
-        CaseFailed: The subject refuses it, although the arm can be there.
+        CaseFailed: The current position is refused.
     """
     line.ask("set_gripper_center", Point(0, 0, 0))
     read = dict.fromkeys(pose_of(line) for _ in range(_READINGS))
-    for near in (each for pose in read for each in (_at(pose, 1), pose)):
+    for near in (candidate for pose in read for candidate in (_at(pose, 1), pose)):
         answer = line.ask("set_initial_tool_position", near)
         if answer.accepted:
             return near
-    message = "where the arm stands is not taken for an initial tool position"
+    message = "the current position is refused as an initial tool position"
     raise CaseFailed(message, expected="1", observed=f"{answer}", requirement="4.21/2")
 
 
@@ -58,7 +58,7 @@ def _set(line: OutgoingConnection, wanted: Pose) -> ReceivedFrame:
     answer = line.ask("set_initial_tool_position", wanted)
     expect(
         answer.accepted is not None,
-        "the reply to 0x36 is not one flag",
+        "the reply to 0x36 is not a single flag",
         expected="1 or 0",
         observed=f"{answer}",
         requirement="4.21/2",
@@ -74,7 +74,7 @@ def _expect_shown(
 
 @case("4.21/3", "4.21/2")
 def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The position that was set is read back, and the gripper centre remains what it was."""
+    """The position that was set is returned, and the gripper center is unchanged."""
     reach = round(subject.ics.motion.step_mm * 10)
     steps = st.integers(-reach, reach).map(lambda tenths: tenths / 10)
     taken: list[Pose] = []
@@ -86,11 +86,11 @@ def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
         before = initial_of(line)
         if _set(line, wanted).accepted:
             taken.append(wanted)
-            _expect_shown(line, wanted, "0x37 does not give the position that was set")
+            _expect_shown(line, wanted, "0x37 does not return the position that was set")
         else:
-            message = "an initial tool position was refused and has changed all the same"
+            message = "an initial tool position was refused but changed"
             _expect_shown(line, before, message, "4.21/2")
-        message = "0x36 has changed the gripper centre"
+        message = "0x36 changed the gripper center"
         expect_numbers(gripper_of(line), gripper, message, "4.21/3")
 
     with kept(subject, line, "gripper centre", "initial tool position"):
@@ -101,12 +101,12 @@ def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
         each()
         line.close()
         last = taken[-1] if taken else near
-        _expect_shown(subject.open(), last, "another connection is told another position")
+        _expect_shown(subject.open(), last, "another connection returned another position")
 
 
 @case("4.21/3", "4.21/2", name="while-running", hazards=PROGRAMS)
 def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A setting while a program runs is answered "1" and shows, or "0" and changes nothing."""
+    """Setting the initial position in a run is answered "1" and works, or "0" without a change."""
     with kept(subject, line, "gripper centre", "initial tool position"):
         near = _near(line)
         with running(subject, line):
@@ -114,7 +114,7 @@ def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnectio
                 wanted, before = near._replace(z=near.z + step), initial_of(line)
                 answer = _set(line, wanted)
                 message = UserMessage(
-                    "a setting while a program ran was answered {answer}, and 0x37 differs",
+                    "setting the initial position in a run was answered {answer}, but 0x37 differs",
                     answer=answer,
                 )
                 _expect_shown(line, wanted if answer.accepted else before, message)
@@ -122,10 +122,10 @@ def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnectio
 
 @case("4.21/4", "4.21/3")
 def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """What is not six numbers is not answered 1, and changes nothing."""
+    """A value that is not six numbers is not answered 1 and changes nothing."""
     with kept(subject, line, "gripper centre", "initial tool position"):
         near = _near(line)
-        _expect_shown(line, near, "0x37 does not give the initial position that was set")
+        _expect_shown(line, near, "0x37 does not return the initial position that was set")
         other = _at(Pose(*(value + _ASIDE for value in near)), 3)
         for wrong in examples(malformed("set_initial_tool_position", other, subject.dialect)):
             offered = offer(subject, line, "set_initial_tool_position", wrong)
@@ -138,15 +138,13 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
             )
             if offered.accepted:
                 _set(line, near)
-            message = UserMessage(
-                "a position with {wrong} was refused and has changed it", wrong=wrong
-            )
+            message = UserMessage("a position with {wrong} was refused but changed it", wrong=wrong)
             _expect_shown(line, near, message)
 
 
 @case("4.21/5", "4.21/2", hazards=(Hazard.STATE, Hazard.MOTION))
 def test_moves_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """To set the initial tool position moves no joint."""
+    """Setting the initial tool position moves no joint."""
     with kept(subject, line, "gripper centre", "initial tool position"):
         near = _near(line)
         before = joints_of(line)

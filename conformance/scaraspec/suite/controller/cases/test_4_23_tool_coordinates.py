@@ -28,7 +28,7 @@ _OFFSETS: Final = (Point(0, 0, 30), Point(20, 0, 0))
 
 @case("4.23/2", "4.23/5")
 def test_coordinates(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The coordinates are six numbers between bars, which do not change while the robot is idle."""
+    """The coordinates are six numbers with separators that do not change in an idle robot."""
     if line.ask("get_status").value != "00":
         raise CaseSkipped("the robot is not idle")
     first = pose_of(line)
@@ -39,7 +39,7 @@ def test_coordinates(subject: ControllerUnderTest, line: OutgoingConnection) -> 
             raise CaseSkipped("the robot is not idle")
         expect(
             farthest(first, now) <= STANDSTILL,
-            "the coordinates changed although the robot is idle",
+            "the coordinates changed although the robot was idle",
             expected=f"{tuple(first)}",
             observed=f"{tuple(now)}",
             requirement="4.23/5",
@@ -47,28 +47,28 @@ def test_coordinates(subject: ControllerUnderTest, line: OutgoingConnection) -> 
     line.close()
     expect(
         farthest(first, pose_of(subject.open())) <= STANDSTILL,
-        "another connection is told other coordinates",
+        "another connection returned other coordinates",
         requirement="4.23/5",
     )
 
 
 @case("4.23/5", name="behind-a-move", hazards=(Hazard.STATE, Hazard.MOTION), slow=True)
 def test_rest_behind_a_move(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Where a move has ended the tool stays: a second later it stands there still."""
+    """The tool stays in its position after a move ends."""
     require_command(subject, MOVE)
     with returning(subject, line):
         _, answer = begin_step_somewhere(subject, line)
         accepted(MOVE, answer)
         done(subject, line, MOVE)
-        expect_stays(line, "the tool goes on behind the end of its move", for_s=_REST_S)
+        expect_stays(line, "the tool continues to move after the end of its move", for_s=_REST_S)
 
 
 @case("4.23/3", hazards=(Hazard.STATE,))
 def test_screw_end(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The gripper centre is not part of the coordinates, or the coordinates are those of it."""
+    """The coordinates are those of the screw end, or those of the gripper center."""
     with kept(subject, line, "gripper centre"):
         if not line.ask("set_gripper_center", Point(0, 0, 0)).accepted:
-            raise CaseSkipped("the gripper centre cannot be set")
+            raise CaseSkipped("the gripper center cannot be set")
         screw_end = pose_of(line)
         for offset in examples(_OFFSETS):
             if not line.ask("set_gripper_center", offset).accepted:
@@ -76,13 +76,13 @@ def test_screw_end(subject: ControllerUnderTest, line: OutgoingConnection) -> No
             shown = pose_of(line)
             away_mm, offset_mm = math.dist(shown[:3], screw_end[:3]), math.hypot(*offset)
             if away_mm > STANDSTILL and abs(away_mm - offset_mm) <= STANDSTILL:
-                message = "the coordinates are those of the gripper's centre"
+                message = "the coordinates are those of the gripper center"
                 subject.tolerate("4.23/3", "pose_point", "gripper", message)
                 away_mm = 0
             expect(
                 away_mm <= STANDSTILL
                 and abs(turned(shown.theta_x, screw_end.theta_x)) <= STANDSTILL,
-                "the coordinates are neither those of the screw's end nor of the gripper's centre",
-                expected=f"{tuple(screw_end)}, or {offset_mm:g} mm from there",
+                "the coordinates are neither those of the screw end nor of the gripper center",
+                expected=f"{tuple(screw_end)}, or a distance of {offset_mm:g} mm",
                 observed=f"{tuple(shown)}",
             )

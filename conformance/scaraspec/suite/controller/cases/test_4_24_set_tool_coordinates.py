@@ -53,7 +53,7 @@ _UNREACHABLE: Final = ("05", "06")
 
 
 def _far(pose: Pose) -> list[Pose]:
-    """Poses beyond all reach, in every direction (4.24/9); one is near in a number of 16 bits."""
+    """Return unreachable poses in each direction (4.24/9); one is reachable modulo 16 bits."""
     beyond = [
         pose._replace(**{axis: value})
         for axis in ("x", "y", "z")
@@ -65,7 +65,7 @@ def _far(pose: Pose) -> list[Pose]:
 def _told(
     subject: ControllerUnderTest, line: OutgoingConnection, answer: ReceivedFrame
 ) -> ReceivedFrame:
-    """What is said of a move in the end: its refusal, or its result."""
+    """Return the outcome of a move: its refusal or its final result."""
     return finish(subject, line, MOVE) if answer.accepted else answer
 
 
@@ -78,14 +78,14 @@ def test_impossible_moves(subject: ControllerUnderTest, line: OutgoingConnection
             answer = ask_move(subject, line, pose_beyond, SLOWEST_PERCENT)
             expect(
                 not line.invalid_bytes,
-                "the refusal of a move is no frame of the length that it announces",
+                "the refusal of a move is not a frame of its stated length",
                 expected="CC 39 04 30 7C 30 35 AA",
                 observed=" ".join(noise.data.hex(" ") for noise in line.invalid_bytes),
                 requirement="4.24/4",
             )
-            if answer.accepted:  # A-4.24-5: it may be found out later
+            if answer.accepted:  # A-4.24-5: it may be detected later
                 result = finish(subject, line, MOVE)
-                message = "an impossible move was accepted, and failed"
+                message = "an impossible move was accepted and failed later"
                 subject.tolerate(
                     "4.24/3", "A-4.24-5", UserMessage("{code}", code=result.code), message
                 )
@@ -104,7 +104,7 @@ def test_impossible_moves(subject: ControllerUnderTest, line: OutgoingConnection
 
 @case("4.24/9", hazards=_MOTION)
 def test_beyond_all_reach(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A target a kilometre away is refused or fails, with 05 or 06, and the arm stays."""
+    """A target a kilometer away is refused or fails with 05 or 06, and the arm does not move."""
     require_command(subject, MOVE)
     with returning(subject, line) as pose:
         for pose_beyond in examples(_far(pose)):
@@ -112,14 +112,14 @@ def test_beyond_all_reach(subject: ControllerUnderTest, line: OutgoingConnection
             bare = answer.accepted is False and text_of(answer) == b"0"  # err_bare0
             expect(
                 bare or (not answer.done and answer.code in _UNREACHABLE),
-                "a target beyond all reach is not refused with 05 or 06",
+                "an unreachable target is not refused with 05 or 06",
                 expected="0|05 or 0|06",
                 observed=f"{answer}",
             )
         now = pose_of(line)
         expect(
             farthest(now[:3], pose[:3]) < _BEYOND_MM / 2,
-            "the arm says that it is where no arm can be",
+            "the arm reports an impossible position",
             expected=f"{pose}",
             observed=f"{now}",
         )
@@ -127,7 +127,7 @@ def test_beyond_all_reach(subject: ControllerUnderTest, line: OutgoingConnection
 
 @case("4.24/5", "4.24/6", "4.24/8", hazards=_MOTION)
 def test_every_speed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A move to where the arm stands is accepted at every speed from 1 to 100 %, and ends there."""
+    """A move to the current pose succeeds at every speed from 1 to 100 %, and ends there."""
     require_command(subject, MOVE)
     gripper = line.ask("get_gripper_center").value
     with returning(subject, line) as pose:
@@ -136,7 +136,7 @@ def test_every_speed(subject: ControllerUnderTest, line: OutgoingConnection) -> 
             answer = accepted(MOVE, ask_move(subject, line, pose, speed_percent))
             expect(
                 text_of(answer) == b"1",
-                "the first reply to a move is more than the flag 1",
+                "the first reply to a move is not just the flag 1",
                 expected="1",
                 observed=f"{answer}",
             )
@@ -151,7 +151,7 @@ def test_every_speed(subject: ControllerUnderTest, line: OutgoingConnection) -> 
 @pytest.mark.parametrize("axis", AXES)
 @case("4.24/8", "4.24/5", "4.24/6", "4.27/6", hazards=_MOTION)
 def test_there_and_back(subject: ControllerUnderTest, line: OutgoingConnection, axis: str) -> None:
-    """A step along one axis ends at the pose that was commanded, and so does the way back."""
+    """A step along one axis, and the step back, end at the commanded pose."""
     require_command(subject, MOVE)
     find_out_whether_it_listens(subject, line)
     gripper = line.ask("get_gripper_center").value
@@ -164,7 +164,7 @@ def test_there_and_back(subject: ControllerUnderTest, line: OutgoingConnection, 
         after = joints_of(line)
         expect(
             farthest(before, after) > 0 or off_by(pose_of(line), pose) <= STANDSTILL,
-            "the tool has moved and no joint has",
+            "the tool moved but no joint did",
             expected="other joint angles",
             observed=f"{after}",
             requirement="4.27/6",
@@ -183,12 +183,12 @@ def _expect_reached(
     now = pose_of(line)
     off = off_by(now, wanted)
     if off > REACHED and (gripper is None or any(gripper)):
-        message = "the pose that was reached is not the one that was commanded"
+        message = "the reached pose is not the commanded one"
         subject.tolerate("4.24/8", "A-4.23-1", "another point", message)
         return
     expect(
         off <= REACHED,
-        "the pose that was reached is not the one that was commanded",
+        "the reached pose is not the commanded one",
         expected=f"{wanted}",
         observed=f"{now}",
         requirement="4.24/8",
@@ -197,7 +197,7 @@ def _expect_reached(
 
 @case("4.24/8", name="in-between", hazards=_MOTION, slow=True)
 def test_fractions(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Targets with decimals are reached as they are, one after the other."""
+    """Targets with decimals are reached one after another."""
     require_command(subject, MOVE)
     find_out_whether_it_listens(subject, line)
     gripper = line.ask("get_gripper_center").value
@@ -214,7 +214,7 @@ def test_fractions(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 
 @case("4.24/3", name="malformed", hazards=_MOTION)
 def test_malformed_requests(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A request that is not seven numbers moves nothing; it is refused, or not answered."""
+    """A request that is not seven numbers moves nothing; it is refused or not answered."""
     require_command(subject, MOVE)
     subject.moved = True
     with returning(subject, line) as pose:
@@ -233,18 +233,19 @@ def test_malformed_requests(subject: ControllerUnderTest, line: OutgoingConnecti
             finish(subject, line, MOVE)
             message = UserMessage("a request that is {wrong} was accepted", wrong=wrong)
             subject.tolerate("4.24/3", "A-3-9", wrong.kind, message)
-            _expect_unmoved(line, pose, here, f"a malformed request ({wrong}) has moved the arm")
+            message = UserMessage("a malformed request ({wrong}) moved the arm", wrong=wrong)
+            _expect_unmoved(line, pose, here, message)
         line = alive(subject, line)
-        line.wait(MOMENT_S)  # a move may begin late, and tell nobody
+        line.wait(MOMENT_S)  # a move may begin late and without a reply
         stop_motion(subject, line)
         status = line.ask("get_status")
         expect(
             status.value not in BUSY,
-            "the robot executes something behind malformed requests",
+            "the robot executes something after malformed requests",
             expected="00",
             observed=f"{status}",
         )
-        _expect_unmoved(line, pose, here, "malformed requests have moved the arm")
+        _expect_unmoved(line, pose, here, "malformed requests moved the arm")
     perform(subject, alive(subject, line), MOVE)
 
 

@@ -1,4 +1,4 @@
-"""Clause 4.25: the joints are released (0x3A, L518-549); they are locked again at once."""
+"""Clause 4.25: release the joints (0x3A, L518-549). The cases lock them again at once."""
 
 import pytest
 
@@ -29,13 +29,13 @@ _MOTION = (Hazard.STATE, Hazard.MOTION)
 
 @case("4.25/2", "4.25/3", hazards=_MOTION)
 def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A release is answered "1", and one of released joints with "1" or "0|code"; each "1" ends."""
+    """A release is answered "1", a repeated one "1" or "0|code"; each "1" has a final result."""
     require_command(subject, RELEASE, LOCK)
     with locked_again(subject, line):
         answer, result = release(subject, line)
         expect(
             text_of(answer) == b"1",
-            "the first reply to a release is more than the flag 1",
+            "the first reply to a release is not just the flag 1",
             expected="1",
             observed=f"{answer}",
         )
@@ -43,15 +43,15 @@ def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> 
         if again is not None:
             expect_first_reply(RELEASE, again)
             if again.accepted is False:
-                message = "released joints were not released again"
+                message = "a release of released joints was refused"
                 subject.tolerate("4.25/2", "A-4.25-3", "0|code", message)
-            elif result is not None:  # not only when the joints are locked (A-4.25-2)
+            elif result is not None:  # it does not wait until the joints are locked (A-4.25-2)
                 finish(subject, line, RELEASE)
 
 
 @case("4.25/3", hazards=_MOTION)
 def test_end_of_a_release(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A release ends with "11": at once, or when the joints are locked again (A-4.25-2)."""
+    """A release ends with "11", at once or when the joints are locked again (A-4.25-2)."""
     require_command(subject, RELEASE, LOCK)
     for _ in range(2):
         performed = perform(subject, line, RELEASE)
@@ -70,7 +70,7 @@ def test_end_of_a_release(subject: ControllerUnderTest, line: OutgoingConnection
 def test_not_during_motion(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str
 ) -> None:
-    """While a program or a move executes a release is refused, and does not happen later."""
+    """A release during a program or a move is refused, and is not executed later."""
     require_command(subject, RELEASE, LOCK)
     if subject.dialect["busy_reply"] == "queue":
         return

@@ -1,4 +1,4 @@
-"""Clause 4.26: the joints are locked (0x3B, L551-582)."""
+"""Clause 4.26: lock the joints (0x3B, L551-582)."""
 
 from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.hazard import Hazard
@@ -26,7 +26,7 @@ _MOTION = (Hazard.MOTION,)
 
 @case("4.26/2", hazards=_MOTION)
 def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A lock of released joints is answered "1", one of locked joints with "1" or "0|code"."""
+    """A lock of released joints is answered "1", one of locked joints "1" or "0|code"."""
     require_command(subject, LOCK, RELEASE)
     subject.moved = True
     again = line.ask(LOCK)
@@ -34,13 +34,13 @@ def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> 
     if again.accepted:
         finish(subject, line, LOCK)
     else:
-        subject.tolerate("4.26/2", "A-4.25-3", "0|code", "locked joints were not locked again")
+        subject.tolerate("4.26/2", "A-4.25-3", "0|code", "a lock of locked joints was refused")
     with locked_again(subject, line):
         release(subject, line)
         answer = begin_or_skip(subject, line, LOCK)
         expect(
             text_of(answer) == b"1",
-            "the first reply to a lock is more than the flag 1",
+            "the first reply to a lock is not just the flag 1",
             expected="1",
             observed=f"{answer}",
         )
@@ -49,7 +49,7 @@ def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> 
 
 @case("4.26/3", hazards=_MOTION)
 def test_end_of_a_lock(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A lock ends with "11", and behind it the arm can be moved again."""
+    """A lock ends with "11", and the arm can be moved after it."""
     require_command(subject, LOCK, RELEASE)
     with locked_again(subject, line):
         for _ in range(2):
@@ -61,7 +61,7 @@ def test_end_of_a_lock(subject: ControllerUnderTest, line: OutgoingConnection) -
 
 @case("4.26/5", hazards=_MOTION)
 def test_locked_joints_stay(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Behind a lock that ended with "11" the joint angles do not change."""
+    """After a lock that ended with "11", the joint angles do not change."""
     require_command(subject, LOCK, RELEASE)
     with locked_again(subject, line):
         release(subject, line)
@@ -73,7 +73,7 @@ def test_locked_joints_stay(subject: ControllerUnderTest, line: OutgoingConnecti
         now = joints_of(line)
         expect(
             farthest(first, now) <= STANDSTILL,
-            "the joint angles change although the joints are locked",
+            "the joint angles changed although the joints are locked",
             expected=f"{first}",
             observed=f"{now}",
         )

@@ -1,4 +1,4 @@
-"""Clause 4.27: the angles of the joints (0x3C, L584-594)."""
+"""Clause 4.27: the joint angles (0x3C, L584-594)."""
 
 from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.commands import JointValues
@@ -25,7 +25,7 @@ from scaraspec.suite.engine.expectations import expect
 
 @case("4.27/2", "4.27/3")
 def test_four_numbers(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The angles are four numbers between bars in a frame of their length, time after time."""
+    """The angles are four numbers with separators in a frame of the right length, in each reply."""
     require_command(subject, "get_joint_angles")
     for _ in range(10):
         answer = line.ask("get_joint_angles")
@@ -38,8 +38,8 @@ def test_four_numbers(subject: ControllerUnderTest, line: OutgoingConnection) ->
     noise = line.invalid_bytes
     expect(
         not noise,
-        "a reply with the joint angles is no frame of the length that it announces",
-        expected="a length that counts the data",
+        "a reply with the joint angles is not a frame of its stated length",
+        expected="a length equal to the number of data bytes",
         observed=" ".join(each.data.hex(" ") for each in noise),
         requirement="4.27/3",
     )
@@ -47,13 +47,13 @@ def test_four_numbers(subject: ControllerUnderTest, line: OutgoingConnection) ->
 
 @case("4.27/2", "4.27/3", name="while-moving", hazards=(Hazard.STATE, Hazard.MOTION), slow=True)
 def test_while_moving(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """They are four numbers while the arm moves too, whatever decimals that brings."""
+    """The angles are four numbers while the arm moves, too, with any number of decimals."""
     with lasting(subject, line, MOVE) as task:
         for _ in range(30):
             joints_of(line)
             expect(
                 not line.invalid_bytes,
-                "a reply with the joint angles is no frame of the length that it announces",
+                "a reply with the joint angles is not a frame of its stated length",
                 observed=" ".join(each.data.hex(" ") for each in line.invalid_bytes),
                 requirement="4.27/3",
             )
@@ -64,7 +64,7 @@ def test_while_moving(subject: ControllerUnderTest, line: OutgoingConnection) ->
 
 @case("4.27/4")
 def test_idle_joints_stay(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """While the robot is idle the joint angles do not change."""
+    """The joint angles do not change while the robot is idle."""
     require_command(subject, "get_joint_angles")
     if line.ask("get_status").value != "00":
         return
@@ -76,14 +76,14 @@ def test_idle_joints_stay(subject: ControllerUnderTest, line: OutgoingConnection
             return
         expect(
             farthest(first, now) <= STANDSTILL,
-            "the joint angles change although the robot is idle",
+            "the joint angles changed although the robot was idle",
             expected=f"{first}",
             observed=f"{now}",
         )
     other = joints_of(subject.open()) if subject.takes_several else first
     expect(
         farthest(first, other) <= STANDSTILL,
-        "another connection is told other joint angles",
+        "another connection returned other joint angles",
         expected=f"{first}",
         observed=f"{other}",
     )
@@ -101,7 +101,7 @@ def test_motion_shows(subject: ControllerUnderTest, line: OutgoingConnection) ->
         after, now = joints_of(line), pose_of(line)
         expect(
             same_place(now, pose) or farthest(before, after) > 0,
-            "the tool coordinates have changed and the joint angles have not",
+            "the tool coordinates changed but the joint angles did not",
             expected="other joint angles",
             observed=f"{after}",
         )

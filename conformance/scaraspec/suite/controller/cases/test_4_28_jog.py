@@ -1,4 +1,4 @@
-"""Clause 4.28: the arm is moved until it is stopped (0x3D, L596-637); every jog here is short."""
+"""Clause 4.28: jog the arm until it is stopped (0x3D, L596-637). Every jog here is short."""
 
 from typing import Final
 
@@ -79,7 +79,7 @@ _NO_DIRECTION: Final = tuple(
 
 
 def _jogged(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Let a jog go on until it shows, or for as long as it may."""
+    """Wait until a jog is visible, or for the longest duration that is allowed."""
     left_s = subject.ics.motion.jog_s
     if not listens(subject, line, jogs=True):
         line.wait(left_s)
@@ -106,7 +106,7 @@ def test_direction(
             stop(subject, line)
             raise CaseSkipped(
                 UserMessage(
-                    "the arm has no room towards {direction}: {answer}",
+                    "the arm has no room to move towards {direction}: {answer}",
                     direction=direction,
                     answer=answer,
                 )
@@ -118,20 +118,17 @@ def test_direction(
         axis, sign = _AXES[direction]
         along = (getattr(now, axis) - getattr(pose, axis)) * sign
         across = max(
-            abs(getattr(now, each) - getattr(pose, each)) for each in "xyz" if each != axis
+            abs(getattr(now, other) - getattr(pose, other)) for other in "xyz" if other != axis
         )
         single = sum(abs(p - q) > STANDSTILL for p, q in zip(joints, after, strict=True)) == 1
         if max(abs(along), across) <= STANDSTILL:
             longest_s = subject.ics.motion.jog_s
-            message = UserMessage(
-                "the arm did not move towards {direction} within {longest_s:g} s",
-                direction=direction,
-                longest_s=longest_s,
-            )
             raise CaseSkipped(
                 UserMessage(
-                    "{message}: it has no room there, or needs a longer [motion] jog_s",
-                    message=message,
+                    "the arm did not move towards {direction} within {longest_s:g} s: "
+                    "it has no room there, or needs a longer [motion] jog_s",
+                    direction=direction,
+                    longest_s=longest_s,
                 )
             )
         if single and along < across:
@@ -139,7 +136,7 @@ def test_direction(
             return
         expect(
             along > across,
-            UserMessage("a jog towards {direction} moved the arm another way", direction=direction),
+            UserMessage("a jog towards {direction} moved the arm elsewhere", direction=direction),
             expected=f"{direction}",
             observed=f"from {pose[:3]} to {now[:3]}",
         )
@@ -147,12 +144,12 @@ def test_direction(
 
 @case("4.28/4", hazards=_MOTION)
 def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A jog that can be is answered "1", one while it moves "0|04"; another may replace it."""
+    """A jog is answered "1", one during a jog "0|04"; a controller may let it replace the first."""
     with returning(subject, line):
         answer = jog_somewhere(subject, line)
         expect(
             text_of(answer) == b"1",
-            "the first reply to a jog is more than the flag 1",
+            "the first reply to a jog is not just the flag 1",
             expected="1",
             observed=f"{answer}",
         )
@@ -161,25 +158,26 @@ def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> 
             return
         again = try_request(line, JOG, JogDirection.PLUS_Y)
         if again is None:
-            subject.tolerate("4.28/4", "busy_reply", "silence", "a jog was not answered during one")
+            message = "a jog during another one was not answered"
+            subject.tolerate("4.28/4", "busy_reply", "silence", message)
         else:
             expect_first_reply(JOG, again)
         if again is not None and again.accepted:
-            message = "another jog replaced the one before"
+            message = "another jog replaced the running one"
             subject.tolerate("4.28/4", "A-4.28-5", "replace", message)
         stop(subject, line)
 
 
 @case("4.28/5", "4.17/6", hazards=_MOTION, slow=True)
 def test_end_of_a_jog(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A jog goes on until it is stopped, and is then told to have ended, once at most."""
+    """A jog continues until it is stopped, and then has at most one final result."""
     with returning(subject, line):
         for _ in range(2):
             jog_somewhere(subject, line)
             _jogged(subject, line)
             answer = line.ask(STOP)
-            if not answer.accepted:  # it has ended by itself (A-4.28-3)
-                expect(finish(subject, line, JOG).done is not None, "a jog has no end")
+            if not answer.accepted:  # it ended by itself (A-4.28-3)
+                expect(finish(subject, line, JOG).done is not None, "a jog has no final result")
                 continue
             finish(subject, line, STOP)
             own = interrupted(line, JOG)
@@ -198,12 +196,12 @@ def test_end_of_a_jog(subject: ControllerUnderTest, line: OutgoingConnection) ->
 
 @case("4.28/5", "4.17/6", name="limit", hazards=(Hazard.MOTION, Hazard.DESTRUCTIVE))
 def test_to_the_limit(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A jog that meets the end of the arm's travel ends there, or is stopped there (A-4.28-3)."""
+    """A jog that reaches the limit of the workspace ends there, or is stopped there (A-4.28-3)."""
     if subject.access.patience_s < _TO_THE_LIMIT_S:
         raise CaseSkipped(
             UserMessage(
-                "it lasts up to {to_the_limit_s:.0f} s: grant them with --patience",
-                to_the_limit_s=_TO_THE_LIMIT_S,
+                "the case takes up to {duration_s:.0f} s: allow them with --patience",
+                duration_s=_TO_THE_LIMIT_S,
             )
         )
     with returning(subject, line):
@@ -213,7 +211,7 @@ def test_to_the_limit(subject: ControllerUnderTest, line: OutgoingConnection) ->
             return
         if not listens(subject, line, jogs=True):
             stop(subject, line)
-            raise CaseSkipped("the robot answers nothing while it executes (A-4-3)")
+            raise CaseSkipped("the robot does not reply while it executes a command (A-4-3)")
         there, standing_s = pose_of(line), 0.0
         left_s = subject.longest_s
         while line.ask("get_status").value in BUSY and left_s > 0 and standing_s < 1:
@@ -230,7 +228,7 @@ def test_to_the_limit(subject: ControllerUnderTest, line: OutgoingConnection) ->
         result = finish(subject, line, JOG)
         expect(
             result.done or result.code in ("05", "06"),
-            "a jog that met a limit ends neither with 11 nor with 00|05",
+            "a jog that reached a limit ended neither with 11 nor with 00|05",
             expected="11",
             observed=f"{result}",
         )
@@ -240,7 +238,7 @@ def test_to_the_limit(subject: ControllerUnderTest, line: OutgoingConnection) ->
 
 @case("4.28/5", "4.17/6", name="lost-link", hazards=_MOTION)
 def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """When its client is gone a jog ends, or the next client can stop it (A-2-8)."""
+    """When its client disconnects, a jog ends, or the next client can stop it (A-2-8)."""
     subject.notices_leaving()
     require_responsive(subject, line)
     other = subject.open() if subject.takes_several else None
@@ -248,18 +246,18 @@ def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> No
         jog_somewhere(subject, line)
         line.close()
         other = other or subject.open()
-        left_s = subject.ics.motion.jog_s  # the loss has to be noticed, the arm to slow down
+        left_s = subject.ics.motion.jog_s  # to detect the loss and to decelerate
         while (goes_on := status_of(subject, other) in BUSY) and left_s > 0:
             other.wait(_SLICE_S)
             left_s -= _SLICE_S
         if goes_on:
             stopped = stop(subject, other)
             if stopped.accepted:
-                message = "a jog goes on without its client"
+                message = "a jog continues without its client"
                 subject.tolerate("4.28/5", "A-2-8", "goes on", message)
             expect(
                 stopped.accepted or status_of(subject, other) not in BUSY,
-                "a jog whose client is gone cannot be stopped by another",
+                "a jog whose client disconnected cannot be stopped by another client",
                 expected="1",
                 observed=f"{stopped}",
                 requirement="4.17/6",
@@ -270,7 +268,7 @@ def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> No
         now = pose_of(other)
         expect(
             farthest(now[:3], there[:3]) <= STANDSTILL,
-            "the arm goes on moving although the robot says that nothing executes",
+            "the arm continues to move although the robot reports that nothing executes",
             expected=f"{there}",
             observed=f"{now}",
         )
@@ -278,7 +276,7 @@ def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 
 @case("4.28/7", hazards=_MOTION)
 def test_no_direction(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """What is not one byte of 1 to 4 is not answered "1", and moves nothing."""
+    """A jog whose data is not one byte of 1 to 4 is not answered "1" and moves nothing."""
     require_command(subject, JOG)
     subject.moved = True
     with returning(subject, line):
@@ -288,7 +286,7 @@ def test_no_direction(subject: ControllerUnderTest, line: OutgoingConnection) ->
             answer = try_request(line, JOG, data=wrong.data)
             expect(
                 answer is None or not answer.accepted,
-                UserMessage("a jog was accepted whose direction is none: {wrong}", wrong=wrong),
+                UserMessage("a jog with an invalid direction was accepted: {wrong}", wrong=wrong),
                 expected="0|05, or silence",
                 observed=f"{answer}",
             )
@@ -299,7 +297,7 @@ def test_no_direction(subject: ControllerUnderTest, line: OutgoingConnection) ->
         status, after = line.ask("get_status"), joints_of(line)
         expect(
             status.value not in BUSY and farthest(before, after) <= STANDSTILL,
-            "the arm moves behind a jog that was not accepted",
+            "the arm moves after a jog that was not accepted",
             expected=f"00, {before}",
             observed=f"{status.value}, {after}",
         )
@@ -308,16 +306,16 @@ def test_no_direction(subject: ControllerUnderTest, line: OutgoingConnection) ->
 
 @case("4.28/4", name="both-notations", hazards=_MOTION, slow=True)
 def test_notations(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The direction is understood as an ASCII digit or as a binary byte, or both (A-4.28-1).
+    """The direction is accepted as an ASCII digit, as a binary byte, or both (A-4.28-1).
 
-    Where both are, each of them means the same.
+    If both are accepted, they have the same meaning.
     """
     with returning(subject, line):
         jog_somewhere(subject, line)
         heard = listens(subject, line, jogs=True)
         stop(subject, line)
         if not heard:
-            raise CaseSkipped("the robot answers nothing while it executes (A-4-3)")
+            raise CaseSkipped("the robot does not reply while it executes a command (A-4-3)")
         request, dialect = BY_NAME[JOG].request, subject.dialect
         taken, ways = [], dict[JogDirection, tuple[float, float]]()
         for notation in ("ascii", "binary"):
@@ -336,23 +334,23 @@ def test_notations(subject: ControllerUnderTest, line: OutgoingConnection) -> No
                     _expect_same_way(direction, ways.setdefault(direction, way), way)
         expect(
             taken,
-            "a jog is understood in neither notation",
+            "a jog is accepted in neither notation",
             expected="1",
             observed="refusals",
         )
         if "ascii" not in taken:
-            message = "the direction is understood as a binary byte alone"
+            message = "the direction is accepted only as a binary byte"
             subject.tolerate("4.28/4", "jog_byte", "binary", message)
 
 
 def _expect_same_way(
     direction: JogDirection, first: tuple[float, float], second: tuple[float, float]
 ) -> None:
-    """Fail the subject if one notation of a direction moves the arm against the other one."""
+    """Fail the case if the two notations of a direction move the arm differently."""
     expect(
         first[0] * second[0] + first[1] * second[1] > 0,
         UserMessage(
-            "a binary byte for {direction} does not move the arm as the digit does",
+            "a binary byte for {direction} moves the arm differently from the digit",
             direction=direction,
         ),
         expected=f"along {first}",

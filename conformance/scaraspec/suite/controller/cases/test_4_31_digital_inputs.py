@@ -1,4 +1,4 @@
-"""Clause 4.31: the digital inputs (0x42, L639-651)."""
+"""Clause 4.31: read the digital inputs (0x42, L639-651)."""
 
 from typing import Final
 
@@ -15,36 +15,38 @@ from scaraspec.suite.controller.harness.requests.ports import (
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import given
 from scaraspec.suite.program_files.bench import PROGRAMS, running
+from scaraspec.user_message import UserMessage
 
 _INPUTS: Final = 8
 
 
 @case("4.31/2", "4.31/4")
 def test_form(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The reply is "1|" and eight digits, ten bytes in all, however often it is asked for."""
+    """Every reply is "1|" and eight digits, ten bytes in total."""
     for _ in range(3):
         expect_form(subject, line, "get_digital_inputs")
 
 
 @case("4.31/2", "4.31/4", name="while-running", hazards=PROGRAMS)
 def test_form_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The reply is the same while a program runs."""
+    """The reply has the same format while a program runs."""
     with running(subject, line):
         expect_form(subject, line, "get_digital_inputs")
 
 
 @case("4.31/2", name="driven", needs=("set_input",))
 def test_driven(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Each input that is driven shows at its digit, the highest port first, and at no other."""
+    """Each driven input changes only its own digit; the highest port is first."""
     with inputs_driven(subject, line) as drive:
         for port in range(1, _INPUTS + 1):
             drive(port, on=not drive.now[port - 1])
-            expect_inputs(line, drive.now, f"input {port} was driven", requirement="4.31/3")
+            message = UserMessage("input {port} was driven", port=port)
+            expect_inputs(line, drive.now, message, requirement="4.31/3")
 
 
 @case("4.31/2", name="patterns", needs=("set_input",))
 def test_patterns(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Any pattern of the inputs shows as it is driven."""
+    """Any pattern of driven inputs is reported."""
     with inputs_driven(subject, line) as drive:
 
         @given(st.tuples(*[st.booleans()] * _INPUTS))

@@ -1,4 +1,4 @@
-"""Clause 4.32: setting a digital output (0x43, L653-663), which 0x49 shows (4.34)."""
+"""Clause 4.32: set a digital output (0x43, L653-663); 0x49 reports it (4.34)."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -43,12 +43,12 @@ _NO_PORTS: Final = (
     *(b"0", b"00", b"41", b"42", b"50", b"99", b"255", b"256"),
     *(b"257", b"272", b"65537", b"4294967297", b"-1", b"-255"),
 )
-"""The latter are a port in fewer bits than they have, or without their sign."""
+"""The last ones are valid ports if they are truncated or read without their sign."""
 
 
 @case("4.32/6", "4.32/4")
 def test_each_output(line: OutgoingConnection) -> None:
-    """What is answered "1" shows at once at its port and nowhere else; all else changes nothing."""
+    """A setting that is answered "1" changes only its own port; otherwise nothing changes."""
     settable(line)
     with outputs_kept(line) as before:
         now = before
@@ -58,7 +58,7 @@ def test_each_output(line: OutgoingConnection) -> None:
                 if answer.accepted:
                     now = with_port(now, port, on=on)
                 told = UserMessage(
-                    "output {port} was set to {on:d}, which was answered {answer}",
+                    "output {port} was set to {on:d} and answered {answer}",
                     port=port,
                     on=on,
                     answer=answer,
@@ -68,7 +68,7 @@ def test_each_output(line: OutgoingConnection) -> None:
 
 @case("4.32/6", name="sequences")
 def test_sequences(line: OutgoingConnection) -> None:
-    """After any sequence of settings 0x49 shows the last of each port."""
+    """After any sequence of settings, 0x49 reports the last value of each port."""
     ports = settable(line)
     setting = st.tuples(st.sampled_from(ports), st.booleans())
 
@@ -78,7 +78,7 @@ def test_sequences(line: OutgoingConnection) -> None:
         for port, on in settings:
             if set_output(line, port, on=on).accepted:
                 now = with_port(now, port, on=on)
-        expect_outputs(line, now, "outputs were set one after the other")
+        expect_outputs(line, now, "several outputs were set one after another")
 
     with outputs_kept(line):
         shows()
@@ -86,7 +86,7 @@ def test_sequences(line: OutgoingConnection) -> None:
 
 @case("4.32/6", "3/30", name="all-at-once")
 def test_all_on_and_off(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """All outputs can be on together, and off together, and go on in the order of one segment."""
+    """All outputs can be set and cleared, and requests in one segment take effect in order."""
     ports = settable(line)
     with outputs_kept(line) as before:
         now = before
@@ -95,7 +95,7 @@ def test_all_on_and_off(subject: ControllerUnderTest, line: OutgoingConnection) 
                 if set_output(line, port, on=on).accepted:
                     now = with_port(now, port, on=on)
                 told = UserMessage(
-                    "output {port} was set to {on:d} as all before it were", port=port, on=on
+                    "output {port} was set to {on:d} like the previous ones", port=port, on=on
                 )
                 expect_outputs(line, now, told)
         if not takes_one_at_a_time(subject):
@@ -103,7 +103,7 @@ def test_all_on_and_off(subject: ControllerUnderTest, line: OutgoingConnection) 
 
 
 def _expect_in_order(line: OutgoingConnection, ports: Sequence[int], now: Bits) -> None:
-    """What is asked behind each of many settings is answered as of its place, whenever it comes."""
+    """Expect that queries between settings in one segment report the outputs set before them."""
     due, data = set[str](), b""
     for port in ports:
         now = with_port(now, port, on=True)
@@ -114,13 +114,13 @@ def _expect_in_order(line: OutgoingConnection, ports: Sequence[int], now: Bits) 
     accepted = [line.reply("set_digital_output").accepted for _ in ports]
     shown = {line.reply("get_digital_outputs").value for _ in ports}
     if all(accepted):
-        message = "questions for the outputs were not answered as of their place"
+        message = "queries did not report the outputs set before them"
         expect_equal(shown, due, message, requirement="3/30")
 
 
 @case("4.32/6", name="held")
 def test_held(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """An output keeps its value when the connection that set it has ended."""
+    """An output keeps its value after the connection that set it ends."""
     port = settable(line)[-1]
     on = not outputs(line)[port - 1]
     due = with_port(outputs(line), port, on=on)
@@ -132,7 +132,7 @@ def test_held(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
         expect_outputs(
             again,
             due,
-            UserMessage("output {port} was set on a connection that has ended", port=port),
+            UserMessage("output {port} was set on a connection that ended", port=port),
         )
     finally:
         set_output(again, port, on=not on)
@@ -140,7 +140,7 @@ def test_held(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 @case("4.32/4", "4.32/6", name="while-running", hazards=PROGRAMS)
 def test_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A setting while a program runs is answered "1" and shows, or "0" and changes nothing."""
+    """Setting an output while a program runs is answered "1" and works, or "0" without a change."""
     port = settable(line)[-1]
     with running(subject, line):
         _set_meanwhile(line, port, "while a program ran")
@@ -148,17 +148,17 @@ def test_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -
 
 @case("4.32/4", "4.32/6", name="while-moving", hazards=_MOTION)
 def test_while_moving(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The same while the arm moves, and jogs, and while its joints are released."""
+    """Setting an output during moves, jogs and with released joints is answered truthfully."""
     lacks = subject.ics.unsupported
     moves = [name for name in (MOVE, JOG) if name not in lacks]
     releases = lacks.isdisjoint({RELEASE, LOCK})
     if not (moves or releases):
-        raise CaseSkipped("the subject has no command that moves or releases the arm")
+        raise CaseSkipped("the controller has no command that moves or releases the arm")
     port = settable(line)[-1]
     with outputs_kept(line):
         for name in examples(moves):
             with lasting(subject, line, name):
-                _set_meanwhile(line, port, f"during a {name}")
+                _set_meanwhile(line, port, f"during {name}")
         if releases:
             with locked_again(subject, line):
                 release(subject, line)
@@ -173,17 +173,17 @@ def _set_meanwhile(line: OutgoingConnection, port: int, when: str) -> None:
     expect_outputs(
         line,
         due,
-        UserMessage("output {port} was set {when}", port=port, when=when),
+        UserMessage("output {port} was set {condition}", port=port, condition=when),
         requirement="4.32/6",
     )
 
 
 @case("4.32/4", "4.32/6", name="flags")
 def test_flags(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The reply is "1" or "0" and nothing else, for every port of 1 to 40.
+    """The reply is exactly "1" or "0" for every port of 1 to 40.
 
-    Ports that 0x49 does not show are switched off while all outputs are on, so that one shows that
-    is taken for another. That there are none of them may be told in any way (A-4.32-2, A-3-9).
+    Ports that 0x49 does not report are cleared while all outputs are set. This shows whether a port
+    is taken for another one. The reply for a missing port is open (A-4.32-2, A-3-9).
     """
     ports = settable(line)
     with outputs_kept(line):
@@ -196,68 +196,66 @@ def test_flags(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
             expect_in(
                 data,
                 _FLAGS,
-                UserMessage("port {port} is answered with something else than a flag", port=port),
+                UserMessage("the reply for port {port} is not a flag", port=port),
             )
-            told = UserMessage("output {port} was set to {on:d}, as it was", port=port, on=on)
+            told = UserMessage(
+                "output {port} was set to its current value {on:d}", port=port, on=on
+            )
             expect_outputs(line, now, told, requirement="4.32/6")
         for port in examples(range(ALL_OUTPUTS.stop, 41)):
             said, after, line = _try(subject, line, Malformed("no output", b"%d|0" % port))
-            message = UserMessage(
-                "port {port} is answered with something else than a flag", port=port
-            )
+            message = UserMessage("the reply for port {port} is not a flag", port=port)
             expect_in(said, (*_FLAGS, None), message)
-            message = UserMessage(
-                "port {port} was switched off, and an output has changed", port=port
-            )
+            message = UserMessage("port {port} was cleared, but another output changed", port=port)
             expect_equal(digits(after), digits(now), message, requirement="4.32/6")
 
 
 @case("4.32/5")
 def test_no_such_port(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A port 0, or one above 40, is not set, and no output changes in its place."""
+    """Setting a port 0 or above 40 is not answered 1, and no output changes."""
     with outputs_kept(line) as before:
         for port in _NO_PORTS:
             for value in examples((b"1", b"0")):
                 wrong = Malformed("no such port", port + b"|" + value)
                 said, now, line = _try(subject, line, wrong)
                 told = UserMessage(
-                    "port {decode} set to {decode_2}", decode=port.decode(), decode_2=value.decode()
+                    "setting port {port} to {value}", port=port.decode(), value=value.decode()
                 )
                 expect(
                     said != b"1",
-                    UserMessage("{told} is answered as done", told=told),
+                    UserMessage("{description} was answered 1", description=told),
                     expected="0",
                     observed="1",
                 )
                 expect_equal(
                     digits(now),
                     digits(before),
-                    UserMessage("{told} has changed an output", told=told),
+                    UserMessage("{description} changed an output", description=told),
                 )
 
 
 @case("4.32/7")
 def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """No output changes on a payload that is no port and value, nor is one said to be set."""
+    """A payload that is not a port and a value changes no output and is not answered 1."""
     ports = settable(line)
     other, port = ports[0], ports[-1]
     with outputs_kept(line):
-        set_output(line, other, on=True)  # so that there is something to switch off
+        set_output(line, other, on=True)  # so that one output can be cleared
         before = outputs(line)
         value = PortValue(port, int(not before[port - 1]))
         for wrong in examples(malformed("set_digital_output", value, subject.dialect)):
             said, now, line = _try(subject, line, wrong)
-            if not wrong.firm and now != before:  # what is taken for the good one sets its port
+            if not wrong.firm and now != before:  # a payload that is taken as valid sets its port
                 set_output(line, port, on=before[port - 1])
                 now = with_port(now, port, on=before[port - 1])
             expect_equal(
                 digits(now),
                 digits(before),
-                UserMessage("an output has changed on {wrong}", wrong=wrong),
+                UserMessage("an output changed after {wrong}", wrong=wrong),
             )
             expect(
                 said != b"1" or not wrong.firm,
-                UserMessage("{wrong} is answered as done", wrong=wrong),
+                UserMessage("{wrong} was answered 1", wrong=wrong),
                 expected="0",
                 observed="1",
             )
@@ -266,16 +264,16 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 def _try(
     subject: ControllerUnderTest, line: OutgoingConnection, wrong: Malformed
 ) -> tuple[bytes | None, Bits, OutgoingConnection]:
-    """What 0x43 is answered, if anything, what 0x49 shows then, and the line to go on with."""
+    """Return the reply to 0x43, if any, the outputs then, and the connection to continue with."""
     answer, line = offer(subject, line, "set_digital_output", wrong)
     return (answer.seen.text if answer else None), outputs(line), line
 
 
 @case("4.32/7", name="values")
 def test_other_values(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A value other than 0 and 1 sets nothing; that it counts for 1 is tolerated (A-4.32-4).
+    """A value other than 0 and 1 changes nothing; using it as 1 is tolerated (A-4.32-4).
 
-    It never switches off what is on.
+    It never clears an output.
     """
     port = settable(line)[-1]
     with outputs_kept(line) as before:
@@ -286,12 +284,12 @@ def test_other_values(subject: ControllerUnderTest, line: OutgoingConnection) ->
                 wrong = Malformed("no such value", b"%d|" % port + value)
                 _, now, line = _try(subject, line, wrong)
                 if not on and now != due:
-                    told = UserMessage("the value {decode} counts for 1", decode=value.decode())
+                    told = UserMessage("the value {value} is used as 1", value=value.decode())
                     subject.tolerate("4.32/7", "A-4.32-4", "non-zero = 1", told)
                     set_output(line, port, on=False)
                 told = UserMessage(
-                    "the value {decode} for output {port} has changed an output",
-                    decode=value.decode(),
+                    "the value {value} for output {port} changed an output",
+                    value=value.decode(),
                     port=port,
                 )
                 expect_outputs(line, due, told)

@@ -1,4 +1,4 @@
-"""Clause 4.33: the analog inputs (0x44, L665-675)."""
+"""Clause 4.33: read an analog input (0x44, L665-675)."""
 
 import re
 from typing import Final
@@ -14,20 +14,20 @@ from scaraspec.user_message import UserMessage
 
 _FORM: Final = re.compile(rb"1\|[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)")
 _ERROR: Final = b"0"
-_ANALOG: Final = range(1, 9)  # those that there are by default (A-4.32-3)
+_ANALOG: Final = range(1, 9)  # the default ports (A-4.32-3)
 _NO_PORTS: Final = (b"00", b"41", b"42", b"49", b"50", b"88", b"99")
-_VALUES: Final = (0, 1, 2.5, 5)  # a converter may take no more
+_VALUES: Final = (0, 1, 2.5, 5)  # the limit of many converters
 
 
 def _value(line: OutgoingConnection, port: int) -> float | None:
-    """The value of an analog input; None where the subject says that it has none."""
+    """Return the value of an analog input; None if the controller reports an error."""
     answer = line.ask("get_analog_input", port)
     data = answer.seen.text
     if data == _ERROR:
         return None
     expect(
         _FORM.fullmatch(data),
-        UserMessage("analog input {port} is answered with something else than a number", port=port),
+        UserMessage("the reply for analog input {port} is not a number", port=port),
         expected="1| and a number, or 0",
         observed=f"{answer}",
     )
@@ -43,14 +43,14 @@ def test_form(line: OutgoingConnection) -> None:
 
 @case("4.33/2", name="driven", needs=("set_analog",))
 def test_driven(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """An analog input that is driven shows it, 0 as "1|0", and the others do not change."""
+    """A driven analog input reports its value, 0 as "1|0", and the others do not change."""
     before = [_value(line, port) for port in _ANALOG]
     shown = False
     try:
         for port in _ANALOG:
             shown |= _shows(subject, line, port)
             subject.hook("set_analog", port=port, value=before[port - 1] or 0)
-        message = "all analog inputs are answered with an error, whatever drives them"
+        message = "all analog inputs are answered with an error although they are driven"
         expect(shown, message, expected="1| and a number", observed="0")
     finally:
         for port, value in zip(_ANALOG, before, strict=True):
@@ -58,10 +58,10 @@ def test_driven(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 
 def _shows(subject: ControllerUnderTest, line: OutgoingConnection, port: int) -> bool:
-    """Values in any unit (A-4.33-1): they differ, and all in the same proportion.
+    """Expect values in any unit (A-4.33-1) that are proportional to the driven ones.
 
     Returns:
-        Whether there is such an input: how many there are is open (A-4.32-3).
+        Whether the input exists: the number of inputs is open (A-4.32-3).
     """
     other = _ANALOG[port % len(_ANALOG)]
     unmoved = _value(line, other)
@@ -73,24 +73,24 @@ def _shows(subject: ControllerUnderTest, line: OutgoingConnection, port: int) ->
         return False
     expect(
         None not in said,
-        UserMessage("analog input {port} is driven, and answered with an error", port=port),
+        UserMessage("analog input {port} is driven but answered with an error", port=port),
         expected="1| and a number",
         observed="0",
     )
     zero, one, *others = [value or 0.0 for value in said]
     scale = one - zero
-    shown = [zero + scale * value for value in _VALUES[2:]]
+    proportional = [zero + scale * value for value in _VALUES[2:]]
     expect(
-        scale and all(abs(a - b) <= abs(scale) for a, b in zip(others, shown, strict=True)),
-        UserMessage("analog input {port} does not follow what drives it", port=port),
-        expected=f"values in proportion to {_VALUES}",
+        scale and all(abs(a - b) <= abs(scale) for a, b in zip(others, proportional, strict=True)),
+        UserMessage("analog input {port} does not follow the driven value", port=port),
+        expected=f"values proportional to {_VALUES}",
         observed=f"{said}",
     )
     now = _value(line, other)
     expect(
         (now is None) == (unmoved is None) and abs((now or 0) - (unmoved or 0)) <= abs(scale),
         UserMessage(
-            "analog input {other} changes when input {port} is driven", other=other, port=port
+            "analog input {other} changed when input {port} was driven", other=other, port=port
         ),
         expected=f"{unmoved}",
         observed=f"{now}",
@@ -100,20 +100,18 @@ def _shows(subject: ControllerUnderTest, line: OutgoingConnection, port: int) ->
 
 @case("4.33/3")
 def test_no_such_port(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A port 0, or one above 40, is answered "0"; or not, as a wrong argument may be (A-3-9)."""
+    """A port 0 or above 40 is answered "0", or is ignored as an invalid argument (A-3-9)."""
     for port in examples(_NO_PORTS):
         line = alive(subject, line)
         answer = try_request(line, "get_analog_input", data=port)
         if answer is None:
             option = "ignore" if line.ending is None else "close"
-            message = UserMessage(
-                "port {decode}, which cannot be, is not answered", decode=port.decode()
-            )
+            message = UserMessage("the invalid port {port} is not answered", port=port.decode())
             subject.tolerate("4.33/3", "A-3-9", option, message)
             continue
         expect(
             answer.seen.text == _ERROR,
-            UserMessage("port {decode}, which cannot be, is read", decode=port.decode()),
+            UserMessage("the invalid port {port} was read", port=port.decode()),
             expected="0",
             observed=f"{answer}",
         )

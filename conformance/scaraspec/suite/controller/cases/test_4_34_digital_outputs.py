@@ -1,4 +1,4 @@
-"""Clause 4.34: the states of the digital outputs (0x49, L677-687)."""
+"""Clause 4.34: read the digital outputs (0x49, L677-687)."""
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
@@ -18,21 +18,21 @@ from scaraspec.user_message import UserMessage
 
 @case("4.34/2", "4.34/4")
 def test_form(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The reply is "1|" and sixteen digits, eighteen bytes in all, however often it is asked."""
+    """Every reply is "1|" and sixteen digits, eighteen bytes in total."""
     for _ in range(3):
         expect_form(subject, line, "get_digital_outputs")
 
 
 @case("4.34/2", "4.34/4", name="while-running", hazards=PROGRAMS)
 def test_form_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The reply is the same while a program runs."""
+    """The reply has the same format while a program runs."""
     with running(subject, line):
         expect_form(subject, line, "get_digital_outputs")
 
 
 @case("4.34/2", name="order", hazards=(Hazard.MOTION,))
 def test_order(line: OutgoingConnection) -> None:
-    """The highest port stands first: the lowest and the highest output show at the two ends."""
+    """The highest port is first: the lowest and the highest output are at the two ends."""
     ports = settable(line)
     for port in {ports[0], ports[-1]}:
         with outputs_kept(line) as before:

@@ -1,4 +1,4 @@
-"""Clause 4.35: the robot is shut down (0x60, L689-706): the last that a run does."""
+"""Clause 4.35: shut down the robot (0x60, L689-706). It is the last case of a run."""
 
 from typing import Final
 
@@ -31,10 +31,10 @@ _GOING_S: Final = 1.0
 
 @case("4.35/2", "4/15", name="busy", hazards=(*_LAST, Hazard.STATE), last=True)
 def test_not_while_a_program_runs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """While a program runs the shutdown is refused with "0|01", and the robot stays on."""
+    """A shutdown while a program runs is refused with "0|01", and the robot stays on."""
     require_command(subject, _SHUTDOWN)
     if subject.dialect["busy_reply"] == "queue":
-        raise CaseSkipped("a robot that queues would be gone when the program has ended")
+        raise CaseSkipped("a robot that queues the request would shut down when the program ends")
     with lasting(subject, line, RUN) as task:
         answer = try_request(line, _SHUTDOWN)
         task.lasts()
@@ -48,7 +48,7 @@ def test_not_while_a_program_runs(subject: ControllerUnderTest, line: OutgoingCo
         status = line.ask("get_status")
         expect(
             status.value == "01" or task.over,
-            "the program that ran is gone behind a shutdown that was refused",
+            "the running program ended after a refused shutdown",
             expected="01",
             observed=f"{status}",
         )
@@ -56,14 +56,14 @@ def test_not_while_a_program_runs(subject: ControllerUnderTest, line: OutgoingCo
     try:
         line.ask("get_status")
     except NoReply as gone:
-        message = "behind the program the robot is gone, although it refused to shut down"
-        raise CaseFailed(message, expected="an answer", observed=gone.observed) from None
+        message = "after the program the robot is off, although it refused to shut down"
+        raise CaseFailed(message, expected="a reply", observed=gone.observed) from None
     subject.settle()
 
 
 @case("4.35/2", "4.35/5", hazards=_LAST, last=True)
 def test_shutdown(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """An idle robot answers "1" and nothing more, and is gone; the suite waits for its return."""
+    """An idle robot answers a shutdown with a single "1" and then switches off."""
     require_command(subject, _SHUTDOWN)
     answer = line.ask(_SHUTDOWN)
     expect(
@@ -83,15 +83,15 @@ def test_shutdown(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
     )
     expect(
         _is_gone(subject, line),
-        "the robot goes on serving although it has said that it shuts down",
-        expected="the link ends, or nothing is answered",
+        "the robot continues to serve although it accepted the shutdown",
+        expected="the link ends, or requests are not answered",
         observed="get_status is answered",
     )
     _await_return(subject)
 
 
 def _is_gone(subject: ControllerUnderTest, line: OutgoingConnection) -> bool:
-    """Whether the subject ends the connection, or answers no more, before long."""
+    """Whether the controller soon ends the connection or stops to reply."""
     left_s = subject.longest_s
     while left_s > 0:
         if line.ending is not None:
@@ -106,13 +106,13 @@ def _is_gone(subject: ControllerUnderTest, line: OutgoingConnection) -> bool:
 
 
 def _await_return(subject: ControllerUnderTest) -> None:
-    """Start the subject anew, where a hook can, and wait for it.
+    """Restart the controller if a hook can do it, and wait for it.
 
-    Unaided it is given one look, and not at once: what ends its connections and then itself may
-    take another one in between.
+    Without a hook, one attempt is made after a pause: a controller that closes its connections
+    before it switches off may accept a new one.
 
     Raises:
-        CaseInconclusive: It was started and does not come back.
+        CaseInconclusive: It was restarted and does not come back.
     """
     subject.close_lines()
     subject.off = True
@@ -134,7 +134,7 @@ def _await_return(subject: ControllerUnderTest) -> None:
             continue
         expect(
             status.value is not None,
-            "the robot does not tell its status when it is on again",
+            "the robot does not report its status after it was switched on",
             observed=f"{status}",
             requirement="4.8/2",
         )
@@ -144,10 +144,10 @@ def _await_return(subject: ControllerUnderTest) -> None:
     if hook:
         raise CaseInconclusive(
             UserMessage(
-                "the subject did not come back within {return_s:g} s of the hook {hook}",
-                return_s=_RETURN_S,
+                "the controller did not come back within {timeout_s:g} s after the hook {hook}",
+                timeout_s=_RETURN_S,
                 hook=hook,
             )
         )
-    message = "the subject did not come back by itself: switch it on again"
+    message = "the controller did not come back by itself: switch it on again"
     subject.tolerate("4.35/2", "A-4.35-2", "stays off", message)

@@ -1,4 +1,4 @@
-"""Clause 4: what the two-stage commands share (0x30 to 0x33, 0x39 to 0x3B, 0x3D; L304-637)."""
+"""Clause 4: common rules of two-stage commands (0x30 to 0x33, 0x39 to 0x3B, 0x3D; L304-637)."""
 
 from collections.abc import Sequence
 
@@ -95,8 +95,8 @@ _OVER_S = 10.0
 _POLL_S = 0.1
 _POLLS = 10
 _AT_ONCE_S = 0.05
-_BRIEF_S = 0.01  # no way home is shorter
-_TIMES_LATER = 5  # than the reply to a query
+_BRIEF_S = 0.01  # every homing motion takes longer
+_TIMES_LATER = 5  # times the reply time of a query
 _NS = 1e9
 
 
@@ -108,7 +108,7 @@ _NS = 1e9
 def test_one_reply_and_one_result(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str
 ) -> None:
-    """A command that can be done is answered "1", and ends once, with "11" or a failure."""
+    """A possible command is answered "1", and ends once, with "11" or a failure."""
     performed = perform(subject, line, name)
     expect_first_reply(name, performed.first)
     if performed.result is not None and performed.result.done is not False:
@@ -125,7 +125,7 @@ def test_one_reply_and_one_result(
 
 @case("4/2", "3/18", name="in-transfers", hazards=_MOTION, slow=True)
 def test_result_in_transfers(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program ends while a file is sent, and while it is fetched: each time that is told."""
+    """A program that ends during an upload or a download has its final result."""
     content = content_of(_LONG_BYTES)
     with bench(subject, line) as robot:
         pause_s = 2 * robot.ours_s(1) / len(content) * BUFFER_BYTES
@@ -153,12 +153,12 @@ def test_result_in_transfers(subject: ControllerUnderTest, line: OutgoingConnect
             robot.finish()
             tried = True
         if not tried:
-            raise CaseSkipped("no file is sent or fetched while a program runs")
+            raise CaseSkipped("no file can be uploaded or downloaded while a program runs")
 
 
 @case("4/1", "3/17", name="refused", hazards=_MOTION)
 def test_refusals_end_it(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """What is refused is answered "0|code", the stop with "0", and nothing follows."""
+    """A refusal is "0|code", for the stop "0", and no final result follows."""
     subject.moved = True
     refused = []
     for name in examples((RUN, SIMULATE, STOP)):
@@ -172,7 +172,7 @@ def test_refusals_end_it(subject: ControllerUnderTest, line: OutgoingConnection)
     tagged = [seen for seen in line.sync() if seen.frame.tagged and seen.frame.opcode in refused]
     expect(
         not tagged,
-        "a final result came although the command had been refused",
+        "a final result arrived although the command was refused",
         expected="none",
         observed=" ".join(f"{seen.frame}" for seen in tagged),
         requirement="3/17",
@@ -181,7 +181,7 @@ def test_refusals_end_it(subject: ControllerUnderTest, line: OutgoingConnection)
 
 @case("4/3", "4/5", name="stopped", hazards=_MOTION)
 def test_stopped_commands_fail(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """What an emergency stop has ended fails with "00|code", where it has a result of its own."""
+    """A command that an emergency stop ends fails with "00|code", or has no result of its own."""
     for name in examples(name for name in STATES if name not in {JOG, *subject.ics.unsupported}):
         with lasting(subject, line, name, queries=False) as task:
             task.lasts()
@@ -200,14 +200,14 @@ def test_stopped_commands_fail(subject: ControllerUnderTest, line: OutgoingConne
 
 @case("4/3", "4/5", name="fault", needs=("motor_fault", "clear_faults"), hazards=_MOTION)
 def test_a_fault_fails_the_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A motor that fails during a run ends it with "00|code", and the code names the motor."""
+    """A run whose motor fails ends with "00|code", and the code names the motor."""
     try:
         with lasting(subject, line, RUN):
             subject.hook("motor_fault", joints="outer_arm")
             result = finish(subject, line, RUN)
             expect(
                 result.done is False and len(text_of(result)) == 5,
-                "a run whose motor has failed does not fail",
+                "a run whose motor failed did not fail",
                 expected="00|12",
                 observed=f"{result}",
                 requirement="4/3",
@@ -225,7 +225,7 @@ def test_a_fault_fails_the_run(subject: ControllerUnderTest, line: OutgoingConne
 
 
 def _mend(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Take the faults away, and what the robot remembers of them."""
+    """Clear the faults, and reset the robot if it still reports one."""
     subject.hook("clear_faults")
     if line.ask("get_status").value != IDLE and line.ask(RESET).accepted:
         finish(subject, line, RESET)
@@ -249,7 +249,7 @@ def _at_once(line: OutgoingConnection, name: str) -> ReceivedFrame | None:
 def test_faults_refuse(
     subject: ControllerUnderTest, line: OutgoingConnection, fault: str, code: str
 ) -> None:
-    """A robot at fault refuses what would move it, with the code of its fault."""
+    """A robot with a fault refuses motion commands with the code of its fault."""
     values = harmless_requests(subject, line)
     subject.moved = True
     try:
@@ -261,7 +261,7 @@ def test_faults_refuse(
             expect(
                 bare or (told is not None and not told.done and told.code == code),
                 UserMessage(
-                    "a robot with the fault {code} does not refuse {name} with it",
+                    "a robot with the fault {code} does not refuse {name} with this code",
                     code=code,
                     name=name,
                 ),
@@ -270,7 +270,7 @@ def test_faults_refuse(
             )
             if first.accepted:
                 message = UserMessage(
-                    "{name} was accepted, and failed for a fault that was there before", name=name
+                    "{name} was accepted and failed because of an earlier fault", name=name
                 )
                 subject.tolerate("4/4", "A-4-1", UserMessage("00|{code}", code=code), message)
     finally:
@@ -279,7 +279,7 @@ def test_faults_refuse(
 
 @case("4/4", name="missing", hazards=_MOTION)
 def test_code_of_a_refusal(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A refusal bears a code of table 8-1 that can refuse."""
+    """A refusal has a code of table 8-1 that is allowed for refusals."""
     for name in examples((RUN, SIMULATE)):
         answer = line.ask(name, subject.new_name())
         if answer.accepted:
@@ -288,15 +288,15 @@ def test_code_of_a_refusal(subject: ControllerUnderTest, line: OutgoingConnectio
             expect_refusal(subject, answer)
 
 
-# ---------------------------------------------------------------------- a robot that executes
+# ---------------------------------------------------------------------- a busy robot
 
 
 @pytest.mark.parametrize("name", STATES)
 @case("4/6", "4/15", "4/4", hazards=_MOTION)
 def test_busy(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
-    """While one command executes every other is refused, with the state that 0x09 reports.
+    """While one command executes, every other is refused with the status that 0x09 reports.
 
-    So it is on another connection.
+    This also holds for requests on another connection.
     """
     values = harmless_requests(subject, line)
     beside = subject.open() if subject.takes_several else line
@@ -310,9 +310,9 @@ def test_busy(subject: ControllerUnderTest, line: OutgoingConnection, name: str)
 
 @case("4/6", "4.24/8", name="afterwards", hazards=_MOTION, slow=True)
 def test_nothing_is_queued(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """What a busy robot did not accept does not begin by itself once the robot is free.
+    """A command that a busy robot did not accept is not executed later.
 
-    Nor does it keep the arm from where it was to go.
+    It does not change the target of the arm either.
     """
     require_responsive(subject, line)
     values = harmless_requests(subject, line)
@@ -325,25 +325,25 @@ def test_nothing_is_queued(subject: ControllerUnderTest, line: OutgoingConnectio
             if (answer := try_request(line, name, values.get(name))) is None or not answer.accepted
         }
         done(subject, line, MOVE)
-        line.ask("get_tool_coordinates")  # which tells the judge (4.24/8)
+        line.ask("get_tool_coordinates")  # the judge uses the reply (4.24/8)
         line.wait(MOMENT_S)
         late = [seen for seen in line.sync() if seen.frame.opcode in refused]
     if subject.dialect["busy_reply"] == "queue":
         return
     expect(
         not late,
-        "what was asked of a busy robot began when the robot was free",
-        expected="0|01, or silence for ever",
+        "a command sent to a busy robot started when the robot was idle",
+        expected="0|01, or no reply at all",
         observed=" ".join(f"{seen.frame}" for seen in late),
     )
 
 
 @case("4/6", name="after-a-run", hazards=_MOTION, slow=True)
 def test_refused_moves_stay_refused(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A move that was refused while a program ran is not made once the program has ended."""
+    """A move that is refused while a program runs is not made after the program ends."""
     require_responsive(subject, line)
     if subject.dialect["busy_reply"] == "queue":
-        raise CaseSkipped("the subject makes it then (busy_reply)")
+        raise CaseSkipped("the controller makes the move then (busy_reply)")
     with returning(subject, line) as pose:
         nearby = [each for axis in ("y", "x") for each in neighbours(subject, pose, axis)]
         if not nearby:
@@ -353,22 +353,22 @@ def test_refused_moves_stay_refused(subject: ControllerUnderTest, line: Outgoing
         done(subject, line, RUN)
         if answer is not None and answer.accepted:
             done(subject, line, MOVE)
-            raise CaseSkipped("the move was not refused")  # which other cases are about
-        message = "a move that was refused while a program ran was made when it had ended"
+            raise CaseSkipped("the move was not refused")  # other cases cover this
+        message = "a move that was refused while a program ran was made after the program ended"
         expect_stays(line, message, for_s=_SOON_S, pose=pose)
 
 
 @pytest.mark.parametrize("name", TWO_STAGE)
 @case("4/7", hazards=_MOTION, slow=True)
 def test_idle_afterwards(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
-    """The status behind a final result "11" is no longer that of a robot that executes."""
+    """After a final result "11", the status is no longer that of an executing robot."""
     performed = perform(subject, line, name)
     status = performed.status
     expect(
         status.value not in BUSY,
         UserMessage(
-            "the status is still {status_value} although {name} has ended",
-            status_value=status.value,
+            "the status is still {status} although {name} has ended",
+            status=status.value,
             name=name,
         ),
         expected="00",
@@ -381,7 +381,7 @@ def test_idle_afterwards(subject: ControllerUnderTest, line: OutgoingConnection,
 def test_never_idle_meanwhile(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str
 ) -> None:
-    """From the first reply to the final result no status is 00, and every query is answered."""
+    """From the first reply to the final result, no status is 00 and every query is answered."""
     with lasting(subject, line, name) as task:
         for _ in range(_POLLS):
             status = line.ask("get_status")
@@ -402,7 +402,7 @@ def test_never_idle_meanwhile(
 def _answered_late(
     subject: ControllerUnderTest, line: OutgoingConnection, query: Query, name: str
 ) -> None:
-    """A reply may be overtaken (3/24); no arm jogs on while it is waited for."""
+    """Expect a late reply to a query (3/24), after a stop, so that no jog continues."""
     stop(subject, line)
     try:
         line.reply(query.name)
@@ -413,7 +413,7 @@ def _answered_late(
 
 @case("4/8", "4/7", "3/18", name="to-the-end", hazards=_MOTION, slow=True)
 def test_results_between_replies(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A final result that comes between the replies to queries is one frame among whole others."""
+    """A final result between the replies to queries is one valid frame among others."""
     require_responsive(subject, line)
     for name, seconds in examples(((RUN, BRIEFLY_S), (SIMULATE, 0))):
         start_program(subject, line, name, seconds)
@@ -432,14 +432,14 @@ def test_results_between_replies(subject: ControllerUnderTest, line: OutgoingCon
             line.wait(0.05)
             expect(
                 answered < 4000,
-                UserMessage("no final result of {name} came between the replies", name=name),
+                UserMessage("no final result of {name} arrived between the replies", name=name),
                 expected="11",
                 observed="none",
                 requirement="3/18",
             )
         expect(
             len(results) == 1 and results[0].done,
-            UserMessage("{name} does not end with one success among other replies", name=name),
+            UserMessage("{name} did not end with one success among other replies", name=name),
             expected="11",
             observed=" ".join(map(str, results)),
             requirement="3/18",
@@ -449,8 +449,8 @@ def test_results_between_replies(subject: ControllerUnderTest, line: OutgoingCon
         expect(
             status.value == IDLE,
             UserMessage(
-                "the status is {status_value} although {name} has ended with success",
-                status_value=status.value,
+                "the status is {status} although {name} has ended with success",
+                status=status.value,
                 name=name,
             ),
             expected=IDLE,
@@ -461,15 +461,15 @@ def test_results_between_replies(subject: ControllerUnderTest, line: OutgoingCon
 
 @case("4/8", "3/31", "3/32", "4.7/4", "5.2/12", name="queries", hazards=_MOTION)
 def test_queries_meanwhile(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Queries in any number and order are answered while a program runs, each with its own.
+    """Queries in any number and order are answered while a program runs.
 
-    The version is the same before, meanwhile and afterwards, and so is a file that can be fetched.
+    The version is the same before, during and after the run, and so is a file that is downloaded.
     """
     file, content = subject.new_name(), content_of(_CHUNKS_BYTES)
     upload(line, file, content)
     versions = [line.ask("get_version").value]
 
-    def tried(queries: Sequence[Query]) -> None:
+    def check(queries: Sequence[Query]) -> None:
         for query in known_to(subject, list(queries)):
             try:
                 line.ask(*query)
@@ -478,24 +478,24 @@ def test_queries_meanwhile(subject: ControllerUnderTest, line: OutgoingConnectio
                 raise CaseFailed(message, observed=error.observed, requirement="3/31") from None
         expect(
             not line.invalid_bytes,
-            "bytes that are no frame came between replies",
+            "bytes that are not a frame arrived between replies",
             requirement="3/32",
         )
 
     with lasting(subject, line, RUN):
-        tried(QUERIES)
-        given(some_queries)(tried)()
+        check(QUERIES)
+        given(some_queries)(check)()
         fetched = left_behind(line, file)
         versions.append(line.ask("get_version").value)
     versions.append(line.ask("get_version").value)
-    message = "the version is another one while a program runs, or afterwards"
+    message = "the version changes while a program runs, or afterwards"
     expect_equal(versions, versions[:1] * len(versions), message, requirement="4.7/4")
     if fetched is not None:
-        message = "a file is fetched otherwise than it was sent while a program runs"
+        message = "a file downloaded while a program runs differs from its content"
         expect(fetched == content, message, requirement="5.2/12")
 
 
-# ---------------------------------------------------------------------- when, and for whom
+# ---------------------------------------------------------------------- time and connection
 
 
 @pytest.mark.parametrize("name", [RUN, SIMULATE, MOVE])
@@ -503,16 +503,16 @@ def test_queries_meanwhile(subject: ControllerUnderTest, line: OutgoingConnectio
 def test_reply_before_execution(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str
 ) -> None:
-    """The first reply comes before the execution: it does not wait for what takes seconds."""
+    """The first reply comes before the execution and does not wait for its end."""
     perform(subject, line, name)
     find_out_whether_it_listens(subject, line)
     program = stored(subject, line, 1)
-    twice = range(2)  # once a packet may have been lost on its way
+    twice = range(2)  # a packet may be lost once
     expect(
         not all(_is_replied_to_at_its_end(subject, line, name, program) for _ in twice),
-        UserMessage("the first reply to {name} came late, with its final result", name=name),
+        UserMessage("the first reply to {name} arrived late, with its final result", name=name),
         expected="the first reply before the execution",
-        observed="both at its end",
+        observed="both at the end of the execution",
     )
 
 
@@ -527,7 +527,7 @@ def _is_replied_to_at_its_end(
             answer = line.ask(name, program)
         accepted(name, answer)
         late = answer.time_s - before.time_s >= _SOON_S
-        if late:  # it may be slow by itself
+        if late:  # the reply may be slow for another reason
             late = finish(subject, line, name).time_s - answer.time_s <= _AT_ONCE_S
         stop_motion(subject, line)
     return late
@@ -535,20 +535,20 @@ def _is_replied_to_at_its_end(
 
 @case("4/14", name="reset", hazards=_MOTION, slow=True)
 def test_reply_before_a_reset(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The first reply to a reset comes before the arm goes its way, not with the final result."""
+    """The first reply to a reset comes before the motion, not with the final result."""
     require_command(subject, MOVE, RESET)
     with returning(subject, line), home_at(subject, line):
         together = [_comes_with_its_result(subject, line) for _ in range(2)]
         expect(
             not all(together),
-            "the first reply to a reset came with its final result, when the arm was home",
+            "the first reply to a reset arrived with its final result, after the motion",
             expected="the first reply before the execution",
-            observed="both at its end",
+            observed="both at the end of the motion",
         )
 
 
 def _comes_with_its_result(subject: ControllerUnderTest, line: OutgoingConnection) -> bool:
-    """Whether a reset that moves the arm is answered only when that has been done."""
+    """Whether a reset that moves the arm is answered only after the motion."""
     accepted(MOVE, begin_step_somewhere(subject, line)[1])
     done(subject, line, MOVE)
     away = pose_of(line)
@@ -564,7 +564,7 @@ def _comes_with_its_result(subject: ControllerUnderTest, line: OutgoingConnectio
 
 @case("4/15", "4.15/4", name="free-again", hazards=_MOTION)
 def test_free_again(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """After a refusal, a stop and a good end alike an idle robot takes the next command."""
+    """After a refusal, a stop or a success, an idle robot accepts the next command."""
     line.ask(RUN, subject.new_name())
     stop_motion(subject, line)
     accepted(RUN, start_program(subject, line, RUN).answer)
@@ -578,19 +578,20 @@ def test_free_again(subject: ControllerUnderTest, line: OutgoingConnection) -> N
 
 @case("4/15", "4/6", "4.17/6", name="second-client", hazards=_MOTION, slow=True)
 def test_second_client(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A second client sees the first one's program run, is refused, can stop it, and leaves."""
+    """A second client sees the first client's run, is refused, can stop it, and can disconnect."""
     subject.require_multiple_connections()
     other = subject.open()
     program = stored(subject, other, 0)
     with lasting(subject, line, RUN) as task:
-        expect_in(other.ask("get_status").value, ("01",), "another client does not see the run")
+        message = "another client does not see the run"
+        expect_in(other.ask("get_status").value, ("01",), message)
         if subject.dialect["busy_reply"] != "queue":
             expect_busy(subject, other, task, RUN, program)
             expect_busy(subject, other, task, LOCK)
         answer = other.ask(STOP)
         expect(
             answer.accepted,
-            "the stop of another client is refused while a program runs",
+            "the stop of another client was refused while a program ran",
             expected="1",
             observed=f"{answer}",
             requirement="4.17/6",
@@ -604,9 +605,9 @@ def test_second_client(subject: ControllerUnderTest, line: OutgoingConnection) -
 
 @case("4/15", "4.17/6", "4.15/4", name="lost-link", hazards=_MOTION, slow=True)
 def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program whose client is gone can be stopped by the next, and the robot is free again.
+    """After its client disconnects, the next client can stop a program, and the robot is idle.
 
-    So it is where the program has come to its end, and there was nobody to be told so.
+    The same holds if the program ends while no client is connected.
     """
     subject.notices_leaving()
     require_responsive(subject, line)
@@ -620,7 +621,7 @@ def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> No
             answer = other.ask(STOP)
             expect(
                 answer.accepted,
-                "a program whose client is gone cannot be stopped",
+                "a program whose client disconnected cannot be stopped",
                 expected="1",
                 observed=f"{answer}",
                 requirement="4.17/6",
@@ -636,12 +637,12 @@ def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 
 
 def _expect_free(line: OutgoingConnection) -> None:
-    """A program that waits for a second is over before long, whoever hears of it."""
+    """Expect that a program that waits for a second ends soon, with or without a client."""
     left_s = _OVER_S
     while (status := line.ask("get_status")).value in BUSY:
         expect(
             left_s > 0,
-            "a program whose client is gone does not come to its end",
+            "a program whose client disconnected does not end",
             expected=IDLE,
             observed=f"{status}",
         )
@@ -651,7 +652,7 @@ def _expect_free(line: OutgoingConnection) -> None:
 
 @case("4/15", "3/18", "4.15/5", name="many", hazards=_MOTION)
 def test_many_runs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Fifty runs, one behind the other, are accepted and end with success, each once."""
+    """Fifty consecutive runs are accepted, and each ends once with success."""
     program = stored(subject, line, 0)
     subject.moved = True
     for _ in range(50):

@@ -1,4 +1,4 @@
-"""Clause 5.1: the structure fileData, as the controller sends and takes it (L710-739)."""
+"""Clause 5.1: the structure fileData, as the controller sends and receives it (L710-739)."""
 
 from hypothesis import example
 from hypothesis import strategies as st
@@ -38,13 +38,13 @@ _WHOLE = content_of(450)
 def _chunks(
     subject: ControllerUnderTest, line: OutgoingConnection, content: bytes = _WHOLE
 ) -> list[Chunk]:
-    """What the subject sends of a file, right or wrong."""
+    """Return the chunks that the controller sends of a file, valid or not."""
     name = subject.new_name()
     upload(line, name, content)
     return [chunk_of(frame) for frame in course_of(line, name)]
 
 
-# As a sender
+# The controller as sender
 
 
 @case("5.1/1")
@@ -56,15 +56,15 @@ def test_structure(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 
 @case("5.1/1", name="torn", slow=True)
 def test_torn_structure(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A chunk that says 200 bytes and holds 50, or not even its numbers, is not taken."""
+    """A chunk with fewer bytes than its length states, or an incomplete header, is refused."""
     whole = FILE_DATA.encode(Chunk(200, 0, BUFFER_BYTES, content_of(200)), subject.dialect)
     for size in examples((HEAD_BYTES + 50, HEAD_BYTES + 199, HEAD_BYTES, HEAD_BYTES - 1, 1)):
         begin(line, subject.new_name())
-        patience_s = SILENCE_S if size <= HEAD_BYTES else None  # it may be the signal of L787
+        patience_s = SILENCE_S if size <= HEAD_BYTES else None  # may be the error signal of L787
         taken = offer(line, data=whole[:size], within_s=patience_s)
         expect(
             not taken,
-            UserMessage("{size} bytes were taken as a fileData", size=size),
+            UserMessage("{size} bytes were accepted as a fileData", size=size),
             expected="0",
             observed="1",
         )
@@ -73,7 +73,7 @@ def test_torn_structure(subject: ControllerUnderTest, line: OutgoingConnection) 
 
 @case("5.1/2")
 def test_size_of_the_structure(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A chunk of a download has 212 data bytes; the last may be cut off behind its content."""
+    """A chunk of a download has 212 data bytes; it may end after its content."""
     for size in examples(_SIZES):
         name = subject.new_name()
         upload(line, name, content_of(size))
@@ -84,18 +84,17 @@ def test_size_of_the_structure(subject: ControllerUnderTest, line: OutgoingConne
             cut = isinstance(chunk, Chunk) and bytes_sent == HEAD_BYTES + chunk.length
             expect(
                 cut,
-                "a chunk has another size than fileData",
+                "the size of a chunk is not that of fileData",
                 expected=f"{FILE_DATA_BYTES} bytes",
                 observed=f"{bytes_sent} bytes",
             )
-            subject.tolerate(
-                "5.1/2", "chunk_trunc", "truncated", "chunks are cut off behind their content"
-            )
+            message = "chunks end after their content"
+            subject.tolerate("5.1/2", "chunk_trunc", "truncated", message)
 
 
 @case("5.1/3")
 def test_file_size(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Every chunk of a download tells the size of the whole file."""
+    """Every chunk of a download states the size of the whole file."""
     for size in examples(_SIZES):
         for chunk in _chunks(subject, line, content_of(size)):
             expect_equal(chunk.file_size, size, "fileSize is not the size of the file")
@@ -103,14 +102,14 @@ def test_file_size(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 
 @case("5.1/4")
 def test_position(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Every chunk of a download stands at the byte offset that it tells."""
+    """Every chunk of a download has the byte offset that it states."""
     for chunk in _chunks(subject, line):
         expect_position(chunk, _WHOLE)
 
 
 @case("5.1/5")
 def test_length(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Every chunk of a download tells how many bytes of its buffer are the file's: 1 to 200."""
+    """Every chunk of a download states the number of valid bytes in its buffer: 1 to 200."""
     for size in examples(_SIZES):
         for chunk in _chunks(subject, line, content_of(size)):
             expect_length(chunk)
@@ -119,7 +118,7 @@ def test_length(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 @case("5.1/6")
 def test_within_the_file(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """No chunk of a download reaches beyond its fileSize."""
+    """No chunk of a download exceeds its fileSize."""
     for size in examples(_SIZES):
         for chunk in _chunks(subject, line, content_of(size)):
             expect_within(chunk, size)
@@ -127,7 +126,7 @@ def test_within_the_file(subject: ControllerUnderTest, line: OutgoingConnection)
 
 @case("5.1/7", name="download")
 def test_end_of_a_download(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """With the answer to its last chunk a download is over: nothing follows, another may begin."""
+    """A download is over after the answer to its last chunk, and another one may begin."""
     for size in examples(_SIZES):
         name = subject.new_name()
         upload(line, name, content_of(size))
@@ -135,21 +134,21 @@ def test_end_of_a_download(subject: ControllerUnderTest, line: OutgoingConnectio
             last = chunk_of(course_of(line, name)[-1])
             message = "a download does not end where position + length is fileSize"
             expect_equal(last.position + last.length, size, message)
-            nothing_more(line, "something followed on the last chunk of a download", "5.1/7")
+            nothing_more(line, "something followed the last chunk of a download", "5.1/7")
             answer = line.ask("download_name", data=name)
-            message = "behind the last chunk of a download no other can begin"
+            message = "no other download can begin after the last chunk of a download"
             expect(answer.accepted, message, expected="1", observed=f"{answer}")
             line = again(subject, line)
 
 
 @case("5.1/7", name="upload")
 def test_end_of_an_upload(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """With the answer to its last chunk an upload is over: another transfer may begin at once."""
+    """An upload is over after the reply to its last chunk, and another transfer may begin."""
     for size in examples(_SIZES):
         first, second = subject.new_name(), subject.new_name()
         upload(line, first, content_of(size))
         answer = line.ask("upload_name", data=second)
-        message = "behind the last chunk of an upload no other can begin"
+        message = "no other upload can begin after the last chunk of an upload"
         expect(answer.accepted, message, expected="1", observed=f"{answer}")
         send(line, Chunk(1, 0, 1, b"!"))
         delete(line, first)
@@ -163,7 +162,7 @@ def test_ascending(subject: ControllerUnderTest, line: OutgoingConnection, size:
     """A download of any size comes in ascending order, without gap or overlap."""
     due = 0
     for chunk in _chunks(subject, line, content_of(size)):
-        expect_equal(chunk.position, due, "a chunk does not follow on the one before")
+        expect_equal(chunk.position, due, "a chunk does not follow the previous one")
         due += chunk.length
     expect_equal(due, size, "a download does not reach the end of its file")
     subject.clear(line)
@@ -171,7 +170,7 @@ def test_ascending(subject: ControllerUnderTest, line: OutgoingConnection, size:
 
 @case("5.1/9")
 def test_one_byte_order(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Chunks of all downloads of a session are in one byte order."""
+    """The chunks of all downloads of a session have one byte order."""
     orders = set()
     for size in examples((1, 450, 70)):
         name = subject.new_name()
@@ -184,29 +183,30 @@ def test_one_byte_order(subject: ControllerUnderTest, line: OutgoingConnection) 
         subject.tolerate("5.1/9", "endian", "big", "file data is big-endian")
 
 
-# As a receiver
+# The controller as receiver
 
 
 @case("5.1/10")
 def test_existing_file(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """An upload to a name that is taken fails, and what is sent nevertheless is not taken."""
+    """An upload to an existing name is refused, and its chunks are refused, too."""
     name = subject.new_name()
     upload(line, name, _WHOLE)
     answer = line.ask("upload_name", data=name)
-    expect(not answer.accepted, "a name that is taken was accepted", expected="0", observed="1")
+    expect(not answer.accepted, "an existing name was accepted", expected="0", observed="1")
     taken = offer(line, Chunk(3, 0, 3, b"new"))
-    expect(not taken, "content for a name that is taken was accepted", expected="0", observed="1")
+    message = "content for an existing name was accepted"
+    expect(not taken, message, expected="0", observed="1")
     expect_stored(line, name, _WHOLE, "5.1/10")
 
 
 @case("5.1/11")
 def test_content_without_a_name(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Content before any name is not taken, and the subject itself sends none unasked."""
+    """Content before any name is refused, and the controller sends none without a request."""
     taken = offer(line, Chunk(3, 0, 3, b"abc"))
-    expect(not taken, "content came before any name and was taken", expected="0", observed="1")
-    nothing_more(line, "content was sent that nobody had asked for", "5.1/11")
+    expect(not taken, "content before any name was accepted", expected="0", observed="1")
+    nothing_more(line, "content was sent without a request", "5.1/11")
     upload(line, subject.new_name(), _WHOLE)
-    nothing_more(line, "content was sent that nobody had asked for", "5.1/11")
+    nothing_more(line, "content was sent without a request", "5.1/11")
 
 
 @case("5.1/12")
@@ -217,7 +217,7 @@ def test_content_without_a_name(subject: ControllerUnderTest, line: OutgoingConn
 def test_rest_of_the_buffer(
     subject: ControllerUnderTest, line: OutgoingConnection, lengths: list[int], filler: bytes
 ) -> None:
-    """Of chunks of any length the valid bytes are stored, whatever stands behind them."""
+    """Only the valid bytes of each chunk are stored, whatever follows them in the buffer."""
     content = content_of(sum(lengths))
     name = subject.new_name()
     begin(line, name)
@@ -241,10 +241,10 @@ def _pieces(content: bytes, *positions: int) -> list[Chunk]:
 def _not_complete(
     subject: ControllerUnderTest, line: OutgoingConnection, sent: list[int], missing: list[int]
 ) -> None:
-    """Send chunks out of order; what is taken so must not be a file before the rest has come.
+    """Send chunks out of order; the file must not be complete before the missing ones arrive.
 
-    A subject may refuse them (A-5-8). One that takes them has to wait for what is missing; whether
-    it does is seen by sending that.
+    A controller may refuse them (A-5-8). One that accepts them must wait for the missing chunks, so
+    these are sent to find out.
     """
     content, name = content_of(600), subject.new_name()
     begin(line, name)
@@ -252,13 +252,13 @@ def _not_complete(
         return
     if all(offer(line, chunk) for chunk in _pieces(content, *missing)):
         expect_stored(line, name, content, "5.1/13")
-        subject.tolerate("5.1/13", "chunk_order", "any", "chunks are taken in any order")
+        subject.tolerate("5.1/13", "chunk_order", "any", "chunks are accepted in any order")
         return
     got = download(again(subject, line), name)
     if got is None:
         return
     message = UserMessage(
-        "a file of 600 bytes was taken for complete before the chunks at {missing} came",
+        "a file of 600 bytes was complete before the chunks at {missing} arrived",
         missing=missing,
     )
     claimed = "chunk_order" in subject.ics.claimed
@@ -267,26 +267,26 @@ def _not_complete(
         return
     raise CaseFailed(
         message,
-        expected="0 to a chunk that leaves a gap, or a wait for what is missing",
+        expected="0 to a chunk after a gap, or a wait for the missing chunks",
         observed=f"1 to each chunk, and a file of {len(got)} bytes",
     )
 
 
 @case("5.1/13", name="last-first")
 def test_last_chunk_first(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A file whose last chunk came first is not complete with it."""
+    """A file whose last chunk comes first is not complete after it."""
     _not_complete(subject, line, [400], [0, 200])
 
 
 @case("5.1/13", name="gap")
 def test_gap(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A file with a gap is not complete with its last chunk."""
+    """A file with a gap is not complete after its last chunk."""
     _not_complete(subject, line, [0, 400], [200])
 
 
 @case("5.1/13", name="repeated")
 def test_repeated_chunk(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A file is not complete because a chunk came twice."""
+    """A file is not complete because a chunk is repeated."""
     _not_complete(subject, line, [0, 200, 200], [400])
 
 
@@ -298,7 +298,7 @@ def test_overlap(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 
 @case("5.1/13", name="other-size")
 def test_file_size_changed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A file whose later chunk tells a smaller size is refused, or has that size and no hole."""
+    """A file whose later chunk states a smaller size is refused, or complete with that size."""
     content, name = content_of(600), subject.new_name()
     begin(line, name)
     send(line, Chunk(600, 0, 200, content[:200]))
@@ -309,9 +309,9 @@ def test_file_size_changed(subject: ControllerUnderTest, line: OutgoingConnectio
         return
     expect(
         got == content[:250],
-        "a file whose size changed on the way was taken for complete with bytes missing",
+        "a file whose size changed during the upload was accepted with bytes missing",
         expected="0 to the chunk with another size, or a file of the 250 bytes sent",
         observed=f"a file of {len(got)} bytes",
     )
-    message = "the file size of the last chunk is the one that counts"
+    message = "the file size of the last chunk is used"
     subject.tolerate("5.1/13", "A-5-7", "last", message)

@@ -1,4 +1,4 @@
-"""Clause 5.2: a file to the controller (0x50, 0x52; L741-763)."""
+"""Clause 5.2: upload a file to the controller (0x50, 0x52; L741-763)."""
 
 from typing import Final
 
@@ -46,8 +46,8 @@ _EDGES: Final = (
     *(399, 400, 401, 512, 600, 1000),
 )
 _BEGINNING_OTHERWISE: Final = ((3, 12, 100), (16, 99), (215,))
-"""Sizes of segments that cut a chunk of AA CC AA CC ... so that later ones begin with AA, with CC,
-and with the end byte alone."""
+"""Sizes of segments that split a chunk of AA CC AA CC ... so that later segments begin with AA,
+with CC, or consist of the end byte alone."""
 
 
 def _refused(line: OutgoingConnection, name: bytes, message: str) -> None:
@@ -64,9 +64,9 @@ def _refused(line: OutgoingConnection, name: bytes, message: str) -> None:
 @example(stem=".x.y")
 @example(stem="AZaz09")
 def test_new_name(subject: ControllerUnderTest, line: OutgoingConnection, stem: str) -> None:
-    """A name of letters, digits, dots, dashes and underscores that is not taken is answered 1.
+    """A new name of letters, digits, dots, dashes and underscores is answered 1.
 
-    One that has more than letters and digits may be refused (A-5-20).
+    A name with other characters than letters and digits may be refused (A-5-20).
     """
     name = subject.new_name(stem)
     try:
@@ -79,7 +79,7 @@ def test_new_name(subject: ControllerUnderTest, line: OutgoingConnection, stem: 
 
 @case("5.2/2", name="long")
 def test_long_names(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A name of 30 bytes is taken; a longer one is refused, or kept whole."""
+    """A name of up to 30 bytes is accepted; a longer one is refused or stored in full."""
     for size in examples((29, 30, 31, 60, 120, 200)):
         short = subject.new_name()
         name = short[:-4] + b"n" * (size - len(short)) + short[-4:]
@@ -94,13 +94,13 @@ def test_long_names(subject: ControllerUnderTest, line: OutgoingConnection) -> N
         send(line, Chunk(1, 0, 1, b"!"))
         expect_stored(line, name, b"!", "5.2/2")
         cut = line.ask("download_name", data=name[:30]).accepted if size > 30 else False
-        message = UserMessage("a name of {size} bytes was cut to 30", size=size)
+        message = UserMessage("a name of {size} bytes was truncated to 30", size=size)
         expect(not cut, message, expected="0 to its first 30 bytes", observed="1")
 
 
 @case("5.2/2", name="none")
 def test_no_name(line: OutgoingConnection) -> None:
-    """An upload without a name is not accepted."""
+    """An upload without a name is refused."""
     line.send("upload_name", data=b"")
     came = transfer_frames(line)
     accepted = [seen for seen in came if seen.name == "upload_name" and seen.value is True]
@@ -109,21 +109,21 @@ def test_no_name(line: OutgoingConnection) -> None:
 
 @case("5.2/2", name="many")
 def test_many_names(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Forty new names one after the other are answered 1, each once."""
+    """Each of forty new names in succession is answered 1 once."""
     for _ in range(40):
         name = subject.new_name()
         upload(line, name, b"!")
         delete(line, name)
-    nothing_more(line, "a name was answered twice", "5.2/2")
+    nothing_more(line, "a name got two replies", "5.2/2")
 
 
 @case("5.2/3")
 def test_existing_name(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A name that is taken is answered 0 again and again, and its file is left as it is."""
+    """An existing name is answered 0 each time, and its file is unchanged."""
     name, content = subject.new_name(), content_of(450)
     upload(line, name, content)
     for _ in range(3):
-        _refused(line, name, "a name that is taken was accepted")
+        _refused(line, name, "an existing name was accepted")
         expect_stored(line, name, content, "5.2/3")
     expect_round_trip(subject, line, content, "5.2/3")
 
@@ -132,30 +132,30 @@ def test_existing_name(subject: ControllerUnderTest, line: OutgoingConnection) -
 def test_name_that_another_connection_took(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
-    """A name that was taken on an earlier connection is answered 0 too, and its file stays."""
+    """A name used on an earlier connection is answered 0, too, and its file is unchanged."""
     name, content = subject.new_name(), content_of(450)
     upload(line, name, content)
     line = again(subject, line)
-    _refused(line, name, "a name that was taken on another connection was accepted")
+    _refused(line, name, "a name used on another connection was accepted")
     line = again(subject, line)
     expect_stored(line, name, content, "5.2/3")
 
 
 @case("5.2/15", name="upload", hazards=_DESTRUCTIVE)
 def test_path_in_a_new_name(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A new name with a slash or dots that lead elsewhere is not accepted."""
+    """A new name with a slash, or with dots that lead to another folder, is refused."""
     plain = subject.new_name()
     for path in examples((b"../%s", b"../../%s", b"a/../%s", b"./%s", b"/%s", b"/tmp/%s", b"a/%s")):
         name = path % plain
         try_request = malformed.offer(subject, line, "upload_name", Malformed("a path", name))
         line = try_request.line
-        message = UserMessage("the name {decode} was accepted", decode=name.decode())
+        message = UserMessage("the name {name} was accepted", name=name.decode())
         expect(not try_request.accepted, message, expected="0", observed="1")
 
 
 @case("5.2/15", name="backslash", hazards=_DESTRUCTIVE)
 def test_backslash_in_a_new_name(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A new name with a backslash is not accepted, or nothing is stored where it would lead."""
+    """A new name with a backslash is refused, or nothing is stored where the path would lead."""
     for path in examples((b".\\%s", b"a\\..\\%s", b"..\\%s")):
         plain = subject.new_name()
         name = path % plain
@@ -165,16 +165,16 @@ def test_backslash_in_a_new_name(subject: ControllerUnderTest, line: OutgoingCon
             offer(line, Chunk(1, 0, 1, b"!"))
             line = again(subject, line)
             message = UserMessage(
-                "the name {decode} has stored {decode_2}",
-                decode=name.decode(),
-                decode_2=plain.decode(),
+                "the name {name} stored the file {file_name}",
+                name=name.decode(),
+                file_name=plain.decode(),
             )
             expect(left_behind(line, plain) is None, message, expected="0", observed="1")
 
 
 @case("5.2/15", name="same-file", hazards=_DESTRUCTIVE)
 def test_path_to_a_file(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A path that would lead to a stored file does not fetch it."""
+    """A path that would lead to a stored file does not download it."""
     plain = subject.new_name()
     upload(line, plain, b"!")
     for path in examples(
@@ -184,21 +184,23 @@ def test_path_to_a_file(subject: ControllerUnderTest, line: OutgoingConnection) 
         try_request = malformed.offer(subject, line, "download_name", Malformed("a path", name))
         line = try_request.line
         message = UserMessage(
-            "{decode} fetched {decode_2}", decode=name.decode(), decode_2=plain.decode()
+            "the name {name} downloaded the file {file_name}",
+            name=name.decode(),
+            file_name=plain.decode(),
         )
         expect(not try_request.accepted, message, expected="0", observed="1")
 
 
 @case("5.2/15", name="system")
 def test_path_to_the_system(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A path that would lead out of the store fetches nothing."""
+    """A path that would lead out of the program store downloads nothing."""
     up = (b"../" * 8, b"/", b"..\\" * 8, b"C:\\", b"/proc/self/cwd/../../../../")
     for name in examples(
         [way + file for way in up for file in (b"etc/passwd", b"windows\\win.ini")]
     ):
         try_request = malformed.offer(subject, line, "download_name", Malformed("a path", name))
         line = try_request.line
-        message = UserMessage("{decode} was fetched", decode=name.decode())
+        message = UserMessage("{name} was downloaded", name=name.decode())
         expect(not try_request.accepted, message, expected="0", observed="1")
 
 
@@ -207,19 +209,19 @@ def test_path_to_the_system(subject: ControllerUnderTest, line: OutgoingConnecti
 
 @case("5.2/6")
 def test_every_chunk_is_answered(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Every chunk of an upload is answered 1, once."""
+    """Every chunk of an upload is answered with a single 1."""
     for size in examples((1, 200, 1000)):
         begin(line, subject.new_name())
         for chunk in chunks_of(content_of(size)):
             send(line, chunk)
-        nothing_more(line, "a chunk was answered twice", "5.2/6")
+        nothing_more(line, "a chunk got two replies", "5.2/6")
 
 
 @case("5.2/6", name="refused")
 def test_refused_chunks_are_answered(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
-    """A chunk that cannot be taken is answered 0, or ends the link (A-5-6, A-5-26)."""
+    """An invalid chunk is answered 0, or closes the link (A-5-6, A-5-26)."""
     for chunk in examples((Chunk(600, 0, 201, bytes(200)), Chunk(100, 0, 101, bytes(200)))):
         begin(line, subject.new_name())
         try:
@@ -227,7 +229,8 @@ def test_refused_chunks_are_answered(
         except NoReply:
             if line.ending is None:
                 raise
-            subject.tolerate("5.2/6", "A-5-26", "closed", "a chunk out of bounds ends the link")
+            message = "a chunk out of bounds closes the link"
+            subject.tolerate("5.2/6", "A-5-26", "closed", message)
         else:
             message = UserMessage(
                 "a chunk of length {length} of {file_size} was not refused",
@@ -236,12 +239,12 @@ def test_refused_chunks_are_answered(
             )
             refused = answer.accepted is False
             expect(refused, message, expected="0", observed=f"{answer}")
-            nothing_more(line, "a chunk was answered twice", "5.2/6")
+            nothing_more(line, "a chunk got two replies", "5.2/6")
         line = again(subject, line)
 
 
 def _other_order_is_illegal(length: int) -> bool:
-    """Whether a length is out of bounds in either byte order, so that none can be meant."""
+    """Whether a length is out of bounds in both byte orders, so that no valid length is meant."""
     return int.from_bytes(length.to_bytes(4, "little")) > BUFFER_BYTES
 
 
@@ -251,14 +254,14 @@ _too_long = st.integers(BUFFER_BYTES + 1, _MOST).filter(_other_order_is_illegal)
 def _out_of_bounds(
     subject: ControllerUnderTest, line: OutgoingConnection, head: Chunk, taken_before: int = 0
 ) -> None:
-    """Send a chunk that must not be taken, behind others that are in order."""
+    """Send a chunk that must not be accepted, after `taken_before` valid ones."""
     subject.clear(line)
     begin(line, subject.new_name())
     for chunk in list(chunks_of(content_of(head.file_size)))[:taken_before]:
         send(line, chunk)
     taken = offer(line, head)
     message = UserMessage(
-        "length {length} at {position} of {file_size} bytes was taken",
+        "length {length} at {position} of {file_size} bytes was accepted",
         length=head.length,
         position=head.position,
         file_size=head.file_size,
@@ -277,20 +280,20 @@ def _out_of_bounds(
 @example(length=0xFFFFFF38, before=1)
 @example(length=_MOST, before=0)
 def test_length_over_the_buffer(subject: ControllerUnderTest, length: int, before: int) -> None:
-    """A chunk with a length over 200 is not taken, be it the first or a later one."""
+    """A chunk with a length over 200 is refused, as the first chunk or a later one."""
     head = Chunk(1000, 200 * before, length, bytes(BUFFER_BYTES))
     _out_of_bounds(subject, subject.open(), head, before)
 
 
 @case("5.2/10", name="long-frame")
 def test_more_than_the_buffer(subject: ControllerUnderTest) -> None:
-    """A chunk that really brings more than 200 bytes is not taken."""
+    """A chunk that contains more than 200 bytes is refused."""
     for length in examples((201, 220, 243)):
         line = subject.open()
         begin(line, subject.new_name())
         head = FILE_DATA.encode(Chunk(1000, 0, length, b""), subject.dialect)[:HEAD_BYTES]
         taken = offer(line, data=head + content_of(length))
-        message = UserMessage("a chunk of {length} bytes was taken", length=length)
+        message = UserMessage("a chunk of {length} bytes was accepted", length=length)
         expect(not taken, message, expected="0", observed="1")
         line.close()
 
@@ -302,7 +305,7 @@ def test_more_than_the_buffer(subject: ControllerUnderTest) -> None:
 @example(size=201, over=1)
 @example(size=399, over=1)
 def test_beyond_the_file(subject: ControllerUnderTest, size: int, over: int) -> None:
-    """A last chunk that reaches beyond fileSize is not taken."""
+    """A last chunk that exceeds fileSize is refused."""
     before, rest = divmod(size, BUFFER_BYTES)
     length = min(rest + over, BUFFER_BYTES)
     if rest + length <= BUFFER_BYTES or length > rest:
@@ -312,9 +315,9 @@ def test_beyond_the_file(subject: ControllerUnderTest, size: int, over: int) -> 
 
 @case("5.2/10", name="position")
 def test_position_beyond_the_file(subject: ControllerUnderTest) -> None:
-    """A position at or beyond the end is not taken, also where adding the length overflows.
+    """A position at or after the end is refused, also if position plus length overflows.
 
-    Nor is one whose lower 16 bits are those of the position that is due.
+    A position whose lower 16 bits are those of the expected position is refused, too.
     """
     for position in (600, 601, 65_536, 65_736, 100_000, 2**31 - 1, 2**32 - 200, 2**32 - 100, _MOST):
         head = Chunk(600, position, BUFFER_BYTES, bytes(BUFFER_BYTES))
@@ -324,57 +327,59 @@ def test_position_beyond_the_file(subject: ControllerUnderTest) -> None:
 
 @case("5.2/11")
 def test_chunk_without_a_name(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A chunk before any name is not taken; nor is one after an upload was over."""
+    """A chunk before any name, or after the end of an upload, is refused."""
     for content in examples((b"abc", content_of(200))):
         taken = offer(line, Chunk(len(content), 0, len(content), content))
-        expect(not taken, "a chunk was taken without a name", expected="0", observed="1")
+        expect(not taken, "a chunk without a name was accepted", expected="0", observed="1")
         upload(line, subject.new_name(), content)
 
 
 @case("5.2/11", name="after-the-end")
 def test_chunk_after_the_end(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A chunk behind the last one is not taken, and does not change the file."""
+    """A chunk after the last one is refused and does not change the file."""
     name, content = subject.new_name(), content_of(250)
     upload(line, name, content)
     last = Chunk(250, 200, 50, content[200:])
     for more in examples((last, Chunk(450, 250, 200, bytes(200)), Chunk(3, 0, 3, b"new"))):
-        expect(not offer(line, more), "a chunk behind the last was taken", expected="0")
+        message = "a chunk after the last one was accepted"
+        expect(not offer(line, more), message, expected="0")
         expect_stored(line, name, content, "5.2/11")
 
 
 @case("5.2/11", name="after-refusal")
 def test_chunk_after_a_refused_name(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A chunk behind a refused name is not taken."""
+    """A chunk after a refused name is refused."""
     name, content = subject.new_name(), content_of(250)
     upload(line, name, content)
-    _refused(line, name, "a name that is taken was accepted")
+    _refused(line, name, "an existing name was accepted")
     taken = offer(line, Chunk(3, 0, 3, b"new"))
-    expect(not taken, "a chunk behind a refused name was taken", expected="0", observed="1")
+    expect(not taken, "a chunk after a refused name was accepted", expected="0", observed="1")
     expect_stored(line, name, content, "5.2/11")
 
 
 @case("5.2/11", name="during-a-download")
 def test_chunk_during_a_download(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A chunk while a file is being fetched is not taken."""
+    """An upload chunk during a download is refused."""
     name = subject.new_name()
     upload(line, name, content_of(450))
     line.ask("download_name", data=name)
     next_chunk(line)
     taken = offer(line, Chunk(3, 0, 3, b"new"))
-    expect(not taken, "a chunk was taken during a download", expected="0", observed="1")
+    message = "an upload chunk was accepted during a download"
+    expect(not taken, message, expected="0", observed="1")
 
 
 @case("5.2/11", name="elsewhere")
 def test_chunk_on_another_connection(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
-    """A chunk on a connection that named no file is not taken into the upload of another one."""
+    """A chunk on a connection without an upload is not added to that of another connection."""
     subject.require_multiple_connections()
     name, content = subject.new_name(), content_of(450)
     begin(line, name)
     other = subject.open()
     answer = try_request(other, "upload_chunk", Chunk(450, 0, 200, bytes(200)))
-    expect(answer is None or not answer.accepted, "a chunk was taken without a name")
+    expect(answer is None or not answer.accepted, "a chunk without a name was accepted")
     for chunk in chunks_of(content):
         send(line, chunk)
     expect_stored(other, name, content, "5.2/11")
@@ -384,7 +389,7 @@ def test_chunk_on_another_connection(
 def test_chunk_after_the_connection_was_lost(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
-    """A chunk on a new connection is not taken: the upload ended with the old one."""
+    """A chunk on a new connection is refused: the upload ended with the old connection."""
     subject.notices_leaving()
     for end in examples((OutgoingConnection.close, OutgoingConnection.reset)):
         begin(line, subject.new_name())
@@ -392,7 +397,7 @@ def test_chunk_after_the_connection_was_lost(
         end(line)
         line = subject.open()
         taken = offer(line, Chunk(450, 200, 200, bytes(200)))
-        message = "a chunk on a new connection was taken without a name"
+        message = "a chunk without a name was accepted on a new connection"
         expect(not taken, message, expected="0", observed="1")
 
 
@@ -400,15 +405,15 @@ def test_chunk_after_the_connection_was_lost(
 def test_nothing_after_the_last_answer(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
-    """Behind the answer to the last chunk nothing more is sent, up or down."""
+    """After the reply to the last chunk, nothing more is sent, in uploads and downloads."""
     for size in examples((1, 200, 450)):
         name = subject.new_name()
         upload(line, name, content_of(size))
-        nothing_more(line, "something followed on the last answer of an upload", "5.2/13")
+        nothing_more(line, "something followed the last reply of an upload", "5.2/13")
         download(line, name)
-        nothing_more(line, "something followed on the last answer of a download", "5.2/13")
+        nothing_more(line, "something followed the last reply of a download", "5.2/13")
     line.wait(SILENCE_S)
-    nothing_more(line, "something followed on the last answer of a transfer", "5.2/13")
+    nothing_more(line, "something followed the last reply of a transfer", "5.2/13")
 
 
 # What is stored
@@ -416,7 +421,7 @@ def test_nothing_after_the_last_answer(
 
 @case("5.2/12", name="again")
 def test_read_again_and_again(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """An uploaded file is fetched three times, and on another connection, and is the same."""
+    """Each download of an uploaded file, also on another connection, returns the same content."""
     name, content = subject.new_name(), content_of(450)
     upload(line, name, content)
     expect_stored(line, name, content)
@@ -428,7 +433,7 @@ def test_read_again_and_again(subject: ControllerUnderTest, line: OutgoingConnec
 
 @case("5.2/12", name="anew")
 def test_uploaded_anew(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A name that was deleted brings what was uploaded last: longer, shorter, of the same size."""
+    """A name used again after deletion stores the new content, whatever its size is."""
     name = subject.new_name()
     for number, size in enumerate((450, 600, 250, 250, 1)):
         content = content_of(size, number)
@@ -439,7 +444,7 @@ def test_uploaded_anew(subject: ControllerUnderTest, line: OutgoingConnection) -
 
 @case("5.2/12", name="two-files")
 def test_two_files(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Two files of names that begin alike keep their contents apart."""
+    """Two files with similar names keep their own contents."""
     first = subject.new_name()
     second = first[:-4] + b"b" + first[-4:]
     contents = {first: content_of(450), second: content_of(450, 1)}
@@ -451,14 +456,14 @@ def test_two_files(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 
 @case("5.2/12", name="two-connections")
 def test_two_uploads_at_once(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Two connections upload and then fetch in turns, and each file is what was sent."""
+    """Two connections upload and then download in turns, and each file has its own content."""
     subject.require_multiple_connections()
     lines = (line, subject.open())
     names = [subject.new_name() for _ in lines]
     contents = [content_of(650, number) for number in (0, 1)]
     begin(lines[0], names[0])
     if not lines[1].ask("upload_name", names[1]).accepted:
-        message = "one upload at a time, on whatever connection"
+        message = "only one upload at a time is possible on all connections"
         subject.tolerate("5.2/12", "A-5-17", "one", message)
         return
     for both in zip(*(list(chunks_of(content)) for content in contents), strict=True):
@@ -472,7 +477,7 @@ def test_two_uploads_at_once(subject: ControllerUnderTest, line: OutgoingConnect
 def test_one_name_on_two_connections(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
-    """Where two connections upload under one name, one of them is refused, or one file is whole."""
+    """Of two uploads under one name, one is refused, or one complete file is stored."""
     subject.require_multiple_connections()
     lines = (line, subject.open())
     name = subject.new_name()
@@ -490,14 +495,14 @@ def test_one_name_on_two_connections(
     expect(
         got in whole,
         "two uploads under one name were mixed",
-        expected="one of the files whose every chunk was taken",
-        observed="another one" if got is not None else "no file",
+        expected="one of the files whose chunks were all accepted",
+        observed="another content" if got is not None else "no file",
     )
 
 
 @case("5.2/14", "2/5", name="bytes")
 def test_delimiters_in_the_content(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Files full of AA, CC, 00, 7C and of other bytes that software likes to change are kept."""
+    """Files full of AA, CC, 00, 7C and other bytes that software may alter are kept unchanged."""
     frame = b"\xaa\x09\x00\xcc"
     contents = (
         *(bytes([value]) * size for value in b"\xaa\xcc\x00\x7c\x90\xff" for size in (199, 401)),
@@ -512,7 +517,7 @@ def test_delimiters_in_the_content(subject: ControllerUnderTest, line: OutgoingC
         b"a\nb\rc\x1ad\x04e\x0f" * 30,
         b"\xef\xbb\xbf" + "程序".encode("gb18030") * 60,
         b"1|2|3" * 50,
-        b"0",  # which is nothing in some languages
+        b"0",  # a false value in some languages
         b"\\\"'%s%n&amp;" * 20,
     )
     for content in examples(contents):
@@ -524,7 +529,7 @@ def test_delimiters_in_the_content(subject: ControllerUnderTest, line: OutgoingC
 def _in_segments(
     subject: ControllerUnderTest, line: OutgoingConnection, content: bytes, sizes: tuple[int, ...]
 ) -> None:
-    """Send a file of one chunk in segments of these sizes, and the rest of it in a last one."""
+    """Send a file of one chunk in segments of these sizes, and the rest in a last segment."""
     name = subject.new_name()
     begin(line, name)
     chunk = line.request("upload_chunk", Chunk(len(content), 0, len(content), content)).encode()
@@ -534,7 +539,7 @@ def _in_segments(
     except NoReply as error:
         error.requirement = "2/5"
         raise
-    message = "a chunk was refused that came in several segments"
+    message = "a chunk that arrived in several segments was refused"
     expect(answer.accepted, message, expected="1", observed=f"{answer}", requirement="2/5")
     expect_stored(line, name, content, "2/5")
 
@@ -544,13 +549,13 @@ def _in_segments(
 def test_any_content(
     subject: ControllerUnderTest, line: OutgoingConnection, content: bytes
 ) -> None:
-    """Whatever bytes a file has, they are kept."""
+    """A file of any bytes is kept unchanged."""
     expect_round_trip(subject, line, content, "5.2/14")
 
 
 @case("5.2/16", name="edges")
 def test_sizes_at_the_edges(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Files around multiples of 200 and of powers of two arrive intact."""
+    """Files around multiples of 200 and of powers of two are stored unchanged."""
     for size in examples(_EDGES):
         expect_round_trip(subject, line, content_of(size), "5.2/16")
 
@@ -558,18 +563,18 @@ def test_sizes_at_the_edges(subject: ControllerUnderTest, line: OutgoingConnecti
 @case("5.2/16", name="drawn")
 @given(size=st.integers(1, 1200))
 def test_any_size(subject: ControllerUnderTest, line: OutgoingConnection, size: int) -> None:
-    """Files of any size arrive intact."""
+    """Files of any size are stored unchanged."""
     expect_round_trip(subject, line, content_of(size), "5.2/16")
 
 
 def _large(subject: ControllerUnderTest, line: OutgoingConnection, size: int) -> None:
-    """Send a large file and fetch it; if there is no room for it, the first chunk says so.
+    """Upload and download a large file; if there is no room, the first chunk is refused.
 
-    It is put between two others, which stay as they are.
+    Its place is between two other files, which must not change.
     """
     neighbours, between = [subject.new_name(), subject.new_name()], subject.new_name()
-    for each in (neighbours[0], between, neighbours[1]):
-        upload(line, each, _NEIGHBOUR)
+    for neighbour in (neighbours[0], between, neighbours[1]):
+        upload(line, neighbour, _NEIGHBOUR)
     delete(line, between)
     name, content = subject.new_name(), content_of(size)
     begin(line, name)
@@ -581,47 +586,50 @@ def _large(subject: ControllerUnderTest, line: OutgoingConnection, size: int) ->
     for chunk in others:
         send(line, chunk, "5.2/16")
     expect_stored(line, name, content, "5.2/16")
-    nothing_more(line, "something followed on a large file", "5.2/16")
-    for each in neighbours:
-        expect_stored(line, each, _NEIGHBOUR)
+    nothing_more(line, "something followed a large file", "5.2/16")
+    for neighbour in neighbours:
+        expect_stored(line, neighbour, _NEIGHBOUR)
 
 
 def _expect_too_large(subject: ControllerUnderTest, line: OutgoingConnection, size: int) -> None:
-    """Where there is no room for a file, there is none for a larger one (A-5-25)."""
+    """Expect that a controller without room for a file refuses each larger one (A-5-25)."""
     for larger in (size + 1, _LARGEST + 1, 2 * size + 1):
         begin(line, subject.new_name())
         taken = offer(line, Chunk(larger, 0, BUFFER_BYTES, bytes(BUFFER_BYTES)))
         message = UserMessage(
-            "a file of {size} bytes is refused, and one of {larger} bytes is not",
+            "a file of {size} bytes is refused, but one of {larger} bytes is accepted",
             size=size,
             larger=larger,
         )
         expect(not taken, message, expected="1", observed="0", requirement="5.2/16")
         line = again(subject, line)
     subject.tolerate(
-        "5.2/16", "A-5-25", "no room", UserMessage("there is no room for {size} bytes", size=size)
+        "5.2/16",
+        "A-5-25",
+        "no room",
+        UserMessage("the controller has no room for {size} bytes", size=size),
     )
 
 
 @case("5.2/16", "5.2/12", name="51200")
 def test_size_51200(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A file of 256 full chunks arrives intact."""
+    """A file of 256 full chunks is stored unchanged."""
     _large(subject, line, 51_200)
 
 
 @case("5.2/16", "5.2/12", name="65535")
 def test_size_65535(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The largest file whose size fits 16 bits arrives intact."""
+    """The largest file whose size fits 16 bits is stored unchanged."""
     _large(subject, line, 65_535)
 
 
 @case("5.2/16", "5.2/12", name="65536")
 def test_size_65536(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The smallest file whose size does not fit 16 bits arrives intact."""
+    """The smallest file whose size does not fit 16 bits is stored unchanged."""
     _large(subject, line, 65_536)
 
 
 @case("5.2/16", "5.2/12", name="70000")
 def test_size_70000(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A file whose positions do not fit 16 bits arrives intact."""
+    """A file whose positions do not fit 16 bits is stored unchanged."""
     _large(subject, line, _LARGEST)

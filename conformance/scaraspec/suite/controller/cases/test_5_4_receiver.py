@@ -1,7 +1,7 @@
-"""Clause 5.4: what a receiver does, the end of a transfer and its time-out (L789-795).
+"""Clause 5.4: the receiver, the end of a transfer and its timeout (L789-795).
 
-An upload that broke off is met here in every way: at each chunk, by the end of the connection, by
-a chunk that is refused, by the error signal of L787, by silence.
+Uploads are interrupted in every way: at each chunk, by the end of the connection, by a refused
+chunk, by the error signal of L787, and by silence.
 """
 
 from collections.abc import Callable
@@ -55,12 +55,12 @@ _AHEAD = timedelta(hours=1)
 
 @case("5.4/1")
 def test_name_that_is_not_there(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The name of a file that is not there is answered 1: new, deleted, asked for in vain."""
+    """The name of a missing file is answered 1: new, deleted, or requested before."""
     name = subject.new_name()
     line.ask("download_name", data=name)
     for _ in range(3):
         answer = line.ask("upload_name", data=name)
-        message = "the name of a file that is not there was refused"
+        message = "the name of a missing file was refused"
         expect(answer.accepted, message, expected="1", observed=f"{answer}")
         send(line, Chunk(1, 0, 1, b"!"))
         expect_stored(line, name, b"!", "5.4/1")
@@ -71,26 +71,26 @@ def test_name_that_is_not_there(subject: ControllerUnderTest, line: OutgoingConn
 def test_name_on_a_second_connection(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
-    """A file is created on any connection, also while another one is open."""
+    """A file can be uploaded on any connection, also while another one is open."""
     subject.require_multiple_connections()
     for on in (line, subject.open(), line):
         name = subject.new_name()
         answer = on.ask("upload_name", data=name)
-        message = "the name of a file that is not there was refused"
+        message = "the name of a missing file was refused"
         expect(answer.accepted, message, expected="1", observed=f"{answer}")
         send(on, Chunk(1, 0, 1, b"!"))
         expect_stored(line, name, b"!", "5.4/1")
-        line.sync()  # the download is over for the subject, too: there may be one at a time
+        line.sync()  # the download ends for the controller, too: it may allow one at a time
 
 
 @case("5.4/2")
 def test_name_that_is_there(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The name of a file that is there is answered 0, on any connection, also after a download."""
+    """The name of an existing file is answered 0 on any connection, also after a download."""
     name = subject.new_name()
     upload(line, name, _CONTENT)
     for _ in range(2):
         answer = line.ask("upload_name", data=name)
-        message = "the name of a file that is there was accepted"
+        message = "the name of an existing file was accepted"
         expect(not answer.accepted, message, expected="0", observed=f"{answer}")
         download(line, name)
         line = again(subject, line)
@@ -98,17 +98,17 @@ def test_name_that_is_there(subject: ControllerUnderTest, line: OutgoingConnecti
 
 @case("5.4/2", name="among-many")
 def test_each_of_many_names(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Of twelve files, or as many as there is room for, each one's name is answered 0."""
+    """The name of each of twelve files, or of as many as fit, is answered 0."""
     names: list[bytes] = []
     for _ in range(12):
         name = subject.new_name()
         full = bool(names) and not line.ask("upload_name", data=name).accepted
         if full:
-            message = UserMessage(
-                "there is room for {names_count} more files", names_count=len(names)
+            full_message = UserMessage(
+                "the controller has room for only {file_count} more files", file_count=len(names)
             )
-            subject.tolerate("5.4/2", "A-5-21", "full", message)
-            delete(line, names.pop())  # then there is room again
+            subject.tolerate("5.4/2", "A-5-21", "full", full_message)
+            delete(line, names.pop())  # to make room again
         if full or not names:
             begin(line, name)
         send(line, Chunk(len(name), 0, len(name), name))
@@ -117,19 +117,19 @@ def test_each_of_many_names(subject: ControllerUnderTest, line: OutgoingConnecti
             break
     for name in names:
         answer = line.ask("upload_name", data=name)
-        taken = "the name of a file that is there was accepted"
-        expect(not answer.accepted, taken, expected="0", observed=f"{answer}")
+        message = "the name of an existing file was accepted"
+        expect(not answer.accepted, message, expected="0", observed=f"{answer}")
 
 
 @case("5.4/3")
 def test_buffer_is_not_exceeded(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """No chunk of a download holds more than 200 bytes."""
+    """No chunk of a download contains more than 200 bytes."""
     for size in examples((200, 201, 255, 400, 1000)):
         name = subject.new_name()
         upload(line, name, content_of(size))
         for frame in course_of(line, name):
             length = chunk_of(frame).length
-            message = "a chunk holds more than the buffer"
+            message = "a chunk contains more than the buffer"
             expect(length <= 200, message, expected="at most 200", observed=f"{length}")
 
 
@@ -138,7 +138,7 @@ def test_buffer_is_not_exceeded(subject: ControllerUnderTest, line: OutgoingConn
 
 @case("5.4/4")
 def test_end_is_found(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """With its last chunk a file is there, whatever its size, for every connection."""
+    """After its last chunk, a file of any size can be downloaded on every connection."""
     for size in examples((1, 199, 200, 201, 400)):
         name = subject.new_name()
         upload(line, name, content_of(size))
@@ -151,24 +151,24 @@ def test_end_is_found(subject: ControllerUnderTest, line: OutgoingConnection) ->
 def test_end_behind_short_chunks(
     subject: ControllerUnderTest, line: OutgoingConnection, lengths: list[int]
 ) -> None:
-    """A file in chunks of any lengths ends where position + length is fileSize, and not before."""
+    """A file in chunks of any lengths ends where position + length is fileSize, not earlier."""
     content, name = content_of(400), subject.new_name()
     begin(line, name)
     position = 0
     for length in lengths:
         chunk = Chunk(400, position, length, content[position : position + length])
-        send(line, chunk, "5.4/4", "the end of a file was found too early")
+        send(line, chunk, "5.4/4", "the end of a file was detected too early")
         position += length
     expect_stored(line, name, content, "5.4/4")
     subject.clear(line)
 
 
-# The time-out
+# The timeout
 
 
 @case("5.4/5", "5.4/6", "5.4/7")
 def test_silence(subject: ControllerUnderTest) -> None:
-    """An upload survives 25 s of silence, twice, is over after 60 s, and leaves the link usable."""
+    """An upload continues after two pauses of 25 s and ends after 60 s of silence."""
     limits = limits_of(subject)
     run_tracks(
         subject,
@@ -186,7 +186,7 @@ def test_silence(subject: ControllerUnderTest) -> None:
 def _sent(
     subject: ControllerUnderTest, count: int
 ) -> tuple[bytes, Callable[[OutgoingConnection], None]]:
-    """A name, and what sends it and the first chunks."""
+    """Return a new name, and a function that starts its upload and sends `count` chunks."""
     name = subject.new_name()
 
     def start(line: OutgoingConnection) -> None:
@@ -198,9 +198,9 @@ def _sent(
 
 
 def _patient(subject: ControllerUnderTest, limits: Limits) -> Track:
-    """Pauses of 25 s behind the name and behind a chunk, and then the rest.
+    """Return a track with pauses of 25 s after the name and after a chunk, and then the rest.
 
-    An upload that has come to its end precedes: its time-out must not be this one's.
+    A complete upload precedes it, whose timeout must not apply to this one.
     """
     name, start = _sent(subject, 0)
 
@@ -214,9 +214,9 @@ def _patient(subject: ControllerUnderTest, limits: Limits) -> Track:
         taken = offer(line, chunk, within_s=CHUNK_S)
         if not taken:
             silence.in_time(limits.early_s + (CHUNK_S if taken is None else 0))
-            _serving(subject, line, "a time-out")
+            _serving(subject, line, "a timeout")
             message = UserMessage(
-                "an upload did not survive {survived_s:g} s of silence",
+                "an upload was aborted after {survived_s:g} s of silence",
                 survived_s=limits.survived_s,
             )
             raise CaseFailed(message, expected="1", observed="0 or silence", requirement="5.4/5")
@@ -232,7 +232,7 @@ def _patient(subject: ControllerUnderTest, limits: Limits) -> Track:
 
 
 def _reported(subject: ControllerUnderTest, silence_s: float, limits: Limits) -> Track:
-    """A pause after which an upload should still, or no longer, be alive."""
+    """Return a track with a pause after which it is observed whether an upload is still open."""
     _, start = _sent(subject, 1)
 
     def look(line: OutgoingConnection, silence: Silence) -> None:
@@ -240,12 +240,12 @@ def _reported(subject: ControllerUnderTest, silence_s: float, limits: Limits) ->
         alive = offer(line, _CHUNKS[1])
         if alive and silence_s >= limits.late_s:
             message = UserMessage(
-                "an upload is not given up after {silence_s:g} s of silence", silence_s=silence_s
+                "an upload is not aborted after {silence_s:g} s of silence", silence_s=silence_s
             )
             subject.tolerate("5.4/5", "xfer_timeout", "more", message)
         if not alive and passed_s < subject.transfer_s:
             message = UserMessage(
-                "an upload is given up before {passed_s:g} s of silence", passed_s=passed_s
+                "an upload is aborted before {passed_s:g} s of silence", passed_s=passed_s
             )
             subject.tolerate("5.4/5", "xfer_timeout", "less", message)
 
@@ -253,31 +253,31 @@ def _reported(subject: ControllerUnderTest, silence_s: float, limits: Limits) ->
 
 
 def _abandoned(subject: ControllerUnderTest, limits: Limits, sent: int) -> Track:
-    """A pause of 60 s, after which the upload must be over."""
+    """Return a track with a pause of 60 s, after which the upload must be over."""
     name, start = _sent(subject, sent)
 
     def over(line: OutgoingConnection, _: Silence) -> None:
         expect(
             not offer(line, _CHUNKS[sent]),
-            UserMessage("a chunk was taken after {over_s:g} s of silence", over_s=limits.over_s),
+            UserMessage("a chunk was accepted after {over_s:g} s of silence", over_s=limits.over_s),
             expected="0",
             observed="1",
             requirement="5.4/5",
         )
-        line = _serving(subject, line, "a time-out")
-        _transfers(subject, line, "a time-out")
+        line = _serving(subject, line, "a timeout")
+        _transfers(subject, line, "a timeout")
         _nothing_left(subject, line, name, _CONTENT[: 200 * sent]).close()
 
     return Track(start, ((limits.over_s, over),))
 
 
-# What a broken transfer leaves
+# The state after an interrupted transfer
 
 
 def _serving(
     subject: ControllerUnderTest, line: OutgoingConnection, what: str
 ) -> OutgoingConnection:
-    """The connection, once it has served another command; a new one where only that does."""
+    """Return the connection after another command is served; a new one if only that is served."""
     try:
         line.ask("get_status")
     except NoReply as error:
@@ -288,18 +288,18 @@ def _serving(
         except CaseFailed:
             error.requirement = "5.4/6"
             raise error from None
-        message = UserMessage("after {what} only a new connection is served", what=what)
+        message = UserMessage("after {event}, only a new connection is served", event=what)
         subject.tolerate("5.4/6", "A-5-26", "closed", message)
     return line
 
 
 def _transfers(subject: ControllerUnderTest, line: OutgoingConnection, what: str) -> None:
-    """Another transfer works after one has broken off."""
+    """Expect that another transfer works after an interrupted one."""
     try:
         expect_round_trip(subject, line, b"next")
     except CaseFailed as error:
         raise CaseFailed(
-            UserMessage("after {what} no other transfer works: {error}", what=what, error=error),
+            UserMessage("after {event}, no other transfer works: {error}", event=what, error=error),
             expected=error.expected,
             observed=error.observed,
             requirement="5.4/6",
@@ -309,40 +309,40 @@ def _transfers(subject: ControllerUnderTest, line: OutgoingConnection, what: str
 def _nothing_left(
     subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, part: bytes
 ) -> OutgoingConnection:
-    """A broken upload leaves nothing, or of what was sent as much as was written (A-5-12).
+    """Expect that an interrupted upload leaves no file, or the beginning of it (A-5-12).
 
-    Its name serves again. What is told is what was sent; a robot that gathers what comes, or lets
-    its system do so, has written a beginning of it, or nothing into the file that it had created.
+    Its name can be used again. The file may contain everything that was sent. A robot that buffers
+    its writes may have stored only a beginning of it, or an empty file.
 
     Returns:
         The connection that is open now.
 
     Raises:
-        CaseFailed: Something else is there, or the name is blocked for good.
+        CaseFailed: There is another content, or the name stays blocked.
     """
     got = left_behind(line, name)
     if got is not None:
         line = again(subject, line)
         expect(
             part.startswith(got),
-            "a broken upload left a file that is not what was sent of it",
+            "an interrupted upload left a file with another content",
             expected=f"no file, or the {len(part)} bytes that were sent, or their beginning",
             observed=f"{len(got)} bytes",
             requirement="5.4/7",
         )
-        message = "what was sent of a broken upload stays"
+        message = "the part that was sent of an interrupted upload is kept"
         subject.tolerate("5.4/7", "partial_keep", "keep", message)
         delete(line, name)
-    left_s = limits_of(subject).over_s  # until a lost connection is noticed by its silence
+    left_s = limits_of(subject).over_s  # a lost connection may be detected by its silence
     while not (answer := line.ask("upload_name", data=name)).accepted and left_s > 0:
         if line.ask("delete_program", data=name).accepted:
-            message = "an empty file stays of a broken upload"
+            message = "an empty file of an interrupted upload is kept"
             subject.tolerate("5.4/7", "partial_keep", "keep", message)
         line.wait(_POLL_S)
         left_s -= _POLL_S
     expect(
         answer.accepted,
-        "the name of a broken upload cannot be used again, though no file of it can be deleted",
+        "the name of an interrupted upload cannot be used again, and no file of it can be deleted",
         expected="1",
         observed=f"{answer}",
         requirement="5.4/1",
@@ -354,7 +354,7 @@ def _nothing_left(
 
 
 def _broken_off(subject: ControllerUnderTest, end: Callable[[OutgoingConnection], None]) -> None:
-    """Let an upload break off at every chunk."""
+    """Interrupt an upload at every chunk with `end`."""
     for count in examples(range(len(_CHUNKS))):
         name, start = _sent(subject, count)
         line = subject.open()
@@ -366,32 +366,32 @@ def _broken_off(subject: ControllerUnderTest, end: Callable[[OutgoingConnection]
 
 @case("5.4/7", "5.4/1", name="closed")
 def test_connection_closed(subject: ControllerUnderTest) -> None:
-    """An upload whose connection was closed, at any chunk, leaves nothing but what was sent.
+    """An upload whose connection is closed at any chunk leaves nothing but the sent part.
 
-    It may last until its time-out, and be in the way of others until then (A-5-17).
+    It may stay open until its timeout, and block others until then (A-5-17).
     """
     subject.notices_leaving()
     _broken_off(subject, OutgoingConnection.close)
     if subject.transfers_outlive:
-        message = "an upload whose connection ended is in the way of others until its time-out"
+        message = "an upload whose connection ended blocks others until its timeout"
         subject.tolerate("5.4/7", "A-5-17", "outlives", message)
 
 
 @case("5.4/7", "5.4/1", name="reset")
 def test_connection_reset(subject: ControllerUnderTest) -> None:
-    """An upload whose connection was cut off, at any chunk, leaves nothing but what was sent."""
+    """An upload whose connection is reset at any chunk leaves nothing but the sent part."""
     subject.notices_leaving()
     _broken_off(subject, OutgoingConnection.reset)
 
 
 @case("5.4/7", "5.4/1", name="refused")
 def test_chunk_refused(subject: ControllerUnderTest) -> None:
-    """An upload of which a chunk was refused, at any chunk, leaves nothing but what was sent."""
+    """An upload of which any chunk is refused leaves nothing but the sent part."""
     _broken_off(subject, _offer_bad)
 
 
 def _offer_bad(line: OutgoingConnection) -> None:
-    """A chunk that nobody takes: longer than the buffer, and beyond the end."""
+    """Send an invalid chunk: longer than the buffer, and beyond the end."""
     offer(line, Chunk(650, 500, 201, bytes(200)))
 
 
@@ -399,7 +399,7 @@ def _offer_bad(line: OutgoingConnection) -> None:
 def test_served_after_a_refused_chunk(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
-    """After a chunk was refused, other commands are served, and another transfer works."""
+    """After a refused chunk, other commands are served and another transfer works."""
     for chunk in examples((Chunk(650, 200, 201, bytes(200)), Chunk(650, 600, 200, bytes(200)))):
         start = _sent(subject, 1)[1]
         start(line)
@@ -411,38 +411,39 @@ def test_served_after_a_refused_chunk(
 def test_served_after_the_error_signal(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
-    """After a chunk of length 0, with or without numbers, other commands are served."""
+    """After a chunk of length 0, with or without its header, other commands are served."""
     for count in (0, 1, 3):
         for data in examples((None, b"")):
             start = _sent(subject, count)[1]
             start(line)
             line.send("upload_chunk", Chunk(650, 200 * count, 0, b""), data=data)
-            transfer_frames(line)  # which answer there is, if any, is open
+            transfer_frames(line)  # the reply, if any, is open
             line = _recovered(subject, line, "a chunk of length 0")
 
 
 @case("5.4/6", name="empty-file")
 def test_served_after_an_empty_file(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """After a file of no bytes, whether it is taken or not, other commands are served."""
+    """After a file of no bytes, accepted or not, other commands are served."""
     name = subject.new_name()
     begin(line, name)
     line.send("upload_chunk", Chunk(0, 0, 0, b""))
     line.wait(0.2)
-    answers = transfer_frames(line)  # which there is, if any, is open (A-5-10)
+    answers = transfer_frames(line)  # the reply, if any, is open (A-5-10)
     taken = any(seen.name == "upload_chunk" and seen.value is True for seen in answers)
     line = _recovered(subject, line, "an empty file")
     if taken:
-        expect_equal(left_behind(line, name) or b"", b"", "an empty file is not empty")
-        subject.tolerate("5.4/6", "empty_file", "chunk", "an empty file is a chunk of length 0")
+        expect_equal(left_behind(line, name) or b"", b"", "an empty file has content")
+        message = "an empty file is a chunk of length 0"
+        subject.tolerate("5.4/6", "empty_file", "chunk", message)
 
 
 def _recovered(
     subject: ControllerUnderTest, line: OutgoingConnection, what: str
 ) -> OutgoingConnection:
-    """A new connection, after the old one has served other commands.
+    """Return a new connection, after the old one has served other commands.
 
-    The upload may be open still (A-5-10, A-5-14): the next transfer begins where none is. Where
-    another one may begin on the old connection, nothing of what broke off is in it.
+    The upload may still be open (A-5-10, A-5-14), so the next transfer uses a new connection. If
+    another upload is accepted on the old connection, it contains nothing of the interrupted one.
     """
     line = _serving(subject, line, what)
     name = subject.new_name()
@@ -455,13 +456,13 @@ def _recovered(
     return line
 
 
-# Other commands meanwhile
+# Other commands during a transfer
 
 _OTHERS = ("get_status", "get_time", "get_version", "list_programs", "get_joint_angles")
 
 
 def _others(subject: ControllerUnderTest, line: OutgoingConnection, status: str) -> None:
-    """Ask for other things; the status has to be this one."""
+    """Send other commands, and expect this status."""
     for name in examples(each for each in _OTHERS if each not in subject.ics.unsupported):
         try:
             answer = line.ask(name)
@@ -469,16 +470,16 @@ def _others(subject: ControllerUnderTest, line: OutgoingConnection, status: str)
             error.requirement = "5.4/8"
             raise
         if name == "get_status":
-            message = "the status is another one while a file is transferred"
+            message = "the status changes during a file transfer"
             expect_equal(answer.value, status, message, requirement="4.8/3")
 
 
 @case("5.4/8", "4.8/3", name="upload")
 def test_commands_during_an_upload(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Between the chunks of an upload other commands are answered, and the file arrives whole.
+    """Other commands are answered between the chunks of an upload, and the file is complete.
 
-    The clock may be set ahead meanwhile: that is no silence. Another file may be deleted, and the
-    rest is listed as before.
+    If the clock is set ahead, the upload does not time out. Another file may be deleted, and the
+    remaining list is unchanged.
     """
     name, other = subject.new_name(), subject.new_name()
     upload(line, other, _CONTENT)
@@ -497,7 +498,7 @@ def _upload_among_others(
     for chunk in _CHUNKS:
         _others(subject, line, status)
         line.ask("delete_program", data=other)
-        message = "the list is another one within an upload"
+        message = "the program list changed during an upload"
         expect_equal(_listed(subject, line, name, other), listed, message, requirement="5.4/8")
         if {"get_time", "set_time"}.isdisjoint(subject.ics.unsupported):
             line.ask("set_time", shifted(read(subject, line).time, _AHEAD))
@@ -505,14 +506,14 @@ def _upload_among_others(
 
 
 def _listed(subject: ControllerUnderTest, line: OutgoingConnection, *but: bytes) -> list[bytes]:
-    """The programs besides these, sorted; none where none are listed."""
+    """Return the listed programs without these, sorted; empty if the list is not supported."""
     lacks = "list_programs" in subject.ics.unsupported
     return [] if lacks else sorted(set(program_names(subject, line)).difference(but))
 
 
 @case("5.4/8", "2/6", "4.8/3", name="download")
 def test_commands_during_a_download(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Between the chunks of a download other commands are answered, and the file comes whole."""
+    """Other commands are answered between the chunks of a download, and the file is complete."""
     name = some_file(subject, line, _CONTENT)
     listed = _listed(subject, line)
     status = line.ask("get_status").value
@@ -522,19 +523,19 @@ def test_commands_during_a_download(subject: ControllerUnderTest, line: Outgoing
         for chunk in incoming(line):
             content += chunk.data
             _others(subject, line, status)
-            message = "the list is another one within a download"
+            message = "the program list changed during a download"
             expect_equal(_listed(subject, line), listed, message)
     except CaseFailed as error:
         error.requirement = "5.4/8"
         raise
-    message = "a file was not the same with other commands meanwhile"
+    message = "the content of a file changed with other commands during the download"
     expect(content == _CONTENT, message, expected="650 bytes", observed=f"{len(content)} bytes")
     if not takes_one_at_a_time(subject):
         _answered_among_others(line, name)
 
 
 def _answered_among_others(line: OutgoingConnection, name: bytes) -> None:
-    """Each answer to a chunk comes in one segment with a question before it and one behind."""
+    """Send each answer to a chunk in one segment with a query before it and one after it."""
     line.ask("download_name", data=name)
     last = False
     while not last:
@@ -565,7 +566,7 @@ def test_commands_on_another_connection(
 
 
 def _second(subject: ControllerUnderTest, line: OutgoingConnection, opcode: str) -> None:
-    """Begin a second transfer within an upload: it is refused, or takes its place (A-5-17)."""
+    """Begin a second transfer during an upload: it is refused, or replaces the upload (A-5-17)."""
     old, first, second = (subject.new_name() for _ in range(3))
     upload(line, old, content_of(250, 1))
     begin(line, first)
@@ -573,12 +574,12 @@ def _second(subject: ControllerUnderTest, line: OutgoingConnection, opcode: str)
     download_it = opcode == "download_name"
     replaced = line.ask(opcode, old if download_it else second).accepted
     if not replaced:
-        message = "an upload did not survive that a second transfer was refused"
+        message = "an upload was interrupted although a second transfer was refused"
         for chunk in _CHUNKS[1:]:
             send(line, chunk, "5.4/8", message)
         expect_stored(line, first, _CONTENT, "5.4/8")
         return
-    message = "a second transfer takes the place of the first"
+    message = "a second transfer replaces the first"
     subject.tolerate("5.4/8", "xfer_concurrency", "replace", message)
     if not download_it:
         for chunk in _CHUNKS:
@@ -587,7 +588,7 @@ def _second(subject: ControllerUnderTest, line: OutgoingConnection, opcode: str)
     else:
         next_chunk(line)
     left = left_behind(again(subject, line), first)
-    message = "an upload that was replaced left more than was sent of it"
+    message = "a replaced upload left more than the part that was sent"
     expect(
         left in (None, b"", _CONTENT[:200]), message, expected="no file", observed="another file"
     )
@@ -595,19 +596,19 @@ def _second(subject: ControllerUnderTest, line: OutgoingConnection, opcode: str)
 
 @case("5.4/8", name="second-upload")
 def test_second_upload(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A second upload within the first is refused and leaves it alone, or takes its place."""
+    """A second upload during the first is refused without effect, or replaces it."""
     _second(subject, line, "upload_name")
 
 
 @case("5.4/8", name="second-download")
 def test_second_download(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A download within an upload is refused and leaves it alone, or takes its place."""
+    """A download during an upload is refused without effect, or replaces it."""
     _second(subject, line, "download_name")
 
 
 @case("5.4/8", name="one-after-another")
 def test_mixed_transfers(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Uploads and downloads in turns, whole and broken off, do not get in each other's way."""
+    """Complete and interrupted uploads and downloads in turns do not affect each other."""
     name = subject.new_name()
     upload(line, name, _CONTENT)
     for number in range(4):
@@ -616,5 +617,5 @@ def test_mixed_transfers(subject: ControllerUnderTest, line: OutgoingConnection)
         line.ask("download_name", data=name)
         next_chunk(line)
         line.answer_chunk(accepted=False)
-        if transfer_frames(line) or line.ending:  # it may be sent once more (A-5-14, A-5-26)
+        if transfer_frames(line) or line.ending:  # it may be repeated once (A-5-14, A-5-26)
             line = again(subject, line)

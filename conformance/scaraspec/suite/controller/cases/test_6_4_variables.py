@@ -1,4 +1,4 @@
-"""Clause 6.4: user variables, and the value with which each begins (L859-872)."""
+"""Clause 6.4: user variables and their initial values (L859-872)."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -27,11 +27,11 @@ _GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
 _WAIT_S: Final = 5
 _SOON_S: Final = 1.0
 _VALUES: Final = {5: 1, 0: -1, -7: 0, 2_000_000_000: 40_000, 9: 2_147_483_647, 1: -2_147_483_648}
-"""Values by key: small and large, of either sign, under keys in no order."""
+"""Values by key: small and large, of both signs, with keys in no order."""
 
 
 def _are(values: dict[int, int]) -> list[Statement]:
-    """Flip an output for each variable that has another value."""
+    """Return statements that flip an output for each variable with another value."""
     return [
         If(variable(key), Opt.EQUAL, number(value), [], [Flip(_BAD)])
         for key, value in values.items()
@@ -40,14 +40,14 @@ def _are(values: dict[int, int]) -> list[Statement]:
 
 @case("6.4/5", hazards=PROGRAMS)
 def test_initial_values(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Each variable begins with the value of the file, whatever its key and its place."""
+    """Each variable begins with the value of the file, whatever its key and position."""
     with bench(subject, line) as robot:
         robot.performs([*_are(_VALUES), Flip(_GOOD)], _VALUES)
 
 
 @case("6.4/5", name="many", hazards=PROGRAMS)
 def test_many_variables(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The last of many variables begins with its value as the first does."""
+    """The last of many variables begins with its value, like the first."""
     values = {key: 3 * key - 7 for key in range(40)}
     few = {key: values[key] for key in (0, 19, 39)}
     with bench(subject, line) as robot:
@@ -56,9 +56,9 @@ def test_many_variables(subject: ControllerUnderTest, line: OutgoingConnection) 
 
 @case("6.4/5", "6.5/26", name="again", hazards=PROGRAMS)
 def test_initial_values_again(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A second run begins with the values of the file again, not with those the first one left.
+    """A second run begins with the values of the file, not with those of the first run.
 
-    So it begins with the first node, also where the first run was stopped.
+    It begins with the first node, also if the first run was stopped.
     """
     values = {3: 10, 4: 20}
     block: list[Statement] = [
@@ -82,7 +82,7 @@ def test_initial_values_again(subject: ControllerUnderTest, line: OutgoingConnec
 def _expect_anew(
     line: OutgoingConnection, robot: Bench, block: Sequence[Statement], values: dict[int, int]
 ) -> None:
-    """A program that was stopped in its midst does the same when it is run again."""
+    """Expect that a program that was stopped does the same when it runs again."""
     initial = outputs(line)
     whole = [*block, Flip(OUTPUTS[2]), Wait(robot.theirs_s(_WAIT_S))]
     state = State(initial, (), dict(values))
@@ -95,10 +95,10 @@ def _expect_anew(
         for port in used:
             set_output(line, port, on=initial[port - 1])
         robot.restart(name)
-        message = "a program that was stopped does not begin with its first node again"
+        message = "a program that was stopped does not begin with its first node"
         expect(robot.until(used[-1], on=on, within_s=_WAIT_S), message, requirement="6.5/26")
-        message = "a run behind one that was stopped differs from the first"
-        # The stop may have switched off other outputs.
+        message = "a run after one that was stopped differs from the first"
+        # The stop may have cleared other outputs.
         shown, wanted = ([b[port - 1] for port in used] for b in (outputs(line), state.outputs))
         expect_equal(shown, wanted, message)
     robot.stop()
@@ -108,25 +108,25 @@ def _expect_anew(
 def test_initial_values_behind_a_simulation(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
-    """A run begins with the values of the file, not with those that its simulation left."""
+    """A run begins with the values of the file, not with those of its simulation."""
     block = [*_are({3: 10}), Flip(_GOOD), Assign(3, number(11))]
     with bench(subject, line) as robot:
         initial = outputs(line)
         name = robot.store(robot.file(nodes_of(block, initial), variables_of({3: 10})))
         if not robot.ask(name, "simulate_program").accepted:
-            raise CaseSkipped("the subject simulates no such program")
+            raise CaseSkipped("the controller does not simulate such a program")
         robot.ended("simulate_program", within_s=subject.longest_s)
         robot.restart(name)
         robot.finish()
         state = State(initial, (), {3: 10})
         state.execute(block)
-        message = "a run differs behind a simulation of its program"
+        message = "a run after a simulation of its program differs"
         robot.has_left(state.outputs, state.written, message)
 
 
 @case("6.4/5", name="of-another", hazards=PROGRAMS)
 def test_values_of_another_program(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program begins with its own values, not with what another left under the same keys."""
+    """A program begins with its own values, not with those of another program."""
     with bench(subject, line) as robot:
         robot.performs([Assign(1, number(77)), Flip(_GOOD)], {1: 70})
         robot.performs([*_are({1: 5, 2: 6}), Flip(_GOOD)], {1: 5, 2: 6})

@@ -1,7 +1,7 @@
-"""Clause 6.5: files that clause 6 does not allow never count as run (L822, L868, L942, L998).
+"""Clause 6.5: files that clause 6 does not allow never run with success (L822, L868, L942, L998).
 
-How they are refused is open (A-4.15-2). A robot that runs them all the same does next to nothing:
-they set an output to what it is, or go to where the arm stands.
+How they are refused is open (A-4.15-2). If a robot runs them, the effect is small: they set an
+output to its current value, or move to the current pose.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,10 +23,10 @@ from scaraspec.suite.program_files.writing import OUTPUTS, compare, curve, numbe
 from scaraspec.user_message import UserMessage
 
 _WATCHED_S: Final = 1.0
-"""For how long a damaged file that was accepted may go on without any result."""
+"""How long an accepted damaged file may run without a final result."""
 
 _MANY: Final = 60
-"""Nodes: more than a buffer of 512 bytes holds."""
+"""Number of nodes that does not fit a buffer of 512 bytes."""
 
 _LOOP, _END_LOOP = Node(b"", NodeType.LOOP, counts=1), Node(b"", NodeType.END_LOOP)
 _IF = Node(b"", NodeType.IF, data=compare(number(1), Opt.EQUAL, number(1)))
@@ -34,20 +34,20 @@ _ELSE, _ENDIF = Node(b"", NodeType.ELSE), Node(b"", NodeType.ENDIF)
 
 
 def _harmless(robot: Bench) -> Node:
-    """A node that leaves everything as it is."""
+    """Return a node that changes nothing."""
     port = OUTPUTS[0]
     return set_output(port, on=robot.before[port - 1])
 
 
 def _never_run(subject: ControllerUnderTest, robot: Bench, content: bytes, told: str) -> None:
-    """Ask for the run of a damaged file: whatever comes of it, it is not 11."""
+    """Request the run of a damaged file, and expect that its result is not 11."""
     with subject.observer.overlooking(CODE_20):
         if not robot.accepts(content):
             return
     result = robot.ended(within_s=robot.ours_s(_WATCHED_S))
     expect(
         result is None or not result.done,
-        UserMessage("{told} is reported as run", told=told),
+        UserMessage("{description} is reported as run", description=told),
         expected="a refusal or a failure",
         observed=f"{result}",
     )
@@ -55,7 +55,7 @@ def _never_run(subject: ControllerUnderTest, robot: Bench, content: bytes, told:
 
 
 def _good(robot: Bench, nodes: Sequence[Node], variables: Sequence[Variable] = ()) -> bytes:
-    """A file that is right and that is run: else nothing would show why others are not."""
+    """Return a valid file, after a run: otherwise a refusal of other files would prove nothing."""
     robot.run(nodes, variables)
     return robot.file(nodes, variables)
 
@@ -67,18 +67,20 @@ def test_wrong_marks(subject: ControllerUnderTest, line: OutgoingConnection) -> 
         good = _good(robot, [_harmless(robot)])
         for mark in examples((b"scara", FOOTER, b"ACARS", b"SCAR\0", b"\0CARA")):
             content = mark + good[len(MAGIC) :]
-            _never_run(subject, robot, content, f"a file that begins with {mark.decode()!r}")
+            told = UserMessage("a file that begins with {marker!r}", marker=mark.decode())
+            _never_run(subject, robot, content, told)
         for mark in examples((b"aracs", MAGIC, b"ACARS", b"ARAC\0", b"\0RACS")):
             content = good[: -len(FOOTER)] + mark
-            _never_run(subject, robot, content, f"a file that ends with {mark.decode()!r}")
+            told = UserMessage("a file that ends with {marker!r}", marker=mark.decode())
+            _never_run(subject, robot, content, told)
         long = _good(robot, [_harmless(robot)] * _MANY)
         content = long[: -len(FOOTER)] + FOOTER.lower()
-        _never_run(subject, robot, content, "a long file that ends with another mark")
+        _never_run(subject, robot, content, "a long file that ends with another marker")
 
 
 @case("6.5/28", name="letters", hazards=PROGRAMS)
 def test_one_wrong_letter(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """One wrong bit in either mark is enough."""
+    """A file with one wrong bit in a marker is not run."""
     with bench(subject, line) as robot:
         good = _good(robot, [_harmless(robot)])
         places = [*range(len(MAGIC)), *range(len(good) - len(FOOTER), len(good))]
@@ -87,7 +89,9 @@ def test_one_wrong_letter(subject: ControllerUnderTest, line: OutgoingConnection
         def never_run(place: int, bit: int) -> None:
             wrong = bytearray(good)
             wrong[place] ^= 1 << bit
-            told = UserMessage("a file whose mark has a wrong bit in byte {place}", place=place)
+            told = UserMessage(
+                "a file with a wrong bit in byte {position} of a marker", position=place
+            )
             _never_run(subject, robot, bytes(wrong), told)
 
         never_run()
@@ -95,7 +99,7 @@ def test_one_wrong_letter(subject: ControllerUnderTest, line: OutgoingConnection
 
 @case("6.5/28", name="sizes", hazards=PROGRAMS)
 def test_wrong_sizes(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A file of a size that no layout gives it is not run, be it cut or stretched."""
+    """A file whose size does not match its counts in any layout is not run."""
     with bench(subject, line) as robot:
         nodes = [_harmless(robot), *wait(0)]
         good = _good(robot, nodes, [Variable(1, b"a", 5)])
@@ -105,36 +109,44 @@ def test_wrong_sizes(subject: ControllerUnderTest, line: OutgoingConnection) -> 
 
 
 def _missized(good: bytes, layout: Layout) -> Iterator[tuple[str, bytes]]:
-    """Files whose counts and whose size do not agree, with both marks in place."""
+    """Yield files with both markers whose size does not match their counts."""
     end = len(good) - len(FOOTER)
-    for few in (1, 2, 7):  # one of these sizes may be that of another layout
-        yield f"a file that lacks its last {few} bytes", good[: end - few] + FOOTER
-    yield "a file with a byte too many", good[:end] + b"\0" + FOOTER
-    yield "a file that lacks its last node", good[: end - layout.node_bytes] + FOOTER
+    for few in (1, 2, 7):  # one of these sizes may be valid in another layout
+        description = UserMessage("a file without its last {count} bytes", count=few)
+        yield description, good[: end - few] + FOOTER
+    yield "a file with one byte too many", good[:end] + b"\0" + FOOTER
+    yield "a file without its last node", good[: end - layout.node_bytes] + FOOTER
     yield (
-        "a file with a node too many",
+        "a file with one node too many",
         good[:end] + good[end - layout.node_bytes : end] + FOOTER,
     )
-    yield "a file of its header alone", good[: layout.header_bytes] + FOOTER
-    yield "a file of its marks alone", MAGIC + FOOTER
+    yield "a file with only its header", good[: layout.header_bytes] + FOOTER
+    yield "a file with only its markers", MAGIC + FOOTER
     yield "a file without nodes", good[: layout.nodes_offset(1)] + FOOTER
     for name, offset, count in (("points", 0, 2), ("varNub", 4, 1)):
         place = layout.points_offset + offset
         for wrong in (count + 1, count - 1, 0xFFFFFFFF):
             number_bytes = wrong.to_bytes(4, layout.byte_order.value)
             content = good[:place] + number_bytes + good[place + 4 :]
-            yield f"a file whose {name} is {wrong} and not {count}", content
+            description = UserMessage(
+                "a file whose {field} is {wrong} and not {count}",
+                field=name,
+                wrong=wrong,
+                count=count,
+            )
+            yield description, content
 
 
 @case("6.5/28", name="keys", hazards=PROGRAMS)
 def test_key_twice(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A file in which two variables have one key is not run, be they neighbours or far apart."""
+    """A file in which two variables have the same key is not run."""
     with bench(subject, line) as robot:
         nodes = [_harmless(robot)]
         _good(robot, nodes, _keyed(1, 2, 3, 4))
         for keys in examples(((1, 1), (0, 0), (7, 8, 9, 7), (1, -2, -2, 3))):
             content = robot.file(nodes, _keyed(*keys))
-            _never_run(subject, robot, content, f"a file with the keys {keys}")
+            told = UserMessage("a file with the keys {keys}", keys=keys)
+            _never_run(subject, robot, content, told)
 
 
 def _keyed(*keys: int) -> list[Variable]:
@@ -143,14 +155,14 @@ def _keyed(*keys: int) -> list[Variable]:
 
 @case("6.5/28", name="markers", hazards=PROGRAMS)
 def test_unbalanced_markers(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A file in which a marker of a loop or an IF lacks its partner is not run."""
+    """A file with a loop or IF marker without its counterpart is not run."""
     with bench(subject, line) as robot:
         node = _harmless(robot)
         _good(robot, [_IF, node, _ELSE, node, _ENDIF, node])
         for told, nodes in examples(
             (
                 ("a loop without an end", [_LOOP, node]),
-                ("an end of a loop without its start", [node, _END_LOOP]),
+                ("the end of a loop without its start", [node, _END_LOOP]),
                 ("an IF without an ENDIF", [_IF, node]),
                 ("an IF and ELSE without an ENDIF", [_IF, node, _ELSE, node]),
                 ("an ENDIF without an IF", [node, _ENDIF]),
@@ -159,9 +171,9 @@ def test_unbalanced_markers(subject: ControllerUnderTest, line: OutgoingConnecti
                 ("an IF with two ELSE", [_IF, node, _ELSE, node, _ELSE, node, _ENDIF]),
                 ("two IF with one ENDIF", [_IF, node, _IF, node, _ENDIF]),
                 ("an IF with two ENDIF", [_IF, node, _ENDIF, _ENDIF]),
-                ("a loop that an ENDIF ends", [_LOOP, node, _ENDIF]),
-                ("an IF that the end of a loop ends", [_IF, node, _END_LOOP]),
-                ("an IF that ends inside a loop", [_IF, _LOOP, _ENDIF, node, _END_LOOP]),
+                ("a loop ended by an ENDIF", [_LOOP, node, _ENDIF]),
+                ("an IF ended by the end of a loop", [_IF, node, _END_LOOP]),
+                ("an IF ended inside a loop", [_IF, _LOOP, _ENDIF, node, _END_LOOP]),
             )
         ):
             _never_run(subject, robot, robot.file(nodes), told)
@@ -169,25 +181,25 @@ def test_unbalanced_markers(subject: ControllerUnderTest, line: OutgoingConnecti
 
 @case("6.5/28", name="curves", hazards=PROGRAMS)
 def test_wrong_curves(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A curve of fewer than three points, or of other nodes, is not run."""
+    """A curve of fewer than three points, or with other nodes, is not run."""
     with bench(subject, line) as robot, arm(subject, line, robot) as still:
         speed, home = still.speed_percent, still.home
         move, *points = curve(speed, [home] * 3)
         for told, nodes in examples(
             (
-                ("a curve of no point", curve(speed, [])),
+                ("a curve without points", curve(speed, [])),
                 ("a curve of one point", curve(speed, [home])),
                 ("a curve of two points", curve(speed, [home] * 2)),
-                ("a curve that counts a point more than there are nodes", [move, *points[:2]]),
+                ("a curve with a count of one point too many", [move, *points[:2]]),
                 ("a curve of two points and an output", [move, *points[:2], _harmless(robot)]),
-                ("a curve with a wait in it", [move, points[0], *wait(0), points[1]]),
+                ("a curve that contains a wait", [move, points[0], *wait(0), points[1]]),
                 ("a curve that begins with a wait", [move, *wait(0), *points[:2]]),
                 (
-                    "a curve of four that ends with a wait",
+                    "a curve of four points that ends with a wait",
                     [*curve(speed, [home] * 4)[:-1], *wait(0)],
                 ),
                 (
-                    "a curve of six that ends with a wait",
+                    "a curve of six points that ends with a wait",
                     [*curve(speed, [home] * 6)[:-1], *wait(0)],
                 ),
             )

@@ -1,4 +1,4 @@
-"""Clause 6.5: which nodes are executed, and in which order: all, one branch, a loop again."""
+"""Clause 6.5: which nodes are executed, in which order: sequence, branches and loops."""
 
 from typing import Final
 
@@ -40,16 +40,16 @@ from scaraspec.user_message import UserMessage
 _GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
 _X: Final = 3
 _MANY: Final = 500
-"""Nodes: more than a byte counts."""
+"""Number of nodes that does not fit one byte."""
 _LATE_S: Final = 5.0
-"""By how much a loop of a few nodes may be late, in the subject's seconds: nothing bounds it."""
+"""How late a loop of a few nodes may be, in seconds of the controller: there is no limit."""
 
 
 @case("6.5/19", hazards=PROGRAMS)
 def test_output_nodes(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """An output node sets its port to 1 and to 0, whatever it was, and no other port.
+    """An output node sets its port to 1 or 0, whatever its value was, and no other port.
 
-    So does a second one for the same port, in the same program.
+    A second node for the same port in the same program does the same.
     """
     with bench(subject, line) as robot:
         for _ in range(2):
@@ -57,12 +57,12 @@ def test_output_nodes(subject: ControllerUnderTest, line: OutgoingConnection) ->
         now = outputs(line)
         ways = [(port, on) for port in OUTPUTS for on in (not now[port - 1], now[port - 1])]
         robot.run(output_node(port, on=on) for port, on in ways)
-        robot.has_left(now, OUTPUTS, "a program has set each of these outputs, and back")
+        robot.has_left(now, OUTPUTS, "a program set each of these outputs and set it back")
 
 
 @case("6.5/19", "4.32/6", name="one-by-one", hazards=PROGRAMS)
 def test_output_node_alone(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program of one output node sets that port alone; 0x43 sets it as it was before."""
+    """A program of one output node sets only its port; 0x43 sets the port back."""
     with bench(subject, line) as robot:
         for port in examples((OUTPUTS[0], OUTPUTS[-1])):
             before = outputs(line)
@@ -71,16 +71,16 @@ def test_output_node_alone(subject: ControllerUnderTest, line: OutgoingConnectio
             robot.performs([Flip(port)])
             if set_output(line, port, on=on).accepted:
                 message = UserMessage(
-                    "output {port} was set once more to what a program had changed", port=port
+                    "output {port} was set back after a program changed it", port=port
                 )
                 expect_outputs(line, before, message, requirement="4.32/6")
 
 
 @case("6.5/19", "6.5/26", name="in-time", hazards=PROGRAMS, slow=True)
 def test_output_node_in_time(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """An output changes when the program gets to its node, not before and not at the end.
+    """An output changes when the program reaches its node, neither earlier nor at the end.
 
-    Another program that is sent meanwhile is without effect on it.
+    The upload of another program during the run has no effect on it.
     """
     first, second = OUTPUTS[:2]
     with bench(subject, line) as robot:
@@ -90,30 +90,32 @@ def test_output_node_in_time(subject: ControllerUnderTest, line: OutgoingConnect
         expect(
             robot.until(first, on=on, within_s=pause_s / 2),
             UserMessage(
-                "output {first} is not set although the program has come to its node", first=first
+                "output {port} is not set although the program has reached its node", port=first
             ),
             expected=f"{on:d}",
             observed=f"{not on:d}",
         )
         now = outputs(line)
         if robot.since_s() >= robot.ours_s(pause_s):
-            raise CaseInconclusive("the outputs were not told before the program could go on")
+            raise CaseInconclusive(
+                "the outputs were not reported before the program could continue"
+            )
         due = with_port(robot.before, first, on=on)
-        message = "outputs are set before the program comes to their nodes"
+        message = "outputs are set before the program reaches their nodes"
         robot.has_left(due, (first,), message, shown=now)
         if line.ask("upload_name", data=subject.new_name()).accepted:
             for chunk in chunks_of(robot.file(nodes_of([Flip(first)], robot.before))):
                 send(line, chunk)
         robot.finish(lasts_s=pause_s)
         due = with_port(due, second, on=not robot.before[second - 1])
-        robot.has_left(due, (first, second), "the outputs are not as the program left them")
+        robot.has_left(due, (first, second), "the outputs differ from those the program set")
 
 
 @case("6.5/23", "6.5/20", hazards=PROGRAMS)
 def test_loop(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The nodes of a loop are executed again, from the first to the last but one; no other is.
+    """The nodes of a loop are executed again, and no others.
 
-    Another loop stands ahead of it, in a branch that is not executed.
+    Another loop precedes it, in a branch that is not executed.
     """
     first, last = OUTPUTS[:2]
     ahead = Calculate(3, variable(3), Opt.ADD, number(1))
@@ -134,12 +136,12 @@ def test_loop(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
             expect(
                 robot.until(port, on=not robot.before[port - 1], within_s=1 + _LATE_S),
                 "a node of a loop is not executed the second time",
-                expected=f"output {port} changes then",
-                observed="it does not",
+                expected=f"output {port} changes",
+                observed="it does not change",
             )
         expect(
             robot.since_s() >= robot.ours_s(1) - EARLY_S,
-            "a loop begins anew before the seconds are over that it waits for",
+            "a loop starts again before its wait is over",
             expected="1 s",
             observed=f"{robot.since_s():.2f} s",
             requirement="6.5/20",
@@ -147,7 +149,7 @@ def test_loop(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
         expect_equal(
             outputs(line)[_BAD - 1],
             robot.before[_BAD - 1],
-            "what stands before a loop is executed with it again, or the branch of what fails",
+            "nodes before a loop are executed again with it, or a branch of a false condition is",
         )
 
 
@@ -195,21 +197,21 @@ _BRANCHES: Final[tuple[Block, ...]] = (
         )
     ],
 )
-"""Of what holds and what does not, with ELSE and without, and one inside the other."""
+"""True and false conditions, with ELSE and without, and nested ones."""
 
 
 @case("6.5/24", hazards=PROGRAMS)
 def test_branches(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The branch of what holds is executed and the other is not, and what follows it is."""
+    """Only the branch of a true condition is executed, and then the nodes after it."""
     with bench(subject, line) as robot:
         robot.performs([ics for block in _BRANCHES for ics in block])
 
 
 @case("6.5/24", name="apart", hazards=PROGRAMS)
 def test_branches_apart(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The same for each in a program of its own, which the ENDIF ends.
+    """Each IF also works in a program of its own, which ends with the ENDIF.
 
-    What is not executed may be a loop.
+    A branch that is not executed may contain a loop.
     """
     with bench(subject, line) as robot:
         for block in _BRANCHES[:4]:
@@ -219,13 +221,13 @@ def test_branches_apart(subject: ControllerUnderTest, line: OutgoingConnection) 
         holds = compare(number(2), Opt.LESS, number(1))
         robot.run(branch(holds, skipped, nodes_of([Flip(_GOOD)], now)))
         due = with_port(now, _GOOD, on=not now[_GOOD - 1])
-        message = "an IF whose first branch holds a loop went another way"
+        message = "an IF whose first branch contains a loop took the wrong branch"
         robot.has_left(due, (_GOOD,), message)
 
 
 @case("6.5/26", hazards=PROGRAMS)
 def test_every_node(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The last node of a program is executed as the first is, be they one, two or seven."""
+    """Every node up to the last one is executed, in programs of one, two and seven nodes."""
     with bench(subject, line) as robot:
         for count in examples((1, 2, len(OUTPUTS))):
             robot.performs([Flip(port) for port in OUTPUTS[:count]])
@@ -233,7 +235,7 @@ def test_every_node(subject: ControllerUnderTest, line: OutgoingConnection) -> N
 
 @case("6.5/26", name="many", hazards=PROGRAMS)
 def test_many_nodes(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """So it is with each node of a program that has many more than a byte counts."""
+    """Every node is executed in a program with more nodes than one byte can count."""
     with bench(subject, line) as robot:
         filling = [Calculate(_X, variable(_X), Opt.ADD, number(1))] * _MANY
         all_were = If(variable(_X), Opt.EQUAL, number(_MANY), [Flip(_GOOD)], [Flip(_BAD)])
@@ -252,9 +254,9 @@ def test_many_nodes(subject: ControllerUnderTest, line: OutgoingConnection) -> N
     hazards=PROGRAMS,
 )
 def test_drawn_programs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Programs drawn at random leave the outputs that the document makes of them."""
+    """Random programs leave the outputs that the document requires."""
     with bench(subject, line) as robot:
-        # Programs are short as they are drawn; to shorten one takes hundreds of runs.
+        # Random programs are short; shrinking one would take hundreds of runs.
         @settings(max_examples=max(1, settings().max_examples // 2), phases=(Phase.generate,))
         @given(blocks, variables)
         def performs(block: Block, values: dict[int, int]) -> None:

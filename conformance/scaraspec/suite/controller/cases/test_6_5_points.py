@@ -1,6 +1,6 @@
-"""Clause 6.5: coordinate nodes and the moves that they belong to (L904-942).
+"""Clause 6.5: coordinate nodes and their moves (L904-942).
 
-All moves are steps from where the arm stands, one value at a time, and back.
+All moves are steps of one value from the current pose, and back.
 """
 
 from itertools import product
@@ -17,14 +17,14 @@ from scaraspec.suite.program_files.bench import PROGRAMS, bench
 from scaraspec.suite.program_files.writing import Values, curve, straight
 from scaraspec.user_message import UserMessage
 
-_VALUES: Final = (3, 2, 1, 0)  # the last one turns nothing but the gripper
+_VALUES: Final = (3, 2, 1, 0)  # the last one only turns the gripper
 _LEAST_SEEN: Final = 8
-"""Places seen on a way of which something can be told."""
+"""Minimum number of observed positions on a path for a statement about it."""
 _MANY: Final = 20
-"""Points of a straight move."""
+"""Number of points of a straight move."""
 _BEGUN_S: Final = 0.05
 _GOES_ON_S: Final = 0.5
-_ERROR_SEEN: Final = 3  # by which the same way may differ
+_ERROR_SEEN: Final = 3  # difference between observations of the same path
 
 
 def _expect_at(moved: Arm, target: Values) -> None:
@@ -33,7 +33,7 @@ def _expect_at(moved: Arm, target: Values) -> None:
     expect(
         near(place, target),
         UserMessage(
-            "after a program the values of its last point are not those of {where}", where=where
+            "after a program, {source} does not report the values of its last point", source=where
         ),
         expected=f"{target}",
         observed=f"{place}",
@@ -42,7 +42,7 @@ def _expect_at(moved: Arm, target: Values) -> None:
 
 @case("6.5/27", hazards=PROGRAMS)
 def test_point(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program that ends at a coordinate node ends where its values say, each in its place."""
+    """A program that ends with a coordinate node ends at its values."""
     with bench(subject, line) as robot, arm(subject, line, robot) as moved:
         done = []
         for index in _VALUES:
@@ -59,7 +59,7 @@ def test_point(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 @case("6.5/27", name="curve", hazards=PROGRAMS, slow=True)
 def test_curve(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """So does one whose last move is a curve, of three points and of five."""
+    """A program whose last move is a curve of three or five points ends at its last point."""
     with bench(subject, line) as robot, arm(subject, line, robot) as moved:
         for share, lift in product((1, -1), repeat=2):  # a limit may be near
             corner = moved.step(moved.home, 0, share)
@@ -71,12 +71,12 @@ def test_curve(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
                 if moved.goes(curve(moved.speed_percent, points)):
                     _expect_at(moved, points[-1])
                 return
-    raise CaseInconclusive("the arm cannot go along a small curve where it stands")
+    raise CaseInconclusive("the arm cannot move along a small curve at its current pose")
 
 
 @case("6.5/25", hazards=PROGRAMS)
 def test_straight_move(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A straight move passes every point that it counts, in their order, and ends at the last."""
+    """A straight move passes all its points in order and ends at the last one."""
     with bench(subject, line) as robot, arm(subject, line, robot) as moved:
         home = moved.home
         up, down, last = (moved.step(home, 3), moved.step(home, 3, -1), moved.step(home, 3, 0.5))
@@ -85,21 +85,21 @@ def test_straight_move(subject: ControllerUnderTest, line: OutgoingConnection) -
             if seen is None or len(seen) >= _LEAST_SEEN:
                 break
         if seen is None:
-            raise CaseInconclusive("the arm cannot turn a little to both sides where it stands")
+            raise CaseInconclusive("the arm cannot turn slightly in both directions at its pose")
         place = moved.place()
         expect(
             near(place, last),
-            "a straight move does not end at the last point that it counts",
+            "a straight move does not end at its last point",
             expected=f"{last}",
             observed=f"{place}",
         )
-        if len(seen) < _LEAST_SEEN:  # too fast to be seen on its way, but that takes its time
+        if len(seen) < _LEAST_SEEN:  # too fast to observe; compare its duration
             third = moved.watched(straight(moved.slow_percent, [down])) or []
             expect(
                 len(third) <= len(seen) + _ERROR_SEEN,
-                "a straight move over three points is over sooner than one over a third of the way",
-                expected=f"longer than {len(third)} glances",
-                observed=f"{len(seen)} glances",
+                "a straight move over three points takes less time than a third of it",
+                expected=f"more than {len(third)} observations",
+                observed=f"{len(seen)} observations",
             )
             return
         turns = [turned(values[3], home[3]) for values in seen]
@@ -107,7 +107,7 @@ def test_straight_move(subject: ControllerUnderTest, line: OutgoingConnection) -
         peak = next((at for at, by in enumerate(turns) if by > step / 2), None)
         expect(
             peak is not None and min(turns[peak:], default=0) < -step / 2,
-            "a straight move does not pass all points that it counts",
+            "a straight move does not pass all its points",
             expected=f"beyond {step / 2:g}, then beyond {-step / 2:g}, then {step / 2:g}",
             observed=f"from {min(turns):g} to {max(turns):g}",
         )
@@ -115,20 +115,20 @@ def test_straight_move(subject: ControllerUnderTest, line: OutgoingConnection) -
 
 @case("6.5/25", name="moves", hazards=PROGRAMS, slow=True)
 def test_several_moves(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Points belong to the move before them: two moves of two points end at the fourth.
+    """Points belong to the move before them: two moves of two points end at the fourth point.
 
-    However many they are, the last is gone to. Behind an emergency stop on the way back the arm
-    stands.
+    A move of many points ends at the last one. After an emergency stop on the way back, the arm
+    does not move.
     """
     with bench(subject, line) as robot, arm(subject, line, robot) as moved:
         home, speed = moved.home, moved.speed_percent
         points = [moved.step(home, 3, share) for share in (1, 0.5, -0.5, -1)]
         if not moved.goes([*straight(speed, points[:2]), *straight(speed, points[2:])]):
-            raise CaseInconclusive("the arm cannot turn a little to both sides where it stands")
+            raise CaseInconclusive("the arm cannot turn slightly in both directions at its pose")
         place = moved.place()
         expect(
             near(place, points[-1]),
-            "two straight moves do not end at the last point of the second",
+            "two straight moves do not end at the last point of the second one",
             expected=f"{points[-1]}",
             observed=f"{place}",
         )
@@ -138,7 +138,8 @@ def test_several_moves(subject: ControllerUnderTest, line: OutgoingConnection) -
         expect(
             near(place, points[0]),
             UserMessage(
-                "a straight move does not end at the last of {many} points", many=_MANY + 1
+                "a straight move does not end at the last of {point_count} points",
+                point_count=_MANY + 1,
             ),
             expected=f"{points[0]}",
             observed=f"{place}",
@@ -150,17 +151,17 @@ def test_several_moves(subject: ControllerUnderTest, line: OutgoingConnection) -
 
 
 def _expect_standstill(line: OutgoingConnection, moved: Arm) -> None:
-    """Stop the program that moves the arm."""
+    """Stop the program that moves the arm, and expect standstill."""
     line.wait(_BEGUN_S)
     if not line.ask("emergency_stop").accepted:
-        return  # it may have come already
+        return  # the move may be over
     line.result("emergency_stop")
     place = moved.place()
     line.wait(_GOES_ON_S)
     now = moved.place()
     expect(
         near(place, now),
-        "the arm goes on moving although the program that moves it has been stopped",
+        "the arm continues to move although its program was stopped",
         expected=f"{place}",
         observed=f"{now}",
         requirement="4.17/7",

@@ -1,4 +1,4 @@
-"""Clause 6.5: nodes that hold a program: for a time, until an instant, until an input is so."""
+"""Clause 6.5: nodes that wait: for a duration, for a time, for an input."""
 
 import itertools
 from collections.abc import Iterator, Sequence
@@ -40,18 +40,18 @@ from scaraspec.suite.program_files.writing import (
 from scaraspec.user_message import UserMessage
 
 _SLACK_S: Final = 0.5
-_SLACK: Final = 0.1  # of the seconds, whichever is more (6.5/20)
-_LINK_S: Final = 0.25  # of ours, where the subject's seconds are shorter
-_LONG_S: Final = 200  # below zero for a robot that takes the byte for signed
-_GLANCE_S: Final = 0.2  # for how long a program that should wait is watched
-_STILL_S: Final = 0.6  # the same where it is watched but once
-_SOON_S: Final = 3.0  # for how long a robot may overlook an input, which is nowhere bounded
-_AHEAD_S: Final = 1.75  # how far ahead an instant is, and it is no whole second
-_INEXACT_S: Final = 0.3  # how exactly it is known when a clock goes to its next second
+_SLACK: Final = 0.1  # ratio of the seconds; the larger tolerance applies (6.5/20)
+_LINK_S: Final = 0.25  # in real time, if the controller's seconds are shorter
+_LONG_S: Final = 200  # negative as a signed byte
+_GLANCE_S: Final = 0.2  # how long a waiting program is observed
+_STILL_S: Final = 0.6  # the same for a single observation
+_SOON_S: Final = 3.0  # maximum delay of an input; the document sets no limit
+_AHEAD_S: Final = 1.75  # time until the end of a timer; not a whole second
+_INEXACT_S: Final = 0.3  # accuracy of the observed clock tick
 _UTC_S: Final = 2.0
 _POLL_S: Final = 0.06
-_LONG: Final = 2**31  # seconds, or as many before 1970, which a timer of 4 bytes does not hold
-_TICKS: Final = 30  # more than a second of looking at a clock
+_LONG: Final = 2**31  # seconds before or after 1970 that do not fit a timer of 4 bytes
+_TICKS: Final = 30  # more than a second of clock queries
 _US: Final = 1_000_000
 _NS: Final = 1e9
 
@@ -61,9 +61,9 @@ _NS: Final = 1e9
 
 @case("6.5/20", hazards=PROGRAMS)
 def test_wait(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A wait node holds the program for its seconds, neither less nor much more.
+    """A wait node takes its seconds, neither less nor much more.
 
-    The program by which the layout was found shows it. If it did not, another one has to.
+    The program that determined the layout can show it. Otherwise, another one runs.
     """
     with bench(subject, line) as robot:
         with suppress(CaseFailed):
@@ -75,9 +75,9 @@ def test_wait(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 @case("6.5/20", name="several", hazards=PROGRAMS, slow=True)
 def test_waits(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Waits add up, those of no time too, and one that only an IF comes to.
+    """Several waits add up, including waits of 0 s and one inside an IF.
 
-    Of a long one that was stopped before nothing is left.
+    A long wait that was stopped before has no effect.
     """
     find_out_whether_it_listens(subject, line)
     with bench(subject, line) as robot:
@@ -100,7 +100,7 @@ def test_wait_of_no_time(subject: ControllerUnderTest, line: OutgoingConnection)
 
 @case("6.5/20", name="long", hazards=PROGRAMS)
 def test_long_wait(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A wait of 200 seconds is not over at once, and once stopped nothing of it is left."""
+    """A wait of 200 seconds does not end at once, and has no effect after a stop."""
     find_out_whether_it_listens(subject, line)
     with bench(subject, line) as robot:
         robot.start(wait(_LONG_S))
@@ -108,7 +108,7 @@ def test_long_wait(subject: ControllerUnderTest, line: OutgoingConnection) -> No
         result = robot.ended()
         expect(
             result is None,
-            UserMessage("a wait of {long_s} s is over at once", long_s=_LONG_S),
+            UserMessage("a wait of {seconds} s ended at once", seconds=_LONG_S),
             expected="none",
             observed=f"{result}",
         )
@@ -118,13 +118,13 @@ def test_long_wait(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 
 
 def _lasted(subject: ControllerUnderTest, robot: Bench, waits: Sequence[int]) -> None:
-    """Check how long a program takes that waits for so many seconds and does nothing else."""
+    """Check the duration of a program that only waits for so many seconds."""
     ended_s = robot.finish(lasts_s=sum(waits)).time_s
     _expect_lasted(subject, Trial(robot.started_s, robot.replied_s, ended_s), waits)
 
 
 def _expect_lasted(subject: ControllerUnderTest, trial: Trial, waits: Sequence[int]) -> None:
-    """Check how long it took; each of its waits may be late."""
+    """Check the duration; each wait may be late."""
     seconds, scale = sum(waits), subject.ics.time_scale
     link_s = _LINK_S if scale > 1 else 0.0
     late_s = sum(max(_SLACK_S, _SLACK * each) for each in waits)
@@ -144,21 +144,21 @@ def _expect_lasted(subject: ControllerUnderTest, trial: Trial, waits: Sequence[i
     )
 
 
-# ---------------------------------------------------------------------- instants
+# ---------------------------------------------------------------------- timers
 
 
 @case("6.5/22", hazards=PROGRAMS)
 def test_timer(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A timer node holds the program until its instant, which is no whole second, and no longer.
+    """A timer node waits until its time, which is not a whole second, and not longer.
 
-    Where the clock of 0x07 does not show UTC, what the instant is remains open (A-6.5-13).
+    If the clock of 0x07 does not show UTC, the meaning of the time is open (A-6.5-13).
     """
     with bench(subject, line) as robot:
         clock_s, at_s = _tick(subject, line)
         problem = _timer(subject, robot, clock_s, at_s)
         is_utc = abs(clock_s - at_s) <= _UTC_S
         twin = twin_of(robot.layout)
-        if problem and twin:  # the same but for the size of a long, which a timer alone shows
+        if problem and twin:  # differs only in the size of a long, which only a timer shows
             robot.stop()
             robot.layout = twin
             problem = _timer(subject, robot, *_tick(subject, line)) and problem
@@ -170,32 +170,33 @@ def test_timer(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
             UserMessage("{problem}; but the clock does not show UTC", problem=problem),
         )
     else:
-        expect(not problem, problem, expected="11 at its instant", observed=problem)
+        expect(not problem, problem, expected="11 at the time of the timer", observed=problem)
 
 
 def _timer(subject: ControllerUnderTest, robot: Bench, clock_s: float, at_s: float) -> str:
-    """What is wrong with a timer that ends so long after the clock has shown a time."""
+    """Run a timer that ends a fixed time after a clock tick; return the problem, or ""."""
     robot.start([wait_until(round((clock_s + _AHEAD_S) * _US))])
     due_s = at_s + robot.ours_s(_AHEAD_S)
-    left_s = max(due_s - subject.now_ns / _NS, 0.0)  # it may have come before the program was there
+    left_s = max(due_s - subject.now_ns / _NS, 0.0)  # the time may have come before the start
     result = robot.ended(within_s=left_s + robot.ours_s(_SLACK_S) + _LINK_S)
     if result is None:
-        return "a timer is not over when its instant has come"
+        return "a timer is not over at its time"
     if not result.done:
-        return f"a program with a timer fails: {result}"
+        return UserMessage("a program with a timer failed: {result}", result=result)
     if result.time_s < due_s - _INEXACT_S:
-        return f"a timer is over {due_s - result.time_s:.2f} s before its instant"
+        early_s = due_s - result.time_s
+        return UserMessage("a timer is over {early_s:.2f} s too early", early_s=early_s)
     return ""
 
 
 def _tick(subject: ControllerUnderTest, line: OutgoingConnection) -> tuple[float, float]:
-    """What the subject's clock shows, in seconds since 1970, when it goes to the next second.
+    """Wait until the controller's clock shows the next second.
 
     Returns:
-        That, and when it was.
+        The clock's time in seconds since 1970, and the time of the tick.
 
     Raises:
-        CaseInconclusive: The clock stands still, is not told, or is out of a timer's reach.
+        CaseInconclusive: The clock stands still, is not reported, or does not fit a timer.
     """
     first = line.ask("get_time").value
     for _ in range(_TICKS):
@@ -205,9 +206,11 @@ def _tick(subject: ControllerUnderTest, line: OutgoingConnection) -> tuple[float
         if isinstance(first, datetime) and isinstance(clock, datetime) and clock > first:
             seconds = clock.replace(tzinfo=UTC).timestamp()
             if not -_LONG <= seconds < _LONG - _AHEAD_S:
-                raise CaseInconclusive("the subject's clock shows a time that a timer cannot hold")
+                raise CaseInconclusive(
+                    "the controller's clock shows a time that a timer cannot contain"
+                )
             return seconds, at_s
-    raise CaseInconclusive("the subject's clock, by which a timer would go, stands still")
+    raise CaseInconclusive("the controller's clock, on which a timer depends, stands still")
 
 
 # ---------------------------------------------------------------------- inputs
@@ -219,8 +222,8 @@ _VALUES: Final = {
     Condition.NOT_GREATER: 0,
     Condition.NOT_LESS: 1,
 }
-"""For each condition a value by which it tells 0 from 1, whether digital inputs count 100 or 1 when
-they are on (A-6.5-10).
+"""For each condition, a value that distinguishes 0 from 1, whether an active digital input counts
+as 100 or as 1 (A-6.5-10).
 """
 
 
@@ -230,7 +233,7 @@ def _holds(condition: Condition, *, on: bool) -> bool:
 
 
 def _waits() -> Iterator[tuple[Condition, int, bool, bool]]:
-    """Conditions, their values, the state of an input, and whether it meets them."""
+    """Yield conditions, their values, the state of an input, and whether it meets them."""
     for condition, value in _VALUES.items():
         for on in (False, True):
             yield condition, value, on, _holds(condition, on=on)
@@ -242,29 +245,30 @@ def _waits() -> Iterator[tuple[Condition, int, bool, bool]]:
 def _stands_still(
     line: OutgoingConnection, robot: Bench, due: Bits, where: str, *, for_s: float = _STILL_S
 ) -> None:
-    """Check that a program goes no further for a while."""
+    """Expect that a program does not continue for a while."""
     line.wait(robot.ours_s(for_s))
     result = robot.ended()
     expect(
         result is None,
-        UserMessage("the program ends although {where}", where=where),
+        UserMessage("the program ended although {description}", description=where),
         expected="no final result",
         observed=f"{result}",
     )
     if robot.listens:
-        expect_outputs(line, due, UserMessage("the program goes on although {where}", where=where))
+        message = UserMessage("the program continued although {description}", description=where)
+        expect_outputs(line, due, message)
 
 
 @case("6.5/9", "6.5/21", hazards=PROGRAMS)
 def test_conditions(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """By the inputs as they are: a program passes what holds, and stands still at what does not."""
+    """A program passes conditions that the current inputs meet, and waits at the others."""
     with bench(subject, line) as robot:
         _pass_and_stand(line, robot)
 
 
 @case("6.5/9", "6.5/21", name="driven", needs=("set_input",), hazards=PROGRAMS)
 def test_driven_conditions(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The same with inputs that are driven, one on and the next one off."""
+    """A program passes conditions that driven inputs meet, and waits at the others."""
     with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
         for port in INPUTS:
             drive(port, on=bool(port % 2))
@@ -275,7 +279,7 @@ def _pass_and_stand(line: OutgoingConnection, robot: Bench) -> None:
     passed: list[Node] = []
     still = still_inputs(line, INPUTS)
     if not still:
-        raise CaseInconclusive("no input is still, by which a program could wait")
+        raise CaseInconclusive("no input is unchanged, so that a program could wait for it")
     with inputs_steady(line, still) as states:
         ports = {states[port - 1]: port for port in still}
         for condition, value, on, holds in _waits():
@@ -285,11 +289,11 @@ def _pass_and_stand(line: OutgoingConnection, robot: Bench) -> None:
             if holds:
                 passed.append(waiting)
                 continue
-            before = outputs(line)  # a stop may have switched them off
+            before = outputs(line)  # a stop may have cleared outputs
             robot.start([waiting, set_output(OUTPUTS[0], on=not before[OUTPUTS[0] - 1])])
             told = UserMessage(
-                "input {ports} is {on:d} and the condition is {condition} with {value}",
-                ports=ports[on],
+                "input {port} is {on:d} and the condition is {condition} with {value}",
+                port=ports[on],
                 on=on,
                 condition=condition,
                 value=value,
@@ -301,7 +305,7 @@ def _pass_and_stand(line: OutgoingConnection, robot: Bench) -> None:
 
 @case("6.5/21", "6.5/9", name="goes-on", needs=("set_input",), hazards=PROGRAMS)
 def test_goes_on(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program stands still until the input meets the condition, each of the five, and goes on."""
+    """A program waits until the input meets the condition, for each of the five, and continues."""
     steps = list(zip(_VALUES.items(), INPUTS, OUTPUTS, strict=False))
     with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
         nodes: list[Node] = []
@@ -326,12 +330,12 @@ def test_goes_on(subject: ControllerUnderTest, line: OutgoingConnection) -> None
             expect(
                 robot.until(output, on=on, within_s=_SOON_S),
                 UserMessage(
-                    "the program stands still although input {port} meets condition {condition}",
+                    "the program still waits although input {port} meets condition {condition}",
                     port=port,
                     condition=condition,
                 ),
                 expected=f"output {output} is set to {on:d}",
-                observed="it is not",
+                observed="it is not set",
             )
             due = with_port(due, output, on=on)
         robot.finish()
@@ -339,9 +343,9 @@ def test_goes_on(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 
 @case("6.5/21", name="each-port", needs=("set_input",), hazards=PROGRAMS)
 def test_waits_for_its_port(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program waits for the port that its node names, and no other input lets it go on.
+    """A program waits for the port of its node, and no other input lets it continue.
 
-    An IF behind the wait reads an input as it is then, not as it was when the program began.
+    An IF after the wait uses the current state of an input, not the one at the start.
     """
     with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
         for port in INPUTS:
@@ -353,17 +357,18 @@ def test_waits_for_its_port(subject: ControllerUnderTest, line: OutgoingConnecti
         robot.start([waiting, *branch(came_on, [set_output(output, on=on)])])
         for port in (*INPUTS[:2], *INPUTS[3:]):
             drive(port, on=True)
-        _stands_still(line, robot, robot.before, f"only inputs other than {wanted} are on")
+        description = UserMessage("only inputs other than {port} are on", port=wanted)
+        _stands_still(line, robot, robot.before, description)
         drive(wanted, on=True)
         robot.finish()
         due = with_port(robot.before, output, on=on)
-        message = "a program does not see an input that came on while it ran"
+        message = "a program does not use an input that was switched on while it ran"
         expect_outputs(line, due, message, requirement="6.6a/14")
 
 
 @case("6.5/9", name="hundredths", needs=("set_input",), hazards=PROGRAMS)
 def test_hundredths(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A digital input that is on equals 100, or 1 where analog ones alone are scaled (A-6.5-10)."""
+    """An active digital input equals 100, or 1 if only analog inputs are scaled (A-6.5-10)."""
     port = INPUTS[0]
     with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
         drive(port, on=True)
@@ -371,23 +376,24 @@ def test_hundredths(subject: ControllerUnderTest, line: OutgoingConnection) -> N
             robot.start([wait_input(port, Condition.EQUAL, value)])
             result = robot.ended(within_s=robot.ours_s(_SOON_S))
             if result is not None:
-                expect(result.done, "a valid program fails", expected="11", observed=f"{result}")
+                expect(result.done, "a valid program failed", expected="11", observed=f"{result}")
                 subject.follows("wait_scale", reading)
                 break
             robot.stop()
         else:
             raise CaseFailed(
-                "a digital input that is on equals neither 100 nor 1",
-                expected="the program goes on",
-                observed="it stands still",
+                "an active digital input equals neither 100 nor 1",
+                expected="the program continues",
+                observed="the program waits",
             )
     if reading == "analog":
-        subject.tolerate("6.5/9", "wait_scale", reading, "a digital input that is on equals 1")
+        message = "an active digital input equals 1"
+        subject.tolerate("6.5/9", "wait_scale", reading, message)
 
 
 @case("6.5/9", "6.5/21", name="analog", needs=("set_analog",), hazards=PROGRAMS)
 def test_analog_conditions(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """An analog input is compared with hundredths, each condition beside and on its edge."""
+    """An analog input is compared in hundredths, for each condition at and beside its limit."""
     steps = (
         (Condition.GREATER, 250, 2.75),
         (Condition.LESS, 275, 2.5),
@@ -401,7 +407,7 @@ def test_analog_conditions(subject: ControllerUnderTest, line: OutgoingConnectio
         try:
             subject.hook("set_analog", port=ANALOG, value=2.5)
             if line.ask("get_analog_input", ANALOG).value not in (2.5, 250):
-                raise CaseSkipped("in which unit the hook drives analog inputs is not known")
+                raise CaseSkipped("the unit in which the hook drives analog inputs is unknown")
             robot.start([wait_input(ANALOG, condition, value) for condition, value, _ in steps])
             for condition, value, drives in examples(steps):
                 told = UserMessage(

@@ -1,6 +1,6 @@
-"""Clause 6.6: what operations reckon, compare, store and set (L944-986).
+"""Clause 6.6: what operations calculate, compare, store and set (L944-986).
 
-Each program tells by its outputs what came of it; what it should be the suite's own model says.
+Each program shows its results by its outputs; the suite's own model determines the expected ones.
 """
 
 from collections.abc import Iterator
@@ -38,23 +38,23 @@ from scaraspec.user_message import UserMessage
 
 _GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
 _X, _Y, _Z, _W = 7, 1000, -2, 0x10007
-"""Keys of variables; none is the number of its place, and two agree in their lowest two bytes."""
+"""Keys of variables; none equals its position, and two have the same lowest two bytes."""
 
 _EACH: Final = (
     (Opt.ADD, 19, 23),
     (Opt.SUBTRACT, 19, 23),
-    (Opt.MULTIPLY, -4097, 4099),  # more than a float holds
+    (Opt.MULTIPLY, -4097, 4099),  # does not fit a float
     (Opt.DIVIDE, 19, 4),
-    (Opt.DIVIDE, -210_000, 70_000),  # nothing is reckoned from it that hides a lost sign
+    (Opt.DIVIDE, -210_000, 70_000),  # no later calculation hides a lost sign
     (Opt.SUBTRACT, -5, -3),
-    (Opt.DIVIDE, 16_777_217, 1),  # more than a float holds
+    (Opt.DIVIDE, 16_777_217, 1),  # does not fit a float
 )
 
 _CHAIN: Final = (
     (7, Opt.ADD, 3),
     (10, Opt.SUBTRACT, 14),
     (-4, Opt.MULTIPLY, -6),
-    (24, Opt.DIVIDE, 5),  # 4: in integers
+    (24, Opt.DIVIDE, 5),  # 4: integer division
     (4, Opt.SUBTRACT, -30),
     (34, Opt.MULTIPLY, 1000),
     (34000, Opt.ADD, 40000),
@@ -62,24 +62,24 @@ _CHAIN: Final = (
     (3, Opt.MULTIPLY, -70000),
     (-210000, Opt.DIVIDE, 70000),
     (-3, Opt.ADD, 3),
-    (0, Opt.SUBTRACT, -1_000_000_001),  # more digits than a float of four bytes holds
+    (0, Opt.SUBTRACT, -1_000_000_001),  # more digits than a float of four bytes
 )
-"""Calculations, each with the result of the one before."""
+"""Calculations that each use the previous result."""
 
 _ITSELF: Final = -17
-"""What is added to itself, and its double multiplied with itself."""
+"""A value that is added to itself; the sum is multiplied by itself."""
 
 _PAIRS: Final = (
     *((1, 2), (2, 2), (3, 2), (-1, 1), (-2, -3), (70000, 4464), (0, 0), (-3, -3)),
-    (2_000_000_000, -2_000_000_000),  # their difference is beyond an int
-    (16_777_217, 16_777_216),  # which are one float
+    (2_000_000_000, -2_000_000_000),  # the difference does not fit an int
+    (16_777_217, 16_777_216),  # equal as floats
 )
-"""Operands to compare: less, equal and greater, below zero, beyond 16 bits, and beyond a float."""
+"""Operands to compare: less, equal and greater, negative, over 16 bits, and beyond a float."""
 
 
 @case("6.6a/11", hazards=PROGRAMS)
 def test_calculations(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Sums, differences, products and quotients of integers, each made of the one before."""
+    """Sums, differences, products and quotients of integers are right, each from the previous."""
     block: list[Statement] = [Calculate(_X, variable(_X), opt, number(b)) for _, opt, b in _CHAIN]
     a, opt, b = _CHAIN[-1]
     due = number(calculated(opt, a, b))
@@ -94,7 +94,7 @@ def test_calculations(subject: ControllerUnderTest, line: OutgoingConnection) ->
 
 @case("6.6a/11", name="each", hazards=PROGRAMS)
 def test_each_calculation(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Each of the four calculations tells by an output of its own whether it is right."""
+    """Each of the four calculations is right; each has an output of its own."""
     block: list[Statement] = []
     for port, (opt, a, b) in zip(OUTPUTS, _EACH, strict=False):
         block.append(Calculate(_Y, number(a), opt, number(b)))
@@ -106,13 +106,13 @@ def test_each_calculation(subject: ControllerUnderTest, line: OutgoingConnection
 
 @case("6.6a/12", hazards=PROGRAMS)
 def test_comparisons(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Each of the five comparisons holds where it should and nowhere else."""
+    """Each of the five comparisons is true exactly for the right operands."""
     with bench(subject, line) as robot:
         robot.performs([*_comparisons(), Flip(_GOOD)])
 
 
 def _comparisons() -> Iterator[Statement]:
-    """What flips an output where a comparison is wrong."""
+    """Yield statements that flip an output if a comparison is wrong."""
     for a, b in _PAIRS:
         for opt in COMPARISONS:
             if compared(opt, a, b):
@@ -123,7 +123,7 @@ def _comparisons() -> Iterator[Statement]:
 
 @case("6.6a/13", hazards=PROGRAMS)
 def test_results(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A result goes into the variable with its key and no other, or to the port of its number."""
+    """A result is stored in the variable with its key, or set at its port, and nowhere else."""
     block: list[Statement] = [
         Put(OUTPUTS[4], number(0)),
         Put(OUTPUTS[4], variable(_X)),
@@ -144,9 +144,9 @@ def test_results(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 
 @case("6.6a/13", name="ports", hazards=PROGRAMS)
 def test_port_settings(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Every output is set by an operation to 1 and to 0, whatever it was.
+    """An operation sets every output to 1 and to 0, whatever its value was.
 
-    The second program has the bytes of the first one, in another order.
+    The second program has the same bytes as the first, in another order.
     """
     with bench(subject, line) as robot:
         for values in examples(((0, 1), (1, 0))):
@@ -155,15 +155,15 @@ def test_port_settings(subject: ControllerUnderTest, line: OutgoingConnection) -
 
 @case("6.6a/14", hazards=PROGRAMS)
 def test_operands(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A number stands for itself and not for the variable with that key, a key for the variable."""
+    """A number operand is a number, and a key operand is the variable with this key."""
     block: list[Statement] = [
         Calculate(_Z, number(_X), Opt.SUBTRACT, variable(_X)),  # 7 - 50
         If(variable(_Z), Opt.EQUAL, number(_X - 50), [], [Flip(_BAD)]),
         Calculate(_Z, variable(_Y), Opt.SUBTRACT, number(_Y)),  # 60 - 1000
         If(variable(_Z), Opt.EQUAL, number(60 - _Y), [], [Flip(_BAD)]),
-        Calculate(_Z, variable(_Y), Opt.SUBTRACT, variable(_Z)),  # into its own operand
+        Calculate(_Z, variable(_Y), Opt.SUBTRACT, variable(_Z)),  # overwrites its own operand
         If(variable(_Z), Opt.EQUAL, number(_Y), [], [Flip(_BAD)]),
-        Calculate(_Z, variable(_Y), Opt.ADD, variable(_Y)),  # of one variable twice
+        Calculate(_Z, variable(_Y), Opt.ADD, variable(_Y)),  # the same variable twice
         If(variable(_Z), Opt.EQUAL, number(120), [], [Flip(_BAD)]),
         If(variable(_X), Opt.LESS, variable(_Y), [], [Flip(_BAD)]),
         If(number(_X), Opt.LESS, number(_Y), [], [Flip(_BAD)]),
@@ -177,14 +177,14 @@ def test_operands(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
 
 @case("6.6a/14", name="inputs", hazards=PROGRAMS)
 def test_input_operands(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """An input port stands for the state that 0x42 shows, as 0 or as something greater."""
+    """An input operand has the state that 0x42 reports, as 0 or as a greater value."""
     with bench(subject, line) as robot:
         _reads_inputs(robot, line)
 
 
 @case("6.6a/14", name="driven-inputs", needs=("set_input",), hazards=PROGRAMS)
 def test_driven_input_operands(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The same for inputs that are driven, one after the other."""
+    """Driven inputs work as operands, one after another."""
     with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
         for pattern in examples((0b101001, 0b010110)):
             for index, port in enumerate(INPUTS):
@@ -204,14 +204,14 @@ def _reads_inputs(robot: Bench, line: OutgoingConnection) -> None:
 
 @case("6.6a/2", hazards=PROGRAMS)
 def test_result_of_a_comparison(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A result of 0 in the file means true; any other is without effect, or inverts (A-6.6a-1)."""
+    """A result of 0 in the file means true; others have no effect, or invert (A-6.6a-1)."""
     right, inverted = (True, False), (False, True)
     with bench(subject, line) as robot:
         robot.run(_two_branches(robot.before, 0))
         expect(
             _taken(robot.before, outputs(line)) == right,
-            "with a result of 0 an IF does not go by its comparison",
-            expected="the branch of what holds, and not that of what does not",
+            "with a result of 0, an IF does not follow its comparison",
+            expected="only the branch of the true comparison",
             observed=digits(outputs(line)),
         )
         seen = set()
@@ -229,9 +229,9 @@ def test_result_of_a_comparison(subject: ControllerUnderTest, line: OutgoingConn
             seen.add(_taken(before, outputs(line)))
     expect(
         seen in ({right}, {inverted}),
-        "results other than 0 mean now this and now that",
+        "results other than 0 have no consistent meaning",
         expected="all without effect, or all inverting",
-        observed=f"branches taken, of what holds and of what does not: {sorted(seen)}",
+        observed=f"branches executed, of the true and the false comparison: {sorted(seen)}",
     )
     if seen == {right}:
         subject.follows("cmp_result", "output")
@@ -242,7 +242,7 @@ def test_result_of_a_comparison(subject: ControllerUnderTest, line: OutgoingConn
 
 
 def _two_branches(before: Bits, result: int) -> list[Node]:
-    """One branch of what holds and one of what does not, each of which flips an output."""
+    """Return a branch of a true comparison and one of a false one; each flips an output."""
     nodes: list[Node] = []
     for port, (a, b) in zip(OUTPUTS, ((2, 1), (1, 2)), strict=False):
         comparison = programs.compare(number(a), Opt.GREATER, number(b), result=result)
@@ -251,6 +251,6 @@ def _two_branches(before: Bits, result: int) -> list[Node]:
 
 
 def _taken(before: Bits, after: Bits) -> tuple[bool, bool]:
-    """Which of the two branches was taken."""
+    """Return which of the two branches was executed."""
     first, second = (before[port - 1] != after[port - 1] for port in OUTPUTS[:2])
     return first, second

@@ -1,4 +1,4 @@
-"""Clause 7: the tool, the gripper's centre and the six values of a pose (L1002-1010)."""
+"""Clause 7: the tool, the gripper center and the six values of a pose (L1002-1010)."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -29,14 +29,14 @@ _OFFSET = Point(12.0, 5.0, -20.0)
 
 @contextmanager
 def _gripper(line: OutgoingConnection, centre: Point) -> Iterator[None]:
-    """Another gripper centre for a while.
+    """Set another gripper center for the duration of the context.
 
     Raises:
-        CaseSkipped: The subject does not take it.
+        CaseSkipped: The controller refuses it.
     """
     before = line.ask("get_gripper_center").value
     if before is None or not line.ask("set_gripper_center", centre).accepted:
-        raise CaseSkipped("the subject takes no other gripper centre")
+        raise CaseSkipped("the controller accepts no other gripper center")
     try:
         yield
     finally:
@@ -46,7 +46,7 @@ def _gripper(line: OutgoingConnection, centre: Point) -> Iterator[None]:
 
 @case("7/1", hazards=_STATE)
 def test_tool_point(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The tool coordinates stay where they are when the gripper's centre changes (7.1, 7.2)."""
+    """The tool coordinates do not change with the gripper center (7.1, 7.2)."""
     require_command(subject, "get_tool_coordinates", "set_gripper_center")
     with _gripper(line, Point(0.0, 0.0, 0.0)):
         bare = pose_of(line)
@@ -55,20 +55,21 @@ def test_tool_point(subject: ControllerUnderTest, line: OutgoingConnection) -> N
     off = farthest(bare[:3], held[:3])
     if off <= STANDSTILL:
         return
-    length = sum(each**2 for each in _OFFSET) ** 0.5
+    length = sum(value**2 for value in _OFFSET) ** 0.5
     shift = sum((p - q) ** 2 for p, q in zip(bare[:3], held[:3], strict=True)) ** 0.5
     expect(
         abs(shift - length) <= REACHED,
-        "another gripper centre changes the tool coordinates, and not by its own length",
-        expected=f"{bare}, or {length:.1f} mm away",
+        "the gripper center changes the tool coordinates, but not by its own length",
+        expected=f"{bare}, or at a distance of {length:.1f} mm",
         observed=f"{held}",
     )
-    subject.tolerate("7/1", "pose_point", "gripper", "the tool coordinates are the gripper's")
+    message = "the tool coordinates are those of the gripper center"
+    subject.tolerate("7/1", "pose_point", "gripper", message)
 
 
 @case("7/1", name="steady")
 def test_tool_point_is_one(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The same point is told again and again, to every connection, with x, y, z and thetaX."""
+    """The same pose is returned each time on every connection."""
     require_command(subject, "get_tool_coordinates")
     first = pose_of(line)
     others = [line, subject.open()] if subject.takes_several else [line]
@@ -76,7 +77,7 @@ def test_tool_point_is_one(subject: ControllerUnderTest, line: OutgoingConnectio
         now = pose_of(each)
         expect(
             off_by(now, first) <= STANDSTILL,
-            "the tool coordinates of an idle robot are not the same twice",
+            "the tool coordinates of an idle robot changed",
             expected=f"{first}",
             observed=f"{now}",
         )
@@ -84,7 +85,7 @@ def test_tool_point_is_one(subject: ControllerUnderTest, line: OutgoingConnectio
 
 @case("7/2", hazards=_MOTION)
 def test_meaningless_angles(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Whatever thetaY and thetaZ a move names, x, y, z and thetaX are where it goes."""
+    """The values of thetaY and thetaZ in a move do not change its target."""
     require_command(subject, MOVE)
     with returning(subject, line) as pose:
         for theta_y, theta_z in examples(((7.0, 0.0), (0.0, 7.0), (-3.5, 3.5))):
@@ -98,7 +99,7 @@ def test_meaningless_angles(subject: ControllerUnderTest, line: OutgoingConnecti
             now = pose_of(line)
             expect(
                 off_by(now, pose) <= REACHED,
-                "thetaY or thetaZ, which mean nothing, changed where the arm went",
+                "thetaY or thetaZ, which have no meaning, changed the target",
                 expected=f"{pose}",
                 observed=f"{now}",
             )
@@ -109,7 +110,7 @@ def test_meaningless_angles(subject: ControllerUnderTest, line: OutgoingConnecti
 
 @case("7/5", "4.27/6", hazards=_MOTION)
 def test_one_geometry(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The same pose has the same joint angles when the arm comes back, another pose has others."""
+    """A pose has the same joint angles when the arm returns to it, and another pose has others."""
     require_command(subject, MOVE)
     with returning(subject, line) as pose:
         joints = joints_of(line)

@@ -36,11 +36,11 @@ _POLL_S: Final = 0.05
 
 
 def _expect_code(subject: ControllerUnderTest, data: bytes) -> None:
-    """A code is a text, of the table, and no reserved one."""
+    """Expect that a code is a text of the table, and warn of a reserved one."""
     text = data.rstrip(b"\0").decode("latin-1")
     expect(
         text and text.isascii() and text.isprintable(),
-        "a code is no text",
+        "a code is not a text",
         expected="two characters",
         observed=data.hex(" "),
         requirement="8/1",
@@ -60,7 +60,7 @@ def _expect_code(subject: ControllerUnderTest, data: bytes) -> None:
 
 
 def _code_of(answer: ReceivedFrame) -> bytes:
-    """What stands behind the separator of a refusal or of a failure; empty where nothing does."""
+    """Return the data after the separator of a refusal or a failure; empty if there is none."""
     return answer.frame.data[3 if answer.frame.tagged else 2 :]
 
 
@@ -72,13 +72,13 @@ def test_status(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 @case("8/2", "8/1", "8/3", name="refusals", hazards=_MOTION)
 def test_refusals(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """What cannot be done is refused with codes of the table."""
+    """Requests that cannot be executed are refused with codes of the table."""
     subject.moved = True
     missing = subject.new_name()
     for name, data in examples(((RUN, missing), (SIMULATE, missing), (MOVE, _FAR))):
         if name not in subject.ics.unsupported:
             answer = line.ask(name, data=data)
-            if answer.accepted:  # what is wrong may be found out late (A-4.15-1, A-4.24-5)
+            if answer.accepted:  # the problem may be detected late (A-4.15-1, A-4.24-5)
                 finish(subject, line, name)
             elif answer.accepted is False and _code_of(answer):
                 _expect_code(subject, _code_of(answer))
@@ -86,7 +86,7 @@ def test_refusals(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
 
 @case("8/2", "8/1", "8/3", name="busy", hazards=_MOTION)
 def test_refusals_of_a_busy_robot(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """While a program runs, status and refusals bear codes of the table."""
+    """While a program runs, status and refusals have codes of the table."""
     with lasting(subject, line, RUN):
         _expect_code(subject, line.ask("get_status").frame.data)
         answer = try_request(line, LOCK)
@@ -96,7 +96,7 @@ def test_refusals_of_a_busy_robot(subject: ControllerUnderTest, line: OutgoingCo
 
 @case("8/5", hazards=_MOTION)
 def test_missing_program(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Programs that are not there are run and simulated; the code says 20, at either stage."""
+    """Running or simulating a missing program fails with code 20, at either stage."""
     subject.moved = True
     for name in examples((RUN, SIMULATE)):
         require_command(subject, name)
@@ -106,23 +106,24 @@ def test_missing_program(subject: ControllerUnderTest, line: OutgoingConnection)
         expect_equal(
             answer.code,
             _MISSING,
-            UserMessage("{name} of a missing program is not refused as such", name=name),
+            UserMessage("{name} of a missing program does not fail with code 20", name=name),
         )
 
 
 @case("8/5", name="deleted", hazards=(Hazard.MOTION, Hazard.STATE))
 def test_deleted_program(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program runs, is deleted, and is run again; the code says 20."""
+    """Running a program again after it is deleted fails with code 20."""
     program = start_program(subject, line, RUN, 0).program
     finish(subject, line, RUN)
     line.ask("delete_program", program)
     answer = line.ask(RUN, program)
     if answer.accepted:
         answer = finish(subject, line, RUN)
-    expect_equal(answer.code, _MISSING, "the run of a deleted program is not refused as such")
+    message = "the run of a deleted program does not fail with code 20"
+    expect_equal(answer.code, _MISSING, message)
 
 
-# ---------------------------------------------------------------------- motors at fault
+# ---------------------------------------------------------------------- motor faults
 
 
 @contextmanager
@@ -139,9 +140,9 @@ def _broken(subject: ControllerUnderTest, joints: tuple[Joint, ...]) -> Iterator
 
 @case("8/2", "8/1", "8/3", name="faults", needs=_FAULTS, hazards=_MOTION)
 def test_codes_of_faults(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Every combination of motors fails; status and refusals bear codes of the table.
+    """Status and refusals have codes of the table for every combination of motor faults.
 
-    Where the status is a code of motors it is that of those which fail (8/4).
+    If the status is a code of motors, it names exactly the motors with a fault (8/4).
     """
     subject.moved = True
     for count in range(1, len(Joint) + 1):
@@ -152,7 +153,7 @@ def test_codes_of_faults(subject: ControllerUnderTest, line: OutgoingConnection)
                 told = errors.lookup(status.value) if isinstance(status.value, str) else None
                 expect(
                     told is None or not told.joints or {*told.joints} == {*joints},
-                    "the status tells of other motors than those that fail",
+                    "the status names other motors than those with a fault",
                     expected=errors.code_for_joints(joints).text,
                     observed=f"{status}",
                     requirement="8/4",
@@ -164,7 +165,7 @@ def test_codes_of_faults(subject: ControllerUnderTest, line: OutgoingConnection)
 
 @case("8/2", "8/1", "8/3", name="failure", needs=_FAULTS, hazards=_MOTION)
 def test_code_of_a_failure(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A motor fails while a program runs; the final result bears a code of the table."""
+    """The final result of a program during which a motor fails has a code of the table."""
     start_program(subject, line, RUN)
     with _broken(subject, (Joint.ROTATION,)):
         result = finish(subject, line, RUN)

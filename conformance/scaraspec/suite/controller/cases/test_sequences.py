@@ -1,7 +1,7 @@
-"""Requests in any order: what one of them leaves behind shows in another, soon or late.
+"""Requests in any order: the effect of one is visible in another, sooner or later.
 
-Each command is judged with its own clause; here it is what lies between them: state that leaks,
-that is kept too long or forgotten, and faults that need many requests to show.
+Each command is judged in its own clause. These cases find state that leaks, is kept too long or is
+lost, and faults that need many requests.
 """
 
 import itertools
@@ -44,9 +44,9 @@ _PROGRAMS: Final = (
     *("upload", "interrupt", "interrupt", "set_output"),
     *("list_programs", "set_default", "get_default", "move", "query", "get_clock", "reconnect"),
 )
-_LONG: Final = 25  # steps for each example
+_LONG: Final = 25  # steps for each configured example
 _SHORTENED_NS: Final = 60 * 10**9
-"""For how long it is tried to find out which steps of a sequence matter."""
+"""Time limit for shrinking a sequence to the steps that matter."""
 
 
 @case("3/31", "4.8/3", "4.9/6", name="sequences", hazards=_ASKING)
@@ -62,13 +62,13 @@ def test_queries(subject: ControllerUnderTest, line: OutgoingConnection) -> None
     hazards=_STATE,
 )
 def test_files(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Files are sent, fetched, listed, deleted and made the default program, in any order."""
+    """Files can be uploaded, downloaded, listed, deleted and set as default in any order."""
     _in_any_order(subject, line, _STATE, _FILES, share=1)
 
 
 @case("4.20/3", "4.21/3", "4.5/4", "4.1/2", "4.1/3", "3/31", name="sequences", hazards=_STATE)
 def test_settings(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Poses, the clock and logins in any order, among files, are as was asked."""
+    """Settings of positions and clock, and logins, work in any order, mixed with files."""
     _in_any_order(subject, line, _STATE)
 
 
@@ -76,7 +76,7 @@ def test_settings(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
     "4.2/4", "4.2/2", "4.2/3", "4.2/5", "4.1/2", name="sequences", hazards=_DESTRUCTIVE, slow=True
 )
 def test_passwords(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Passwords are changed, by right and by wrong old ones, among all that is set."""
+    """Password changes with correct and wrong old passwords work, mixed with other settings."""
     _in_any_order(subject, line, _DESTRUCTIVE, _PASSWORDS)
 
 
@@ -87,7 +87,7 @@ def test_passwords(subject: ControllerUnderTest, line: OutgoingConnection) -> No
     hazards=_MOTION,
 )
 def test_programs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Programs run, are simulated, refused and stopped, outputs are set, among all that is set."""
+    """Runs, simulations, refusals and stops of programs work, mixed with outputs and settings."""
     _in_any_order(subject, line, _MOTION, _PROGRAMS, share=1)
 
 
@@ -112,7 +112,7 @@ def _in_any_order(
                 until_ns = subject.now_ns + _SHORTENED_NS
                 shortest = shortened(steps, failure, again, lambda: subject.now_ns < until_ns)
                 failed[tuple(steps)] = shortest.error
-            if error := failed.get(tuple(steps)):  # hypothesis asks twice
+            if error := failed.get(tuple(steps)):  # hypothesis calls it twice
                 raise error
 
         with unless_others_run(subject):
@@ -121,7 +121,7 @@ def _in_any_order(
 
 @case("3/31", "5.2/12", "4.10/11", name="long-use", hazards=_STATE)
 def test_long_use(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Hundreds of requests of every kind on the same connections, the last ones as the first."""
+    """Hundreds of requests of every kind on the same connections have the right effects."""
     acts = [act for act in acts_within(subject, frozenset(_STATE)) if act != "reconnect"]
     count = settings().max_examples * _LONG
     with (

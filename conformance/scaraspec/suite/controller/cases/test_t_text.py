@@ -1,4 +1,4 @@
-"""Clauses 3 and 4: how text, numbers and codes are written (L98-L706; A-0-1, A-0-3, A-T-1 to 7)."""
+"""Clauses 3 and 4: format of text, numbers and codes (L98-L706; A-0-1, A-0-3, A-T-1 to 7)."""
 
 import re
 from typing import Final
@@ -31,22 +31,22 @@ from scaraspec.user_message import UserMessage
 
 _STATE: Final = (Hazard.STATE,)
 _MOTION: Final = (Hazard.MOTION, Hazard.STATE)
-_FREE: Final = ("get_version", "list_programs", "get_running_program")  # hold any characters
+_FREE: Final = ("get_version", "list_programs", "get_running_program")  # any characters
 _DECIMAL: Final = re.compile(rb"-?[0-9]+(\.[0-9]+)?")
 
 
 def _without(answers: list[ReceivedFrame], *wrongs: Defect) -> None:
-    """Fail the subject if a payload is wrong in one of these ways.
+    """Fail the case if a payload has one of these defects.
 
     Raises:
-        CaseFailed: It is.
+        CaseFailed: A payload has one.
     """
     for answer in answers:
         complaints = answer.seen.parsed.decoded.issues if answer.seen.parsed else ()
         for complaint in complaints:
             if complaint.defect in wrongs:
                 message = UserMessage(
-                    "{seen}: {complaint_text}", seen=answer.seen.name, complaint_text=complaint.text
+                    "{command}: {defect}", command=answer.seen.name, defect=complaint.text
                 )
                 raise CaseFailed(message, observed=show(answer.frame.data))
 
@@ -56,17 +56,17 @@ def _without(answers: list[ReceivedFrame], *wrongs: Defect) -> None:
 
 @case("T/1")
 def test_bars(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """In the reply to every query one bar stands between two fields."""
+    """In the reply to every query, fields are separated by a single |."""
     answers = ask_all(subject, line)
     _without(answers, Defect.SPACE_FOR_BAR, Defect.BLANKS)
-    # Where single bars stand, the number of fields is not their matter.
+    # The number of fields is another matter if single separators are present.
     odd = [a for a in answers if b"||" in a.frame.data or b"|" not in a.frame.data]
     _without(odd, Defect.FIELD_COUNT)
 
 
 @case("T/1", name="refusal", hazards=_MOTION)
 def test_bar_before_a_code(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The run of a missing program is refused, with one bar before the code (A-0-2)."""
+    """The refusal of a missing program has a single | before the code (A-0-2)."""
     for name in examples((RUN, SIMULATE)):
         require_command(subject, name)
         answer = line.ask(name, subject.new_name())
@@ -76,7 +76,7 @@ def test_bar_before_a_code(subject: ControllerUnderTest, line: OutgoingConnectio
 
 @case("T/1", name="list", hazards=_STATE)
 def test_bars_in_a_list(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The list of several programs has one bar between two names."""
+    """The list of several programs has a single | between two names."""
     uploaded = [subject.new_name() for _ in range(3)]
     for name in uploaded:
         upload(line, name, short_program(subject))
@@ -87,7 +87,7 @@ def test_bars_in_a_list(subject: ControllerUnderTest, line: OutgoingConnection) 
         bare = name.strip(b" ,;\t")
         expect(
             name == bare or bare not in uploaded,
-            "names are separated by more than one bar",
+            "names are separated by more than one |",
             expected=show(bare),
             observed=show(name),
         )
@@ -98,18 +98,18 @@ def test_bars_in_a_list(subject: ControllerUnderTest, line: OutgoingConnection) 
 
 @case("T/2")
 def test_no_quotation_marks(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """No reply has the quotation marks of the examples."""
+    """No reply contains the quotation marks of the examples."""
     answers = ask_all(subject, line)
     _without(answers, Defect.QUOTES)
     for answer in answers:
         marks = [mark for mark in ('"', "“", "”") if mark.encode() in answer.frame.data]
         if answer.seen.name not in _FREE:
-            expect(not marks, "a reply has a quotation mark", observed=f"{answer}")
+            expect(not marks, "a reply contains a quotation mark", observed=f"{answer}")
 
 
 @case("T/3")
 def test_digits_are_characters(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Flags and digits in replies are ASCII, none of them a binary value."""
+    """Flags and digits in replies are ASCII characters, not binary values."""
     answers = [*ask_all(subject, line), line.ask("download_name", subject.new_name())]
     if subject.access.needs_login:
         answers.append(line.ask("login", subject.password))
@@ -119,14 +119,14 @@ def test_digits_are_characters(subject: ControllerUnderTest, line: OutgoingConne
             text = answer.frame.data.rstrip(b"\0")
             expect(
                 text.isascii() and text.decode("latin-1").isprintable(),
-                "digits are no ASCII characters",
+                "digits are not ASCII characters",
                 observed=f"{answer}",
             )
 
 
 @case("T/3", name="settings", hazards=_STATE)
 def test_flags_of_settings(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The flag of what is set and of what is sent is a character."""
+    """The flag in replies to settings and uploads is a character."""
     require_command(subject, "set_gripper_center")
     centre = line.ask("get_gripper_center").value
     name = subject.new_name()
@@ -136,26 +136,26 @@ def test_flags_of_settings(subject: ControllerUnderTest, line: OutgoingConnectio
 
 @case("T/4")
 def test_ends_of_texts(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """No reply goes on behind its last character; a NUL and a bar are only warned of."""
+    """No reply continues after its last character; a NUL and a | are only warned of."""
     for answer in ask_all(subject, line):
         data = answer.frame.data
         text = data.rstrip(b"\0")
         expect(
             b"\0" not in text or answer.seen.name == "get_running_program",
-            "a text goes on behind a NUL",
-            expected="nothing behind the last character",
+            "a text continues after a NUL",
+            expected="nothing after the last character",
             observed=show(data),
         )
         expect(
             answer.seen.name in _FREE or text == text.rstrip(b" \r\n\t"),
             "a text ends with a blank or a line end",
-            expected="nothing behind the last character",
+            expected="nothing after the last character",
             observed=show(data),
         )
         if text and text != data:
-            subject.tolerate("T/4", "trailing_nul", "yes", "a NUL ends a text")
+            subject.tolerate("T/4", "trailing_nul", "yes", "a text ends with a NUL")
         elif text.endswith(b"|") and len(text) > 3:
-            subject.tolerate("T/4", "A-T-4", "trailing bar", "a bar ends a text")
+            subject.tolerate("T/4", "A-T-4", "trailing bar", "a text ends with a |")
 
 
 # ---------------------------------------------------------------------- numbers
@@ -163,7 +163,7 @@ def test_ends_of_texts(subject: ControllerUnderTest, line: OutgoingConnection) -
 
 @case("T/5")
 def test_numbers(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The numbers in the replies of queries are plain decimal text."""
+    """The numbers in replies to queries are plain decimal text."""
     _without(ask_all(subject, line), Defect.NUMBER)
 
 
@@ -179,7 +179,7 @@ _numbers = (
 @example(texts=("100000", "0.001", "-0.5"))
 @example(texts=("0.00001", "-0.0000001", "1000000"))
 def test_numbers_that_were_set(subject: ControllerUnderTest, texts: tuple[str, str, str]) -> None:
-    """Numbers of many sizes are set, and come back as plain decimal text."""
+    """Numbers of many sizes that are set are returned as plain decimal text."""
     require_command(subject, "set_gripper_center", "get_gripper_center")
     line = subject.open()
     before = line.ask("get_gripper_center").value
@@ -189,7 +189,7 @@ def test_numbers_that_were_set(subject: ControllerUnderTest, texts: tuple[str, s
             for text, wanted in zip(data.split(b"|"), texts, strict=False):
                 expect(
                     _DECIMAL.fullmatch(text),
-                    "a number is no plain decimal text",
+                    "a number is not plain decimal text",
                     expected=wanted,
                     observed=show(text),
                 )
@@ -201,7 +201,7 @@ def test_numbers_that_were_set(subject: ControllerUnderTest, texts: tuple[str, s
 
 @case("T/5", name="decimals", hazards=_STATE)
 def test_decimals_are_taken(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A number may have no decimals, or more than are needed."""
+    """A number may have no decimals, or more than necessary."""
     require_command(subject, "set_gripper_center", "get_gripper_center")
     before = line.ask("get_gripper_center").value
     try:
@@ -223,7 +223,7 @@ def test_decimals_are_taken(subject: ControllerUnderTest, line: OutgoingConnecti
             )
             now = line.ask("get_gripper_center").value
             wanted = Point(*map(float, data.split(b"|")))
-            expect_equal(now, wanted, "numbers have changed", requirement="4.20/3")
+            expect_equal(now, wanted, "a number changed", requirement="4.20/3")
     finally:
         if before is not None:
             line.ask("set_gripper_center", before)
@@ -234,11 +234,11 @@ def test_decimals_are_taken(subject: ControllerUnderTest, line: OutgoingConnecti
 
 @case("T/7")
 def test_status_code(line: OutgoingConnection) -> None:
-    """The status is one of the two-character texts of table 8-1."""
+    """The status is a two-character text of table 8-1."""
     data = line.ask("get_status").frame.data.rstrip(b"\0")
     expect(
         errors.lookup(data.decode("latin-1")),
-        "the status is no code of table 8-1",
+        "the status is not a code of table 8-1",
         expected="two characters of the table",
         observed=show(data),
     )
@@ -246,7 +246,7 @@ def test_status_code(line: OutgoingConnection) -> None:
 
 @case("T/7", name="refusals", hazards=_MOTION)
 def test_codes_of_refusals(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """What is refused is refused with a code of two characters, or with none where that passes."""
+    """A refusal has a code of two characters, or none where this is allowed."""
     subject.moved = True
     missing = subject.new_name()
     far = b"1|900000|900000|900000|0|0|0"
@@ -265,7 +265,7 @@ _NAMES: Final = ("程序".encode(), "程序".encode("gb18030"), "é".encode(), b
 
 @case("T/8")
 def test_names_beyond_ascii(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Files have names in UTF-8 and in GBK; where they are taken, they are kept byte by byte."""
+    """File names in UTF-8 and GBK are kept byte by byte if they are accepted."""
     content = short_program(subject)
     taken: dict[bytes, bool] = {}
     for stem in examples(_NAMES):
