@@ -22,10 +22,10 @@ from scaraspec.suite.engine.expectations import (
 )
 from scaraspec.user_message import UserMessage
 
-_TIMES: Final = 100  # A-2-7
-_AGAIN: Final = 20
-_AGAIN_S: Final = 0.1
-_ASKED: Final = 5
+_CLIENTS: Final = 100  # A-2-7
+_RETRIES: Final = 20
+_RETRY_S: Final = 0.1
+_REQUESTS: Final = 5
 
 
 @case("2/1")
@@ -59,22 +59,22 @@ def test_port(subject: ControllerUnderTest) -> None:
 def test_one_after_the_other(subject: ControllerUnderTest) -> None:
     """A hundred clients connect one after another, send a request, and close."""
     subject.notices_leaving()
-    for _ in range(_TIMES):
+    for _ in range(_CLIENTS):
         line = _connect(subject)
         line.ask("get_status")
         line.close()
 
 
 @case("2/13", name="leaving")
-def test_ways_of_leaving(subject: ControllerUnderTest) -> None:
+def test_ways_of_disconnecting(subject: ControllerUnderTest) -> None:
     """A hundred clients disconnect in abnormal ways; the next client is still served."""
     subject.notices_leaving()
-    for number in range(_TIMES):
-        _leave(_connect(subject), number % 5)
+    for number in range(_CLIENTS):
+        _disconnect(_connect(subject), number % 5)
     _connect(subject).ask("get_status")
 
 
-def _leave(line: OutgoingConnection, way: int) -> None:
+def _disconnect(line: OutgoingConnection, way: int) -> None:
     """End a connection in one of five ways."""
     match way:
         case 0:  # as if the cable were cut
@@ -96,13 +96,13 @@ def _leave(line: OutgoingConnection, way: int) -> None:
 
 def _connect(subject: ControllerUnderTest) -> OutgoingConnection:
     """Log in; a controller that serves one client at a time may need a moment to notice its end."""
-    for _ in range(_AGAIN):
+    for _ in range(_RETRIES):
         try:
             return subject.open()
         except NoReply:
             if subject.dialect["max_clients"] != "one":
                 raise
-            subject.access.pause(_AGAIN_S)
+            subject.access.pause(_RETRY_S)
     return subject.open()
 
 
@@ -117,17 +117,17 @@ def test_second_client(subject: ControllerUnderTest) -> None:
     """
     if not subject.access.several:
         raise CaseSkipped("this link carries only one connection at a time")
-    told = subject.observer.told_unasked
+    unsolicited = subject.observer.told_unasked
     first = subject.open()
     version, time = (first.request(name).encode() for name in ("get_version", "get_time"))
     first.send_bytes(version[:2])
     second = subject.open(login=False)
     subject.pause(MOMENT_S / subject.ics.time_scale)  # a partial frame may wait for a second
-    if _displaced(subject, first, second):
+    if _is_replaced(subject, first, second):
         return
     first.send_bytes(version[2:])
-    said = first.reply("get_version").value
-    if not _admitted(subject, first, second):
+    reported_version = first.reply("get_version").value
+    if not _is_served_with(subject, first, second):
         return
     first.send_bytes(time[:3])
     second.send("get_status")
@@ -136,26 +136,28 @@ def test_second_client(subject: ControllerUnderTest) -> None:
     first.reply("get_time")
     second.reply("get_status")
     message = "two clients received two different versions"
-    expect_equal(second.reply("get_version").value, said, message)
+    expect_equal(second.reply("get_version").value, reported_version, message)
     for line in (first, second):
-        _nothing_of_the_other(alone=all(seen.frame.opcode in told for seen in line.sync()))
-    for _ in range(_ASKED):
+        _expect_undisturbed(
+            undisturbed=all(received.frame.opcode in unsolicited for received in line.sync())
+        )
+    for _ in range(_REQUESTS):
         second.ask("get_status")
-    _nothing_of_the_other(alone=len(first.sync()) < _ASKED)
+    _expect_undisturbed(undisturbed=len(first.sync()) < _REQUESTS)
     second.close()
     first.ask("get_status")
 
 
-def _nothing_of_the_other(*, alone: bool) -> None:
+def _expect_undisturbed(*, undisturbed: bool) -> None:
     expect(
-        alone,
+        undisturbed,
         "a client received a reply to another client's request",
         expected="each reply on the connection of its request",
         observed="an additional frame",
     )
 
 
-def _displaced(
+def _is_replaced(
     subject: ControllerUnderTest, first: OutgoingConnection, second: OutgoingConnection
 ) -> bool:
     """Whether the new connection replaced the previous one (A-2-2)."""
@@ -169,7 +171,7 @@ def _displaced(
     return True
 
 
-def _admitted(
+def _is_served_with(
     subject: ControllerUnderTest, first: OutgoingConnection, second: OutgoingConnection
 ) -> bool:
     """Whether the new client is served together with the first; if not, the first still must be."""
@@ -178,9 +180,9 @@ def _admitted(
             subject.log_in(second)
         second.ask("get_version")
     except CaseFailed:  # the login may be answered 0, or not at all
-        if _displaced(subject, first, second):
+        if _is_replaced(subject, first, second):
             return False
         first.ask("get_status")
         subject.tolerate("2/12", "max_clients", "one", "a further client is not served")
         return False
-    return not _displaced(subject, first, second)
+    return not _is_replaced(subject, first, second)

@@ -26,7 +26,9 @@ from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import NoReply
 from scaraspec.user_message import UserMessage
 
-_BURST: Final = 250  # more than a kilobyte, the size of a small buffer; the judge tracks 256
+_BURST_REQUESTS: Final = (
+    250  # more than a kilobyte, the size of a small buffer; the judge tracks 256
+)
 _CARRIERS: Final = (GET_TIME, GET_VERSION, GET_STATUS)
 
 
@@ -69,10 +71,12 @@ def _send_slowly(
     subject: ControllerUnderTest, parts: Mapping[OutgoingConnection, tuple[str, list[bytes]]]
 ) -> None:
     """Send on several connections at once, part by part; wait for each reply."""
-    for number, now in enumerate(itertools.zip_longest(*(sent for _, sent in parts.values()))):
+    for number, current_parts in enumerate(
+        itertools.zip_longest(*(sent for _, sent in parts.values()))
+    ):
         if number:
             subject.pause(SLOWEST_S / subject.ics.time_scale)
-        for line, part in zip(parts, now, strict=True):
+        for line, part in zip(parts, current_parts, strict=True):
             line.send_bytes(part or b"")
     for line, (name, _) in parts.items():
         line.reply(name)
@@ -118,8 +122,10 @@ def test_burst(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     inside a request.
     """
     longer = Query("get_analog_input", 1)
-    turn = (Query("get_time"), Query("get_version"), Query("get_status"), longer)
-    _served_together(subject, line, [longer, *(turn[n % len(turn)] for n in range(_BURST))])
+    cycle = (Query("get_time"), Query("get_version"), Query("get_status"), longer)
+    _served_together(
+        subject, line, [longer, *(cycle[n % len(cycle)] for n in range(_BURST_REQUESTS))]
+    )
 
 
 @case("2/6", name="login")
@@ -130,7 +136,7 @@ def test_login_and_more(subject: ControllerUnderTest) -> None:
     line.send_bytes(login + GET_STATUS)
     if login:
         line.reply("login")
-    _or_one_at_a_time(subject, line, "get_status")
+    _expect_reply_or_one_at_a_time(subject, line, "get_status")
 
 
 def _login(subject: ControllerUnderTest, line: OutgoingConnection) -> bytes:
@@ -144,14 +150,16 @@ def _served_together(
     if not takes_one_at_a_time(subject):
         ask_together(subject, line, queries)
         return
-    first = known_to(subject, queries)[:1]
+    served = known_to(subject, queries)[:1]
     line.send_bytes(b"".join(query.frame(line).encode() for query in known_to(subject, queries)))
-    for query in first:
+    for query in served:
         line.reply(query.name)
     subject.tolerate("2/6", "pipelining", "one", "only the first request of a segment is served")
 
 
-def _or_one_at_a_time(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
+def _expect_reply_or_one_at_a_time(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str
+) -> None:
     try:
         line.reply(name)
     except NoReply:

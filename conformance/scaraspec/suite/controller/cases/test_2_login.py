@@ -43,15 +43,15 @@ from scaraspec.user_message import UserMessage
 if TYPE_CHECKING:
     from scaraspec.traffic.events import FrameSeen
 
-_AHEAD: Final = timedelta(days=3000)
-_BETWEEN_S: Final = 0.02
-_CENTRE: Final = Point(11.5, -7.5, 3.5)
+_CLOCK_SHIFT: Final = timedelta(days=3000)
+_PAUSE_S: Final = 0.02
+_CENTER: Final = Point(11.5, -7.5, 3.5)
 _RUNS_S: Final = 60
 
 Requests = list[tuple[str, Any]]
 
 
-class _Stranger:
+class _UnauthenticatedClient:
     """A client that sends requests without a login, on a new connection if the old one is closed.
 
     Attributes:
@@ -61,7 +61,7 @@ class _Stranger:
     def __init__(self, subject: ControllerUnderTest, *, wrong_logins: int = 0) -> None:
         if not subject.access.needs_login:
             raise CaseSkipped("this link needs no login (L83)")
-        self.granted: list[FrameSeen] = []
+        self.accepted_frames: list[FrameSeen] = []
         self._subject, self._wrong_logins = subject, wrong_logins
 
     def ask(self, *requests: tuple[str, Any]) -> None:
@@ -73,10 +73,10 @@ class _Stranger:
             except NoReply:
                 line = self._connect()
                 line.send(name, value)
-            self._hear(line, _BETWEEN_S)
+            self._collect_replies(line, _PAUSE_S)
             if line.ending is not None:
                 line = self._connect()
-        self._hear(line, MOMENT_S)
+        self._collect_replies(line, MOMENT_S)
         line.close()
 
     def _connect(self) -> OutgoingConnection:
@@ -84,37 +84,39 @@ class _Stranger:
         wrong_logins, self._wrong_logins = self._wrong_logins, 0  # only these (A-4.1-2)
         for _ in range(wrong_logins):
             try:
-                said = line.ask("login", rotated(self._subject.password))
+                reply = line.ask("login", rotated(self._subject.password))
             except NoReply:
                 if line.ending is None:
                     raise
                 return self._subject.open(login=False)
-            expect(said.accepted is False, "a wrong password was accepted", requirement="4.1/3")
+            expect(reply.accepted is False, "a wrong password was accepted", requirement="4.1/3")
         return line
 
-    def _hear(self, line: OutgoingConnection, for_s: float) -> None:
+    def _collect_replies(self, line: OutgoingConnection, for_s: float) -> None:
         line.wait(for_s)
-        self.granted += [seen for seen in line.inbox if _grants(seen.value)]
+        self.accepted_frames += [
+            received for received in line.inbox if _is_acceptance(received.value)
+        ]
         line.inbox.clear()
 
-    def expect_nothing(self) -> None:
+    def expect_nothing_accepted(self) -> None:
         """Fail the case if any request was accepted.
 
         Raises:
             CaseFailed: A request was accepted.
         """
-        for seen in self.granted:
+        for received in self.accepted_frames:
             expect(
                 condition=False,
                 message=UserMessage(
-                    "{command} was accepted on a connection without a login", command=seen.name
+                    "{command} was accepted on a connection without a login", command=received.name
                 ),
                 expected="no reply, a refusal or the end of the connection",
-                observed=f"{seen.frame}",
+                observed=f"{received.frame}",
             )
 
 
-def _grants(value: Any) -> bool:
+def _is_acceptance(value: Any) -> bool:
     return value is True or (isinstance(value, Acceptance) and value.accepted)
 
 
@@ -153,33 +155,33 @@ _HOME: Final = ("get_initial_tool_position", "set_initial_tool_position")
 
 
 @contextmanager
-def _settings_tried(subject: ControllerUnderTest) -> Iterator[Requests]:
+def _settings_unchanged(subject: ControllerUnderTest) -> Iterator[Requests]:
     """Yield requests that set positions, the clock and a file; expect that none takes effect."""
     name = subject.new_name()
-    with _unchanged(subject, _GRIPPER, _HOME) as before, _clock_kept(subject) as time:
+    with _unchanged(subject, _GRIPPER, _HOME) as before, _clock_unchanged(subject) as clock:
         pose = before["get_initial_tool_position"]
         yield [
-            ("set_gripper_center", _CENTRE),
+            ("set_gripper_center", _CENTER),
             ("set_initial_tool_position", pose._replace(z=pose.z + 1)),
-            ("set_time", shifted(time, _AHEAD)),
+            ("set_time", shifted(clock, _CLOCK_SHIFT)),
             ("upload_name", name),
             ("upload_chunk", Chunk(4, 0, 4, b"none")),
         ]
-    is_there = subject.open().ask("download_name", name).accepted
-    expect(not is_there, "a file was stored without a login", observed="1 to 0x54")
+    exists = subject.open().ask("download_name", name).accepted
+    expect(not exists, "a file was stored without a login", observed="1 to 0x54")
 
 
 @case("2/11", hazards=(Hazard.STATE,))
 def test_settings(subject: ControllerUnderTest) -> None:
     """Requests that set positions, the clock and files have no effect without a login."""
-    stranger = _Stranger(subject)
-    with _settings_tried(subject) as settings:
-        stranger.ask(*settings)
-    stranger.expect_nothing()
+    client = _UnauthenticatedClient(subject)
+    with _settings_unchanged(subject) as settings:
+        client.ask(*settings)
+    client.expect_nothing_accepted()
 
 
 @contextmanager
-def _clock_kept(subject: ControllerUnderTest) -> Iterator[datetime]:
+def _clock_unchanged(subject: ControllerUnderTest) -> Iterator[datetime]:
     """Yield the controller's time; expect that the clock is not set, and restore it if it is."""
     line = subject.open()
     before: datetime | None = line.ask("get_time").value
@@ -189,7 +191,7 @@ def _clock_kept(subject: ControllerUnderTest) -> Iterator[datetime]:
     yield before
     line = subject.open()
     after: datetime | None = line.ask("get_time").value
-    was_set = after is not None and abs(after - before) > _AHEAD / 2
+    was_set = after is not None and abs(after - before) > _CLOCK_SHIFT / 2
     if was_set:
         line.ask("set_time", before)
     line.close()
@@ -203,34 +205,34 @@ def test_wrong_login(subject: ControllerUnderTest) -> None:
     Where destructive cases are allowed, they are tried after a second wrong password (A-4.1-2).
     """
     destructive = Hazard.DESTRUCTIVE in subject.allowed
-    stranger = _Stranger(subject, wrong_logins=2 if destructive else 1)
-    with _settings_tried(subject) as settings:
-        stranger.ask(*settings)
-    stranger.expect_nothing()
+    client = _UnauthenticatedClient(subject, wrong_logins=2 if destructive else 1)
+    with _settings_unchanged(subject) as settings:
+        client.ask(*settings)
+    client.expect_nothing_accepted()
 
 
 @case("2/11", name="beside", hazards=(Hazard.STATE,))
-def test_beside_another(subject: ControllerUnderTest) -> None:
+def test_second_client_without_login(subject: ControllerUnderTest) -> None:
     """Settings of a client without a login have no effect while another client is logged in."""
     subject.require_multiple_connections()
     subject.open()
-    stranger = _Stranger(subject)
-    with _settings_tried(subject) as settings:
-        stranger.ask(*settings)
-    stranger.expect_nothing()
+    client = _UnauthenticatedClient(subject)
+    with _settings_unchanged(subject) as settings:
+        client.ask(*settings)
+    client.expect_nothing_accepted()
 
 
 @case("2/11", name="behind", hazards=(Hazard.STATE,))
-def test_behind_another(subject: ControllerUnderTest) -> None:
+def test_connection_after_a_lost_one(subject: ControllerUnderTest) -> None:
     """A setting has no effect without a login after another client disconnected in an upload."""
-    stranger = _Stranger(subject)
+    client = _UnauthenticatedClient(subject)
     with _unchanged(subject, _GRIPPER):
-        for cut in examples((False, True)):
+        for reset in examples((False, True)):
             line = subject.open()
             begin(line, subject.new_name())
-            line.reset() if cut else line.close()
-            stranger.ask(("set_gripper_center", _CENTRE))
-    stranger.expect_nothing()
+            line.reset() if reset else line.close()
+            client.ask(("set_gripper_center", _CENTER))
+    client.expect_nothing_accepted()
 
 
 @case("2/11", name="motion", hazards=(Hazard.MOTION, Hazard.STATE))
@@ -244,13 +246,11 @@ def test_motion(subject: ControllerUnderTest) -> None:
     name = stored(subject, line, _RUNS_S)
     before, joints, pose = outputs(line), joints_of(line), pose_of(line)
     line.close()
-    stranger = _Stranger(subject)
+    client = _UnauthenticatedClient(subject)
     port = len(before)
-    stranger.ask(
-        ("set_digital_output", PortValue(port, int(not before[-1]))), ("run_program", name)
-    )
-    stranger.ask(("jog", JogDirection.PLUS_X))
-    stranger.ask(
+    client.ask(("set_digital_output", PortValue(port, int(not before[-1]))), ("run_program", name))
+    client.ask(("jog", JogDirection.PLUS_X))
+    client.ask(
         ("release_joints", None),
         ("lock_joints", None),
         ("set_tool_coordinates", target(pose, SLOWEST_PERCENT)),
@@ -259,20 +259,20 @@ def test_motion(subject: ControllerUnderTest) -> None:
     )
     line = subject.open()
     status = line.ask("get_status").value
-    moved = farthest(joints_of(line), joints)
+    deviation = farthest(joints_of(line), joints)
     with outputs_kept(line) as after:
         line.send("set_digital_output", PortValue(port, int(before[-1])))
         line.sync()
     expect_equal(after, before, "an output was set without a login")
     expect_equal(status, "00", "a command sent without a login is executed")
     message = "the arm moved without a login"
-    expect(moved <= STANDSTILL, message, observed=f"by {moved:.2f}")
+    expect(deviation <= STANDSTILL, message, observed=f"by {deviation:.2f}")
     if subject.takes_several:
         with outputs_kept(line):
             with lasting(subject, line, RUN, queries=False):
-                stranger.ask(("set_digital_output", PortValue(port, int(not before[-1]))))
+                client.ask(("set_digital_output", PortValue(port, int(not before[-1]))))
             expect_outputs(line, before, "an output was set without a login while a program ran")
-    stranger.expect_nothing()
+    client.expect_nothing_accepted()
 
 
 @case("2/11", name="loss", hazards=(Hazard.DESTRUCTIVE, Hazard.STATE))
@@ -286,32 +286,32 @@ def test_loss(subject: ControllerUnderTest) -> None:
     upload(line, name, short_program(subject))
     network = line.ask("get_network").value
     line.close()
-    stranger = _Stranger(subject)
-    other = PasswordChange(subject.password, PLAIN_PASSWORD)
-    stranger.ask(("set_default_program", name), ("delete_program", name))
+    client = _UnauthenticatedClient(subject)
+    change = PasswordChange(subject.password, PLAIN_PASSWORD)
+    client.ask(("set_default_program", name), ("delete_program", name))
     if network is not None:  # clause 4.3 judges the reply
-        stranger.ask(("set_network", network))
-    stranger.ask(("set_password", other))
-    mistaken = _Stranger(subject, wrong_logins=1)
-    mistaken.ask(("delete_program", name))
-    stranger.granted += mistaken.granted
+        client.ask(("set_network", network))
+    client.ask(("set_password", change))
+    wrong_login_client = _UnauthenticatedClient(subject, wrong_logins=1)
+    wrong_login_client.ask(("delete_program", name))
+    client.accepted_frames += wrong_login_client.accepted_frames
     line = subject.open(login=False)
-    opens = line.ask("login", subject.password).accepted
-    if not opens:
-        subject.log_in(line, other.new)
-        line.ask("set_password", PasswordChange(other.new, other.old))
-    expect(opens, "the password was changed without a login", observed="0 to the old password")
-    is_there = line.ask("download_name", name).accepted
-    expect(is_there, "a file was deleted without a login", observed="0 to 0x54")
-    stranger.expect_nothing()
+    accepted = line.ask("login", subject.password).accepted
+    if not accepted:
+        subject.log_in(line, change.new)
+        line.ask("set_password", PasswordChange(change.new, change.old))
+    expect(accepted, "the password was changed without a login", observed="0 to the old password")
+    exists = line.ask("download_name", name).accepted
+    expect(exists, "a file was deleted without a login", observed="0 to 0x54")
+    client.expect_nothing_accepted()
 
 
 @case("2/11", name="shutdown", hazards=(Hazard.DESTRUCTIVE,), last=True)
 def test_shutdown(subject: ControllerUnderTest) -> None:
     """A shutdown request without a login has no effect."""
-    stranger = _Stranger(subject)
-    stranger.ask(("shutdown", None))
+    client = _UnauthenticatedClient(subject)
+    client.ask(("shutdown", None))
     line = subject.open()
     line.ask("get_status")
     line.close()
-    stranger.expect_nothing()
+    client.expect_nothing_accepted()

@@ -19,8 +19,8 @@ from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.user_message import UserMessage
 
 _STATE: Final = (Hazard.STATE,)
-_LONG: Final = 60  # requests for each configured example
-_FILES: Final = 2
+_REQUESTS_PER_EXAMPLE: Final = 60  # requests for each configured example
+_FILES_PER_EXAMPLE: Final = 2
 _FILE_BYTES: Final = 300
 _CONSTANT: Final = (
     "get_network",
@@ -42,8 +42,8 @@ _SETTINGS: Final = (
 def test_opcodes_of_queries(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every query is answered under its own opcode."""
     for query in examples(known_to(subject)):
-        _ask_under_its_opcode(line, *query)
-    _ask_under_its_opcode(line, "download_name", subject.new_name())
+        _expect_own_opcode(line, *query)
+    _expect_own_opcode(line, "download_name", subject.new_name())
 
 
 @case("3/11", name="settings", hazards=_STATE)
@@ -52,21 +52,19 @@ def test_opcodes_of_settings(subject: ControllerUnderTest, line: OutgoingConnect
     for name, setter in examples(_SETTINGS):
         value = line.ask(name).value
         if value is not None and setter not in subject.ics.unsupported:
-            _ask_under_its_opcode(line, setter, value)
-    _ask_under_its_opcode(line, "upload_name", subject.new_name())
+            _expect_own_opcode(line, setter, value)
+    _expect_own_opcode(line, "upload_name", subject.new_name())
     if subject.access.needs_login:
-        _ask_under_its_opcode(line, "login", subject.password)
+        _expect_own_opcode(line, "login", subject.password)
 
 
 @case("3/11", name="loss", hazards=(Hazard.DESTRUCTIVE,))
 def test_opcode_of_a_deletion(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The deletion of a missing file is answered under its own opcode."""
-    _ask_under_its_opcode(line, "delete_program", subject.new_name())
+    _expect_own_opcode(line, "delete_program", subject.new_name())
 
 
-def _ask_under_its_opcode(
-    line: OutgoingConnection, name: str, value: object = None
-) -> ReceivedFrame:
+def _expect_own_opcode(line: OutgoingConnection, name: str, value: object = None) -> ReceivedFrame:
     """Send a request; if the reply is missing, report whether it came under another opcode.
 
     Raises:
@@ -109,7 +107,7 @@ def test_queries_twice(subject: ControllerUnderTest, line: OutgoingConnection) -
 
 
 @case("3/31", name="after-refusals")
-def test_behind_refusals(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_queries_after_refusals(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Valid requests are answered after each of many refused requests."""
     missing = subject.new_name()
     for _ in range(50):
@@ -121,19 +119,19 @@ def test_behind_refusals(subject: ControllerUnderTest, line: OutgoingConnection)
 def test_long_session(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Thousands of queries on one connection are all answered, the last like the first."""
     queries = known_to(subject)
-    rounds = settings().max_examples * _LONG // len(queries)
-    said: dict[str, bytes] = {}
+    rounds = settings().max_examples * _REQUESTS_PER_EXAMPLE // len(queries)
+    first_data: dict[str, bytes] = {}
     for number in range(rounds):
         for query in queries:
             data = line.ask(*query).frame.data
             expect(
-                query.name not in _CONSTANT or said.setdefault(query.name, data) == data,
+                query.name not in _CONSTANT or first_data.setdefault(query.name, data) == data,
                 UserMessage(
                     "in round {number} of a long session, {query} has another reply",
                     number=number,
                     query=query.name,
                 ),
-                expected=show(said.get(query.name, b"")),
+                expected=show(first_data.get(query.name, b"")),
                 observed=show(data),
             )
         line.inbox.clear()
@@ -143,5 +141,5 @@ def test_long_session(subject: ControllerUnderTest, line: OutgoingConnection) ->
 def test_many_files(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Many files are uploaded, downloaded and deleted on one connection without a difference."""
     content = content_of(_FILE_BYTES)
-    for _ in range(settings().max_examples * _FILES):
+    for _ in range(settings().max_examples * _FILES_PER_EXAMPLE):
         expect_round_trip(subject, line, content)

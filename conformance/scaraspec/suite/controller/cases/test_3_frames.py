@@ -38,7 +38,7 @@ from scaraspec.suite.program_files.layout import short_program
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.user_message import UserMessage
 
-_BLAME: Final[Mapping[Fault, str]] = {
+_REQUIREMENT_OF_FAULT: Final[Mapping[Fault, str]] = {
     Fault.START: "3/4",
     Fault.END: "3/5",
     Fault.LENGTH: "3/7",
@@ -46,8 +46,8 @@ _BLAME: Final[Mapping[Fault, str]] = {
     Fault.TAG: "3/14",
 }
 _LONG_NAME_BYTES: Final = 30  # L226
-_FEW: Final = 7  # every robot has room for so many
-_MANY: Final = 9  # so many such names, with separators, do not fit one frame
+_FEW_FILES: Final = 7  # every robot has room for so many
+_MANY_FILES: Final = 9  # so many such names, with separators, do not fit one frame
 _SHORT_REPLIES: Final = 45  # so many status replies fill the longest frame
 _IDLE_S: Final = 0.6
 _LENGTHS: Final = (
@@ -69,14 +69,14 @@ _LENGTHS: Final = (
 def test_replies_are_frames(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every query is answered with a frame of the right format, and with no bytes around it."""
     for query in examples(known_to(subject)):
-        with _told_apart(line, query.name):
+        with _report_invalid_reply(line, query.name):
             line.ask(*query)
         line.sync()
-        _no_noise(line, query.name)
+        _expect_no_invalid_bytes(line, query.name)
 
 
 @contextmanager
-def _told_apart(line: OutgoingConnection, name: str) -> Iterator[None]:
+def _report_invalid_reply(line: OutgoingConnection, name: str) -> Iterator[None]:
     """If no valid reply arrives, find its fault: a wrong length delays the frames after it."""
     try:
         yield
@@ -86,22 +86,22 @@ def _told_apart(line: OutgoingConnection, name: str) -> Iterator[None]:
                 break
             line.send("get_status")
             line.wait(SILENCE_S)
-        _no_noise(line, name)
+        _expect_no_invalid_bytes(line, name)
         raise
 
 
-def _no_noise(line: OutgoingConnection, name: str) -> None:
+def _expect_no_invalid_bytes(line: OutgoingConnection, name: str) -> None:
     """Fail the case if there are invalid bytes, and report their fault."""
     line.pump()
-    for noise in line.invalid_bytes:
-        found = diagnose(noise)
-        requirement = _BLAME.get(found.fault, "3/1")
-        if requirement == "3/7" and found.observed == "0":
+    for invalid in line.invalid_bytes:
+        diagnosis = diagnose(invalid)
+        requirement = _REQUIREMENT_OF_FAULT.get(diagnosis.fault, "3/1")
+        if requirement == "3/7" and diagnosis.observed == "0":
             requirement = "3/8"
         raise CaseFailed(
             UserMessage("{name} was answered with bytes that are not a frame", name=name),
-            expected=f"{found.fault.value} {found.expected}",
-            observed=noise.data.hex(" "),
+            expected=f"{diagnosis.fault.value} {diagnosis.expected}",
+            observed=invalid.data.hex(" "),
             requirement=requirement,
         )
 
@@ -110,13 +110,13 @@ def _no_noise(line: OutgoingConnection, name: str) -> None:
 def test_reply_without_data(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The reply to a request for the default program is a valid frame, also if there is none."""
     command = line.send("get_default_program")
-    came = [
-        seen
-        for seen in line.sync()
-        if seen.frame.opcode in (command.opcode, command.alternate_opcode)
+    replies = [
+        received
+        for received in line.sync()
+        if received.frame.opcode in (command.opcode, command.alternate_opcode)
     ]
-    _no_noise(line, "get_default_program")
-    if not came:
+    _expect_no_invalid_bytes(line, "get_default_program")
+    if not replies:
         message = "the request for the default program is not answered at all"
         subject.tolerate("3/8", "default_none", "silence", message)
 
@@ -126,21 +126,21 @@ def test_long_replies(subject: ControllerUnderTest, line: OutgoingConnection) ->
     """A program list that does not fit one frame, and full chunks of a download, are valid."""
     content = short_program(subject)
     stem = "n" * (_LONG_NAME_BYTES - len(subject.new_name()) - 1)
-    names = [subject.new_name(stem) for _ in range(_MANY)]
+    names = [subject.new_name(stem) for _ in range(_MANY_FILES)]
     for number, name in enumerate(names):
         try:
             upload(line, name, content)
         except CaseFailed as error:
-            if number < _FEW or error.requirement != "5.2/2":
+            if number < _FEW_FILES or error.requirement != "5.2/2":
                 raise
             break  # no more room (A-5-21)
-    with _told_apart(line, "download_name"):
+    with _report_invalid_reply(line, "download_name"):
         expect_stored(line, names[0], content)
-    with _told_apart(line, "list_programs"):
+    with _report_invalid_reply(line, "list_programs"):
         line.ask("list_programs")
     line.wait(MOMENT_S)
     line.sync()
-    _no_noise(line, "list_programs")
+    _expect_no_invalid_bytes(line, "list_programs")
 
 
 @case("3/32", "3/10", "3/26", name="idle")
@@ -154,40 +154,40 @@ def test_nothing_while_idle(subject: ControllerUnderTest) -> None:
         lines[-1].ask("get_status")
     subject.pause(_IDLE_S)
     for line in lines:
-        _is_silent(subject, line)
+        _expect_silence(subject, line)
     if not subject.takes_several:
         if subject.access.needs_login:
             subject.log_in(line)
         line.ask("get_status")
         line.wait(_IDLE_S)
-        _is_silent(subject, line)
+        _expect_silence(subject, line)
     line.sync()
-    _no_noise(line, "get_status")
+    _expect_no_invalid_bytes(line, "get_status")
 
 
-def _is_silent(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def _expect_silence(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Fail on an undefined opcode or a final result; warn of other unsolicited frames (A-3-16)."""
-    _no_noise(line, "nothing")
-    for seen in line.inbox:
+    _expect_no_invalid_bytes(line, "nothing")
+    for received in line.inbox:
         expect(
-            seen.frame.opcode in BY_OPCODE,
+            received.frame.opcode in BY_OPCODE,
             "a frame with an undefined opcode arrived without a request",
             expected="silence",
-            observed=f"{seen.frame}",
+            observed=f"{received.frame}",
             requirement="3/10",
         )
         expect(
-            not seen.frame.tagged,
+            not received.frame.tagged,
             "a final result arrived without a request",
             expected="silence",
-            observed=f"{seen.frame}",
+            observed=f"{received.frame}",
             requirement="3/16",
         )
         subject.tolerate(
             "3/26",
             "A-3-16",
             "unsolicited frame",
-            UserMessage("{frame} arrived without a request", frame=seen.frame),
+            UserMessage("{frame} arrived without a request", frame=received.frame),
         )
     line.inbox.clear()
 
@@ -196,12 +196,12 @@ def _is_silent(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 def test_opcodes_of_replies(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """No query is answered with an undefined opcode."""
     answers = [answer.seen for answer in ask_all(subject, line)]
-    for seen in (*answers, *line.inbox):
+    for received in (*answers, *line.inbox):
         expect(
-            seen.frame.opcode in BY_OPCODE,
+            received.frame.opcode in BY_OPCODE,
             "a reply has an undefined opcode",
             expected="an opcode of clauses 4 and 5",
-            observed=f"{seen.frame}",
+            observed=f"{received.frame}",
         )
 
 
@@ -223,12 +223,12 @@ def test_data_on_a_query(subject: ControllerUnderTest, data: bytes) -> None:
     assume(harmless(frame + GET_STATUS))
     line = subject.open()
     line.send_bytes(frame)
-    for seen in _came(subject, line):
+    for received in _replies_or_close(subject, line):
         expect(
-            seen.frame.opcode == 0x07,
+            received.frame.opcode == 0x07,
             "bytes in the data of a frame were taken for a frame",
             expected="a reply to 0x07, or none (A-3-12)",
-            observed=f"{seen.frame}",
+            observed=f"{received.frame}",
         )
     line.close()
 
@@ -236,11 +236,15 @@ def test_data_on_a_query(subject: ControllerUnderTest, data: bytes) -> None:
 @case("3/6", name="lengths")
 def test_every_length(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Data of every length up to 255 bytes in a query is never taken for a frame."""
-    pushed = OPCODES - {GET_TIME[1]}  # some controllers send these unsolicited (A-3-16)
+    ignored_opcodes = OPCODES - {GET_TIME[1]}  # some controllers send these unsolicited (A-3-16)
     for length_bytes in examples(_LENGTHS):
-        many, rest = divmod(length_bytes, len(GET_TIME))
-        line.send_bytes(Frame(A2C, 0x08, b"0" * rest + GET_TIME * many).encode())
-        others = [seen for seen in _came(subject, line) if seen.frame.opcode not in pushed]
+        repeats, rest = divmod(length_bytes, len(GET_TIME))
+        line.send_bytes(Frame(A2C, 0x08, b"0" * rest + GET_TIME * repeats).encode())
+        others = [
+            received
+            for received in _replies_or_close(subject, line)
+            if received.frame.opcode not in ignored_opcodes
+        ]
         expect(
             not others,
             UserMessage(
@@ -252,7 +256,7 @@ def test_every_length(subject: ControllerUnderTest, line: OutgoingConnection) ->
             line = subject.open()
 
 
-def _came(subject: ControllerUnderTest, line: OutgoingConnection) -> list[FrameSeen]:
+def _replies_or_close(subject: ControllerUnderTest, line: OutgoingConnection) -> list[FrameSeen]:
     """Return the replies to a query with data; closing the connection is a reading (A-3-9)."""
     try:
         return line.sync()
@@ -264,7 +268,7 @@ def _came(subject: ControllerUnderTest, line: OutgoingConnection) -> list[FrameS
         return line.inbox
 
 
-_FULL_OF_MARKS: Final = (
+_DELIMITER_CONTENTS: Final = (
     b"\xaa" * 150,
     b"\xcc" * 200,
     b"\xcc\xaa" * 150,
@@ -274,16 +278,16 @@ _FULL_OF_MARKS: Final = (
 
 
 @case("3/9", name="content", hazards=(Hazard.STATE,))
-def test_marks_in_files(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_delimiters_in_files(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Files full of start and end bytes are stored unchanged."""
     expect_round_trip(subject, line, b"plain" * 50)
-    for content in examples(_FULL_OF_MARKS):
+    for content in examples(_DELIMITER_CONTENTS):
         expect_round_trip(subject, line, content, "3/9")
         expect(not line.sync(), "bytes of a file were taken for a frame", observed="a reply")
 
 
 @case("3/9", name="name", hazards=(Hazard.STATE,))
-def test_marks_in_names(line: OutgoingConnection) -> None:
+def test_delimiters_in_names(line: OutgoingConnection) -> None:
     """A name that contains 0xAA and 0xCC is refused with one frame."""
     for data in examples((b"\xaa.rob", b"\xcc.rob", b"a\xcc\xaab.rob", b"\xb0\xcc\xaa\xcc.rob")):
         answer = line.ask("download_name", data=data)

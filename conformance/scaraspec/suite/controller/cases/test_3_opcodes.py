@@ -37,9 +37,9 @@ _UNDEFINED: Final = tuple(o for o in range(256) if o not in BY_OPCODE and o != T
 """Without the tag: no reply can have it as its opcode (A-3-5), so its connection is not judged."""
 _DATA: Final = (b"", b"1", b"1|1", b"0" * MAX_DATA_BYTES)
 _MOTION: Final = (Hazard.STATE, Hazard.MOTION)
-_CENTRE: Final = Point(10, -20, 30)
-_A_CHUNK: Final = 16
-_RESTLESS: Final = (
+_CENTER: Final = Point(10, -20, 30)
+_OPCODES_PER_CHUNK: Final = 16
+_CHANGING_VALUES: Final = (
     "get_time",
     "get_motor_temperatures",
     "get_joint_angles",
@@ -71,13 +71,13 @@ def test_undefined_opcodes_alone(subject: ControllerUnderTest) -> None:
     line = subject.open(judged=False)
     line.send_bytes(b"".join(Frame(A2C, opcode).encode() for opcode in _UNDEFINED))
     line.wait(MOMENT_S)
-    _only_themselves(subject, line, frozenset(_UNDEFINED))
+    _expect_own_opcodes(subject, line, frozenset(_UNDEFINED))
     line.close()
     _expect_unchanged(subject, before)
 
 
 @case("3/21", name="settings", hazards=_MOTION, undefined=True)
-def test_settings_behind_undefined_opcodes(
+def test_settings_after_undefined_opcodes(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
     """A gripper center, a default program and active outputs are kept after undefined opcodes."""
@@ -87,16 +87,16 @@ def test_settings_behind_undefined_opcodes(
     subject.moved = True
     program = store_program(subject, line)
     with kept(subject, line, "gripper centre"), default_kept(subject, line), outputs_kept(line):
-        named = line.ask("set_default_program", program).accepted
-        taken = [line.ask("set_gripper_center", _CENTRE).accepted, named]
-        taken += [set_output(line, port, on=True).accepted for port in ALL_OUTPUTS]
-        if not any(taken):
+        default_set = line.ask("set_default_program", program).accepted
+        settings_accepted = [line.ask("set_gripper_center", _CENTER).accepted, default_set]
+        settings_accepted += [set_output(line, port, on=True).accepted for port in ALL_OUTPUTS]
+        if not any(settings_accepted):
             raise CaseSkipped("the controller accepts none of these settings")
         await_rest(subject, line)  # setting the default program may run it (A-4.12-3)
         before = _state(subject)
         _send(subject, (Frame(A2C, opcode) for opcode in _UNDEFINED))
         _expect_unchanged(subject, before)
-        if named:
+        if default_set:
             expect_default(subject, subject.open(), program, "3/21")
 
 
@@ -104,25 +104,25 @@ def test_settings_behind_undefined_opcodes(
 def test_undefined_opcodes_in_an_upload(subject: ControllerUnderTest) -> None:
     """A file is stored unchanged although undefined opcodes are sent between its chunks."""
     name, opcodes = subject.new_name(), list(_UNDEFINED)
-    content = content_of(BUFFER_BYTES * math.ceil(len(opcodes) / _A_CHUNK))
+    content = content_of(BUFFER_BYTES * math.ceil(len(opcodes) / _OPCODES_PER_CHUNK))
     line = subject.open(judged=False)
     begin(line, name)
     for chunk in chunks_of(content):
         silence = Silence(subject)
-        for opcode in examples(opcodes[:_A_CHUNK]):
-            _send_one(subject, line, Frame(A2C, opcode))
+        for opcode in examples(opcodes[:_OPCODES_PER_CHUNK]):
+            _send_with_query(subject, line, Frame(A2C, opcode))
             if line.ending is not None:
                 raise CaseSkipped("the controller closes the connection after an undefined opcode")
         if silence.passed_s > limits_of(subject).survived_s:
             raise CaseSkipped("the transfer may have timed out between so many replies")
         message = "an upload chunk was refused after undefined opcodes"
         send(line, chunk, "3/21", message)
-        del opcodes[:_A_CHUNK]
+        del opcodes[:_OPCODES_PER_CHUNK]
     expect_stored(again(subject, line), name, content, "3/21")
 
 
 @case("3/21", name="running", hazards=_MOTION, undefined=True)
-def test_undefined_opcodes_beside_a_program(
+def test_undefined_opcodes_during_a_program(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
     """A running program continues when another client sends all undefined opcodes at once."""
@@ -131,14 +131,14 @@ def test_undefined_opcodes_beside_a_program(
     with lasting(subject, line, RUN) as task:
         other.send_bytes(b"".join(Frame(A2C, opcode).encode() for opcode in _UNDEFINED))
         other.wait(MOMENT_S)
-        _only_themselves(subject, other, frozenset(_UNDEFINED))
+        _expect_own_opcodes(subject, other, frozenset(_UNDEFINED))
         status = line.ask("get_status")
-        own = None if status.value == task.state else interrupted(line, RUN)
+        result = None if status.value == task.state else interrupted(line, RUN)
         expect(
-            status.value == task.state or (own is not None and own.done),
+            status.value == task.state or (result is not None and result.done),
             "a running program ended after undefined opcodes",
             expected=task.state,
-            observed=f"{own or status}",
+            observed=f"{result or status}",
         )
 
 
@@ -146,13 +146,13 @@ def _send(subject: ControllerUnderTest, frames: Iterable[Frame]) -> None:
     """Send each frame, on a new connection if the controller closed the old one."""
     line = subject.open(judged=False)
     for frame in examples(frames):
-        _send_one(subject, line, frame)
+        _send_with_query(subject, line, frame)
         if line.ending is not None:
             line = subject.open(judged=False)
     line.close()
 
 
-def _send_one(subject: ControllerUnderTest, line: OutgoingConnection, frame: Frame) -> None:
+def _send_with_query(subject: ControllerUnderTest, line: OutgoingConnection, frame: Frame) -> None:
     """Send a request with an undefined opcode, and then a query."""
     line.send_frame(frame)
     try:
@@ -165,30 +165,30 @@ def _send_one(subject: ControllerUnderTest, line: OutgoingConnection, frame: Fra
             expected="a reply to 0x09, or the end of the connection",
             observed=f"silence after opcode {frame.opcode:02X}",
         )
-    _only_themselves(subject, line, frozenset({frame.opcode}))
+    _expect_own_opcodes(subject, line, frozenset({frame.opcode}))
 
 
-def _only_themselves(
+def _expect_own_opcodes(
     subject: ControllerUnderTest, line: OutgoingConnection, opcodes: frozenset[int]
 ) -> None:
     """Expect that an undefined opcode is answered under itself or not at all."""
     if line.ending is not None:
         subject.tolerate("3/21", "on_unknown", "close", "the connection was closed")
-    told = subject.observer.told_unasked - opcodes
-    for seen in line.inbox:
-        if seen.frame.opcode in told:
+    unsolicited = subject.observer.told_unasked - opcodes
+    for received in line.inbox:
+        if received.frame.opcode in unsolicited:
             continue
         expect(
-            seen.frame.opcode in opcodes and not seen.frame.tagged,
+            received.frame.opcode in opcodes and not received.frame.tagged,
             "a request with an undefined opcode was answered under another opcode",
             expected="silence, or the opcode of the request",
-            observed=f"{seen.frame}",
+            observed=f"{received.frame}",
         )
         subject.tolerate(
             "3/21",
             "on_unknown",
             "0",
-            UserMessage("an undefined opcode is answered: {frame}", frame=seen.frame),
+            UserMessage("an undefined opcode is answered: {frame}", frame=received.frame),
         )
     line.inbox.clear()
 
@@ -201,7 +201,7 @@ def _state(subject: ControllerUnderTest) -> dict[str, Any]:
     state: dict[str, Any] = {
         query.name: line.ask(*query).frame.data
         for query in known_to(subject)
-        if query.name not in _RESTLESS
+        if query.name not in _CHANGING_VALUES
     }
     state["joints"] = joints_of(line)
     line.close()
@@ -212,9 +212,9 @@ def _expect_unchanged(subject: ControllerUnderTest, before: dict[str, Any]) -> N
     subject.pause(MOMENT_S)
     after = _state(subject)
     joints = before.pop("joints")
-    moved = farthest(after.pop("joints"), joints)
+    deviation = farthest(after.pop("joints"), joints)
     message = "an undefined opcode moved the arm"
-    expect(moved <= STANDSTILL, message, observed=f"by {moved:.2f}")
+    expect(deviation <= STANDSTILL, message, observed=f"by {deviation:.2f}")
     for name, data in before.items():
         expect_equal(
             after[name],

@@ -43,7 +43,7 @@ from scaraspec.user_message import UserMessage
 
 _STATE: Final = (Hazard.STATE,)
 _MOTION: Final = (Hazard.STATE, Hazard.MOTION)
-_CENTRES: Final = tuple(Point(float(n), -n / 2, n + 0.5) for n in range(1, 9))
+_CENTERS: Final = tuple(Point(float(n), -n / 2, n + 0.5) for n in range(1, 9))
 _CLOCK_SLACK: Final = timedelta(seconds=5)
 _HOUR: Final = timedelta(hours=1)
 _CHUNKS: Final = 3
@@ -53,15 +53,15 @@ _CHUNKS: Final = 3
 @given(queries=some_queries)
 def test_replies_in_order(subject: ControllerUnderTest, queries: list[Query]) -> None:
     """Every query sent without waiting is answered, and the replies keep the order."""
-    _takes_several(subject)
+    _require_pipelining(subject)
     line = subject.open()
     queries = known_to(subject, queries)
     line.send_bytes(b"".join(query.frame(line).encode() for query in queries))
-    _tell_order(subject, replies_to(line, queries))
+    _check_order(subject, replies_to(line, queries))
     line.close()
 
 
-def _takes_several(subject: ControllerUnderTest) -> None:
+def _require_pipelining(subject: ControllerUnderTest) -> None:
     """Skip the case if the SUT serves one request at a time.
 
     Raises:
@@ -71,25 +71,25 @@ def _takes_several(subject: ControllerUnderTest) -> None:
         raise CaseSkipped("the controller serves one request at a time (pipelining)")
 
 
-def _tell_order(subject: ControllerUnderTest, answers: list[ReceivedFrame]) -> None:
-    places = [answer.seen.place.offset_bytes for answer in answers]
-    if any(later < earlier for earlier, later in pairwise(places)):
+def _check_order(subject: ControllerUnderTest, answers: list[ReceivedFrame]) -> None:
+    offsets_bytes = [answer.seen.place.offset_bytes for answer in answers]
+    if any(later < earlier for earlier, later in pairwise(offsets_bytes)):
         subject.tolerate("3/24", "pipelining", "any-order", "replies arrived in another order")
 
 
 @case("3/24", name="same")
 def test_same_opcode(subject: ControllerUnderTest) -> None:
     """Twenty status requests get exactly twenty replies."""
-    _takes_several(subject)
+    _require_pipelining(subject)
     line = subject.open()
     line.send_bytes(line.request("get_status").encode() * 20)
     replies_to(line, [Query("get_status")] * 20)
-    for seen in line.sync():
+    for received in line.sync():
         subject.tolerate(
             "3/26",
             "A-3-16",
             "unsolicited frame",
-            UserMessage("{frame} arrived without a request", frame=seen.frame),
+            UserMessage("{frame} arrived without a request", frame=received.frame),
         )
 
 
@@ -97,19 +97,19 @@ def test_same_opcode(subject: ControllerUnderTest) -> None:
 
 
 @case("3/30", hazards=_STATE)
-def test_last_setting_stays(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_last_setting_takes_effect(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The last of eight gripper centers that are set in one segment is kept."""
-    _takes_several(subject)
+    _require_pipelining(subject)
     require_command(subject, "set_gripper_center", "get_gripper_center")
     before = line.ask("get_gripper_center").value
     try:
-        for centres in (_CENTRES, _CENTRES[::-1]):
-            _send_together(line, [("set_gripper_center", center) for center in centres])
-            for _ in centres:
-                said = line.reply("set_gripper_center").accepted
-                expect(said, "a setting was refused", requirement="4.20/2")
-            now = line.ask("get_gripper_center").value
-            expect_equal(now, centres[-1], "the last setting was not kept")
+        for centers in (_CENTERS, _CENTERS[::-1]):
+            _send_together(line, [("set_gripper_center", center) for center in centers])
+            for _ in centers:
+                accepted = line.reply("set_gripper_center").accepted
+                expect(accepted, "a setting was refused", requirement="4.20/2")
+            current = line.ask("get_gripper_center").value
+            expect_equal(current, centers[-1], "the last setting was not kept")
     finally:
         if before is not None:
             line.ask("set_gripper_center", before)
@@ -118,90 +118,90 @@ def test_last_setting_stays(subject: ControllerUnderTest, line: OutgoingConnecti
 @case("3/30", name="queries", hazards=_STATE)
 def test_queries_between_settings(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Queries between settings in one segment return the values that are set before them."""
-    _takes_several(subject)
+    _require_pipelining(subject)
     require_command(subject, "set_gripper_center", "get_gripper_center")
     before = line.ask("get_gripper_center").value
     requests: list[tuple[str, object]] = []
-    for center in _CENTRES:
+    for center in _CENTERS:
         requests += [("set_gripper_center", center), ("get_gripper_center", None)]
     try:
         _send_together(line, requests)
-        values = [line.reply("get_gripper_center").value for _ in _CENTRES]
+        values = [line.reply("get_gripper_center").value for _ in _CENTERS]
     finally:
         if before is not None:
             line.ask("set_gripper_center", before)
-    if values != list(_CENTRES):
+    if values != list(_CENTERS):
         message = "queries did not return the values set before them"
-        expect_equal(set(values), set(_CENTRES), message)
+        expect_equal(set(values), set(_CENTERS), message)
         subject.tolerate("3/24", "pipelining", "any-order", "replies arrived in another order")
 
 
 @case("3/30", name="clock", hazards=_STATE)
-def test_last_time_stays(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_last_time_takes_effect(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The last of several times that are set in one segment is kept."""
-    _takes_several(subject)
+    _require_pipelining(subject)
     require_command(subject, "set_time", "get_time")
     before: datetime | None = line.ask("get_time").value
     if before is None:
         raise CaseInconclusive("the controller does not report its time")
-    ahead = [("set_time", shifted(before, hours * _HOUR)) for hours in (5, 3, 1, 0)]
-    _send_together(line, ahead)
-    for _ in ahead:
+    settings = [("set_time", shifted(before, hours * _HOUR)) for hours in (5, 3, 1, 0)]
+    _send_together(line, settings)
+    for _ in settings:
         line.reply("set_time")
-    now: datetime | None = line.ask("get_time").value
-    if now is None or abs(now - before) > _CLOCK_SLACK:
+    current: datetime | None = line.ask("get_time").value
+    if current is None or abs(current - before) > _CLOCK_SLACK:
         line.ask("set_time", before)
     expect(
-        now is not None and abs(now - before) <= _CLOCK_SLACK,
+        current is not None and abs(current - before) <= _CLOCK_SLACK,
         "the last time that was set was not kept",
         expected=f"{before}",
-        observed=f"{now}",
+        observed=f"{current}",
     )
 
 
 @case("3/30", name="upload", hazards=_STATE)
 def test_upload_in_one_segment(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An upload whose name and chunks are sent in one segment is stored unchanged."""
-    _takes_several(subject)
+    _require_pipelining(subject)
     require_command(subject, "upload_name", "upload_chunk")
     name, content = subject.new_name(), content_of(200 * _CHUNKS)
     requests: list[tuple[str, object]] = [("upload_name", name)]
     requests += [("upload_chunk", chunk) for chunk in chunks_of(content)]
     _send_together(line, requests)
-    said = [line.reply("upload_name").accepted]
-    said += [line.reply("upload_chunk", within_s=CHUNK_S).accepted for _ in range(_CHUNKS)]
-    expect_equal(said, [True] * (1 + _CHUNKS), "an upload in one segment was refused")
+    accepted = [line.reply("upload_name").accepted]
+    accepted += [line.reply("upload_chunk", within_s=CHUNK_S).accepted for _ in range(_CHUNKS)]
+    expect_equal(accepted, [True] * (1 + _CHUNKS), "an upload in one segment was refused")
     expect_stored(line, name, content, requirement="3/30")
 
 
 @case("3/30", "4/6", name="stop", hazards=_MOTION)
-def test_stop_behind_a_jog(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_stop_after_a_jog(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A jog, a lock and a stop in one segment: the lock is refused, and the arm stops."""
-    _takes_several(subject)
+    _require_pipelining(subject)
     require_command(subject, "jog", "emergency_stop")
     with returning(subject, line):
         jog_somewhere(subject, line)  # determines the notation (A-4.28-1)
         stop(subject, line)
-        refuses = subject.dialect["busy_reply"] != "queue"
-        locks = refuses and "lock_joints" not in subject.ics.unsupported
-        between = [("lock_joints", None)] if locks else []
+        refuses_while_busy = subject.dialect["busy_reply"] != "queue"
+        try_lock = refuses_while_busy and "lock_joints" not in subject.ics.unsupported
+        between = [("lock_joints", None)] if try_lock else []
         for direction in JogDirection:
             _send_together(line, [("jog", direction), *between, ("emergency_stop", None)])
-            jog, stopped = line.reply("jog"), line.reply("emergency_stop")
-            locked = jog.accepted and _locked_between(line, jog, stopped)
-            if stopped.accepted:
+            jog_reply, stop_reply = line.reply("jog"), line.reply("emergency_stop")
+            locked = jog_reply.accepted and _locked_between(line, jog_reply, stop_reply)
+            if stop_reply.accepted:
                 finish(subject, line, "emergency_stop")  # until then, the arm may decelerate
             status = status_behind(line).value
             stop_motion(subject, line)
-            if jog.accepted:
+            if jog_reply.accepted:
                 break
         else:
             raise CaseInconclusive("the controller refuses to jog in every direction")
         expect(
-            stopped.accepted and status != "04",
+            stop_reply.accepted and status != "04",
             "an emergency stop sent right after a jog did not stop it",
             expected="1, and a status other than 04",
-            observed=f"{stopped}, and {status}",
+            observed=f"{stop_reply}, and {status}",
         )
         expect(
             not locked,
@@ -212,15 +212,17 @@ def test_stop_behind_a_jog(subject: ControllerUnderTest, line: OutgoingConnectio
         )
 
 
-def _locked_between(line: OutgoingConnection, jog: ReceivedFrame, stopped: ReceivedFrame) -> bool:
+def _locked_between(
+    line: OutgoingConnection, jog_reply: ReceivedFrame, stop_reply: ReceivedFrame
+) -> bool:
     """Whether a lock was accepted between a jog and its stop, before anything ended."""
-    between = range(jog.seen.place.offset_bytes, stopped.seen.place.offset_bytes)
-    for seen in line.inbox:
-        if seen.place.offset_bytes not in between:
+    between = range(jog_reply.seen.place.offset_bytes, stop_reply.seen.place.offset_bytes)
+    for received in line.inbox:
+        if received.place.offset_bytes not in between:
             continue
-        if seen.frame.tagged:
+        if received.frame.tagged:
             return False
-        if seen.name == "lock_joints" and ReceivedFrame(seen, seen.value).accepted:
+        if received.name == "lock_joints" and ReceivedFrame(received, received.value).accepted:
             return True
     return False
 

@@ -46,9 +46,9 @@ from scaraspec.traffic.events import FrameSeen, InvalidBytes
 from scaraspec.user_message import UserMessage
 
 _MOTION: Final = (Hazard.MOTION, Hazard.STATE)
-_LATER_S: Final = 0.4  # how long a second result is waited for
-_TIMES: Final = 12
-_FAR: Final = MoveTarget(1, 9e5, 9e5, 9e5, 0.0, 0.0, 0.0)
+_WAIT_S: Final = 0.4  # how long a second result is waited for
+_RUNS: Final = 12
+_UNREACHABLE: Final = MoveTarget(1, 9e5, 9e5, 9e5, 0.0, 0.0, 0.0)
 
 
 # ---------------------------------------------------------------------- one tagged result
@@ -61,11 +61,11 @@ def test_one_tagged_result(
 ) -> None:
     """A command ends with one final result, which has the tag and follows the first reply."""
     try:
-        performed = perform(subject, line, name)
+        execution = perform(subject, line, name)
     finally:
         line.finish()  # a different tag changes the length
-        _expect_tagged(subject, name)
-    first, result = performed.first, performed.result
+        _expect_no_untagged_result(subject, name)
+    first, result = execution.first, execution.result
     if result is None:
         return
     expect(
@@ -77,7 +77,7 @@ def test_one_tagged_result(
     )
     line.inbox[:0] = line.sync()
     message = UserMessage("{name} ended a second time", name=name)
-    _no_result(line, name, message, "3/18")
+    _expect_no_result(line, name, message, "3/18")
 
 
 @case("3/18", name="twice", hazards=_MOTION)
@@ -87,58 +87,60 @@ def test_no_second_result(subject: ControllerUnderTest, line: OutgoingConnection
     for name in names:
         perform(subject, line, name)
         line.inbox.clear()
-    line.wait(_LATER_S)
+    line.wait(_WAIT_S)
     for name in names:
         message = UserMessage("{name} ended a second time", name=name)
-        _no_result(line, name, message, "3/18")
+        _expect_no_result(line, name, message, "3/18")
 
 
-def _expect_tagged(subject: ControllerUnderTest, name: str) -> None:
+def _expect_no_untagged_result(subject: ControllerUnderTest, name: str) -> None:
     """Fail the case if a recent frame or invalid bytes are a final result without its tag."""
     opcode = BY_NAME[name].opcode
-    for seen in subject.observer.recent:
-        if seen.place.direction is C2A and _lacks_its_tag(seen, opcode):
+    for received in subject.observer.recent:
+        if received.place.direction is C2A and _is_untagged_result(received, opcode):
             raise CaseFailed(
                 UserMessage("the final result of {name} has no tag", name=name),
                 expected=f"{TAG:02X} {opcode:02X}",
-                observed=f"{seen.frame}" if isinstance(seen, FrameSeen) else show(seen.data[:8]),
+                observed=f"{received.frame}"
+                if isinstance(received, FrameSeen)
+                else show(received.data[:8]),
                 requirement="3/12",
             )
 
 
-def _lacks_its_tag(seen: FrameSeen | InvalidBytes, opcode: int) -> bool:
+def _is_untagged_result(received: FrameSeen | InvalidBytes, opcode: int) -> bool:
     """Whether it is a final result without the tag, with another tag, or with a misplaced one."""
-    if isinstance(seen, FrameSeen):
-        frame = seen.frame
-        return frame.opcode == opcode and not frame.tagged and _says_how_it_ended(frame.data)
-    head, data = seen.data[1:3], seen.data[4 : 4 + sum(seen.data[3:4])]
-    ends = seen.data[4 + len(data) : 5 + len(data)] == bytes((C2A.end,))
-    return opcode in head and ends and _says_how_it_ended(data)
+    if isinstance(received, FrameSeen):
+        frame = received.frame
+        return frame.opcode == opcode and not frame.tagged and _is_final_result(frame.data)
+    header, data = received.data[1:3], received.data[4 : 4 + sum(received.data[3:4])]
+    has_end_byte = received.data[4 + len(data) : 5 + len(data)] == bytes((C2A.end,))
+    return opcode in header and has_end_byte and _is_final_result(data)
 
 
-def _says_how_it_ended(data: bytes) -> bool:
+def _is_final_result(data: bytes) -> bool:
     return FinalResult().decode(data).value is not None
 
 
-def _no_result(line: OutgoingConnection, name: str, message: str, requirement: str) -> None:
-    for seen in line.inbox:
-        if _is_result(seen, name):
+def _expect_no_result(line: OutgoingConnection, name: str, message: str, requirement: str) -> None:
+    for received in line.inbox:
+        if _is_result(received, name):
             raise CaseFailed(
-                message, expected="no result", observed=f"{seen.frame}", requirement=requirement
+                message, expected="no result", observed=f"{received.frame}", requirement=requirement
             )
 
 
-def _is_result(seen: FrameSeen, name: str) -> bool:
-    return seen.frame.tagged and seen.frame.opcode == BY_NAME[name].opcode
+def _is_result(received: FrameSeen, name: str) -> bool:
+    return received.frame.tagged and received.frame.opcode == BY_NAME[name].opcode
 
 
 @case("3/14")
-def test_queries_bear_no_tag(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_untagged_queries(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The replies to queries have no tag; a tagged one is undocumented (A-3-6)."""
     try:
         ask_all(subject, line)
     except NoReply:
-        tagged = next((seen for seen in line.inbox if seen.frame.tagged), None)
+        tagged = next((received for received in line.inbox if received.frame.tagged), None)
         if tagged is None:
             raise
         raise CaseFailed(
@@ -149,12 +151,12 @@ def test_queries_bear_no_tag(subject: ControllerUnderTest, line: OutgoingConnect
 
 
 @case("3/18", "3/16", name="again", hazards=_MOTION)
-def test_again_and_again(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_repeated_runs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program that runs a dozen times, with queries during the runs, has one result per run."""
     find_out_whether_it_listens(subject, line)
     program = start_program(subject, line, RUN, 0).program
     finish(subject, line, RUN)
-    for _ in range(_TIMES):
+    for _ in range(_RUNS):
         first = line.ask(RUN, program)
         expect(first.accepted, "a program that ran before was refused", requirement="4.15/4")
         if listens(subject, line):
@@ -166,11 +168,11 @@ def test_again_and_again(subject: ControllerUnderTest, line: OutgoingConnection)
             requirement="3/16",
         )
         line.inbox[:0] = line.sync()
-        _no_result(line, RUN, "a run ended a second time", "3/18")
+        _expect_no_result(line, RUN, "a run ended a second time", "3/18")
 
 
 @case("3/18", name="own-connection", hazards=_MOTION)
-def test_result_for_whom_asked(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_result_on_own_connection(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The final result arrives on the connection of its request, not on another one."""
     subject.require_multiple_connections()
     other = subject.open()
@@ -188,16 +190,14 @@ def test_result_for_whom_asked(subject: ControllerUnderTest, line: OutgoingConne
 
 
 @case("3/17", hazards=_MOTION, slow=True)
-def test_no_result_of_what_is_refused(
-    subject: ControllerUnderTest, line: OutgoingConnection
-) -> None:
+def test_no_result_after_refusal(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Refused commands (missing program, unreachable pose, invalid jog) have no final result."""
     subject.moved = True
     missing = subject.new_name()
     requests: list[tuple[str, Any, bytes | None]] = [
         (RUN, missing, None),
         (SIMULATE, missing, None),
-        (MOVE, _FAR, None),
+        (MOVE, _UNREACHABLE, None),
         (JOG, None, b"9"),
         (STOP, None, None),
     ]
@@ -209,11 +209,11 @@ def test_no_result_of_what_is_refused(
         answer = try_request(line, name, value, data=data)
         if answer is None or answer.accepted is False:
             refused.append(name)
-    _stay_without_result(alive(subject, line), refused)
+    _expect_no_results(alive(subject, line), refused)
 
 
 @case("3/17", name="busy", hazards=_MOTION, slow=True)
-def test_no_result_of_what_came_while_busy(
+def test_no_result_after_refusal_while_busy(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
     """Commands that are refused while a program runs have no final result."""
@@ -228,11 +228,11 @@ def test_no_result_of_what_came_while_busy(
             task.lasts()
             if name != RUN and (answer is None or answer.accepted is False):
                 refused.append(name)
-    _stay_without_result(line, refused)
+    _expect_no_results(line, refused)
 
 
-def _stay_without_result(line: OutgoingConnection, names: list[str]) -> None:
-    line.wait(_LATER_S)
+def _expect_no_results(line: OutgoingConnection, names: list[str]) -> None:
+    line.wait(_WAIT_S)
     for name in names:
         message = UserMessage("a final result of {name} arrived although it was refused", name=name)
-        _no_result(line, name, message, "3/17")
+        _expect_no_result(line, name, message, "3/17")

@@ -38,8 +38,8 @@ from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, NoReply
 from scaraspec.user_message import UserMessage
 
 _LONG_BYTES: Final = 5000
-_HANGING: Final = 4
-_GIVEN_UP_S: Final = 2.3  # longer than most receivers wait for the rest of a frame (A-3-11)
+_PARTIAL_FRAMES: Final = 4
+_FRAME_TIMEOUT_S: Final = 2.3  # longer than most receivers wait for the rest of a frame (A-3-11)
 _PARTS: Final = (
     b"\xaa",
     b"\xaa\x09",
@@ -60,9 +60,9 @@ _DAMAGED: Final = (
 """One example of each kind of bytes that are not a frame."""
 
 
-def _tell(subject: ControllerUnderTest, requirement: str, how: Recovery) -> None:
+def _tolerate_close(subject: ControllerUnderTest, requirement: str, recovery: Recovery) -> None:
     """Tolerate a closed connection: it is the only reading that can be observed with certainty."""
-    if how is Recovery.ANEW:
+    if recovery is Recovery.ANEW:
         subject.tolerate(requirement, "resync", "close", "the connection was closed")
 
 
@@ -80,10 +80,10 @@ def test_wrong_start(subject: ControllerUnderTest) -> None:
             line = subject.open(judged=False)
             continue
         if start % 16 == 0:
-            how = recovers(subject, line)
+            recovery = recovers(subject, line)
             nothing_else(line, requirement="3/19")
-            if how is Recovery.ANEW:
-                _tell(subject, "3/19", how)
+            if recovery is Recovery.ANEW:
+                _tolerate_close(subject, "3/19", recovery)
                 line = subject.open(judged=False)
     recovers(subject, line)
 
@@ -99,9 +99,9 @@ def test_stray_bytes(subject: ControllerUnderTest, garbage: bytes, carrier: byte
             line.send_bytes(data)
         except NoReply:
             break
-    how = recovers(subject, line)
+    recovery = recovers(subject, line)
     nothing_else(line, requirement="3/19")
-    _tell(subject, "3/19", how)
+    _tolerate_close(subject, "3/19", recovery)
     line.close()
 
 
@@ -111,7 +111,7 @@ def test_joined_with_requests(subject: ControllerUnderTest, garbage: bytes, carr
     """The controller recovers from stray bytes in one segment with requests."""
     data = (garbage + carrier) * 2
     assume(harmless(data + FLOOD))
-    _tell(subject, "3/19", survives(subject, data, requirement="3/19"))
+    _tolerate_close(subject, "3/19", survives(subject, data, requirement="3/19"))
 
 
 @case("3/19", name="long")
@@ -125,9 +125,9 @@ def test_much_garbage(subject: ControllerUnderTest) -> None:
             line.send_bytes(data)
         except NoReply:
             break
-    how = recovers(subject, line)
+    recovery = recovers(subject, line)
     nothing_else(line, requirement="3/19")
-    _tell(subject, "3/19", how)
+    _tolerate_close(subject, "3/19", recovery)
 
 
 # ---------------------------------------------------------------------- malformed frames
@@ -137,7 +137,7 @@ def test_much_garbage(subject: ControllerUnderTest) -> None:
 @given(frame=spoiled)
 def test_spoiled_frames(subject: ControllerUnderTest, frame: bytes) -> None:
     """The controller recovers from a request with a wrong end byte or a wrong length."""
-    _tell(subject, "3/20", survives(subject, frame, requirement="3/20"))
+    _tolerate_close(subject, "3/20", survives(subject, frame, requirement="3/20"))
 
 
 @case("3/20", name="end")
@@ -145,11 +145,11 @@ def test_every_wrong_end(subject: ControllerUnderTest) -> None:
     """The controller recovers from each of many wrong end bytes; a reply is only warned of."""
     for end in examples((0x00, 0x0D, 0x33, 0xAB, 0xAC, 0xCB, 0xCD, 0xEC, 0xFF)):
         data = GET_STATUS[:-1] + bytes((end,))
-        _tell(subject, "3/20", survives(subject, data, requirement="3/20"))
+        _tolerate_close(subject, "3/20", survives(subject, data, requirement="3/20"))
     line = subject.open(judged=False)
     line.send_bytes(data)
     recovers(subject, line)
-    if any(seen.name == "get_status" for seen in line.inbox):
+    if any(received.name == "get_status" for received in line.inbox):
         message = "a request with a wrong end byte was answered"
         subject.tolerate("3/20", "A-3-10", "answered", message)
 
@@ -157,17 +157,17 @@ def test_every_wrong_end(subject: ControllerUnderTest) -> None:
 @case("3/20", name="length")
 def test_wrong_lengths(subject: ControllerUnderTest) -> None:
     """The controller recovers from a length that is too small, too large, or of the whole frame."""
-    for size_bytes, wrong in examples(product((0, 1, 8), (-1, 1, 3, 4))):
-        declared = (size_bytes + wrong) % 256
+    for size_bytes, offset in examples(product((0, 1, 8), (-1, 1, 3, 4))):
+        declared = (size_bytes + offset) % 256
         data = bytes((A2C.start, 0x08, declared)) + b"0" * size_bytes + bytes((A2C.end,))
-        _tell(subject, "3/20", survives(subject, data, requirement="3/20"))
+        _tolerate_close(subject, "3/20", survives(subject, data, requirement="3/20"))
 
 
 @case("3/20", name="ascii-length")
 def test_length_in_digits(subject: ControllerUnderTest) -> None:
     """The controller recovers from a length in ASCII digits, a reading of the document (A-0-4)."""
     data = b"\xaa\x09\x30\xcc" + b"\xaa\x08\x31\x30\xcc"
-    _tell(subject, "3/20", survives(subject, data, requirement="3/20"))
+    _tolerate_close(subject, "3/20", survives(subject, data, requirement="3/20"))
 
 
 @case("3/20", name="printed", hazards=(Hazard.STATE, Hazard.MOTION, Hazard.DESTRUCTIVE))
@@ -191,8 +191,8 @@ def test_printed_lengths(subject: ControllerUnderTest) -> None:
         declared = (len(data) + off_by) % 256  # the reported value may be empty or too long
         raw = bytes((A2C.start, row.frame.opcode, declared)) + data + bytes((A2C.end,))
         opcodes = OPCODES | {row.frame.opcode}
-        how = survives(subject, raw, requirement="3/20", opcodes=opcodes)
-        _tell(subject, "3/20", how)
+        recovery = survives(subject, raw, requirement="3/20", opcodes=opcodes)
+        _tolerate_close(subject, "3/20", recovery)
 
 
 @case("3/20", name="truncated", slow=True)
@@ -200,29 +200,29 @@ def test_truncated(subject: ControllerUnderTest) -> None:
     """The controller recovers from a request that is truncated at any byte."""
     frame = Frame(A2C, 0x08, b"0123456").encode()
     for cut in examples(range(1, len(frame))):
-        _tell(subject, "3/20", survives(subject, frame[:cut], requirement="3/20"))
+        _tolerate_close(subject, "3/20", survives(subject, frame[:cut], requirement="3/20"))
 
 
 @case("3/20", name="inside")
-@given(frame=carriers, before=strays, behind=strays)
+@given(frame=carriers, before=strays, after=strays)
 def test_frames_inside_garbage(
-    subject: ControllerUnderTest, frame: bytes, before: bytes, behind: bytes
+    subject: ControllerUnderTest, frame: bytes, before: bytes, after: bytes
 ) -> None:
     """The controller recovers from a malformed request whose data contains a valid one."""
-    inner = before + frame + behind
+    inner = before + frame + after
     data = bytes((A2C.start, 0x07, len(inner))) + inner + b"\x55"
     assume(harmless(data + FLOOD))
-    _tell(subject, "3/20", survives(subject, data, requirement="3/20"))
+    _tolerate_close(subject, "3/20", survives(subject, data, requirement="3/20"))
 
 
 @case("3/20", name="tag")
 def test_tag_from_the_client(subject: ControllerUnderTest) -> None:
     """The controller recovers from a request with the tag of a final result."""
-    _tell(subject, "3/20", survives(subject, b"\xaa\x90\x08\x00\xcc", requirement="3/20"))
+    _tolerate_close(subject, "3/20", survives(subject, b"\xaa\x90\x08\x00\xcc", requirement="3/20"))
 
 
 @case("3/20", name="often")
-def test_often(subject: ControllerUnderTest) -> None:
+def test_many_malformed_requests(subject: ControllerUnderTest) -> None:
     """The controller serves valid requests between two hundred malformed ones."""
     line = subject.open(judged=False)
     for number in range(200):
@@ -233,7 +233,7 @@ def test_often(subject: ControllerUnderTest) -> None:
             continue
         if number % 20 == 0 and recovers(subject, line) is Recovery.ANEW:
             line = subject.open(judged=False)
-    _tell(subject, "3/20", recovers(subject, line))
+    _tolerate_close(subject, "3/20", recovers(subject, line))
 
 
 # ---------------------------------------------------------------------- wrong direction
@@ -248,13 +248,13 @@ def test_wrong_direction(subject: ControllerUnderTest, opcode: int, data: bytes)
     line.send_bytes(frame)
     line.apart()
     nothing_else(line, requirement="3/23")
-    if any(seen.frame.opcode == opcode for seen in line.inbox):
+    if any(received.frame.opcode == opcode for received in line.inbox):
         message = "a request in the format of replies was served"
         subject.tolerate("3/23", "A-3-13", "accepted", message)
     line.inbox.clear()
-    how = recovers(subject, line)
+    recovery = recovers(subject, line)
     nothing_else(line, requirement="3/23")
-    _tell(subject, "3/23", how)
+    _tolerate_close(subject, "3/23", recovery)
     line.close()
 
 
@@ -265,7 +265,7 @@ def test_own_reply(subject: ControllerUnderTest) -> None:
         Frame(C2A, opcode, data).encode()
         for opcode, data in ((0x07, b"20141222143000"), (0x08, b"1.0.0"), (0x09, b"00"))
     )
-    _tell(subject, "3/23", survives(subject, replies, requirement="3/23"))
+    _tolerate_close(subject, "3/23", survives(subject, replies, requirement="3/23"))
 
 
 @case("3/20", "3/19", name="bystander")
@@ -296,12 +296,12 @@ def test_half_frames(subject: ControllerUnderTest) -> None:
         line = subject.open(judged=False)
         line.send_bytes(part)
         if subject.takes_several:
-            _serves(subject)
+            _expect_served(subject)
             line.close()
         else:
             line.close()
             subject.pause(SILENCE_S)
-        _serves(subject)
+        _expect_served(subject)
 
 
 @case("3/29", name="reset")
@@ -312,7 +312,7 @@ def test_cut_off_in_a_frame(subject: ControllerUnderTest) -> None:
         line = subject.open(judged=False)
         line.send_bytes(part)
         line.reset()
-        _serves(subject)
+        _expect_served(subject)
 
 
 @case("3/29", name="half-close")
@@ -326,23 +326,23 @@ def test_half_close_in_a_frame(subject: ControllerUnderTest) -> None:
         line.half_close()
         if not subject.takes_several:
             line.close()
-        _serves(subject)
+        _expect_served(subject)
         line.close()
 
 
 @case("3/29", name="several")
 def test_several_half_frames(subject: ControllerUnderTest) -> None:
     """While several connections wait within a frame, new ones are served."""
-    _hang(subject)
-    _serves(subject)
+    _open_partial_frames(subject)
+    _expect_served(subject)
 
 
 @case("3/29", name="silence", slow=True)
 def test_silent_half_frames(subject: ControllerUnderTest) -> None:
     """While connections wait long within a frame, new ones are served; the old ones work or end."""
-    lines = _hang(subject)
-    subject.pause(_GIVEN_UP_S)
-    _serves(subject)
+    lines = _open_partial_frames(subject)
+    subject.pause(_FRAME_TIMEOUT_S)
+    _expect_served(subject)
     for line in lines:
         line.inbox.clear()
         if line.ending is None:
@@ -350,12 +350,12 @@ def test_silent_half_frames(subject: ControllerUnderTest) -> None:
             nothing_else(line, requirement="3/29")
 
 
-def _hang(subject: ControllerUnderTest) -> list[OutgoingConnection]:
+def _open_partial_frames(subject: ControllerUnderTest) -> list[OutgoingConnection]:
     """Return several connections, each with an incomplete frame."""
     subject.require_multiple_connections()
     lines = [subject.open(judged=False)]
     with suppress(CaseFailed):  # so many may not be served (A-2-2)
-        while len(lines) <= _HANGING:
+        while len(lines) <= _PARTIAL_FRAMES:
             lines.append(subject.open(judged=False))
     lines.pop().close()  # leave room for one more
     for line, part in zip(lines, _PARTS, strict=False):
@@ -363,7 +363,7 @@ def _hang(subject: ControllerUnderTest) -> list[OutgoingConnection]:
     return lines
 
 
-def _serves(subject: ControllerUnderTest) -> None:
+def _expect_served(subject: ControllerUnderTest) -> None:
     """Expect that a new connection is served and gets no reply to requests of others."""
     line = subject.open()
     line.ask("get_time")

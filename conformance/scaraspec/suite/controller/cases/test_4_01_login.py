@@ -37,17 +37,17 @@ def _expect_open(
 
 
 def _expect_refused(
-    subject: ControllerUnderTest, wrong: bytes, what: str, right: bytes | None = None
+    subject: ControllerUnderTest, wrong: bytes, description: str, correct: bytes | None = None
 ) -> OutgoingConnection:
     """Try one wrong password, after the correct one if it is given; return the connection used."""
     line = subject.open(login=False)
-    if right is not None:
-        subject.log_in(line, right)
+    if correct is not None:
+        subject.log_in(line, correct)
     answer = line.ask("login", wrong)
     _expect_flag(answer)
     expect(
         not answer.accepted,
-        UserMessage("{description} was accepted", description=what),
+        UserMessage("{description} was accepted", description=description),
         expected="0",
         observed=f"{answer}",
         requirement="4.1/3",
@@ -62,27 +62,27 @@ def test_right_password(subject: ControllerUnderTest) -> None:
     line = subject.open(login=False)
     for _ in range(2):
         _expect_open(subject, line, "the correct password was refused")
-        more = [seen for seen in line.sync() if seen.name == "login"]
+        more = [received for received in line.sync() if received.name == "login"]
         expect(
             not more,
             "a login was answered more than once",
             expected="one reply",
-            observed="; ".join(f"{seen.frame}" for seen in more),
+            observed="; ".join(f"{received.frame}" for received in more),
             requirement="4.1/4",
         )
 
 
 @case("4.1/6")
-def test_again(subject: ControllerUnderTest) -> None:
+def test_repeated_logins(subject: ControllerUnderTest) -> None:
     """The password is accepted on several connections, some of them at the same time."""
     needs_login(subject)
-    beside = subject.takes_several
+    parallel = subject.takes_several
     for number in range(1, _LOGINS + 1):
         line = subject.open(login=False)
         message = UserMessage("login {number} with the correct password was refused", number=number)
         _expect_open(subject, line, message, "4.1/6")
         line.ask("get_version")
-        if not beside or number > 1:
+        if not parallel or number > 1:
             line.close()
 
 
@@ -118,27 +118,33 @@ def test_near_misses(subject: ControllerUnderTest) -> None:
     show that only the first bytes are compared.
     """
     needs_login(subject)
-    right = subject.password
-    _expect_refused(subject, right + b"x", "the correct password with an extra letter").close()
+    correct = subject.password
+    _expect_refused(subject, correct + b"x", "the correct password with an extra letter").close()
     with password_kept(subject):
         line = subject.open()
         if "set_password" not in subject.ics.unsupported:
-            right = LONG_PASSWORD if expect_changed(line, right, LONG_PASSWORD) else right
+            correct = LONG_PASSWORD if expect_changed(line, correct, LONG_PASSWORD) else correct
         line.close()
-        last = b"y" if right.endswith(b"x") else b"x"
-        behind = "the correct password with another last letter, sent after the correct one,"
-        tried: list[tuple[bytes, str, bytes | None]] = [(right[:-1] + last, behind, right)]
-        if len(right) > 1:
-            tried.append((right[:-1], "the correct password without its last letter", None))
-        for wrong, what, before in examples(tried):
-            _expect_refused(subject, wrong, what, before).close()
+        last_letter = b"y" if correct.endswith(b"x") else b"x"
+        description_last = (
+            "the correct password with another last letter, sent after the correct one,"
+        )
+        wrong_passwords: list[tuple[bytes, str, bytes | None]] = [
+            (correct[:-1] + last_letter, description_last, correct)
+        ]
+        if len(correct) > 1:
+            wrong_passwords.append(
+                (correct[:-1], "the correct password without its last letter", None)
+            )
+        for wrong, description, correct_first in examples(wrong_passwords):
+            _expect_refused(subject, wrong, description, correct_first).close()
             line = subject.open(login=False)  # three wrong ones in a row may lock out (A-4.1-2)
-            subject.log_in(line, right)
+            subject.log_in(line, correct)
             line.close()
-        if right != subject.password:
+        if correct != subject.password:
             line = subject.open(login=False)
-            subject.log_in(line, right)
-            change(line, right, subject.password)
+            subject.log_in(line, correct)
+            change(line, correct, subject.password)
             line.close()
     line = subject.open(login=False)
     line.send("login", data=b"")

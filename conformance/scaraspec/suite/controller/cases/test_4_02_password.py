@@ -19,7 +19,7 @@ from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, NoReply
 from scaraspec.user_message import UserMessage
 
 _EMPTY_FIELDS = ("empty in old", "empty in new")
-_TRIED = ("no-bars", "empty-payload", "last-missing", *_EMPTY_FIELDS)
+_TRIED_KINDS = ("no-bars", "empty-payload", "last-missing", *_EMPTY_FIELDS)
 """Malformed pairs to try: only a few, as each may count as an attempt with a wrong password."""
 
 
@@ -29,15 +29,15 @@ def _expect_login(
     message: str,
     requirement: str,
     *,
-    opens: bool = True,
+    accepted: bool = True,
 ) -> None:
     """Log in on a new connection, and expect success or a refusal."""
     line = subject.open(login=False)
     answer = line.ask("login", password)
     expect(
-        bool(answer.accepted) is opens,
+        bool(answer.accepted) is accepted,
         message,
-        expected="1" if opens else "0",
+        expected="1" if accepted else "0",
         observed=f"{answer}",
         requirement=requirement,
     )
@@ -65,12 +65,12 @@ def test_changed(subject: ControllerUnderTest) -> None:
             _expect_login(subject, new, "the new password is refused at the next login", "4.2/4")
             if old == first:  # one wrong attempt is enough (A-4.1-2)
                 message = "the old password is still accepted"
-                _expect_login(subject, old, message, "4.2/4", opens=False)
+                _expect_login(subject, old, message, "4.2/4", accepted=False)
             old = new
 
 
 def _expect_refused(
-    subject: ControllerUnderTest, line: OutgoingConnection, wrong: bytes, new: bytes, right: bytes
+    subject: ControllerUnderTest, line: OutgoingConnection, wrong: bytes, new: bytes, correct: bytes
 ) -> None:
     """Expect that a change with a wrong old password is refused and changes nothing."""
     answer = change(line, wrong, new)
@@ -82,26 +82,26 @@ def _expect_refused(
     )
     line.close()
     message = "after a refused change, the password is no longer accepted"
-    _expect_login(subject, right, message, "4.2/5")
+    _expect_login(subject, correct, message, "4.2/5")
 
 
 @case("4.2/3", "4.2/5")
 def test_wrong_old_password(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A change with a wrong old password is refused, and the password remains valid."""
-    right = subject.password
+    correct = subject.password
     with password_kept(subject):
-        for wrong in examples(filter(None, (altered(right), right[:-1]))):
-            _expect_refused(subject, line, wrong, PLAIN_PASSWORD, right)
+        for wrong in examples(filter(None, (altered(correct), correct[:-1]))):
+            _expect_refused(subject, line, wrong, PLAIN_PASSWORD, correct)
             line = subject.open()
 
 
 @case("4.2/3", "4.2/5", name="after-a-change")
 def test_former_password(subject: ControllerUnderTest) -> None:
     """A change with the former password is refused on connections that were open at the change."""
-    former, tried = subject.password, False
+    former_password, checked = subject.password, False
     with password_kept(subject):
         lines = [subject.open() for _ in range(2 if subject.takes_several else 1)]
-        expect_changed(lines[0], former, PLAIN_PASSWORD)
+        expect_changed(lines[0], former_password, PLAIN_PASSWORD)
         for line in lines:
             try:
                 served = line.ask("get_status").value is not None
@@ -109,29 +109,29 @@ def test_former_password(subject: ControllerUnderTest) -> None:
                 served = False
             if not served:
                 continue  # the change ended its login
-            _expect_refused(subject, line, former, former, PLAIN_PASSWORD)
-            tried = True
-    if not tried:
+            _expect_refused(subject, line, former_password, former_password, PLAIN_PASSWORD)
+            checked = True
+    if not checked:
         raise CaseSkipped("a password change ends all logins")
 
 
 @case("4.2/6", "4.2/5", name="malformed")
 def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A pair without separator or with an empty field does not change the password."""
-    right = subject.password
+    correct = subject.password
     with password_kept(subject):
-        wrongs = malformed("set_password", PasswordChange(right, PLAIN_PASSWORD))
-        for wrong in examples(pair for pair in wrongs if f"{pair}" in _TRIED):
-            offered = offer(subject, line, "set_password", wrong)
-            line = offered.line
-            if not offered.accepted:
+        malformed_pairs = malformed("set_password", PasswordChange(correct, PLAIN_PASSWORD))
+        for wrong in examples(pair for pair in malformed_pairs if f"{pair}" in _TRIED_KINDS):
+            result = offer(subject, line, "set_password", wrong)
+            line = result.line
+            if not result.accepted:
                 line.close()
                 message = "after a malformed change, the password is no longer accepted"
-                _expect_login(subject, right, message, "4.2/5")
+                _expect_login(subject, correct, message, "4.2/5")
                 line = subject.open()
                 continue
             if f"{wrong}" == "empty in new":
-                line.ask("set_password", data=b"|" + right)
+                line.ask("set_password", data=b"|" + correct)
             if f"{wrong}" in _EMPTY_FIELDS:  # split at the first bar (A-4.2-3)
                 subject.tolerate(
                     "4.2/6", "A-4.2-3", "split", UserMessage("{wrong} was accepted", wrong=wrong)
@@ -140,5 +140,5 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
             raise CaseFailed(
                 UserMessage("{wrong} was accepted", wrong=wrong),
                 expected="0",
-                observed=f"{offered}",
+                observed=f"{result}",
             )

@@ -18,5 +18,5 @@ def test_network(subject: ControllerUnderTest, line: OutgoingConnection) -> None
         observed=f"{first}",
     )
     line.close()
-    again = subject.open().ask("get_network")
-    expect_equal(again.value, first.value, "the network changed although it was not set")
+    second = subject.open().ask("get_network")
+    expect_equal(second.value, first.value, "the network changed although it was not set")

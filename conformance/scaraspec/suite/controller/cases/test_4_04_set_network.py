@@ -56,16 +56,16 @@ def _read(line: OutgoingConnection) -> Network:
     return answer.value
 
 
-def _others(now: Network) -> tuple[Network, Network]:
+def _alternatives(current: Network) -> tuple[Network, Network]:
     """Return two networks with the same address, another mask and different gateways."""
-    mask = _MASKS[now.mask == _MASKS[0]]
-    head, _, tail = now.ip.rpartition(".")
-    first, second, *_ = (f"{head}.{part}" for part in (1, 254, 200) if f"{part}" != tail)
-    return Network(now.ip, mask, first), Network(now.ip, mask, second)
+    mask = _MASKS[current.mask == _MASKS[0]]
+    prefix, _, host = current.ip.rpartition(".")
+    first, second, *_ = (f"{prefix}.{part}" for part in (1, 254, 200) if f"{part}" != host)
+    return Network(current.ip, mask, first), Network(current.ip, mask, second)
 
 
 def _set(
-    subject: ControllerUnderTest, line: OutgoingConnection, wanted: Network, *, again: bool
+    subject: ControllerUnderTest, line: OutgoingConnection, network: Network, *, retry: bool
 ) -> OutgoingConnection:
     """Set a network; return a connection on which it can be read.
 
@@ -76,7 +76,7 @@ def _set(
         CaseFailed: The network was refused.
     """
     try:
-        answer = line.ask("set_network", wanted)
+        answer = line.ask("set_network", network)
     except NoReply as error:
         if line.ending is None:
             raise CaseFailed(
@@ -86,8 +86,8 @@ def _set(
                 requirement="4.4/2",
             ) from None
         line = alive(subject, line)
-        if again and _read(line) != wanted:
-            return _set(subject, line, wanted, again=False)
+        if retry and _read(line) != network:
+            return _set(subject, line, network, retry=False)
         message = "the connection ended instead of a reply to 0x05"
         subject.tolerate("4.4/3", "A-4.4-1", "no reply", message)
         return line
@@ -101,7 +101,7 @@ def _set(
     return alive(subject, line)
 
 
-def _shown(
+def _read_again(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> tuple[Network, OutgoingConnection]:
     """Return the network and the connection used: a new one if the old one ended late."""
@@ -115,26 +115,26 @@ def _shown(
 
 
 def _expect_set(
-    subject: ControllerUnderTest, line: OutgoingConnection, wanted: Network, *, again: bool
+    subject: ControllerUnderTest, line: OutgoingConnection, network: Network, *, retry: bool
 ) -> OutgoingConnection:
     """Set a network as `_set` does, and read it back; return the connection then in use."""
-    line = _set(subject, line, wanted, again=again)
+    line = _set(subject, line, network, retry=retry)
     if subject.ics.network_applies == "after-restart":
         subject.hook("restart")
         line = alive(subject, line)
-    shown, line = _shown(subject, line)
+    reported, line = _read_again(subject, line)
     expect(
-        shown == wanted,
+        reported == network,
         "0x04 does not show the network that was set",
-        expected="|".join(wanted),
-        observed="|".join(shown),
+        expected="|".join(network),
+        observed="|".join(reported),
         requirement="4.4/4",
     )
     return line
 
 
 @contextmanager
-def _network_kept(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[None]:
+def _network_restored(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[None]:
     """Restore the network, and restart the controller if the network needs it to take effect."""
     try:
         with kept(subject, line, "network"):
@@ -148,10 +148,10 @@ def _network_kept(subject: ControllerUnderTest, line: OutgoingConnection) -> Ite
 @case("4.4/4", "4.4/2", "4.4/3")
 def test_mask_and_gateway(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Another mask and another gateway are set and reported; the address stays."""
-    others = _others(_read(line))
-    with _network_kept(subject, line):
-        for wanted in examples(others):
-            line = _expect_set(subject, line, wanted, again=wanted != others[0])
+    alternatives = _alternatives(_read(line))
+    with _network_restored(subject, line):
+        for network in examples(alternatives):
+            line = _expect_set(subject, line, network, retry=network != alternatives[0])
 
 
 @case("4.4/4", "4.4/2", name="address")
@@ -163,40 +163,40 @@ def test_address(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 
     @example(_LONGEST)
     @given(_networks())
-    def each(wanted: Network) -> None:
-        lines[0] = _expect_set(subject, lines[0], wanted, again=wanted != _LONGEST)
+    def check(network: Network) -> None:
+        lines[0] = _expect_set(subject, lines[0], network, retry=network != _LONGEST)
 
-    with _network_kept(subject, line):
-        each()
+    with _network_restored(subject, line):
+        check()
 
 
 @case("4.4/5", "4.4/2")
 def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An invalid address is not accepted, and a refused request changes nothing."""
     before = _read(line)
-    other = _others(before)[1]
+    alternative = _alternatives(before)[1]
     if subject.access.readdressable:
-        other = other._replace(ip=_LONGEST.ip)
-    with _network_kept(subject, line):
-        for wrong in examples(malformed("set_network", other, subject.dialect)):
-            offered = offer(subject, line, "set_network", wrong)
-            line = offered.line
+        alternative = alternative._replace(ip=_LONGEST.ip)
+    with _network_restored(subject, line):
+        for wrong in examples(malformed("set_network", alternative, subject.dialect)):
+            result = offer(subject, line, "set_network", wrong)
+            line = result.line
             expect(
-                not (offered.accepted and wrong.firm),
+                not (result.accepted and wrong.firm),
                 UserMessage("{wrong} was accepted as a network", wrong=wrong),
                 expected="0",
-                observed=f"{offered}",
+                observed=f"{result}",
             )
-            silent = offered.answer is None and not wrong.firm  # it may have been accepted
-            if offered.accepted or silent:
-                line = _set(subject, line, before, again=True)
-            elif (shown := _read(line)) != before:
+            silent = result.answer is None and not wrong.firm  # it may have been accepted
+            if result.accepted or silent:
+                line = _set(subject, line, before, retry=True)
+            elif (reported := _read(line)) != before:
                 raise CaseFailed(
                     UserMessage(
                         "a network with {wrong} was refused but changed the network",
                         wrong=wrong,
                     ),
                     expected="|".join(before),
-                    observed="|".join(shown),
+                    observed="|".join(reported),
                     requirement="4.4/2",
                 )

@@ -24,18 +24,18 @@ from scaraspec.suite.engine.strategies import payload_values
 from scaraspec.suite.program_files.bench import PROGRAMS, running
 from scaraspec.user_message import UserMessage
 
-_NS: Final = 1e9
+_NS_PER_S: Final = 1e9
 _SECOND: Final = timedelta(seconds=1)
 
 
-def _moment(text: str) -> datetime:
+def _datetime(text: str) -> datetime:
     return datetime.strptime(text, "%Y%m%d%H%M%S")  # noqa: DTZ007 - the document has no time zone
 
 
-_NOON: Final = _moment("20240615120000")
+_NOON: Final = _datetime("20240615120000")
 _EDGES: Final = tuple(
     map(
-        _moment,
+        _datetime,
         (
             "20000101000000",
             "20000229123456",
@@ -48,11 +48,13 @@ _EDGES: Final = tuple(
         ),
     )
 )
-_GRAVEST: Final = tuple(map(_moment, ("20250101000000", "20240229000000", "20230301000000")))
+_MAIN_ROLLOVERS: Final = tuple(
+    map(_datetime, ("20250101000000", "20240229000000", "20230301000000"))
+)
 """Rollovers to try first if time is short: the new year and leap days."""
-_OTHERS: Final = tuple(
+_OTHER_ROLLOVERS: Final = tuple(
     map(
-        _moment,
+        _datetime,
         (
             "20240615120100",
             "20240615200000",
@@ -69,9 +71,9 @@ _OTHERS: Final = tuple(
         ),
     )
 )
-_AFTER_S: Final = 1.1
+_ROLLOVER_S: Final = 1.1
 """Wait from one second before a rollover until after it."""
-_LATER_S: Final = 2.1
+_DRIFT_CHECK_S: Final = 2.1
 """Wait after which a stopped clock exceeds the tolerance."""
 
 
@@ -89,7 +91,7 @@ def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Setting the clock while a program runs is answered "1" and works, or "0" without a change."""
     with kept(subject, line, "clock"), running(subject, line):
-        first, asked_s = read(subject, line), subject.now_ns / _NS
+        first, asked_s = read(subject, line), subject.now_ns / _NS_PER_S
         day = shifted(first.time, timedelta(days=1))  # later, so that a wait by the clock ends
         time = day.replace(hour=12)  # an hour that exists on every day
         answer = line.ask("set_time", time)
@@ -107,22 +109,22 @@ def test_every_moment(subject: ControllerUnderTest, line: OutgoingConnection) ->
     """Every time from 2000 to 2099 can be set and is shown."""
 
     @given(payload_values(BY_NAME["set_time"].request))
-    def each(time: datetime) -> None:
+    def check(time: datetime) -> None:
         first = set_to(subject, line, time)
         message = "the clock does not show the time that was set"
         expect_ran(subject, first, read(subject, line), message, "4.5/4")
 
     for time in _EDGES:
-        each = example(time)(each)
+        check = example(time)(check)
     with kept(subject, line, "clock"):
-        each()
+        check()
 
 
 def _expect_rollover(
     subject: ControllerUnderTest, line: OutgoingConnection, time: datetime
 ) -> Reading:
     first = set_to(subject, line, time - _SECOND)
-    line.wait(_AFTER_S / subject.ics.time_scale)
+    line.wait(_ROLLOVER_S / subject.ics.time_scale)
     message = UserMessage("the clock does not roll over to {time}", time=time)
     expect_ran(subject, first, read(subject, line), message, "4.5/6")
     return first
@@ -132,9 +134,9 @@ def _expect_rollover(
 def test_new_year(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The clock rolls over to a new year, to 29 February and from 28 February, and continues."""
     with kept(subject, line, "clock"):
-        for time in examples(_GRAVEST):
+        for time in examples(_MAIN_ROLLOVERS):
             first = _expect_rollover(subject, line, time)
-        line.wait((_LATER_S - _AFTER_S) / subject.ics.time_scale)
+        line.wait((_DRIFT_CHECK_S - _ROLLOVER_S) / subject.ics.time_scale)
         message = "the clock did not continue from the time that was set"
         expect_ran(subject, first, read(subject, line), message, "4.5/4")
 
@@ -142,9 +144,9 @@ def test_new_year(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
 @case("4.5/6", name="rollovers")
 def test_rollovers(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The clock rolls over to minutes, hours, days and months of every kind."""
-    patient(subject, len(_OTHERS) * _AFTER_S)
+    patient(subject, len(_OTHER_ROLLOVERS) * _ROLLOVER_S)
     with kept(subject, line, "clock"):
-        for time in examples(_OTHERS):
+        for time in examples(_OTHER_ROLLOVERS):
             _expect_rollover(subject, line, time)
 
 
@@ -154,15 +156,15 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
     with kept(subject, line, "clock"):
         first = set_to(subject, line, _NOON)
         for wrong in examples(malformed("set_time", _NOON + timedelta(days=700), subject.dialect)):
-            offered = offer(subject, line, "set_time", wrong)
-            line = offered.line
+            result = offer(subject, line, "set_time", wrong)
+            line = result.line
             expect(
-                not (offered.accepted and wrong.firm),
+                not (result.accepted and wrong.firm),
                 UserMessage("{wrong} was accepted as a time", wrong=wrong),
                 expected="0",
-                observed=f"{offered}",
+                observed=f"{result}",
             )
-            if offered.accepted:
+            if result.accepted:
                 first = set_to(subject, line, _NOON)
             message = UserMessage(
                 "the clock did not continue after {wrong} was refused", wrong=wrong

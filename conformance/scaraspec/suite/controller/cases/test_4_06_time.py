@@ -11,18 +11,18 @@ from scaraspec.suite.engine.expectations import expect
 
 _STEPS: Final = 6
 _STEP_S: Final = 0.35
-_TIMES: Final = 3
+_READS: Final = 3
 _MINUTES_S: Final = 150.0
 _HOURS_S: Final = 8 * 3600.0
-_PARTS: Final = 9  # three days in total
+_INTERVALS: Final = 9  # three days in total
 
 
-def _expect_on(first: Reading, then: Reading) -> None:
+def _expect_not_earlier(first: Reading, later: Reading) -> None:
     expect(
-        then.time >= first.time,
+        later.time >= first.time,
         "the clock went back",
         expected=f"{first.time} or later",
-        observed=f"{then.time}",
+        observed=f"{later.time}",
         requirement="4.6/4",
     )
 
@@ -33,12 +33,12 @@ def test_time(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     first = before = read(subject, line)
     for _ in range(_STEPS):
         line.wait(_STEP_S / subject.ics.time_scale)
-        for _ in range(_TIMES):
-            now = read(subject, line)
-            _expect_on(before, now)
+        for _ in range(_READS):
+            current = read(subject, line)
+            _expect_not_earlier(before, current)
             message = "the clock does not advance one second per second"
-            expect_ran(subject, first, now, message, "4.6/4")
-            before = now
+            expect_ran(subject, first, current, message, "4.6/4")
+            before = current
 
 
 @case("4.6/4", name="minutes")
@@ -55,15 +55,15 @@ def test_minutes(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 @case("4.6/4", name="days")
 def test_days(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The clock runs through every hour of several days."""
-    patient(subject, _PARTS * _HOURS_S)
+    patient(subject, _INTERVALS * _HOURS_S)
     first = before = read(subject, line)
-    for _ in range(_PARTS):
+    for _ in range(_INTERVALS):
         line.wait(_HOURS_S / subject.ics.time_scale)
         line = alive(subject, line)
-        now = read(subject, line)
-        _expect_on(before, now)
+        current = read(subject, line)
+        _expect_not_earlier(before, current)
         expect_ran(
-            subject, before, now, "the clock does not run through the hours of a day", "4.6/4"
+            subject, before, current, "the clock does not run through the hours of a day", "4.6/4"
         )
-        before = now
+        before = current
     expect_ran(subject, first, before, "the clock does not run through days", "4.6/4")

@@ -6,7 +6,7 @@ from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import expect, expect_equal
 from scaraspec.user_message import UserMessage
 
-_TIMES = 300
+_REQUESTS = 300
 
 
 @case("4.7/2", "4.7/3")
@@ -20,7 +20,7 @@ def test_version(line: OutgoingConnection) -> None:
 def test_constant(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The version is the same in all replies and on another connection."""
     first = line.ask("get_version").value
-    for number in range(2, _TIMES):
+    for number in range(2, _REQUESTS):
         message = UserMessage("request {number} returned another version", number=number)
         expect_equal(line.ask("get_version").value, first, message)
     line.close()

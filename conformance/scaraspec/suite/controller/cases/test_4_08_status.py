@@ -30,7 +30,7 @@ from scaraspec.user_message import UserMessage
 
 _IDLE: Final = "00"
 _MOTION: Final = (Hazard.STATE, Hazard.MOTION)
-_TIMES: Final = 100
+_REPEATS: Final = 100
 _WAIT_S: Final = 1
 _STEP_S: Final = 0.25
 
@@ -48,7 +48,7 @@ def _expect_idle(line: OutgoingConnection, message: str) -> None:
 def test_idle(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The status of an idle robot is 00, also after repeated and after other queries."""
     with unless_others_run(subject):
-        for _ in range(_TIMES):
+        for _ in range(_REPEATS):
             _expect_idle(line, "the status of an idle robot is not 00")
         for query in known_to(subject):
             line.ask(*query)
@@ -61,7 +61,7 @@ def test_idle(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 
 @case("4.8/3", "4.8/9", name="refused", hazards=(Hazard.MOTION,))
-def test_idle_once_refused(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_idle_after_refusal(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A robot that refuses a missing program stays idle."""
     missing = subject.new_name()
     subject.moved = True
@@ -138,12 +138,12 @@ def _watch(
         line.wait(subject.ics.motion.jog_s / 2)
         expect_status(subject, line, command, task.state, requirement)
         with suppress(NoReply):  # a robot that executes a command need not answer (A-4-3)
-            told = line.ask("get_running_program")
+            reply = line.ask("get_running_program")
             expect(
-                not isinstance(told.value, RunningProgram),
+                not isinstance(reply.value, RunningProgram),
                 UserMessage("a running program is reported during {command}", command=command),
                 expected="0",
-                observed=f"{told}",
+                observed=f"{reply}",
                 requirement="4.9/6",
             )
     message = UserMessage("the robot is not idle although {command} has ended", command=command)

@@ -33,30 +33,30 @@ from scaraspec.suite.program_files.bench import PROGRAMS
 from scaraspec.suite.program_files.listed import long_name, program_names, store_program
 from scaraspec.user_message import UserMessage
 
-_NONE: Final = (b"0", b"0||", b"\0", b"\0||")
+_NO_PROGRAM: Final = (b"0", b"0||", b"\0", b"\0||")
 """No program runs: the possible replies (A-4.9-2, A-T-1)."""
 _DEFAULTS: Final = ("get_default_program", "set_default_program")
 _WAIT_S: Final = 3
 _STEP_S: Final = 0.7
-_LAG_S: Final = 0.3
+_RESULT_WAIT_S: Final = 0.3
 _SLACK_S: Final = 1.5  # two times, each truncated to a whole second, plus half a second
 _DRIFT: Final = 0.01
 _MINUTE_S, _HOUR_S, _DAY_S = 60, 3600, 86_400
-_NS: Final = 1e9
+_NS_PER_S: Final = 1e9
 
 
-def _says_none(answer: ReceivedFrame) -> bool:
+def _is_none(answer: ReceivedFrame) -> bool:
     """Whether no program is reported; NULs may follow the flag or be the flag (A-T-1, A-T-3)."""
     flag, rest = answer.frame.data[:1], answer.frame.data[1:]
-    return flag + rest.rstrip(b"\0") in _NONE
+    return flag + rest.rstrip(b"\0") in _NO_PROGRAM
 
 
 def _expect_none(line: OutgoingConnection, message: str) -> None:
     answer = line.ask("get_running_program")
-    expect(_says_none(answer), message, expected="0", observed=f"{answer}", requirement="4.9/6")
+    expect(_is_none(answer), message, expected="0", observed=f"{answer}", requirement="4.9/6")
 
 
-def _told(
+def _running_program(
     subject: ControllerUnderTest, line: OutgoingConnection, command: str, name: bytes
 ) -> RunningProgram | None:
     """Return the reply for a running program; None if it has ended.
@@ -65,11 +65,11 @@ def _told(
         CaseFailed: The reply is wrong.
     """
     answer = ask_busy(subject, line, "get_running_program", command)
-    told = answer.value
-    if not isinstance(told, RunningProgram):
-        if ended(line, command, _LAG_S) is not None:
+    reported = answer.value
+    if not isinstance(reported, RunningProgram):
+        if ended(line, command, _RESULT_WAIT_S) is not None:
             return None
-        if command == "simulate_program" and _says_none(answer):
+        if command == "simulate_program" and _is_none(answer):
             message = "a simulated program is not reported as running"
             subject.tolerate("4.9/10", "A-4.9-4", "no", message)
             return None
@@ -77,18 +77,18 @@ def _told(
         expected = f"1|{name.decode()}|DDHHMMSS"
         raise CaseFailed(message, expected=expected, observed=f"{answer}", requirement="4.9/2")
     expect_equal(
-        told.name, name, "another program is reported than the running one", requirement="4.9/4"
+        reported.name, name, "another program is reported than the running one", requirement="4.9/4"
     )
-    _expect_form(answer)
-    return told
+    _expect_format(answer)
+    return reported
 
 
-def _expect_form(answer: ReceivedFrame) -> None:
+def _expect_format(answer: ReceivedFrame) -> None:
     """Expect eight digits with valid hours, minutes and seconds (A-4.9-3); T/4 covers the rest."""
     text = answer.frame.data.rstrip(b"\0|").rpartition(b"|")[2]
-    carried = text[2:4] < b"24" and text[4:6] < b"60" and text[6:] < b"60"
+    valid_parts = text[2:4] < b"24" and text[4:6] < b"60" and text[6:] < b"60"
     expect(
-        len(text) == len("DDHHMMSS") and text.isdigit() and carried,
+        len(text) == len("DDHHMMSS") and text.isdigit() and valid_parts,
         "the run time is not DDHHMMSS with valid hours, minutes and seconds",
         expected="DDHHMMSS",
         observed=f"{answer}",
@@ -96,37 +96,39 @@ def _expect_form(answer: ReceivedFrame) -> None:
     )
 
 
-class _Reading(NamedTuple):
+class _RunTime(NamedTuple):
     """A run time, and the times of its request and its reply."""
 
     run_time_s: int
-    asked_s: float
-    told_s: float
+    requested_s: float
+    received_s: float
 
 
-def _read(subject: ControllerUnderTest, line: OutgoingConnection, name: bytes) -> _Reading | None:
-    asked_s = _now_s(subject)
-    told = _told(subject, line, "run_program", name)
-    return told and _Reading(told.run_time_s, asked_s, _now_s(subject))
+def _read(subject: ControllerUnderTest, line: OutgoingConnection, name: bytes) -> _RunTime | None:
+    requested_s = _now_s(subject)
+    reported = _running_program(subject, line, "run_program", name)
+    return reported and _RunTime(reported.run_time_s, requested_s, _now_s(subject))
 
 
-def _expect_grown(subject: ControllerUnderTest, first: _Reading, then: _Reading, what: str) -> None:
+def _expect_increase(
+    subject: ControllerUnderTest, first: _RunTime, later: _RunTime, addition: str
+) -> None:
     """Compare the increase of the run time with the elapsed time."""
     scale = subject.ics.time_scale
-    least_s = (then.asked_s - first.told_s) * scale
-    most_s = (then.told_s - first.asked_s) * scale
-    grown_s, slack_s = then.run_time_s - first.run_time_s, _SLACK_S + _DRIFT * most_s
+    min_s = (later.requested_s - first.received_s) * scale
+    max_s = (later.received_s - first.requested_s) * scale
+    increase_s, slack_s = later.run_time_s - first.run_time_s, _SLACK_S + _DRIFT * max_s
     expect(
-        least_s - slack_s <= grown_s <= most_s + slack_s,
-        UserMessage("the run time does not match the elapsed time{addition}", addition=what),
-        expected=f"{most_s:.1f} s more than {first.run_time_s} s",
-        observed=f"{then.run_time_s} s",
+        min_s - slack_s <= increase_s <= max_s + slack_s,
+        UserMessage("the run time does not match the elapsed time{addition}", addition=addition),
+        expected=f"{max_s:.1f} s more than {first.run_time_s} s",
+        observed=f"{later.run_time_s} s",
         requirement="4.9/5",
     )
 
 
 def _now_s(subject: ControllerUnderTest) -> float:
-    return subject.now_ns / _NS
+    return subject.now_ns / _NS_PER_S
 
 
 @case("4.9/6", "4.9/7")
@@ -152,33 +154,33 @@ def test_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None
     other = store_program(subject, line)
     name = store_wait_program(subject, line, _WAIT_S, long_name(subject, NAME_MAX_BYTES))
     if not subject.ics.unsupported.isdisjoint(_DEFAULTS):
-        _expect_told(subject, line, name, other)
+        _expect_reported(subject, line, name, other)
         return
     with default_kept(subject, line):
         line.ask("set_default_program", other)
-        _expect_told(subject, line, name, other)
+        _expect_reported(subject, line, name, other)
 
 
-def _expect_told(
+def _expect_reported(
     subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, other: bytes
 ) -> None:
-    beside = subject.open() if subject.takes_several else line
+    second_line = subject.open() if subject.takes_several else line
     try:
         begin(subject, line, "run_program", name)
-        first = clock = None
+        first = clock_before = None
         for _ in range(1 + int(_WAIT_S / _STEP_S)):
             if first:
                 line.wait(_STEP_S / subject.ics.time_scale)
-            now = _read(subject, line, name)
-            if now is None:
+            current = _read(subject, line, name)
+            if current is None:
                 break
             if first is None:
-                first, clock = now, _clock(subject, line)
-                _expect_listed_beside(subject, line, other, name)
-            _expect_grown(subject, first, now, "")
+                first, clock_before = current, _read_clock(subject, line)
+                _expect_listed(subject, line, other, name)
+            _expect_increase(subject, first, current, "")
             _expect_flag_and_status(line, "4.9/10")
-            _expect_flag_and_status(beside, "4.9/2")
-            _expect_clock_on(subject, clock, _clock(subject, line))
+            _expect_flag_and_status(second_line, "4.9/2")
+            _expect_clock_advances(subject, clock_before, _read_clock(subject, line))
         else:
             line.result("run_program")
         expect_rest(subject, line, "the robot is not idle although run_program has ended")
@@ -189,7 +191,7 @@ def _expect_told(
         stop_motion(subject, line)
 
 
-def _expect_listed_beside(
+def _expect_listed(
     subject: ControllerUnderTest, line: OutgoingConnection, other: bytes, running: bytes
 ) -> None:
     """Expect that the running program is listed, if the other one is."""
@@ -206,7 +208,7 @@ def _expect_listed_beside(
     )
 
 
-def _clock(subject: ControllerUnderTest, line: OutgoingConnection) -> Reading | None:
+def _read_clock(subject: ControllerUnderTest, line: OutgoingConnection) -> Reading | None:
     """Return the clock's time; None if there is no reply, for example while busy (A-4-3)."""
     if "get_time" in subject.ics.unsupported:
         return None
@@ -216,12 +218,12 @@ def _clock(subject: ControllerUnderTest, line: OutgoingConnection) -> Reading | 
         return None
 
 
-def _expect_clock_on(
-    subject: ControllerUnderTest, first: Reading | None, then: Reading | None
+def _expect_clock_advances(
+    subject: ControllerUnderTest, first: Reading | None, later: Reading | None
 ) -> None:
-    if first is not None and then is not None:
+    if first is not None and later is not None:
         message = "the clock does not advance while a program runs"
-        expect_ran(subject, first, then, message, "4.6/4")
+        expect_ran(subject, first, later, message, "4.6/4")
 
 
 def _expect_flag_and_status(line: OutgoingConnection, requirement: str) -> None:
@@ -247,7 +249,7 @@ def test_simulated(subject: ControllerUnderTest, line: OutgoingConnection) -> No
     name = store_wait_program(subject, line, _WAIT_S)
     try:
         begin(subject, line, "simulate_program", name)
-        _told(subject, line, "simulate_program", name)
+        _running_program(subject, line, "simulate_program", name)
     finally:
         stop_motion(subject, line)
     _expect_none(line, "a program is reported as running although its simulation has ended")
@@ -256,35 +258,35 @@ def test_simulated(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 @case("4.9/3", "4.9/5", name="minute", hazards=PROGRAMS)
 def test_minute(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The run time rolls over to minutes."""
-    _watch_carries(subject, line, (_MINUTE_S,))
+    _watch_rollovers(subject, line, (_MINUTE_S,))
 
 
 @case("4.9/3", "4.9/5", name="day", hazards=PROGRAMS)
 def test_day(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The run time rolls over to minutes, hours and days."""
-    marks = (_MINUTE_S, 10 * _MINUTE_S, _HOUR_S, 10 * _HOUR_S, _DAY_S, _DAY_S + _HOUR_S)
-    _watch_carries(subject, line, marks)
+    marks_s = (_MINUTE_S, 10 * _MINUTE_S, _HOUR_S, 10 * _HOUR_S, _DAY_S, _DAY_S + _HOUR_S)
+    _watch_rollovers(subject, line, marks_s)
 
 
-def _watch_carries(
+def _watch_rollovers(
     subject: ControllerUnderTest, line: OutgoingConnection, marks_s: tuple[int, ...]
 ) -> None:
     """Run a program past these run times, and read its run time just before and after each."""
-    lasts_s = marks_s[-1] + 5
-    patient(subject, lasts_s)
-    name = store_wait_program(subject, line, lasts_s)
+    duration_s = marks_s[-1] + 5
+    patient(subject, duration_s)
+    name = store_wait_program(subject, line, duration_s)
     scale = subject.ics.time_scale
     try:
-        begun_s = _now_s(subject)
+        start_s = _now_s(subject)
         begin(subject, line, "run_program", name)
         first = None
         for at_s in (s for mark_s in marks_s for s in (mark_s - 2, mark_s + 2)):
-            line.wait(max(begun_s + at_s / scale - _now_s(subject), 0.0))
-            now = _read(subject, line, name)
-            if now is None:
+            line.wait(max(start_s + at_s / scale - _now_s(subject), 0.0))
+            current = _read(subject, line, name)
+            if current is None:
                 raise CaseInconclusive("a program ended although its wait was not over")
             if first is not None:
-                _expect_grown(subject, first, now, f" after {marks_s[-1]} s")
-            first = first or now
+                _expect_increase(subject, first, current, f" after {marks_s[-1]} s")
+            first = first or current
     finally:
         stop_motion(subject, line)

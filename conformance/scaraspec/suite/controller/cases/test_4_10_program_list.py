@@ -28,10 +28,10 @@ from scaraspec.suite.program_files.listed import (
 from scaraspec.suite.program_files.writing import program_file, wait
 from scaraspec.user_message import UserMessage
 
-_EMPTY: Final = (b"0", b"0|", b"")
+_EMPTY_LIST: Final = (b"0", b"0|", b"")
 """The possible replies of an empty program store (A-4.10-4)."""
-_MANY: Final = 40  # more than 32
-_FEW: Final = 7  # every robot has room for so many
+_MANY_PROGRAMS: Final = 40  # more than 32
+_FEW_PROGRAMS: Final = 7  # every robot has room for so many
 _LENGTHS_BYTES: Final = (30, 12, 17, 30, 23)
 """Names of these lengths make parts of every length close to the maximum."""
 _NODES: Final = 258
@@ -54,12 +54,12 @@ def _delete(line: OutgoingConnection, name: bytes) -> None:
 def _listed(subject: ControllerUnderTest, line: OutgoingConnection) -> list[bytes]:
     """Return the names in the list, after checks of the whole list."""
     parts = list_parts(subject, line)
-    more = [seen for seen in line.sync() if seen.name == "list_programs"]
+    more = [received for received in line.sync() if received.name == "list_programs"]
     expect(
         not more,
         "another part of the list follows one that begins with 0",
         expected="no further part",
-        observed="; ".join(f"{seen.frame}" for seen in more),
+        observed="; ".join(f"{received.frame}" for received in more),
         requirement="4.10/2",
     )
     _expect_names(parts)
@@ -68,37 +68,39 @@ def _listed(subject: ControllerUnderTest, line: OutgoingConnection) -> list[byte
 
 def _expect_names(parts: list[ReceivedFrame]) -> None:
     names = names_of(parts)
-    told = "; ".join(f"{part}" for part in parts)
-    expect(all(names), "a name in the list is empty", observed=told, requirement="4.10/7")
-    twice = [show(name) for name, count in Counter(names).items() if count > 1]
+    observed_parts = "; ".join(f"{part}" for part in parts)
+    expect(all(names), "a name in the list is empty", observed=observed_parts, requirement="4.10/7")
+    duplicates = [show(name) for name, count in Counter(names).items() if count > 1]
     expect(
-        not twice,
+        not duplicates,
         "a name is in the list more than once",
         expected="once",
-        observed=", ".join(twice),
+        observed=", ".join(duplicates),
         requirement="4.10/7",
     )
 
 
-def _expect_listed(names: list[bytes], wanted: list[bytes]) -> None:
-    missing = [show(name) for name in wanted if name not in names]
+def _expect_listed(names: list[bytes], expected_names: list[bytes]) -> None:
+    missing = [show(name) for name in expected_names if name not in names]
     if not missing:
         return
-    glued = [show(n) for n in names if any(m in n and m != n for m in wanted)]
+    joined = [show(n) for n in names if any(m in n and m != n for m in expected_names)]
     expect(
-        not glued,
+        not joined,
         "names in the list are not separated by |",
         expected=missing[0],
-        observed=", ".join(glued),
+        observed=", ".join(joined),
         requirement="4.10/3",
     )
-    known = b"".join(wanted)
-    torn = [show(n) for n in names if n and n not in wanted and n in known and n.isascii()]
+    all_names = b"".join(expected_names)
+    split_names = [
+        show(n) for n in names if n and n not in expected_names and n in all_names and n.isascii()
+    ]
     expect(
-        not torn,
+        not split_names,
         "a name is not complete in one part of the list",
         expected=missing[0],
-        observed=", ".join(torn),
+        observed=", ".join(split_names),
         requirement="4.10/6",
     )
     raise CaseFailed(
@@ -122,57 +124,57 @@ def test_empty(line: OutgoingConnection) -> None:
     if answer.value is not None and any(answer.value.names):
         raise CaseSkipped("the controller has programs that the suite may not delete")
     message = "the list of an empty program store is not the flag 0"
-    expect_in(answer.frame.data.rstrip(b"\0"), _EMPTY, message)
+    expect_in(answer.frame.data.rstrip(b"\0"), _EMPTY_LIST, message)
 
 
 @case("4.10/4", "4.10/2", "4.10/3", "4.10/5", "4.10/6", "4.10/7", "4.10/9", "4.10/11", name="many")
 def test_many(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Each of many uploaded programs is listed, in as many parts as needed."""
-    mine: list[bytes] = []
+    uploaded: list[bytes] = []
     before = _listed(subject, line)
-    lengths = _overfilling(subject, line)
-    for number in range(_MANY):
+    lengths = _lengths_that_overflow(subject, line)
+    for number in range(_MANY_PROGRAMS):
         length_bytes = next(lengths, _LENGTHS_BYTES[number % len(_LENGTHS_BYTES)])
         name = long_name(subject, length_bytes)
         try:
-            mine.append(store_program(subject, line, name))
+            uploaded.append(store_program(subject, line, name))
         except CaseFailed as error:
-            if number < _FEW or error.requirement != "5.2/2":
+            if number < _FEW_PROGRAMS or error.requirement != "5.2/2":
                 raise
             message = UserMessage(
                 "the controller has room for only {number} more programs", number=number
             )
             subject.tolerate("4.10/4", "A-5-21", "full", message)
-            mine.remove(longest := max(mine, key=len))
+            uploaded.remove(longest := max(uploaded, key=len))
             _delete(line, longest)
-            mine.append(store_program(subject, line, name))  # there is room again
+            uploaded.append(store_program(subject, line, name))  # there is room again
             break
-        _expect_listed(_listed(subject, line), [*before, *mine])
-    while mine:
-        _delete(line, mine.pop(len(mine) // 2))
+        _expect_listed(_listed(subject, line), [*before, *uploaded])
+    while uploaded:
+        _delete(line, uploaded.pop(len(uploaded) // 2))
         names = _listed(subject, line)
-        _expect_listed(names, [*before, *mine])
-        gone = [show(name) for name in names if name not in before and name not in mine]
+        _expect_listed(names, [*before, *uploaded])
+        still_listed = [show(name) for name in names if name not in before and name not in uploaded]
         expect(
-            not gone,
+            not still_listed,
             "a deleted program is still listed",
             expected="not in the list",
-            observed=", ".join(gone),
+            observed=", ".join(still_listed),
             requirement="4.10/11",
         )
 
 
-def _overfilling(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[int]:
+def _lengths_that_overflow(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[int]:
     """Yield lengths of names that make one part just too long, in any order of the list.
 
     The later lengths depend on the list with the first name, so that separators count (A-4.10-2).
     """
     yield NAME_MAX_BYTES
     parts = list_parts(subject, line)
-    left_bytes = _TOO_LONG_BYTES - len(parts[-1].frame.data)
-    count = math.ceil(left_bytes / (NAME_MAX_BYTES + 1))
+    remaining_bytes = _TOO_LONG_BYTES - len(parts[-1].frame.data)
+    count = math.ceil(remaining_bytes / (NAME_MAX_BYTES + 1))
     for number in range(count):
-        yield (left_bytes + number) // count - 1
+        yield (remaining_bytes + number) // count - 1
 
 
 @case("4.10/11", name="names")
@@ -182,7 +184,7 @@ def test_names(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     @example("AZaz09_-")
     @example("AZaz09")
     @given(st.text(NAME_CHARACTERS, max_size=18))
-    def each(stem: str) -> None:
+    def check(stem: str) -> None:
         name = subject.new_name(stem)
         try:
             store_program(subject, line, name)
@@ -197,7 +199,7 @@ def test_names(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
             observed=show(name),
         )
 
-    each()
+    check()
 
 
 @case("4.10/11", "4.10/2", name="another-connection")

@@ -22,10 +22,15 @@ from scaraspec.suite.program_files.listed import INHERITED, long_name, program_n
 from scaraspec.user_message import UserMessage
 
 _DESTRUCTIVE: Final = (Hazard.STATE, Hazard.DESTRUCTIVE)
-_TIMES: Final = 3
+_REPEATS: Final = 3
 _LONG_BYTES: Final = 25
 """Length of a program name, so that similar names do not exceed the allowed length (L226)."""
-_STATE: Final = ("get_network", "get_gripper_center", "get_initial_tool_position", "get_version")
+_STATE_QUERIES: Final = (
+    "get_network",
+    "get_gripper_center",
+    "get_initial_tool_position",
+    "get_version",
+)
 
 
 def _delete(line: OutgoingConnection, name: bytes) -> None:
@@ -47,23 +52,23 @@ def _expect_refused(
     Returns:
         The connection to continue with.
     """
-    try_request = offer(subject, line, "delete_program", wrong)
+    attempt = offer(subject, line, "delete_program", wrong)
     expect(
-        not try_request.accepted,
+        not attempt.accepted,
         UserMessage("the deletion of {kind} was answered 1", kind=wrong.kind),
         expected="0",
-        observed=f"{try_request} to {show(wrong.data)}",
+        observed=f"{attempt} to {show(wrong.data)}",
         requirement=requirement,
     )
-    return try_request.line
+    return attempt.line
 
 
 @case("4.11/3", "4.11/2", hazards=_DESTRUCTIVE)
-def test_gone(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_deleted_program(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A deleted program is not listed and cannot be downloaded, and its name is free again."""
     content = short_program(subject)
     other, name = store_program(subject, line), store_program(subject, line)
-    for _ in range(_TIMES):
+    for _ in range(_REPEATS):
         _delete(line, name)
         expect(
             name not in program_names(subject, line),
@@ -87,10 +92,10 @@ def test_gone(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
         upload(line, name, content)
     _delete(line, name)
     expect_stored(line, other, content, "4.11/3")
-    _goes_alone(subject, line)
+    _expect_only_named_deleted(subject, line)
 
 
-def _goes_alone(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def _expect_only_named_deleted(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Fail the case if the name is taken as a pattern or as the beginning of a name."""
     try:
         name = store_program(subject, line, subject.new_name(".a"))
@@ -100,10 +105,10 @@ def _goes_alone(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     except NameRefused:
         return
     _delete(line, name)
-    left = program_names(subject, line)
+    remaining = program_names(subject, line)
     for other in others:
         expect(
-            other in left,
+            other in remaining,
             UserMessage("deleting {name} also deleted {other}", name=show(name), other=show(other)),
             expected="still listed",
             observed="not in the list",
@@ -133,7 +138,7 @@ def test_not_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 
 
 @case("4.11/3", "4.11/2", name="running", hazards=(*_DESTRUCTIVE, Hazard.MOTION))
-def test_while_it_runs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_delete_running_program(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Deleting a running program is allowed or refused (A-4.11-1), and the reply is true."""
     with lasting(subject, line, RUN) as task:
         answer = try_request(line, "delete_program", task.program)
@@ -220,7 +225,7 @@ def test_paths(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 
 def _state(line: OutgoingConnection) -> list[Any]:
-    return [line.ask(name).value for name in _STATE]
+    return [line.ask(name).value for name in _STATE_QUERIES]
 
 
 @case("4.11/4", name="malformed", hazards=_DESTRUCTIVE)

@@ -18,7 +18,7 @@ from scaraspec.suite.program_files.listed import store_program
 from scaraspec.traffic.events import FrameSeen
 
 
-def _told(subject: ControllerUnderTest, line: OutgoingConnection) -> list[FrameSeen]:
+def _replies(subject: ControllerUnderTest, line: OutgoingConnection) -> list[FrameSeen]:
     """Return the replies to both opcodes; if one has no program, only the other."""
     replies = [reply for opcode in OPCODES if (reply := ask_default(subject, line, opcode))]
     return [reply for reply in replies if not says_nothing(reply)] or replies
@@ -27,21 +27,23 @@ def _told(subject: ControllerUnderTest, line: OutgoingConnection) -> list[FrameS
 @case("4.12/2", "4.12/4")
 def test_both_opcodes(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The two opcodes return the same default program, or one of them is not answered."""
-    told = _told(subject, line)
-    if not told:
+    replies = _replies(subject, line)
+    if not replies:
         message = "neither 0x0D nor 0x13 is answered: there may be no default program"
         subject.tolerate("4.12/4", "default_none", "silence", message)
         return
     expect(
-        len({reply.value for reply in told}) == 1,
+        len({reply.value for reply in replies}) == 1,
         "the two opcodes returned different default programs",
-        observed=", ".join(f"{reply.frame}" for reply in told),
+        observed=", ".join(f"{reply.frame}" for reply in replies),
         requirement="4.12/3",
     )
 
 
 @case("4.12/5", "4.12/2", "4.12/3", hazards=(Hazard.STATE,))
-def test_told(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_default_program_is_returned(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> None:
     """The default program is returned for 0x0D, 0x13 or both."""
     with default_kept(subject, line):
         store_program(subject, line)
@@ -54,7 +56,7 @@ def test_told(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
             observed=f"{answer}",
             requirement="4.13/2",
         )
-        replies = _told(subject, line)
+        replies = _replies(subject, line)
         expect(
             replies,
             "neither 0x0D nor 0x13 is answered although there is a default program",
@@ -69,8 +71,8 @@ def test_told(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
                 observed=f"{reply.frame}",
                 requirement="4.12/3",
             )
-        served = {f"0x{reply.frame.opcode:02X}" for reply in replies}
-        subject.follows("op_get_default", "both" if len(served) > 1 else served.pop())
+        reply_opcodes = {f"0x{reply.frame.opcode:02X}" for reply in replies}
+        subject.follows("op_get_default", "both" if len(reply_opcodes) > 1 else reply_opcodes.pop())
 
 
 @case("4.12/4", "4.13/3", hazards=(Hazard.DESTRUCTIVE, Hazard.STATE), name="deleted")
@@ -91,7 +93,7 @@ def test_none(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
             raise CaseSkipped("the default program cannot be deleted (A-4.11-1)")
         for _ in range(2):  # other programs, which may take its place in the store
             store_program(subject, line)
-        for reply in _told(subject, line):
+        for reply in _replies(subject, line):
             expect(
                 reply.value in (b"", name),
                 "without a default program, the reply is not empty or 0",

@@ -19,7 +19,7 @@ from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseFailed, expect
 from scaraspec.suite.program_files.listed import long_name, program_names, store_program
 
-_SOON_S = 0.3
+_WAIT_S = 0.3
 
 
 def _set(line: OutgoingConnection, name: bytes) -> None:
@@ -79,9 +79,9 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
         name = store_program(subject, line)
         _set(line, name)
         for wrong in examples(malformed("set_default_program", name)):
-            offered = offer(subject, line, "set_default_program", wrong)
-            line = offered.line
-            if offered.accepted:
+            result = offer(subject, line, "set_default_program", wrong)
+            line = result.line
+            if result.accepted:
                 _set(line, name)
             else:
                 expect_default(subject, line, name, "4.13/5")
@@ -100,7 +100,7 @@ def test_moves_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -
         _set(line, name)
         try:
             statuses = [line.ask("get_status").value]
-            line.wait(_SOON_S)
+            line.wait(_WAIT_S)
             statuses.append(line.ask("get_status").value)
             if any(status != IDLE for status in statuses):
                 message = "the program that was set as default program was started"
@@ -113,9 +113,9 @@ def test_moves_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -
                 start_program(subject, line, RUN)
                 if listens(subject, line):
                     expect_default(subject, line, name, "4.13/3")
-                    named = line.ask("set_default_program", other).accepted
-                    name = other if named else name
-                    expect_default(subject, line, name, "4.13/3" if named else "4.13/5")
+                    accepted = line.ask("set_default_program", other).accepted
+                    name = other if accepted else name
+                    expect_default(subject, line, name, "4.13/3" if accepted else "4.13/5")
                 stop_motion(subject, line)
                 expect_default(subject, line, name, "4.13/3")
                 start_program(subject, line, RUN, seconds=0)

@@ -5,14 +5,14 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect
 
-_TIMES = 5
+_REPEATS = 5
 _PAUSE_S = 0.05
 
 
 @case("4.14/2", "4.14/5")
 def test_temperatures(line: OutgoingConnection) -> None:
     """The temperatures are four numbers with separators in each reply."""
-    for _ in range(_TIMES):
+    for _ in range(_REPEATS):
         answer = line.ask("get_motor_temperatures")
         expect(
             isinstance(answer.value, JointValues),
@@ -28,14 +28,14 @@ def test_opcode(line: OutgoingConnection) -> None:
     """The temperatures have the opcode 0x0F, or 0x0E as printed."""
     command = BY_NAME["get_motor_temperatures"]
     line.send("get_motor_temperatures")
-    came = line.collect_replies()
+    frames = line.collect_replies()
     answers = [
-        seen
-        for seen in came
-        if seen.frame.opcode in (command.opcode, command.alternate_reply_opcode)
+        received
+        for received in frames
+        if received.frame.opcode in (command.opcode, command.alternate_reply_opcode)
     ]
     if not answers:
-        observed = "; ".join(f"{seen.frame}" for seen in came)
+        observed = "; ".join(f"{received.frame}" for received in frames)
         if not observed:
             message = "the request for the temperatures was not answered"
             raise NoReply(message, expected="a reply", observed="silence")

@@ -38,7 +38,9 @@ _LONG_BYTES = 25
 
 
 @case("4.15/2", name="missing", hazards=_MOTION)
-def test_checked_before_the_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_missing_program_is_refused_at_once(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> None:
     """A run that is not possible is refused at once: nothing executes after the reply."""
     require_command(subject, RUN)
     subject.moved = True
@@ -62,19 +64,19 @@ def test_checked_before_the_reply(subject: ControllerUnderTest, line: OutgoingCo
 
 
 @case("4.15/2", name="fault", needs=("motor_fault", "clear_faults"), hazards=_MOTION)
-def test_not_run_with_a_fault(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_motor_fault(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A robot with a failed inner arm motor refuses to run a program with "0|11"."""
     program = stored(subject, line, 0)
     subject.moved = True
     try:
         subject.hook("motor_fault", joints="inner_arm")
         first = line.ask(RUN, program)
-        told = finish(subject, line, RUN) if first.accepted else first
+        outcome = finish(subject, line, RUN) if first.accepted else first
         expect(
-            not told.done and told.code == "11",
+            not outcome.done and outcome.code == "11",
             "a program runs although a motor has failed",
             expected="0|11",
-            observed=f"{told}",
+            observed=f"{outcome}",
         )
         if first.accepted:
             message = "the fault was detected after the reply"
@@ -111,7 +113,7 @@ def test_stored_programs_run(subject: ControllerUnderTest, line: OutgoingConnect
 
     @example(b"AZaz09.rob")
     @given(names)
-    def tried(name: bytes) -> None:
+    def check(name: bytes) -> None:
         stem, dot, _ = name[-20:].rpartition(b".")
         try:
             program = stored_as(subject, line, subject.files.prefix + stem + dot + extension)
@@ -128,7 +130,7 @@ def test_stored_programs_run(subject: ControllerUnderTest, line: OutgoingConnect
             done(subject, line, RUN)
         line.ask("delete_program", data=program)
 
-    tried()
+    check()
 
 
 @case("4.15/5", hazards=_MOTION, slow=True)
@@ -139,19 +141,19 @@ def test_end_of_a_run(subject: ControllerUnderTest, line: OutgoingConnection) ->
     """
     require_responsive(subject, line)
     stop_nothing(subject, line)
-    begun = start_program(subject, line, RUN, BRIEFLY_S)
+    started = start_program(subject, line, RUN, BRIEFLY_S)
     line.wait(0.2)
     if line.ask("get_status").value == "01":
-        early = [seen for seen in line.inbox if seen.frame.tagged]
+        early = [received for received in line.inbox if received.frame.tagged]
         expect(
             not early,
             "the final result of a run arrived while the program was running",
             expected="11 when the program has ended",
-            observed=" ".join(f"{seen.frame}" for seen in early),
+            observed=" ".join(f"{received.frame}" for received in early),
         )
     result = done(subject, line, RUN)
     expect(
-        result.time_s >= begun.answer.time_s,
+        result.time_s >= started.answer.time_s,
         "a run ends before it starts",
         expected="11 after 1",
         observed=f"{result}",
@@ -166,7 +168,7 @@ def test_missing_program(subject: ControllerUnderTest, line: OutgoingConnection)
     """
     require_command(subject, RUN)
     program = stored(subject, line, 0, long_name(subject, _LONG_BYTES))
-    _expect_near_ones_missing(subject, line, program)
+    _expect_similar_names_missing(subject, line, program)
     if not subject.ics.unsupported.isdisjoint(_DEFAULTS):
         return
     with default_kept(subject, line):
@@ -174,11 +176,11 @@ def test_missing_program(subject: ControllerUnderTest, line: OutgoingConnection)
         expect_missing(subject, line, RUN, subject.new_name(), "4.15/7")
 
 
-def _expect_near_ones_missing(
+def _expect_similar_names_missing(
     subject: ControllerUnderTest, line: OutgoingConnection, program: bytes
 ) -> None:
     stem, dot, extension = program.rpartition(b".")
-    near = [
+    similar = [
         stem,
         stem + dot,
         stem + b"_" + dot + extension,
@@ -190,14 +192,14 @@ def _expect_near_ones_missing(
         subject.files.prefix + b"m" + b"i" * 18 + b"s" + dot + extension,
         INHERITED,
     ]
-    for name in examples(near):
+    for name in examples(similar):
         expect_missing(subject, line, RUN, name, "4.15/7")
 
     @given(st.text("abcxyzABC0123456789_-", min_size=8, max_size=20))
-    def tried(name: str) -> None:
+    def check(name: str) -> None:
         expect_missing(subject, line, RUN, subject.files.prefix + f"{name}.rob".encode(), "4.15/7")
 
-    tried()
+    check()
 
 
 @case("4.15/7", name="deleted", hazards=_MOTION)
@@ -251,11 +253,11 @@ def test_second_run(subject: ControllerUnderTest, line: OutgoingConnection) -> N
                 expected="0|01",
                 observed=f"{answer}",
             )
-        shown = line.ask("get_running_program").value
+        running = line.ask("get_running_program").value
         expect(
-            shown is None or shown.name == task.program,
+            running is None or running.name == task.program,
             "a refused run replaced the running program",
             expected=task.program.decode(),
-            observed=f"{shown}",
+            observed=f"{running}",
         )
     stop_motion(subject, line)

@@ -94,11 +94,11 @@ def test_simulation_touches_nothing(subject: ControllerUnderTest, line: Outgoing
             observed=f"{status}",
             requirement="4.8/5",
         )
-        now, moved = outputs(line), farthest(joints_of(line), joints)
+        outputs_during, moved_during = outputs(line), farthest(joints_of(line), joints)
         stop_motion(subject, line)
-        if now != before or outputs(line) != before:
+        if outputs_during != before or outputs(line) != before:
             message = "a simulation changed an output"
             subject.tolerate("4.16/5", "A-4.16-1", "outputs", message)
-        if max(moved, farthest(joints_of(line), joints)) > STANDSTILL:
+        if max(moved_during, farthest(joints_of(line), joints)) > STANDSTILL:
             message = "a simulation moved the arm"
             subject.tolerate("4.16/5", "A-4.16-1", "motion", message)

@@ -53,11 +53,11 @@ from scaraspec.suite.engine.expectations import CaseSkipped, NoReply, expect
 from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.user_message import UserMessage
 
-_BARELY_S: Final = 0.02  # a step may take only a fifth of a second
+_SHORT_S: Final = 0.02  # a step may take only a fifth of a second
 _MOTION = (Hazard.STATE, Hazard.MOTION)
-_AGAIN = 15
+_REPEATS = 15
 _FILE_BYTES: Final = 450
-_LOOKS_S: Final = (0.05, 0.05, 0.1, 0.8)
+_PAUSES_S: Final = (0.05, 0.05, 0.1, 0.8)
 """Between two checks of a stopped arm: slow motion takes a while to show."""
 
 
@@ -98,7 +98,7 @@ def test_nothing_to_stop(subject: ControllerUnderTest, line: OutgoingConnection)
             observed=f"{answer}",
         )
     line.no_result(STOP, for_s=0.1)
-    status = line.ask("get_status") if answer.accepted else _behind_a_stop(subject, line)
+    status = line.ask("get_status") if answer.accepted else _status_after_stop(subject, line)
     expect(
         status.value not in BUSY,
         "an idle robot executes something after a stop",
@@ -107,7 +107,7 @@ def test_nothing_to_stop(subject: ControllerUnderTest, line: OutgoingConnection)
     )
 
 
-def _behind_a_stop(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFrame:
+def _status_after_stop(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFrame:
     """Return the status that is requested in one segment after a stop of an idle robot."""
     if takes_one_at_a_time(subject):
         return line.ask("get_status")
@@ -134,12 +134,12 @@ def test_stop(subject: ControllerUnderTest, line: OutgoingConnection, name: str)
             expected="1",
             observed=f"{answer}",
         )
-        _interrupts(answer, task)
+        _skip_if_over(answer, task)
         expect_stopped(subject, line, answer)
         _expect_interrupted(line, task)
 
 
-def _interrupts(answer: ReceivedFrame, task: Task) -> None:
+def _skip_if_over(answer: ReceivedFrame, task: Task) -> None:
     """Skip the case if a simulation had ended before the stop; the stop may succeed even then.
 
     The duration of a simulation is open (A-4.16-1, A-4.17-1).
@@ -152,12 +152,12 @@ def _interrupts(answer: ReceivedFrame, task: Task) -> None:
 
 
 def _expect_interrupted(line: OutgoingConnection, task: Task) -> None:
-    own = interrupted(line, task.name)
+    result = interrupted(line, task.name)
     expect(
-        own is None or not own.done or task.name == JOG,
+        result is None or not result.done or task.name == JOG,
         UserMessage("{task} ended with 11 although a stop interrupted it", task=task.name),
         expected="00|code",
-        observed=f"{own}",
+        observed=f"{result}",
         requirement="4.17/8",
     )
     status = status_behind(line)
@@ -173,7 +173,7 @@ def _expect_interrupted(line: OutgoingConnection, task: Task) -> None:
 
 @pytest.mark.parametrize("name", [RUN, SIMULATE, MOVE])
 @case("4.17/6", "4.17/3", "4.17/8", name="at-once", hazards=_MOTION)
-def test_stop_behind_the_start(
+def test_stop_right_after_start(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str
 ) -> None:
     """A stop that is sent before the reply to the start stops the command that was started."""
@@ -181,8 +181,8 @@ def test_stop_behind_the_start(
     with returning(subject, line):
         value = _step_there_and_back(subject, line) if name == MOVE else stored(subject, line)
         subject.moved = True
-        start, halt = line.request(name, value), line.request(STOP)
-        line.send_bytes(start.encode() + halt.encode())
+        start, stop = line.request(name, value), line.request(STOP)
+        line.send_bytes(start.encode() + stop.encode())
         accepted(name, line.reply(name))
         try:
             answer = line.reply(STOP)
@@ -193,7 +193,7 @@ def test_stop_behind_the_start(
         task = Task(name, line)
         if not answer.accepted and task.over:
             task.lasts()
-        _interrupts(answer, task)
+        _skip_if_over(answer, task)
         expect_stopped(subject, line, answer)
         _expect_interrupted(line, task)
 
@@ -210,13 +210,13 @@ def _step_there_and_back(subject: ControllerUnderTest, line: OutgoingConnection)
 @case("4.17/6", "4.17/3", "4.17/4", name="in-transfers", hazards=_MOTION)
 def test_stop_within_a_transfer(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A stop interrupts a program between two chunks of an upload and of a download."""
-    name, tried = subject.new_name(), False
+    name, stopped = subject.new_name(), False
     upload(line, name, content_of(_FILE_BYTES))
-    for fetches in examples((False, True)):
+    for downloads in examples((False, True)):
         with lasting(subject, line, RUN) as task:
-            opening = "download_name" if fetches else "upload_name"
-            if line.ask(opening, data=name if fetches else subject.new_name()).accepted:
-                if fetches:
+            opening = "download_name" if downloads else "upload_name"
+            if line.ask(opening, data=name if downloads else subject.new_name()).accepted:
+                if downloads:
                     next(incoming(line))
                 else:
                     send(line, next(chunks_of(content_of(_FILE_BYTES))))
@@ -231,9 +231,9 @@ def test_stop_within_a_transfer(subject: ControllerUnderTest, line: OutgoingConn
                 )
                 expect_stopped(subject, line, answer)
                 _expect_interrupted(line, task)
-                tried = True
+                stopped = True
         line = again(subject, line)
-    if not tried:
+    if not stopped:
         raise CaseSkipped("no file can be uploaded or downloaded while a program runs")
 
 
@@ -269,20 +269,20 @@ def test_stop_twice(subject: ControllerUnderTest, line: OutgoingConnection) -> N
 
 
 @case("4.17/3", name="again", hazards=_MOTION)
-def test_stop_again_and_again(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_repeated_stops(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program can be stopped each time it is run; each run starts from the beginning."""
     with lasting(subject, line, RUN, queries=False):  # it determines the layout
         pass
     program = stored(subject, line)
-    for _ in range(_AGAIN):
+    for _ in range(_REPEATS):
         accepted(RUN, line.ask(RUN, program))
         expect_stopped(subject, line, line.ask(STOP))
-        shown = line.ask("get_running_program")
+        running = line.ask("get_running_program")
         expect(
-            shown.value is None,
+            running.value is None,
             "a stopped program is still reported as running",
             expected="0",
-            observed=f"{shown}",
+            observed=f"{running}",
             requirement="4.9/6",
         )
         stop_motion(subject, line)
@@ -293,20 +293,20 @@ def test_stop_again_and_again(subject: ControllerUnderTest, line: OutgoingConnec
 def test_standstill(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
     """After the "11" of a stop, the joints stay where the stop stopped them."""
     with lasting(subject, line, name, queries=False) as task:
-        line.wait(_BARELY_S)
+        line.wait(_SHORT_S)
         answer = line.ask(STOP)
         if not answer.accepted:
             task.lasts()
         expect_stopped(subject, line, answer)
-        first, there = joints_of(line), pose_of(line)
-        for pause_s in _LOOKS_S:
+        stopped_joints, stopped_pose = joints_of(line), pose_of(line)
+        for pause_s in _PAUSES_S:
             line.wait(pause_s)
-            now, here = joints_of(line), pose_of(line)
+            joints, pose = joints_of(line), pose_of(line)
             expect(
-                farthest(first, now) <= STANDSTILL and same_place(there, here),
+                farthest(stopped_joints, joints) <= STANDSTILL and same_place(stopped_pose, pose),
                 "the arm continues to move after the emergency stop",
-                expected=f"{tuple(first)} at {tuple(there)}",
-                observed=f"{tuple(now)} at {tuple(here)}",
+                expected=f"{tuple(stopped_joints)} at {tuple(stopped_pose)}",
+                observed=f"{tuple(joints)} at {tuple(pose)}",
             )
 
 

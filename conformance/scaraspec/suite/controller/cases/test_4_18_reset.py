@@ -34,7 +34,7 @@ from scaraspec.suite.engine.expectations import expect
 from scaraspec.user_message import UserMessage
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
-_REST_S = 0.3
+_OBSERVATION_S = 0.3
 
 
 @case("4.18/2", hazards=_MOTION)
@@ -78,8 +78,8 @@ def test_idle_robot_is_reset(subject: ControllerUnderTest, line: OutgoingConnect
     """An idle robot accepts a reset with "1", also after something was stopped."""
     require_command(subject, RESET)
     with returning(subject, line):
-        for stopped in examples((False, True, False)):
-            if stopped:
+        for after_stop in examples((False, True, False)):
+            if after_stop:
                 start_program(subject, line, RUN)
                 stop(subject, line)
                 stop_motion(subject, line)
@@ -101,7 +101,9 @@ def test_end_of_a_reset(subject: ControllerUnderTest, line: OutgoingConnection) 
     """A reset with motion ends with "11" after the motion, and the robot can be used again."""
     with lasting(subject, line, RESET):
         done(subject, line, RESET)
-        expect_stays(line, "the arm continues to move after the end of its reset", for_s=_REST_S)
+        expect_stays(
+            line, "the arm continues to move after the end of its reset", for_s=_OBSERVATION_S
+        )
         status = status_at_rest(line)
         expect(
             status.value == IDLE,

@@ -34,17 +34,17 @@ _EXAMPLE: Final = Point(200, 300, 456)  # L438
 _PLAIN: Final = Point(1.5, -2, 30.5)
 _OTHER: Final = Point(7.5, -8, 9)
 _LARGE: Final = Point(123.4, -1234.5, 3276.8)  # the last one in tenths exceeds 15 bits
-_SLIGHT: Final = Point(0.5, -0.5, 0.5)
-_MEANT: Final = 4  # fields of a position: x, y, z and thetaX (L1006)
-_SOON_S: Final = 0.1
+_SMALL: Final = Point(0.5, -0.5, 0.5)
+_DEFINED_FIELDS: Final = 4  # fields of a position: x, y, z and thetaX (L1006)
+_WAIT_S: Final = 0.1
 
 _tenths = st.integers(-1000, 1000).map(lambda tenths: tenths / 10)
 _thousandths = st.integers(-100_000, 100_000).map(lambda thousandths: thousandths / 1000)
 
 
-def _set(subject: ControllerUnderTest, line: OutgoingConnection, wanted: Point) -> None:
+def _set(subject: ControllerUnderTest, line: OutgoingConnection, center: Point) -> None:
     """Set the gripper center; a refusal is allowed while a program runs (A-4.20-1)."""
-    answer = line.ask("set_gripper_center", wanted)
+    answer = line.ask("set_gripper_center", center)
     with unless_others_run(subject, line):
         expect(
             answer.accepted,
@@ -55,9 +55,9 @@ def _set(subject: ControllerUnderTest, line: OutgoingConnection, wanted: Point) 
         )
 
 
-def _expect_shown(line: OutgoingConnection, wanted: Point) -> None:
+def _expect_reported(line: OutgoingConnection, center: Point) -> None:
     message = "0x34 does not return the gripper center that was set"
-    expect_numbers(gripper_of(line), wanted, message, "4.20/3")
+    expect_numbers(gripper_of(line), center, message, "4.20/3")
 
 
 @case("4.20/3", "4.20/2")
@@ -68,17 +68,17 @@ def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     @example(Point(-0.1, 0.1, -100))
     @example(Point(99.9, -99.9, 5))
     @given(st.builds(Point, _tenths, _tenths, _tenths))
-    def each(wanted: Point) -> None:
-        _set(subject, line, wanted)
-        _expect_shown(line, wanted)
+    def check(center: Point) -> None:
+        _set(subject, line, center)
+        _expect_reported(line, center)
 
     with kept(subject, line, "gripper centre"):
-        each()
+        check()
         line.close()
-        fresh = subject.open()
-        _set(subject, fresh, _PLAIN)
-        fresh.close()
-        _expect_shown(subject.open(), _PLAIN)
+        new_line = subject.open()
+        _set(subject, new_line, _PLAIN)
+        new_line.close()
+        _expect_reported(subject.open(), _PLAIN)
 
 
 @case("4.20/3", name="decimals")
@@ -88,54 +88,56 @@ def test_decimals(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
     @example(_EXAMPLE)
     @example(_LARGE)
     @given(st.builds(Point, _thousandths, _thousandths, _thousandths))
-    def each(wanted: Point) -> None:
+    def check(center: Point) -> None:
         before = gripper_of(line)
-        answer = line.ask("set_gripper_center", wanted)
+        answer = line.ask("set_gripper_center", center)
         if answer.accepted:
-            _expect_shown(line, wanted)
+            _expect_reported(line, center)
             return
         message = "a gripper center was refused but changed"
         expect_numbers(gripper_of(line), before, message, "4.20/2")
 
     with kept(subject, line, "gripper centre"):
-        each()
+        check()
 
 
 @case("4.20/3", "4.20/2", name="while-running", hazards=PROGRAMS)
 def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Setting the gripper center in a run is answered "1" and works, or "0" without a change."""
     with kept(subject, line, "gripper centre"), running(subject, line):
-        for wanted in examples((_PLAIN, _OTHER)):
+        for center in examples((_PLAIN, _OTHER)):
             before = gripper_of(line)
-            answer = line.ask("set_gripper_center", wanted)
+            answer = line.ask("set_gripper_center", center)
             message = UserMessage(
                 "setting the gripper center in a run was answered {answer}, but 0x34 returns "
                 "another value",
                 answer=answer,
             )
             expect_numbers(
-                gripper_of(line), wanted if answer.accepted else before, message, "4.20/3"
+                gripper_of(line), center if answer.accepted else before, message, "4.20/3"
             )
 
 
 @case("4.20/3", "4.21/3", "4.13/3", name="behind-resets", hazards=PROGRAMS)
-def test_behind_resets(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_settings_after_resets(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Gripper center, initial position and default program are unchanged after two resets."""
     require_command(subject, RESET)
     program = store_program(subject, line)
     with kept(subject, line, "gripper centre"), default_kept(subject, line):
-        _set(subject, line, _SLIGHT)
-        names = "set_default_program" not in subject.ics.unsupported
-        named = names and line.ask("set_default_program", program).accepted
+        _set(subject, line, _SMALL)
+        can_set_default = "set_default_program" not in subject.ics.unsupported
+        default_set = can_set_default and line.ask("set_default_program", program).accepted
         with home_at(subject, line):
             home = initial_of(line)
             for _ in range(2):
                 begin_or_skip(subject, line, RESET)
                 done(subject, line, RESET)
-                _expect_shown(line, _SLIGHT)
+                _expect_reported(line, _SMALL)
                 message = "a reset changed the initial tool position"
-                expect_numbers(initial_of(line)[:_MEANT], home[:_MEANT], message, "4.21/3")
-                if named:
+                expect_numbers(
+                    initial_of(line)[:_DEFINED_FIELDS], home[:_DEFINED_FIELDS], message, "4.21/3"
+                )
+                if default_set:
                     expect_default(subject, line, program, "4.13/3")
 
 
@@ -144,17 +146,17 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
     """A value that is not three numbers is not answered 1 and changes nothing."""
     with kept(subject, line, "gripper centre"):
         _set(subject, line, _PLAIN)
-        _expect_shown(line, _PLAIN)
+        _expect_reported(line, _PLAIN)
         for wrong in examples(malformed("set_gripper_center", _OTHER, subject.dialect)):
-            offered = offer(subject, line, "set_gripper_center", wrong)
-            line = offered.line
+            result = offer(subject, line, "set_gripper_center", wrong)
+            line = result.line
             expect(
-                not (offered.accepted and wrong.firm),
+                not (result.accepted and wrong.firm),
                 UserMessage("{wrong} was accepted as a gripper center", wrong=wrong),
                 expected="0",
-                observed=f"{offered}",
+                observed=f"{result}",
             )
-            if offered.accepted:
+            if result.accepted:
                 _set(subject, line, _PLAIN)
             message = UserMessage(
                 "a gripper center with {wrong} was refused but changed it", wrong=wrong
@@ -166,11 +168,11 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 def test_moves_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Setting the gripper center moves no joint."""
     with kept(subject, line, "gripper centre"):
-        for wanted in examples((Point(0, 0, 50), Point(20, -20, 0))):
+        for center in examples((Point(0, 0, 50), Point(20, -20, 0))):
             before = joints_of(line)
             subject.moved = True
-            _set(subject, line, wanted)
-            line.wait(_SOON_S)
+            _set(subject, line, center)
+            line.wait(_WAIT_S)
             after = joints_of(line)
             expect(
                 farthest(before, after) <= STANDSTILL,

@@ -20,9 +20,9 @@ from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseSkipped, expect
 
-_TIMES: Final = 8
+_READS: Final = 8
 _PAUSE_S: Final = 0.05
-_REST_S: Final = 1.0
+_OBSERVATION_S: Final = 1.0
 _OFFSETS: Final = (Point(0, 0, 30), Point(20, 0, 0))
 
 
@@ -32,16 +32,16 @@ def test_coordinates(subject: ControllerUnderTest, line: OutgoingConnection) -> 
     if line.ask("get_status").value != "00":
         raise CaseSkipped("the robot is not idle")
     first = pose_of(line)
-    for _ in range(_TIMES):
+    for _ in range(_READS):
         line.wait(_PAUSE_S)
-        now = pose_of(line)
+        current = pose_of(line)
         if line.ask("get_status").value != "00":
             raise CaseSkipped("the robot is not idle")
         expect(
-            farthest(first, now) <= STANDSTILL,
+            farthest(first, current) <= STANDSTILL,
             "the coordinates changed although the robot was idle",
             expected=f"{tuple(first)}",
-            observed=f"{tuple(now)}",
+            observed=f"{tuple(current)}",
             requirement="4.23/5",
         )
     line.close()
@@ -53,14 +53,16 @@ def test_coordinates(subject: ControllerUnderTest, line: OutgoingConnection) -> 
 
 
 @case("4.23/5", name="behind-a-move", hazards=(Hazard.STATE, Hazard.MOTION), slow=True)
-def test_rest_behind_a_move(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_standstill_after_a_move(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The tool stays in its position after a move ends."""
     require_command(subject, MOVE)
     with returning(subject, line):
         _, answer = begin_step_somewhere(subject, line)
         accepted(MOVE, answer)
         done(subject, line, MOVE)
-        expect_stays(line, "the tool continues to move after the end of its move", for_s=_REST_S)
+        expect_stays(
+            line, "the tool continues to move after the end of its move", for_s=_OBSERVATION_S
+        )
 
 
 @case("4.23/3", hazards=(Hazard.STATE,))
@@ -73,16 +75,16 @@ def test_screw_end(subject: ControllerUnderTest, line: OutgoingConnection) -> No
         for offset in examples(_OFFSETS):
             if not line.ask("set_gripper_center", offset).accepted:
                 continue
-            shown = pose_of(line)
-            away_mm, offset_mm = math.dist(shown[:3], screw_end[:3]), math.hypot(*offset)
-            if away_mm > STANDSTILL and abs(away_mm - offset_mm) <= STANDSTILL:
+            reported = pose_of(line)
+            distance_mm, offset_mm = math.dist(reported[:3], screw_end[:3]), math.hypot(*offset)
+            if distance_mm > STANDSTILL and abs(distance_mm - offset_mm) <= STANDSTILL:
                 message = "the coordinates are those of the gripper center"
                 subject.tolerate("4.23/3", "pose_point", "gripper", message)
-                away_mm = 0
+                distance_mm = 0
             expect(
-                away_mm <= STANDSTILL
-                and abs(turned(shown.theta_x, screw_end.theta_x)) <= STANDSTILL,
+                distance_mm <= STANDSTILL
+                and abs(turned(reported.theta_x, screw_end.theta_x)) <= STANDSTILL,
                 "the coordinates are neither those of the screw end nor of the gripper center",
                 expected=f"{tuple(screw_end)}, or a distance of {offset_mm:g} mm",
-                observed=f"{tuple(shown)}",
+                observed=f"{tuple(reported)}",
             )

@@ -47,22 +47,22 @@ from scaraspec.suite.engine.expectations import expect
 from scaraspec.user_message import UserMessage
 
 _MOTION = (Hazard.MOTION,)
-_BEYOND_MM: Final = 1_000_000.0
+_UNREACHABLE_MM: Final = 1_000_000.0
 _WRAPPED_MM: Final = 2.0**16
-_UNREACHABLE: Final = ("05", "06")
+_UNREACHABLE_CODES: Final = ("05", "06")
 
 
-def _far(pose: Pose) -> list[Pose]:
+def _unreachable_poses(pose: Pose) -> list[Pose]:
     """Return unreachable poses in each direction (4.24/9); one is reachable modulo 16 bits."""
-    beyond = [
+    far_poses = [
         pose._replace(**{axis: value})
         for axis in ("x", "y", "z")
-        for value in (_BEYOND_MM, -_BEYOND_MM)
+        for value in (_UNREACHABLE_MM, -_UNREACHABLE_MM)
     ]
-    return [*beyond, pose._replace(x=pose.x + _WRAPPED_MM)]
+    return [*far_poses, pose._replace(x=pose.x + _WRAPPED_MM)]
 
 
-def _told(
+def _outcome(
     subject: ControllerUnderTest, line: OutgoingConnection, answer: ReceivedFrame
 ) -> ReceivedFrame:
     """Return the outcome of a move: its refusal or its final result."""
@@ -74,13 +74,13 @@ def test_impossible_moves(subject: ControllerUnderTest, line: OutgoingConnection
     """An impossible move is refused with "0|code", four bytes in a frame of that length."""
     require_command(subject, MOVE)
     with returning(subject, line) as pose:
-        for pose_beyond in examples(_far(pose)):
-            answer = ask_move(subject, line, pose_beyond, SLOWEST_PERCENT)
+        for target_pose in examples(_unreachable_poses(pose)):
+            answer = ask_move(subject, line, target_pose, SLOWEST_PERCENT)
             expect(
                 not line.invalid_bytes,
                 "the refusal of a move is not a frame of its stated length",
                 expected="CC 39 04 30 7C 30 35 AA",
-                observed=" ".join(noise.data.hex(" ") for noise in line.invalid_bytes),
+                observed=" ".join(invalid.data.hex(" ") for invalid in line.invalid_bytes),
                 requirement="4.24/4",
             )
             if answer.accepted:  # A-4.24-5: it may be detected later
@@ -91,14 +91,14 @@ def test_impossible_moves(subject: ControllerUnderTest, line: OutgoingConnection
                 )
                 continue
             expect_first_reply(MOVE, answer)
-            bare = text_of(answer) == b"0"
+            without_code = text_of(answer) == b"0"
             expect(
-                bare or (answer.code is not None and len(text_of(answer)) == 4),
+                without_code or (answer.code is not None and len(text_of(answer)) == 4),
                 "the refusal of a move is not 0|code",
                 expected="0|05",
                 observed=f"{answer}",
             )
-            if bare:
+            if without_code:
                 subject.tolerate("4.24/3", "err_bare0", "0", "the refusal of a move has no code")
 
 
@@ -107,21 +107,21 @@ def test_beyond_all_reach(subject: ControllerUnderTest, line: OutgoingConnection
     """A target a kilometer away is refused or fails with 05 or 06, and the arm does not move."""
     require_command(subject, MOVE)
     with returning(subject, line) as pose:
-        for pose_beyond in examples(_far(pose)):
-            answer = _told(subject, line, ask_move(subject, line, pose_beyond, SLOWEST_PERCENT))
-            bare = answer.accepted is False and text_of(answer) == b"0"  # err_bare0
+        for target_pose in examples(_unreachable_poses(pose)):
+            answer = _outcome(subject, line, ask_move(subject, line, target_pose, SLOWEST_PERCENT))
+            without_code = answer.accepted is False and text_of(answer) == b"0"  # err_bare0
             expect(
-                bare or (not answer.done and answer.code in _UNREACHABLE),
+                without_code or (not answer.done and answer.code in _UNREACHABLE_CODES),
                 "an unreachable target is not refused with 05 or 06",
                 expected="0|05 or 0|06",
                 observed=f"{answer}",
             )
-        now = pose_of(line)
+        current = pose_of(line)
         expect(
-            farthest(now[:3], pose[:3]) < _BEYOND_MM / 2,
+            farthest(current[:3], pose[:3]) < _UNREACHABLE_MM / 2,
             "the arm reports an impossible position",
             expected=f"{pose}",
-            observed=f"{now}",
+            observed=f"{current}",
         )
 
 
@@ -132,7 +132,7 @@ def test_every_speed(subject: ControllerUnderTest, line: OutgoingConnection) -> 
     gripper = line.ask("get_gripper_center").value
     with returning(subject, line) as pose:
 
-        def go(speed_percent: int) -> None:
+        def move(speed_percent: int) -> None:
             answer = accepted(MOVE, ask_move(subject, line, pose, speed_percent))
             expect(
                 text_of(answer) == b"1",
@@ -144,8 +144,8 @@ def test_every_speed(subject: ControllerUnderTest, line: OutgoingConnection) -> 
             _expect_reached(subject, line, pose, gripper)
 
         for speed_percent in examples((1, 2, 9, 10, 99, 100)):
-            go(speed_percent)
-        given(st.integers(1, 100))(go)()
+            move(speed_percent)
+        given(st.integers(1, 100))(move)()
 
 
 @pytest.mark.parametrize("axis", AXES)
@@ -157,10 +157,10 @@ def test_there_and_back(subject: ControllerUnderTest, line: OutgoingConnection, 
     gripper = line.ask("get_gripper_center").value
     with returning(subject, line) as pose:
         before = joints_of(line)
-        there, answer = begin_step(subject, line, axis)
+        target_pose, answer = begin_step(subject, line, axis)
         accepted(MOVE, answer)
         done(subject, line, MOVE)
-        _expect_reached(subject, line, there, gripper)
+        _expect_reached(subject, line, target_pose, gripper)
         after = joints_of(line)
         expect(
             farthest(before, after) > 0 or off_by(pose_of(line), pose) <= STANDSTILL,
@@ -177,20 +177,20 @@ def test_there_and_back(subject: ControllerUnderTest, line: OutgoingConnection, 
 def _expect_reached(
     subject: ControllerUnderTest,
     line: OutgoingConnection,
-    wanted: Pose,
+    target_pose: Pose,
     gripper: tuple[float, ...] | None,
 ) -> None:
-    now = pose_of(line)
-    off = off_by(now, wanted)
-    if off > REACHED and (gripper is None or any(gripper)):
+    current = pose_of(line)
+    deviation = off_by(current, target_pose)
+    if deviation > REACHED and (gripper is None or any(gripper)):
         message = "the reached pose is not the commanded one"
         subject.tolerate("4.24/8", "A-4.23-1", "another point", message)
         return
     expect(
-        off <= REACHED,
+        deviation <= REACHED,
         "the reached pose is not the commanded one",
-        expected=f"{wanted}",
-        observed=f"{now}",
+        expected=f"{target_pose}",
+        observed=f"{current}",
         requirement="4.24/8",
     )
 
@@ -202,11 +202,11 @@ def test_fractions(subject: ControllerUnderTest, line: OutgoingConnection) -> No
     find_out_whether_it_listens(subject, line)
     gripper = line.ask("get_gripper_center").value
     with returning(subject, line) as pose:
-        there, answer = begin_step_somewhere(subject, line)
+        target_pose, answer = begin_step_somewhere(subject, line)
         accepted(MOVE, answer)
         done(subject, line, MOVE)
-        for part in examples((0.25, 0.5, 0.875, 1.0)):
-            between = part_way(pose, there, part)
+        for fraction in examples((0.25, 0.5, 0.875, 1.0)):
+            between = part_way(pose, target_pose, fraction)
             accepted(MOVE, ask_move(subject, line, between))
             done(subject, line, MOVE)
             _expect_reached(subject, line, between, gripper)
@@ -218,11 +218,13 @@ def test_malformed_requests(subject: ControllerUnderTest, line: OutgoingConnecti
     require_command(subject, MOVE)
     subject.moved = True
     with returning(subject, line) as pose:
-        here = pose._replace(**{axis: round(getattr(pose, axis), 1) for axis in AXES})
-        wrongs = [
-            w for w in malformed(MOVE, target(here, SLOWEST_PERCENT), subject.dialect) if w.firm
+        rounded_pose = pose._replace(**{axis: round(getattr(pose, axis), 1) for axis in AXES})
+        malformed_requests = [
+            request
+            for request in malformed(MOVE, target(rounded_pose, SLOWEST_PERCENT), subject.dialect)
+            if request.firm
         ]
-        for wrong in examples(wrongs):
+        for wrong in examples(malformed_requests):
             line = alive(subject, line)
             answer = try_request(line, MOVE, data=wrong.data)
             if answer is None:
@@ -234,7 +236,7 @@ def test_malformed_requests(subject: ControllerUnderTest, line: OutgoingConnecti
             message = UserMessage("a request that is {wrong} was accepted", wrong=wrong)
             subject.tolerate("4.24/3", "A-3-9", wrong.kind, message)
             message = UserMessage("a malformed request ({wrong}) moved the arm", wrong=wrong)
-            _expect_unmoved(line, pose, here, message)
+            _expect_unmoved(line, pose, rounded_pose, message)
         line = alive(subject, line)
         line.wait(MOMENT_S)  # a move may begin late and without a reply
         stop_motion(subject, line)
@@ -245,15 +247,15 @@ def test_malformed_requests(subject: ControllerUnderTest, line: OutgoingConnecti
             expected="00",
             observed=f"{status}",
         )
-        _expect_unmoved(line, pose, here, "malformed requests moved the arm")
+        _expect_unmoved(line, pose, rounded_pose, "malformed requests moved the arm")
     perform(subject, alive(subject, line), MOVE)
 
 
-def _expect_unmoved(line: OutgoingConnection, pose: Pose, here: Pose, message: str) -> None:
-    now = pose_of(line)
+def _expect_unmoved(line: OutgoingConnection, pose: Pose, rounded_pose: Pose, message: str) -> None:
+    current = pose_of(line)
     expect(
-        same_place(now, pose) or off_by(now, here) <= STANDSTILL,
+        same_place(current, pose) or off_by(current, rounded_pose) <= STANDSTILL,
         message,
         expected=f"{pose}",
-        observed=f"{now}",
+        observed=f"{current}",
     )

@@ -39,10 +39,10 @@ def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> 
             expected="1",
             observed=f"{answer}",
         )
-        again = try_request(line, RELEASE)
-        if again is not None:
-            expect_first_reply(RELEASE, again)
-            if again.accepted is False:
+        second = try_request(line, RELEASE)
+        if second is not None:
+            expect_first_reply(RELEASE, second)
+            if second.accepted is False:
                 message = "a release of released joints was refused"
                 subject.tolerate("4.25/2", "A-4.25-3", "0|code", message)
             elif result is not None:  # it does not wait until the joints are locked (A-4.25-2)
@@ -54,8 +54,8 @@ def test_end_of_a_release(subject: ControllerUnderTest, line: OutgoingConnection
     """A release ends with "11", at once or when the joints are locked again (A-4.25-2)."""
     require_command(subject, RELEASE, LOCK)
     for _ in range(2):
-        performed = perform(subject, line, RELEASE)
-        result = performed.result
+        execution = perform(subject, line, RELEASE)
+        result = execution.result
         expect(
             result is not None and text_of(result) == b"11",
             "a release does not end with success",

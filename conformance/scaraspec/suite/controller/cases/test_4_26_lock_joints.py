@@ -29,9 +29,9 @@ def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> 
     """A lock of released joints is answered "1", one of locked joints "1" or "0|code"."""
     require_command(subject, LOCK, RELEASE)
     subject.moved = True
-    again = line.ask(LOCK)
-    expect_first_reply(LOCK, again)
-    if again.accepted:
+    second = line.ask(LOCK)
+    expect_first_reply(LOCK, second)
+    if second.accepted:
         finish(subject, line, LOCK)
     else:
         subject.tolerate("4.26/2", "A-4.25-3", "0|code", "a lock of locked joints was refused")
@@ -70,10 +70,10 @@ def test_locked_joints_stay(subject: ControllerUnderTest, line: OutgoingConnecti
     first = joints_of(line)
     for pause_s in (0.0, 0.1, 0.3):
         line.wait(pause_s)
-        now = joints_of(line)
+        current = joints_of(line)
         expect(
-            farthest(first, now) <= STANDSTILL,
+            farthest(first, current) <= STANDSTILL,
             "the joint angles changed although the joints are locked",
             expected=f"{first}",
-            observed=f"{now}",
+            observed=f"{current}",
         )

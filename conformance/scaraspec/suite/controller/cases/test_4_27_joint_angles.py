@@ -35,12 +35,12 @@ def test_four_numbers(subject: ControllerUnderTest, line: OutgoingConnection) ->
             expected="20.4|30.5|38.0|0",
             observed=f"{answer}",
         )
-    noise = line.invalid_bytes
+    invalid_bytes = line.invalid_bytes
     expect(
-        not noise,
+        not invalid_bytes,
         "a reply with the joint angles is not a frame of its stated length",
         expected="a length equal to the number of data bytes",
-        observed=" ".join(each.data.hex(" ") for each in noise),
+        observed=" ".join(invalid.data.hex(" ") for invalid in invalid_bytes),
         requirement="4.27/3",
     )
 
@@ -54,7 +54,7 @@ def test_while_moving(subject: ControllerUnderTest, line: OutgoingConnection) ->
             expect(
                 not line.invalid_bytes,
                 "a reply with the joint angles is not a frame of its stated length",
-                observed=" ".join(each.data.hex(" ") for each in line.invalid_bytes),
+                observed=" ".join(invalid.data.hex(" ") for invalid in line.invalid_bytes),
                 requirement="4.27/3",
             )
             if task.over:
@@ -71,14 +71,14 @@ def test_idle_joints_stay(subject: ControllerUnderTest, line: OutgoingConnection
     first = joints_of(line)
     for pause_s in (0.0, 0.0, 0.2, 0.4):
         line.wait(pause_s)
-        now = joints_of(line)
+        current = joints_of(line)
         if line.ask("get_status").value != "00":
             return
         expect(
-            farthest(first, now) <= STANDSTILL,
+            farthest(first, current) <= STANDSTILL,
             "the joint angles changed although the robot was idle",
             expected=f"{first}",
-            observed=f"{now}",
+            observed=f"{current}",
         )
     other = joints_of(subject.open()) if subject.takes_several else first
     expect(
@@ -98,9 +98,9 @@ def test_motion_shows(subject: ControllerUnderTest, line: OutgoingConnection) ->
         _, answer = begin_step_somewhere(subject, line)
         accepted(MOVE, answer)
         done(subject, line, MOVE)
-        after, now = joints_of(line), pose_of(line)
+        after, current = joints_of(line), pose_of(line)
         expect(
-            same_place(now, pose) or farthest(before, after) > 0,
+            same_place(current, pose) or farthest(before, after) > 0,
             "the tool coordinates changed but the joint angles did not",
             expected="other joint angles",
             observed=f"{after}",

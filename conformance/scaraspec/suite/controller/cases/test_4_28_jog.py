@@ -43,9 +43,9 @@ from scaraspec.suite.engine.expectations import CaseSkipped, expect
 from scaraspec.user_message import UserMessage
 
 _MOTION = (Hazard.MOTION,)
-_ENOUGH_MM: Final = 1.0
-_TO_THE_LIMIT_S: Final = 30.0
-_SLICE_S: Final = 0.05
+_MIN_MOTION_MM: Final = 1.0
+_TRAVEL_S: Final = 30.0
+_POLL_S: Final = 0.05
 
 _AXES: Final = {
     JogDirection.PLUS_Y: ("y", 1),
@@ -54,7 +54,7 @@ _AXES: Final = {
     JogDirection.MINUS_X: ("x", -1),
 }
 
-_NO_DIRECTION: Final = tuple(
+_INVALID_DIRECTIONS: Final = tuple(
     Malformed(kind, data)
     for kind, data in (
         ("zero", b"0"),
@@ -78,17 +78,17 @@ _NO_DIRECTION: Final = tuple(
 )
 
 
-def _jogged(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def _wait_for_motion(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Wait until a jog is visible, or for the longest duration that is allowed."""
-    left_s = subject.ics.motion.jog_s
+    remaining_s = subject.ics.motion.jog_s
     if not listens(subject, line, jogs=True):
-        line.wait(left_s)
+        line.wait(remaining_s)
         return
-    first = now = pose_of(line)
-    while farthest(now[:2], first[:2]) < _ENOUGH_MM and left_s > 0:
-        line.wait(_SLICE_S)
-        left_s -= _SLICE_S
-        now = pose_of(line)
+    first = current = pose_of(line)
+    while farthest(current[:2], first[:2]) < _MIN_MOTION_MM and remaining_s > 0:
+        line.wait(_POLL_S)
+        remaining_s -= _POLL_S
+        current = pose_of(line)
 
 
 @pytest.mark.parametrize("direction", list(JogDirection), ids=str)
@@ -111,17 +111,17 @@ def test_direction(
                     answer=answer,
                 )
             )
-        _jogged(subject, line)
+        _wait_for_motion(subject, line)
         halt(subject, line)
-        now, after = pose_of(line), joints_of(line)
+        current, after = pose_of(line), joints_of(line)
         release_latch(subject, line)
         axis, sign = _AXES[direction]
-        along = (getattr(now, axis) - getattr(pose, axis)) * sign
-        across = max(
-            abs(getattr(now, other) - getattr(pose, other)) for other in "xyz" if other != axis
+        distance_along = (getattr(current, axis) - getattr(pose, axis)) * sign
+        distance_across = max(
+            abs(getattr(current, other) - getattr(pose, other)) for other in "xyz" if other != axis
         )
-        single = sum(abs(p - q) > STANDSTILL for p, q in zip(joints, after, strict=True)) == 1
-        if max(abs(along), across) <= STANDSTILL:
+        single_joint = sum(abs(p - q) > STANDSTILL for p, q in zip(joints, after, strict=True)) == 1
+        if max(abs(distance_along), distance_across) <= STANDSTILL:
             longest_s = subject.ics.motion.jog_s
             raise CaseSkipped(
                 UserMessage(
@@ -131,14 +131,14 @@ def test_direction(
                     longest_s=longest_s,
                 )
             )
-        if single and along < across:
+        if single_joint and distance_along < distance_across:
             subject.tolerate("4.28/3", "A-4.28-2", "joints", "a jog moved a single joint")
             return
         expect(
-            along > across,
+            distance_along > distance_across,
             UserMessage("a jog towards {direction} moved the arm elsewhere", direction=direction),
             expected=f"{direction}",
-            observed=f"from {pose[:3]} to {now[:3]}",
+            observed=f"from {pose[:3]} to {current[:3]}",
         )
 
 
@@ -156,13 +156,13 @@ def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> 
         if not listens(subject, line, jogs=True):
             stop(subject, line)
             return
-        again = try_request(line, JOG, JogDirection.PLUS_Y)
-        if again is None:
+        second = try_request(line, JOG, JogDirection.PLUS_Y)
+        if second is None:
             message = "a jog during another one was not answered"
             subject.tolerate("4.28/4", "busy_reply", "silence", message)
         else:
-            expect_first_reply(JOG, again)
-        if again is not None and again.accepted:
+            expect_first_reply(JOG, second)
+        if second is not None and second.accepted:
             message = "another jog replaced the running one"
             subject.tolerate("4.28/4", "A-4.28-5", "replace", message)
         stop(subject, line)
@@ -174,20 +174,20 @@ def test_end_of_a_jog(subject: ControllerUnderTest, line: OutgoingConnection) ->
     with returning(subject, line):
         for _ in range(2):
             jog_somewhere(subject, line)
-            _jogged(subject, line)
+            _wait_for_motion(subject, line)
             answer = line.ask(STOP)
             if not answer.accepted:  # it ended by itself (A-4.28-3)
                 expect(finish(subject, line, JOG).done is not None, "a jog has no final result")
                 continue
             finish(subject, line, STOP)
-            own = interrupted(line, JOG)
+            result = interrupted(line, JOG)
             expect(
-                own is None or own.done is not None,
+                result is None or result.done is not None,
                 "the final result of a jog is neither success nor failure",
                 expected="11",
-                observed=f"{own}",
+                observed=f"{result}",
             )
-            if own is None and subject.dialect["estop_interrupted"] != "none":
+            if result is None and subject.dialect["estop_interrupted"] != "none":
                 message = "the stopped jog had no final result of its own"
                 subject.tolerate("4.28/5", "estop_interrupted", "none", message)
             stop_motion(subject, line)
@@ -197,11 +197,11 @@ def test_end_of_a_jog(subject: ControllerUnderTest, line: OutgoingConnection) ->
 @case("4.28/5", "4.17/6", name="limit", hazards=(Hazard.MOTION, Hazard.DESTRUCTIVE))
 def test_to_the_limit(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A jog that reaches the limit of the workspace ends there, or is stopped there (A-4.28-3)."""
-    if subject.access.patience_s < _TO_THE_LIMIT_S:
+    if subject.access.patience_s < _TRAVEL_S:
         raise CaseSkipped(
             UserMessage(
                 "the case takes up to {duration_s:.0f} s: allow them with --patience",
-                duration_s=_TO_THE_LIMIT_S,
+                duration_s=_TRAVEL_S,
             )
         )
     with returning(subject, line):
@@ -212,18 +212,18 @@ def test_to_the_limit(subject: ControllerUnderTest, line: OutgoingConnection) ->
         if not listens(subject, line, jogs=True):
             stop(subject, line)
             raise CaseSkipped("the robot does not reply while it executes a command (A-4-3)")
-        there, standing_s = pose_of(line), 0.0
-        left_s = subject.longest_s
-        while line.ask("get_status").value in BUSY and left_s > 0 and standing_s < 1:
+        previous, standstill_s = pose_of(line), 0.0
+        remaining_s = subject.longest_s
+        while line.ask("get_status").value in BUSY and remaining_s > 0 and standstill_s < 1:
             line.wait(0.2)
-            left_s -= 0.2
-            now = pose_of(line)
-            standing_s = standing_s + 0.2 if farthest(now, there) == 0 else 0.0
-            there = now
+            remaining_s -= 0.2
+            current = pose_of(line)
+            standstill_s = standstill_s + 0.2 if farthest(current, previous) == 0 else 0.0
+            previous = current
         if line.ask("get_status").value in BUSY:
             subject.tolerate("4.28/5", "A-4.28-3", "0x32", "a jog does not end at the limit")
-            stopped = stop(subject, line)
-            accepted(STOP, stopped)
+            stop_reply = stop(subject, line)
+            accepted(STOP, stop_reply)
             return
         result = finish(subject, line, JOG)
         expect(
@@ -246,31 +246,31 @@ def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> No
         jog_somewhere(subject, line)
         line.close()
         other = other or subject.open()
-        left_s = subject.ics.motion.jog_s  # to detect the loss and to decelerate
-        while (goes_on := status_of(subject, other) in BUSY) and left_s > 0:
-            other.wait(_SLICE_S)
-            left_s -= _SLICE_S
-        if goes_on:
-            stopped = stop(subject, other)
-            if stopped.accepted:
+        remaining_s = subject.ics.motion.jog_s  # to detect the loss and to decelerate
+        while (moving := status_of(subject, other) in BUSY) and remaining_s > 0:
+            other.wait(_POLL_S)
+            remaining_s -= _POLL_S
+        if moving:
+            stop_reply = stop(subject, other)
+            if stop_reply.accepted:
                 message = "a jog continues without its client"
                 subject.tolerate("4.28/5", "A-2-8", "goes on", message)
             expect(
-                stopped.accepted or status_of(subject, other) not in BUSY,
+                stop_reply.accepted or status_of(subject, other) not in BUSY,
                 "a jog whose client disconnected cannot be stopped by another client",
                 expected="1",
-                observed=f"{stopped}",
+                observed=f"{stop_reply}",
                 requirement="4.17/6",
             )
         stop_motion(subject, other)
-        there = pose_of(other)
+        previous = pose_of(other)
         other.wait(0.2)
-        now = pose_of(other)
+        current = pose_of(other)
         expect(
-            farthest(now[:3], there[:3]) <= STANDSTILL,
+            farthest(current[:3], previous[:3]) <= STANDSTILL,
             "the arm continues to move although the robot reports that nothing executes",
-            expected=f"{there}",
-            observed=f"{now}",
+            expected=f"{previous}",
+            observed=f"{current}",
         )
 
 
@@ -281,7 +281,7 @@ def test_no_direction(subject: ControllerUnderTest, line: OutgoingConnection) ->
     subject.moved = True
     with returning(subject, line):
         before = joints_of(line)
-        for wrong in examples(_NO_DIRECTION):
+        for wrong in examples(_INVALID_DIRECTIONS):
             line = alive(subject, line)
             answer = try_request(line, JOG, data=wrong.data)
             expect(
@@ -312,38 +312,38 @@ def test_notations(subject: ControllerUnderTest, line: OutgoingConnection) -> No
     """
     with returning(subject, line):
         jog_somewhere(subject, line)
-        heard = listens(subject, line, jogs=True)
+        responsive = listens(subject, line, jogs=True)
         stop(subject, line)
-        if not heard:
+        if not responsive:
             raise CaseSkipped("the robot does not reply while it executes a command (A-4-3)")
         request, dialect = BY_NAME[JOG].request, subject.dialect
-        taken, ways = [], dict[JogDirection, tuple[float, float]]()
+        notations_accepted, first_moves = [], dict[JogDirection, tuple[float, float]]()
         for notation in ("ascii", "binary"):
             for direction in examples(JogDirection):
                 data = request.encode(direction, dialect.replace(jog_byte=notation))
                 before = pose_of(line)
                 answer = try_request(line, JOG, data=data)
                 if answer is not None and answer.accepted:
-                    taken.append(notation)
-                    _jogged(subject, line)
+                    notations_accepted.append(notation)
+                    _wait_for_motion(subject, line)
                     stop(subject, line)
                 stop_motion(subject, line)
-                now = pose_of(line)
-                if farthest(now[:2], before[:2]) >= _ENOUGH_MM:
-                    way = now.x - before.x, now.y - before.y
-                    _expect_same_way(direction, ways.setdefault(direction, way), way)
+                current = pose_of(line)
+                if farthest(current[:2], before[:2]) >= _MIN_MOTION_MM:
+                    move = current.x - before.x, current.y - before.y
+                    _expect_same_direction(direction, first_moves.setdefault(direction, move), move)
         expect(
-            taken,
+            notations_accepted,
             "a jog is accepted in neither notation",
             expected="1",
             observed="refusals",
         )
-        if "ascii" not in taken:
+        if "ascii" not in notations_accepted:
             message = "the direction is accepted only as a binary byte"
             subject.tolerate("4.28/4", "jog_byte", "binary", message)
 
 
-def _expect_same_way(
+def _expect_same_direction(
     direction: JogDirection, first: tuple[float, float], second: tuple[float, float]
 ) -> None:
     """Fail the case if the two notations of a direction move the arm differently."""

@@ -21,14 +21,14 @@ _INPUTS: Final = 8
 
 
 @case("4.31/2", "4.31/4")
-def test_form(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_format(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every reply is "1|" and eight digits, ten bytes in total."""
     for _ in range(3):
         expect_form(subject, line, "get_digital_inputs")
 
 
 @case("4.31/2", "4.31/4", name="while-running", hazards=PROGRAMS)
-def test_form_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_format_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The reply has the same format while a program runs."""
     with running(subject, line):
         expect_form(subject, line, "get_digital_inputs")
@@ -50,9 +50,9 @@ def test_patterns(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
     with inputs_driven(subject, line) as drive:
 
         @given(st.tuples(*[st.booleans()] * _INPUTS))
-        def shows(pattern: Bits) -> None:
+        def check(pattern: Bits) -> None:
             for port, on in enumerate(pattern, 1):
                 drive(port, on=on)
             expect_inputs(line, pattern, "all inputs were driven", requirement="4.31/3")
 
-        shows()
+        check()

@@ -39,7 +39,7 @@ from scaraspec.user_message import UserMessage
 
 _MOTION: Final = (Hazard.STATE, Hazard.MOTION)
 _FLAGS: Final = (b"0", b"1")
-_NO_PORTS: Final = (
+_INVALID_PORTS: Final = (
     *(b"0", b"00", b"41", b"42", b"50", b"99", b"255", b"256"),
     *(b"257", b"272", b"65537", b"4294967297", b"-1", b"-255"),
 )
@@ -51,19 +51,19 @@ def test_each_output(line: OutgoingConnection) -> None:
     """A setting that is answered "1" changes only its own port; otherwise nothing changes."""
     settable(line)
     with outputs_kept(line) as before:
-        now = before
+        current = before
         for port in ALL_OUTPUTS:
-            for on in examples((not now[port - 1], now[port - 1])):
+            for on in examples((not current[port - 1], current[port - 1])):
                 answer = set_output(line, port, on=on)
                 if answer.accepted:
-                    now = with_port(now, port, on=on)
-                told = UserMessage(
+                    current = with_port(current, port, on=on)
+                description = UserMessage(
                     "output {port} was set to {on:d} and answered {answer}",
                     port=port,
                     on=on,
                     answer=answer,
                 )
-                expect_outputs(line, now, told)
+                expect_outputs(line, current, description)
 
 
 @case("4.32/6", name="sequences")
@@ -73,15 +73,15 @@ def test_sequences(line: OutgoingConnection) -> None:
     setting = st.tuples(st.sampled_from(ports), st.booleans())
 
     @given(st.lists(setting, min_size=1, max_size=6))
-    def shows(settings: list[tuple[int, bool]]) -> None:
-        now = outputs(line)
+    def check(settings: list[tuple[int, bool]]) -> None:
+        current = outputs(line)
         for port, on in settings:
             if set_output(line, port, on=on).accepted:
-                now = with_port(now, port, on=on)
-        expect_outputs(line, now, "several outputs were set one after another")
+                current = with_port(current, port, on=on)
+        expect_outputs(line, current, "several outputs were set one after another")
 
     with outputs_kept(line):
-        shows()
+        check()
 
 
 @case("4.32/6", "3/30", name="all-at-once")
@@ -89,33 +89,33 @@ def test_all_on_and_off(subject: ControllerUnderTest, line: OutgoingConnection) 
     """All outputs can be set and cleared, and requests in one segment take effect in order."""
     ports = settable(line)
     with outputs_kept(line) as before:
-        now = before
+        current = before
         for on in (True, False):
             for port in examples(ports):
                 if set_output(line, port, on=on).accepted:
-                    now = with_port(now, port, on=on)
-                told = UserMessage(
+                    current = with_port(current, port, on=on)
+                description = UserMessage(
                     "output {port} was set to {on:d} like the previous ones", port=port, on=on
                 )
-                expect_outputs(line, now, told)
+                expect_outputs(line, current, description)
         if not takes_one_at_a_time(subject):
-            _expect_in_order(line, ports, now)
+            _expect_in_order(line, ports, current)
 
 
-def _expect_in_order(line: OutgoingConnection, ports: Sequence[int], now: Bits) -> None:
+def _expect_in_order(line: OutgoingConnection, ports: Sequence[int], current: Bits) -> None:
     """Expect that queries between settings in one segment report the outputs set before them."""
-    due, data = set[str](), b""
+    expected_outputs, data = set[str](), b""
     for port in ports:
-        now = with_port(now, port, on=True)
-        due.add(digits(now))
+        current = with_port(current, port, on=True)
+        expected_outputs.add(digits(current))
         data += line.request("set_digital_output", PortValue(port, 1)).encode()
         data += line.request("get_digital_outputs").encode()
     line.send_bytes(data)
     accepted = [line.reply("set_digital_output").accepted for _ in ports]
-    shown = {line.reply("get_digital_outputs").value for _ in ports}
+    reported = {line.reply("get_digital_outputs").value for _ in ports}
     if all(accepted):
         message = "queries did not report the outputs set before them"
-        expect_equal(shown, due, message, requirement="3/30")
+        expect_equal(reported, expected_outputs, message, requirement="3/30")
 
 
 @case("4.32/6", name="held")
@@ -123,19 +123,19 @@ def test_held(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An output keeps its value after the connection that set it ends."""
     port = settable(line)[-1]
     on = not outputs(line)[port - 1]
-    due = with_port(outputs(line), port, on=on)
+    expected_outputs = with_port(outputs(line), port, on=on)
     set_output(line, port, on=on)
     line.close()
     subject.pause(0.2)
-    again = subject.open()
+    new_line = subject.open()
     try:
         expect_outputs(
-            again,
-            due,
+            new_line,
+            expected_outputs,
             UserMessage("output {port} was set on a connection that ended", port=port),
         )
     finally:
-        set_output(again, port, on=not on)
+        set_output(new_line, port, on=not on)
 
 
 @case("4.32/4", "4.32/6", name="while-running", hazards=PROGRAMS)
@@ -143,37 +143,37 @@ def test_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -
     """Setting an output while a program runs is answered "1" and works, or "0" without a change."""
     port = settable(line)[-1]
     with running(subject, line):
-        _set_meanwhile(line, port, "while a program ran")
+        _set_and_check(line, port, "while a program ran")
 
 
 @case("4.32/4", "4.32/6", name="while-moving", hazards=_MOTION)
 def test_while_moving(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Setting an output during moves, jogs and with released joints is answered truthfully."""
-    lacks = subject.ics.unsupported
-    moves = [name for name in (MOVE, JOG) if name not in lacks]
-    releases = lacks.isdisjoint({RELEASE, LOCK})
-    if not (moves or releases):
+    unsupported = subject.ics.unsupported
+    moving_commands = [name for name in (MOVE, JOG) if name not in unsupported]
+    can_release = unsupported.isdisjoint({RELEASE, LOCK})
+    if not (moving_commands or can_release):
         raise CaseSkipped("the controller has no command that moves or releases the arm")
     port = settable(line)[-1]
     with outputs_kept(line):
-        for name in examples(moves):
+        for name in examples(moving_commands):
             with lasting(subject, line, name):
-                _set_meanwhile(line, port, f"during {name}")
-        if releases:
+                _set_and_check(line, port, f"during {name}")
+        if can_release:
             with locked_again(subject, line):
                 release(subject, line)
-                _set_meanwhile(line, port, "while the joints were released")
+                _set_and_check(line, port, "while the joints were released")
 
 
-def _set_meanwhile(line: OutgoingConnection, port: int, when: str) -> None:
+def _set_and_check(line: OutgoingConnection, port: int, condition: str) -> None:
     before = outputs(line)
     on = not before[port - 1]
     answer = set_output(line, port, on=on)
-    due = with_port(before, port, on=on) if answer.accepted else before
+    expected_outputs = with_port(before, port, on=on) if answer.accepted else before
     expect_outputs(
         line,
-        due,
-        UserMessage("output {port} was set {condition}", port=port, condition=when),
+        expected_outputs,
+        UserMessage("output {port} was set {condition}", port=port, condition=condition),
         requirement="4.32/6",
     )
 
@@ -189,48 +189,48 @@ def test_flags(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     with outputs_kept(line):
         for port in ports:
             set_output(line, port, on=True)
-        now = outputs(line)
+        current = outputs(line)
         for port in ALL_OUTPUTS:
-            on = now[port - 1]
+            on = current[port - 1]
             data = set_output(line, port, on=on).seen.text
             expect_in(
                 data,
                 _FLAGS,
                 UserMessage("the reply for port {port} is not a flag", port=port),
             )
-            told = UserMessage(
+            description = UserMessage(
                 "output {port} was set to its current value {on:d}", port=port, on=on
             )
-            expect_outputs(line, now, told, requirement="4.32/6")
+            expect_outputs(line, current, description, requirement="4.32/6")
         for port in examples(range(ALL_OUTPUTS.stop, 41)):
-            said, after, line = _try(subject, line, Malformed("no output", b"%d|0" % port))
+            reply_text, after, line = _try(subject, line, Malformed("no output", b"%d|0" % port))
             message = UserMessage("the reply for port {port} is not a flag", port=port)
-            expect_in(said, (*_FLAGS, None), message)
+            expect_in(reply_text, (*_FLAGS, None), message)
             message = UserMessage("port {port} was cleared, but another output changed", port=port)
-            expect_equal(digits(after), digits(now), message, requirement="4.32/6")
+            expect_equal(digits(after), digits(current), message, requirement="4.32/6")
 
 
 @case("4.32/5")
 def test_no_such_port(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Setting a port 0 or above 40 is not answered 1, and no output changes."""
     with outputs_kept(line) as before:
-        for port in _NO_PORTS:
+        for port in _INVALID_PORTS:
             for value in examples((b"1", b"0")):
                 wrong = Malformed("no such port", port + b"|" + value)
-                said, now, line = _try(subject, line, wrong)
-                told = UserMessage(
+                reply_text, current, line = _try(subject, line, wrong)
+                description = UserMessage(
                     "setting port {port} to {value}", port=port.decode(), value=value.decode()
                 )
                 expect(
-                    said != b"1",
-                    UserMessage("{description} was answered 1", description=told),
+                    reply_text != b"1",
+                    UserMessage("{description} was answered 1", description=description),
                     expected="0",
                     observed="1",
                 )
                 expect_equal(
-                    digits(now),
+                    digits(current),
                     digits(before),
-                    UserMessage("{description} changed an output", description=told),
+                    UserMessage("{description} changed an output", description=description),
                 )
 
 
@@ -244,17 +244,19 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
         before = outputs(line)
         value = PortValue(port, int(not before[port - 1]))
         for wrong in examples(malformed("set_digital_output", value, subject.dialect)):
-            said, now, line = _try(subject, line, wrong)
-            if not wrong.firm and now != before:  # a payload that is taken as valid sets its port
+            reply_text, current, line = _try(subject, line, wrong)
+            if (
+                not wrong.firm and current != before
+            ):  # a payload that is taken as valid sets its port
                 set_output(line, port, on=before[port - 1])
-                now = with_port(now, port, on=before[port - 1])
+                current = with_port(current, port, on=before[port - 1])
             expect_equal(
-                digits(now),
+                digits(current),
                 digits(before),
                 UserMessage("an output changed after {wrong}", wrong=wrong),
             )
             expect(
-                said != b"1" or not wrong.firm,
+                reply_text != b"1" or not wrong.firm,
                 UserMessage("{wrong} was answered 1", wrong=wrong),
                 expected="0",
                 observed="1",
@@ -279,17 +281,19 @@ def test_other_values(subject: ControllerUnderTest, line: OutgoingConnection) ->
     with outputs_kept(line) as before:
         for on in (True, False):
             set_output(line, port, on=on)
-            due = with_port(before, port, on=on)
+            expected_outputs = with_port(before, port, on=on)
             for value in examples((b"2", b"9", b"10", b"255", b"256")):
                 wrong = Malformed("no such value", b"%d|" % port + value)
-                _, now, line = _try(subject, line, wrong)
-                if not on and now != due:
-                    told = UserMessage("the value {value} is used as 1", value=value.decode())
-                    subject.tolerate("4.32/7", "A-4.32-4", "non-zero = 1", told)
+                _, current, line = _try(subject, line, wrong)
+                if not on and current != expected_outputs:
+                    description = UserMessage(
+                        "the value {value} is used as 1", value=value.decode()
+                    )
+                    subject.tolerate("4.32/7", "A-4.32-4", "non-zero = 1", description)
                     set_output(line, port, on=False)
-                told = UserMessage(
+                description = UserMessage(
                     "the value {value} for output {port} changed an output",
                     value=value.decode(),
                     port=port,
                 )
-                expect_outputs(line, due, told)
+                expect_outputs(line, expected_outputs, description)

@@ -12,10 +12,10 @@ from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import expect
 from scaraspec.user_message import UserMessage
 
-_FORM: Final = re.compile(rb"1\|[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)")
+_FORMAT: Final = re.compile(rb"1\|[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)")
 _ERROR: Final = b"0"
-_ANALOG: Final = range(1, 9)  # the default ports (A-4.32-3)
-_NO_PORTS: Final = (b"00", b"41", b"42", b"49", b"50", b"88", b"99")
+_DEFAULT_PORTS: Final = range(1, 9)  # the default ports (A-4.32-3)
+_INVALID_PORTS: Final = (b"00", b"41", b"42", b"49", b"50", b"88", b"99")
 _VALUES: Final = (0, 1, 2.5, 5)  # the limit of many converters
 
 
@@ -26,7 +26,7 @@ def _value(line: OutgoingConnection, port: int) -> float | None:
     if data == _ERROR:
         return None
     expect(
-        _FORM.fullmatch(data),
+        _FORMAT.fullmatch(data),
         UserMessage("the reply for analog input {port} is not a number", port=port),
         expected="1| and a number, or 0",
         observed=f"{answer}",
@@ -35,7 +35,7 @@ def _value(line: OutgoingConnection, port: int) -> float | None:
 
 
 @case("4.33/2")
-def test_form(line: OutgoingConnection) -> None:
+def test_format(line: OutgoingConnection) -> None:
     """Every port from 1 to 40 is answered "1|" and a number, or "0"."""
     for port in examples(range(1, 41)):
         _value(line, port)
@@ -44,56 +44,56 @@ def test_form(line: OutgoingConnection) -> None:
 @case("4.33/2", name="driven", needs=("set_analog",))
 def test_driven(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A driven analog input reports its value, 0 as "1|0", and the others do not change."""
-    before = [_value(line, port) for port in _ANALOG]
-    shown = False
+    before = [_value(line, port) for port in _DEFAULT_PORTS]
+    any_driven = False
     try:
-        for port in _ANALOG:
-            shown |= _shows(subject, line, port)
+        for port in _DEFAULT_PORTS:
+            any_driven |= _follows_input(subject, line, port)
             subject.hook("set_analog", port=port, value=before[port - 1] or 0)
         message = "all analog inputs are answered with an error although they are driven"
-        expect(shown, message, expected="1| and a number", observed="0")
+        expect(any_driven, message, expected="1| and a number", observed="0")
     finally:
-        for port, value in zip(_ANALOG, before, strict=True):
+        for port, value in zip(_DEFAULT_PORTS, before, strict=True):
             subject.hook("set_analog", port=port, value=value or 0)
 
 
-def _shows(subject: ControllerUnderTest, line: OutgoingConnection, port: int) -> bool:
+def _follows_input(subject: ControllerUnderTest, line: OutgoingConnection, port: int) -> bool:
     """Expect values in any unit (A-4.33-1) that are proportional to the driven ones.
 
     Returns:
         Whether the input exists: the number of inputs is open (A-4.32-3).
     """
-    other = _ANALOG[port % len(_ANALOG)]
-    unmoved = _value(line, other)
-    said = []
+    other = _DEFAULT_PORTS[port % len(_DEFAULT_PORTS)]
+    before = _value(line, other)
+    values = []
     for value in examples(_VALUES):
         subject.hook("set_analog", port=port, value=value)
-        said.append(_value(line, port))
-    if not any(value is not None for value in said):
+        values.append(_value(line, port))
+    if not any(value is not None for value in values):
         return False
     expect(
-        None not in said,
+        None not in values,
         UserMessage("analog input {port} is driven but answered with an error", port=port),
         expected="1| and a number",
         observed="0",
     )
-    zero, one, *others = [value or 0.0 for value in said]
+    zero, one, *others = [value or 0.0 for value in values]
     scale = one - zero
     proportional = [zero + scale * value for value in _VALUES[2:]]
     expect(
         scale and all(abs(a - b) <= abs(scale) for a, b in zip(others, proportional, strict=True)),
         UserMessage("analog input {port} does not follow the driven value", port=port),
         expected=f"values proportional to {_VALUES}",
-        observed=f"{said}",
+        observed=f"{values}",
     )
-    now = _value(line, other)
+    after = _value(line, other)
     expect(
-        (now is None) == (unmoved is None) and abs((now or 0) - (unmoved or 0)) <= abs(scale),
+        (after is None) == (before is None) and abs((after or 0) - (before or 0)) <= abs(scale),
         UserMessage(
             "analog input {other} changed when input {port} was driven", other=other, port=port
         ),
-        expected=f"{unmoved}",
-        observed=f"{now}",
+        expected=f"{before}",
+        observed=f"{after}",
     )
     return True
 
@@ -101,7 +101,7 @@ def _shows(subject: ControllerUnderTest, line: OutgoingConnection, port: int) ->
 @case("4.33/3")
 def test_no_such_port(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A port 0 or above 40 is answered "0", or is ignored as an invalid argument (A-3-9)."""
-    for port in examples(_NO_PORTS):
+    for port in examples(_INVALID_PORTS):
         line = alive(subject, line)
         answer = try_request(line, "get_analog_input", data=port)
         if answer is None:

@@ -17,14 +17,14 @@ from scaraspec.user_message import UserMessage
 
 
 @case("4.34/2", "4.34/4")
-def test_form(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_format(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every reply is "1|" and sixteen digits, eighteen bytes in total."""
     for _ in range(3):
         expect_form(subject, line, "get_digital_outputs")
 
 
 @case("4.34/2", "4.34/4", name="while-running", hazards=PROGRAMS)
-def test_form_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_format_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The reply has the same format while a program runs."""
     with running(subject, line):
         expect_form(subject, line, "get_digital_outputs")
@@ -38,7 +38,10 @@ def test_order(line: OutgoingConnection) -> None:
         with outputs_kept(line) as before:
             on = not before[port - 1]
             set_output(line, port, on=on)
-            due = with_port(before, port, on=on)
+            expected_outputs = with_port(before, port, on=on)
             expect_outputs(
-                line, due, UserMessage("output {port} was set", port=port), requirement="4.34/3"
+                line,
+                expected_outputs,
+                UserMessage("output {port} was set", port=port),
+                requirement="4.34/3",
             )

@@ -22,14 +22,14 @@ from scaraspec.suite.engine.expectations import (
 )
 from scaraspec.user_message import UserMessage
 
-_LAST = (Hazard.MOTION, Hazard.DESTRUCTIVE)
+_HAZARDS = (Hazard.MOTION, Hazard.DESTRUCTIVE)
 _SHUTDOWN: Final = "shutdown"
-_RETURN_S: Final = 60.0
-_TRY_S: Final = 0.5
-_GOING_S: Final = 1.0
+_RESTART_S: Final = 60.0
+_POLL_S: Final = 0.5
+_SHUTDOWN_S: Final = 1.0
 
 
-@case("4.35/2", "4/15", name="busy", hazards=(*_LAST, Hazard.STATE), last=True)
+@case("4.35/2", "4/15", name="busy", hazards=(*_HAZARDS, Hazard.STATE), last=True)
 def test_not_while_a_program_runs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A shutdown while a program runs is refused with "0|01", and the robot stays on."""
     require_command(subject, _SHUTDOWN)
@@ -52,16 +52,16 @@ def test_not_while_a_program_runs(subject: ControllerUnderTest, line: OutgoingCo
             expected="01",
             observed=f"{status}",
         )
-    line.wait(_GOING_S)
+    line.wait(_SHUTDOWN_S)
     try:
         line.ask("get_status")
-    except NoReply as gone:
+    except NoReply as error:
         message = "after the program the robot is off, although it refused to shut down"
-        raise CaseFailed(message, expected="a reply", observed=gone.observed) from None
+        raise CaseFailed(message, expected="a reply", observed=error.observed) from None
     subject.settle()
 
 
-@case("4.35/2", "4.35/5", hazards=_LAST, last=True)
+@case("4.35/2", "4.35/5", hazards=_HAZARDS, last=True)
 def test_shutdown(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An idle robot answers a shutdown with a single "1" and then switches off."""
     require_command(subject, _SHUTDOWN)
@@ -73,12 +73,12 @@ def test_shutdown(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
         observed=f"{answer}",
     )
     line.wait(SILENCE_S)
-    tagged = [seen for seen in line.inbox if seen.frame.tagged]
+    tagged = [received for received in line.inbox if received.frame.tagged]
     expect(
         not tagged,
         "a final result follows the reply to the shutdown",
         expected="no tagged frame",
-        observed=" ".join(f"{seen.frame}" for seen in tagged),
+        observed=" ".join(f"{received.frame}" for received in tagged),
         requirement="4.35/5",
     )
     expect(
@@ -92,16 +92,16 @@ def test_shutdown(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
 
 def _is_gone(subject: ControllerUnderTest, line: OutgoingConnection) -> bool:
     """Whether the controller soon ends the connection or stops to reply."""
-    left_s = subject.longest_s
-    while left_s > 0:
+    remaining_s = subject.longest_s
+    while remaining_s > 0:
         if line.ending is not None:
             return True
         try:
             line.ask("get_status")
         except NoReply:
             return True
-        line.wait(_TRY_S)
-        left_s -= _TRY_S
+        line.wait(_POLL_S)
+        remaining_s -= _POLL_S
     return False
 
 
@@ -120,17 +120,17 @@ def _await_return(subject: ControllerUnderTest) -> None:
     if hook:
         subject.hook(hook)
     else:
-        subject.access.pause(_GOING_S)
-    left_s = _RETURN_S if hook else _TRY_S
-    while left_s > 0:
-        begun_ns = subject.now_ns
+        subject.access.pause(_SHUTDOWN_S)
+    remaining_s = _RESTART_S if hook else _POLL_S
+    while remaining_s > 0:
+        start_ns = subject.now_ns
         try:
             line = subject.open()
             status = line.ask("get_status")
         except CaseFailed:
             subject.close_lines()
-            subject.access.pause(_TRY_S)
-            left_s -= (subject.now_ns - begun_ns) / 1e9
+            subject.access.pause(_POLL_S)
+            remaining_s -= (subject.now_ns - start_ns) / 1e9
             continue
         expect(
             status.value is not None,
@@ -145,7 +145,7 @@ def _await_return(subject: ControllerUnderTest) -> None:
         raise CaseInconclusive(
             UserMessage(
                 "the controller did not come back within {timeout_s:g} s after the hook {hook}",
-                timeout_s=_RETURN_S,
+                timeout_s=_RESTART_S,
                 hook=hook,
             )
         )

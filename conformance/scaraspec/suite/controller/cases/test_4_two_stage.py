@@ -88,16 +88,16 @@ from scaraspec.suite.program_files.writing import wait
 from scaraspec.user_message import UserMessage
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
-_SOON_S = 0.5
+_WAIT_S = 0.5
 _CHUNKS_BYTES = 450
 _LONG_BYTES = 2_000
-_OVER_S = 10.0
+_END_TIMEOUT_S = 10.0
 _POLL_S = 0.1
 _POLLS = 10
-_AT_ONCE_S = 0.05
+_SIMULTANEOUS_S = 0.05
 _BRIEF_S = 0.01  # every homing motion takes longer
-_TIMES_LATER = 5  # times the reply time of a query
-_NS = 1e9
+_DELAY_FACTOR = 5  # times the reply time of a query
+_NS_PER_S = 1e9
 
 
 # ---------------------------------------------------------------------- first replies and results
@@ -109,14 +109,14 @@ def test_one_reply_and_one_result(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str
 ) -> None:
     """A possible command is answered "1", and ends once, with "11" or a failure."""
-    performed = perform(subject, line, name)
-    expect_first_reply(name, performed.first)
-    if performed.result is not None and performed.result.done is not False:
+    execution = perform(subject, line, name)
+    expect_first_reply(name, execution.first)
+    if execution.result is not None and execution.result.done is not False:
         expect(
-            text_of(performed.result) == b"11",
+            text_of(execution.result) == b"11",
             UserMessage("the final result of {name} is neither success nor failure", name=name),
             expected="11",
-            observed=f"{performed.result}",
+            observed=f"{execution.result}",
             requirement="4/2",
         )
     line.inbox[:0] = line.sync()
@@ -130,34 +130,34 @@ def test_result_in_transfers(subject: ControllerUnderTest, line: OutgoingConnect
     with bench(subject, line) as robot:
         pause_s = 2 * robot.ours_s(1) / len(content) * BUFFER_BYTES
 
-        def slowly() -> None:
-            if not any(seen.frame.tagged for seen in line.inbox):
+        def pause() -> None:
+            if not any(received.frame.tagged for received in line.inbox):
                 line.wait(pause_s)
 
-        name, tried = subject.new_name(), False
+        name, ended = subject.new_name(), False
         upload(line, name, content)
-        for fetches in examples((False, True)):
+        for downloads in examples((False, True)):
             robot.start(wait(1))
             go_on_if_it_listens(subject, line)
-            opening = "download_name" if fetches else "upload_name"
-            if not line.ask(opening, data=name if fetches else subject.new_name()).accepted:
+            opening = "download_name" if downloads else "upload_name"
+            if not line.ask(opening, data=name if downloads else subject.new_name()).accepted:
                 robot.stop()
                 continue
-            if fetches:
+            if downloads:
                 for _ in incoming(line):
-                    slowly()
+                    pause()
             else:
                 for chunk in chunks_of(content):
-                    slowly()
+                    pause()
                     send(line, chunk)
             robot.finish()
-            tried = True
-        if not tried:
+            ended = True
+        if not ended:
             raise CaseSkipped("no file can be uploaded or downloaded while a program runs")
 
 
 @case("4/1", "3/17", name="refused", hazards=_MOTION)
-def test_refusals_end_it(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_refusals_have_no_result(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A refusal is "0|code", for the stop "0", and no final result follows."""
     subject.moved = True
     refused = []
@@ -169,12 +169,16 @@ def test_refusals_end_it(subject: ControllerUnderTest, line: OutgoingConnection)
         else:
             refused.append(BY_NAME[name].opcode)
     line.wait(MOMENT_S)
-    tagged = [seen for seen in line.sync() if seen.frame.tagged and seen.frame.opcode in refused]
+    tagged = [
+        received
+        for received in line.sync()
+        if received.frame.tagged and received.frame.opcode in refused
+    ]
     expect(
         not tagged,
         "a final result arrived although the command was refused",
         expected="none",
-        observed=" ".join(f"{seen.frame}" for seen in tagged),
+        observed=" ".join(f"{received.frame}" for received in tagged),
         requirement="3/17",
     )
 
@@ -219,19 +223,19 @@ def test_a_fault_fails_the_run(subject: ControllerUnderTest, line: OutgoingConne
                 observed=f"{result}",
                 requirement="4/5",
             )
-            _mend(subject, line)
+            _clear_faults(subject, line)
     finally:
         subject.hook("clear_faults")
 
 
-def _mend(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def _clear_faults(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Clear the faults, and reset the robot if it still reports one."""
     subject.hook("clear_faults")
     if line.ask("get_status").value != IDLE and line.ask(RESET).accepted:
         finish(subject, line, RESET)
 
 
-def _at_once(line: OutgoingConnection, name: str) -> ReceivedFrame | None:
+def _immediate_result(line: OutgoingConnection, name: str) -> ReceivedFrame | None:
     try:
         return line.result(name, within_s=SILENCE_S)
     except NoReply:
@@ -256,10 +260,10 @@ def test_faults_refuse(
         subject.hook(fault, **({"joints": "inner_arm"} if fault == "motor_fault" else {}))
         for name in (RUN, MOVE, JOG):
             first = line.ask(name, values[name])
-            told = _at_once(line, name) if first.accepted else first
-            bare = name == MOVE and text_of(first) == b"0"  # err_bare0
+            outcome = _immediate_result(line, name) if first.accepted else first
+            without_code = name == MOVE and text_of(first) == b"0"  # err_bare0
             expect(
-                bare or (told is not None and not told.done and told.code == code),
+                without_code or (outcome is not None and not outcome.done and outcome.code == code),
                 UserMessage(
                     "a robot with the fault {code} does not refuse {name} with this code",
                     code=code,
@@ -274,7 +278,7 @@ def test_faults_refuse(
                 )
                 subject.tolerate("4/4", "A-4-1", UserMessage("00|{code}", code=code), message)
     finally:
-        _mend(subject, line)
+        _clear_faults(subject, line)
 
 
 @case("4/4", name="missing", hazards=_MOTION)
@@ -299,17 +303,19 @@ def test_busy(subject: ControllerUnderTest, line: OutgoingConnection, name: str)
     This also holds for requests on another connection.
     """
     values = harmless_requests(subject, line)
-    beside = subject.open() if subject.takes_several else line
+    second_line = subject.open() if subject.takes_several else line
     with lasting(subject, line, name) as task:
         for other, value in examples(values.items()):
             if subject.dialect["busy_reply"] != "queue":
                 expect_busy(subject, line, task, other, value)
-                expect_busy(subject, beside, task, other, value)
+                expect_busy(subject, second_line, task, other, value)
             task.lasts()
 
 
 @case("4/6", "4.24/8", name="afterwards", hazards=_MOTION, slow=True)
-def test_nothing_is_queued(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_refused_commands_are_not_queued(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> None:
     """A command that a busy robot did not accept is not executed later.
 
     It does not change the target of the arm either.
@@ -317,8 +323,8 @@ def test_nothing_is_queued(subject: ControllerUnderTest, line: OutgoingConnectio
     require_responsive(subject, line)
     values = harmless_requests(subject, line)
     with returning(subject, line):
-        _, begun = begin_step_somewhere(subject, line, SLOWEST_PERCENT)
-        accepted(MOVE, begun)
+        _, move_reply = begin_step_somewhere(subject, line, SLOWEST_PERCENT)
+        accepted(MOVE, move_reply)
         refused = {
             BY_NAME[name].opcode
             for name in (RUN, MOVE, LOCK)
@@ -327,14 +333,14 @@ def test_nothing_is_queued(subject: ControllerUnderTest, line: OutgoingConnectio
         done(subject, line, MOVE)
         line.ask("get_tool_coordinates")  # the judge uses the reply (4.24/8)
         line.wait(MOMENT_S)
-        late = [seen for seen in line.sync() if seen.frame.opcode in refused]
+        delayed = [received for received in line.sync() if received.frame.opcode in refused]
     if subject.dialect["busy_reply"] == "queue":
         return
     expect(
-        not late,
+        not delayed,
         "a command sent to a busy robot started when the robot was idle",
         expected="0|01, or no reply at all",
-        observed=" ".join(f"{seen.frame}" for seen in late),
+        observed=" ".join(f"{received.frame}" for received in delayed),
     )
 
 
@@ -345,25 +351,29 @@ def test_refused_moves_stay_refused(subject: ControllerUnderTest, line: Outgoing
     if subject.dialect["busy_reply"] == "queue":
         raise CaseSkipped("the controller makes the move then (busy_reply)")
     with returning(subject, line) as pose:
-        nearby = [each for axis in ("y", "x") for each in neighbours(subject, pose, axis)]
-        if not nearby:
+        neighbour_poses = [
+            candidate for axis in ("y", "x") for candidate in neighbours(subject, pose, axis)
+        ]
+        if not neighbour_poses:
             raise CaseSkipped("there is no room for a step")
         start_program(subject, line, RUN, BRIEFLY_S)
-        answer = try_request(line, MOVE, target(nearby[0], subject.ics.motion.speed_percent))
+        answer = try_request(
+            line, MOVE, target(neighbour_poses[0], subject.ics.motion.speed_percent)
+        )
         done(subject, line, RUN)
         if answer is not None and answer.accepted:
             done(subject, line, MOVE)
             raise CaseSkipped("the move was not refused")  # other cases cover this
         message = "a move that was refused while a program ran was made after the program ended"
-        expect_stays(line, message, for_s=_SOON_S, pose=pose)
+        expect_stays(line, message, for_s=_WAIT_S, pose=pose)
 
 
 @pytest.mark.parametrize("name", TWO_STAGE)
 @case("4/7", hazards=_MOTION, slow=True)
 def test_idle_afterwards(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
     """After a final result "11", the status is no longer that of an executing robot."""
-    performed = perform(subject, line, name)
-    status = performed.status
+    execution = perform(subject, line, name)
+    status = execution.status
     expect(
         status.value not in BUSY,
         UserMessage(
@@ -378,7 +388,7 @@ def test_idle_afterwards(subject: ControllerUnderTest, line: OutgoingConnection,
 
 @pytest.mark.parametrize("name", STATES)
 @case("4/8", "3/31", hazards=_MOTION)
-def test_never_idle_meanwhile(
+def test_never_idle_while_executing(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str
 ) -> None:
     """From the first reply to the final result, no status is 00 and every query is answered."""
@@ -396,10 +406,10 @@ def test_never_idle_meanwhile(
             line.wait(0.01)
         for query in known_to(subject):
             if try_request(line, *query) is None:
-                _answered_late(subject, line, query, name)
+                _expect_late_reply(subject, line, query, name)
 
 
-def _answered_late(
+def _expect_late_reply(
     subject: ControllerUnderTest, line: OutgoingConnection, query: Query, name: str
 ) -> None:
     """Expect a late reply to a query (3/24), after a stop, so that no jog continues."""
@@ -417,21 +427,21 @@ def test_results_between_replies(subject: ControllerUnderTest, line: OutgoingCon
     require_responsive(subject, line)
     for name, seconds in examples(((RUN, BRIEFLY_S), (SIMULATE, 0))):
         start_program(subject, line, name, seconds)
-        opcode, answered = BY_NAME[name].opcode, 0
+        opcode, reply_count = BY_NAME[name].opcode, 0
         results: list[ReceivedFrame] = []
         while not results:
             sent = known_to(subject, [Query("get_status"), Query("get_time")])
             for query in sent:
                 line.send(query.name)
-            answered += len(replies_to(line, sent))
+            reply_count += len(replies_to(line, sent))
             results += [
-                ReceivedFrame(seen, seen.value)
-                for seen in line.inbox
-                if seen.frame.tagged and seen.frame.opcode == opcode
+                ReceivedFrame(received, received.value)
+                for received in line.inbox
+                if received.frame.tagged and received.frame.opcode == opcode
             ]
             line.wait(0.05)
             expect(
-                answered < 4000,
+                reply_count < 4000,
                 UserMessage("no final result of {name} arrived between the replies", name=name),
                 expected="11",
                 observed="none",
@@ -460,7 +470,7 @@ def test_results_between_replies(subject: ControllerUnderTest, line: OutgoingCon
 
 
 @case("4/8", "3/31", "3/32", "4.7/4", "5.2/12", name="queries", hazards=_MOTION)
-def test_queries_meanwhile(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_queries_while_executing(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Queries in any number and order are answered while a program runs.
 
     The version is the same before, during and after the run, and so is a file that is downloaded.
@@ -507,16 +517,16 @@ def test_reply_before_execution(
     perform(subject, line, name)
     find_out_whether_it_listens(subject, line)
     program = stored(subject, line, 1)
-    twice = range(2)  # a packet may be lost once
+    attempts = range(2)  # a packet may be lost once
     expect(
-        not all(_is_replied_to_at_its_end(subject, line, name, program) for _ in twice),
+        not all(_reply_comes_at_the_end(subject, line, name, program) for _ in attempts),
         UserMessage("the first reply to {name} arrived late, with its final result", name=name),
         expected="the first reply before the execution",
         observed="both at the end of the execution",
     )
 
 
-def _is_replied_to_at_its_end(
+def _reply_comes_at_the_end(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, program: bytes
 ) -> bool:
     with returning(subject, line):
@@ -526,11 +536,11 @@ def _is_replied_to_at_its_end(
         else:
             answer = line.ask(name, program)
         accepted(name, answer)
-        late = answer.time_s - before.time_s >= _SOON_S
-        if late:  # the reply may be slow for another reason
-            late = finish(subject, line, name).time_s - answer.time_s <= _AT_ONCE_S
+        delayed = answer.time_s - before.time_s >= _WAIT_S
+        if delayed:  # the reply may be slow for another reason
+            delayed = finish(subject, line, name).time_s - answer.time_s <= _SIMULTANEOUS_S
         stop_motion(subject, line)
-    return late
+    return delayed
 
 
 @case("4/14", name="reset", hazards=_MOTION, slow=True)
@@ -538,7 +548,7 @@ def test_reply_before_a_reset(subject: ControllerUnderTest, line: OutgoingConnec
     """The first reply to a reset comes before the motion, not with the final result."""
     require_command(subject, MOVE, RESET)
     with returning(subject, line), home_at(subject, line):
-        together = [_comes_with_its_result(subject, line) for _ in range(2)]
+        together = [_reset_reply_comes_at_the_end(subject, line) for _ in range(2)]
         expect(
             not all(together),
             "the first reply to a reset arrived with its final result, after the motion",
@@ -547,23 +557,23 @@ def test_reply_before_a_reset(subject: ControllerUnderTest, line: OutgoingConnec
         )
 
 
-def _comes_with_its_result(subject: ControllerUnderTest, line: OutgoingConnection) -> bool:
+def _reset_reply_comes_at_the_end(subject: ControllerUnderTest, line: OutgoingConnection) -> bool:
     """Whether a reset that moves the arm is answered only after the motion."""
     accepted(MOVE, begin_step_somewhere(subject, line)[1])
     done(subject, line, MOVE)
-    away = pose_of(line)
-    asked_s = subject.now_ns / _NS
-    prompt_s = line.ask("get_status").time_s - asked_s
-    asked_s = subject.now_ns / _NS
+    pose_before = pose_of(line)
+    sent_s = subject.now_ns / _NS_PER_S
+    query_s = line.ask("get_status").time_s - sent_s
+    sent_s = subject.now_ns / _NS_PER_S
     answer = begin_or_skip(subject, line, RESET)
-    late_s = answer.time_s - asked_s
-    lasted_s = finish(subject, line, RESET).time_s - answer.time_s
-    late = late_s > max(_BRIEF_S, _TIMES_LATER * prompt_s)
-    return late and lasted_s < _BRIEF_S and not same_place(pose_of(line), away)
+    delay_s = answer.time_s - sent_s
+    duration_s = finish(subject, line, RESET).time_s - answer.time_s
+    delayed = delay_s > max(_BRIEF_S, _DELAY_FACTOR * query_s)
+    return delayed and duration_s < _BRIEF_S and not same_place(pose_of(line), pose_before)
 
 
 @case("4/15", "4.15/4", name="free-again", hazards=_MOTION)
-def test_free_again(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_next_command_after_end(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """After a refusal, a stop or a success, an idle robot accepts the next command."""
     line.ask(RUN, subject.new_name())
     stop_motion(subject, line)
@@ -612,9 +622,9 @@ def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> No
     subject.notices_leaving()
     require_responsive(subject, line)
     for end in examples((line.close, None)):
-        lone = line if end else subject.open()
-        start_program(subject, lone, RUN)
-        (end or lone.reset)()
+        first_client = line if end else subject.open()
+        start_program(subject, first_client, RUN)
+        (end or first_client.reset)()
         other = subject.open()
         status = other.ask("get_status")
         if status.value in BUSY:
@@ -638,16 +648,16 @@ def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 
 def _expect_free(line: OutgoingConnection) -> None:
     """Expect that a program that waits for a second ends soon, with or without a client."""
-    left_s = _OVER_S
+    remaining_s = _END_TIMEOUT_S
     while (status := line.ask("get_status")).value in BUSY:
         expect(
-            left_s > 0,
+            remaining_s > 0,
             "a program whose client disconnected does not end",
             expected=IDLE,
             observed=f"{status}",
         )
         line.wait(_POLL_S)
-        left_s -= _POLL_S
+        remaining_s -= _POLL_S
 
 
 @case("4/15", "3/18", "4.15/5", name="many", hazards=_MOTION)

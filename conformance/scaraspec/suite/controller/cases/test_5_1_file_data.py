@@ -32,11 +32,11 @@ from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.user_message import UserMessage
 
 _SIZES = (1, 200, 201, 400, 450)
-_WHOLE = content_of(450)
+_CONTENT = content_of(450)
 
 
 def _chunks(
-    subject: ControllerUnderTest, line: OutgoingConnection, content: bytes = _WHOLE
+    subject: ControllerUnderTest, line: OutgoingConnection, content: bytes = _CONTENT
 ) -> list[Chunk]:
     """Return the chunks that the controller sends of a file, valid or not."""
     name = subject.new_name()
@@ -60,10 +60,10 @@ def test_torn_structure(subject: ControllerUnderTest, line: OutgoingConnection) 
     whole = FILE_DATA.encode(Chunk(200, 0, BUFFER_BYTES, content_of(200)), subject.dialect)
     for size in examples((HEAD_BYTES + 50, HEAD_BYTES + 199, HEAD_BYTES, HEAD_BYTES - 1, 1)):
         begin(line, subject.new_name())
-        patience_s = SILENCE_S if size <= HEAD_BYTES else None  # may be the error signal of L787
-        taken = offer(line, data=whole[:size], within_s=patience_s)
+        timeout_s = SILENCE_S if size <= HEAD_BYTES else None  # may be the error signal of L787
+        accepted = offer(line, data=whole[:size], within_s=timeout_s)
         expect(
-            not taken,
+            not accepted,
             UserMessage("{size} bytes were accepted as a fileData", size=size),
             expected="0",
             observed="1",
@@ -81,9 +81,9 @@ def test_size_of_the_structure(subject: ControllerUnderTest, line: OutgoingConne
             chunk, bytes_sent = frame.value, len(frame.frame.data)
             if bytes_sent == FILE_DATA_BYTES:
                 continue
-            cut = isinstance(chunk, Chunk) and bytes_sent == HEAD_BYTES + chunk.length
+            truncated = isinstance(chunk, Chunk) and bytes_sent == HEAD_BYTES + chunk.length
             expect(
-                cut,
+                truncated,
                 "the size of a chunk is not that of fileData",
                 expected=f"{FILE_DATA_BYTES} bytes",
                 observed=f"{bytes_sent} bytes",
@@ -104,7 +104,7 @@ def test_file_size(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 def test_position(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every chunk of a download has the byte offset that it states."""
     for chunk in _chunks(subject, line):
-        expect_position(chunk, _WHOLE)
+        expect_position(chunk, _CONTENT)
 
 
 @case("5.1/5")
@@ -160,11 +160,11 @@ def test_end_of_an_upload(subject: ControllerUnderTest, line: OutgoingConnection
 @example(size=1000)
 def test_ascending(subject: ControllerUnderTest, line: OutgoingConnection, size: int) -> None:
     """A download of any size comes in ascending order, without gap or overlap."""
-    due = 0
+    expected_position = 0
     for chunk in _chunks(subject, line, content_of(size)):
-        expect_equal(chunk.position, due, "a chunk does not follow the previous one")
-        due += chunk.length
-    expect_equal(due, size, "a download does not reach the end of its file")
+        expect_equal(chunk.position, expected_position, "a chunk does not follow the previous one")
+        expected_position += chunk.length
+    expect_equal(expected_position, size, "a download does not reach the end of its file")
     subject.clear(line)
 
 
@@ -190,22 +190,22 @@ def test_one_byte_order(subject: ControllerUnderTest, line: OutgoingConnection) 
 def test_existing_file(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An upload to an existing name is refused, and its chunks are refused, too."""
     name = subject.new_name()
-    upload(line, name, _WHOLE)
+    upload(line, name, _CONTENT)
     answer = line.ask("upload_name", data=name)
     expect(not answer.accepted, "an existing name was accepted", expected="0", observed="1")
-    taken = offer(line, Chunk(3, 0, 3, b"new"))
+    accepted = offer(line, Chunk(3, 0, 3, b"new"))
     message = "content for an existing name was accepted"
-    expect(not taken, message, expected="0", observed="1")
-    expect_stored(line, name, _WHOLE, "5.1/10")
+    expect(not accepted, message, expected="0", observed="1")
+    expect_stored(line, name, _CONTENT, "5.1/10")
 
 
 @case("5.1/11")
 def test_content_without_a_name(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Content before any name is refused, and the controller sends none without a request."""
-    taken = offer(line, Chunk(3, 0, 3, b"abc"))
-    expect(not taken, "content before any name was accepted", expected="0", observed="1")
+    accepted = offer(line, Chunk(3, 0, 3, b"abc"))
+    expect(not accepted, "content before any name was accepted", expected="0", observed="1")
     nothing_more(line, "content was sent without a request", "5.1/11")
-    upload(line, subject.new_name(), _WHOLE)
+    upload(line, subject.new_name(), _CONTENT)
     nothing_more(line, "content was sent without a request", "5.1/11")
 
 
@@ -230,7 +230,7 @@ def test_rest_of_the_buffer(
     subject.clear(line)
 
 
-def _pieces(content: bytes, *positions: int) -> list[Chunk]:
+def _chunks_at(content: bytes, *positions: int) -> list[Chunk]:
     return [
         Chunk(len(content), at, len(piece), piece)
         for at in positions
@@ -238,8 +238,11 @@ def _pieces(content: bytes, *positions: int) -> list[Chunk]:
     ]
 
 
-def _not_complete(
-    subject: ControllerUnderTest, line: OutgoingConnection, sent: list[int], missing: list[int]
+def _expect_incomplete(
+    subject: ControllerUnderTest,
+    line: OutgoingConnection,
+    sent_positions: list[int],
+    missing_positions: list[int],
 ) -> None:
     """Send chunks out of order; the file must not be complete before the missing ones arrive.
 
@@ -248,52 +251,52 @@ def _not_complete(
     """
     content, name = content_of(600), subject.new_name()
     begin(line, name)
-    if not all(offer(line, chunk) for chunk in _pieces(content, *sent)):
+    if not all(offer(line, chunk) for chunk in _chunks_at(content, *sent_positions)):
         return
-    if all(offer(line, chunk) for chunk in _pieces(content, *missing)):
+    if all(offer(line, chunk) for chunk in _chunks_at(content, *missing_positions)):
         expect_stored(line, name, content, "5.1/13")
         subject.tolerate("5.1/13", "chunk_order", "any", "chunks are accepted in any order")
         return
-    got = download(again(subject, line), name)
-    if got is None:
+    fetched = download(again(subject, line), name)
+    if fetched is None:
         return
     message = UserMessage(
-        "a file of 600 bytes was complete before the chunks at {missing} arrived",
-        missing=missing,
+        "a file of 600 bytes was complete before the chunks at {missing_positions} arrived",
+        missing_positions=missing_positions,
     )
-    claimed = "chunk_order" in subject.ics.claimed
-    if claimed and subject.dialect["chunk_order"] == "any" and 400 in sent:
+    claims_order = "chunk_order" in subject.ics.claimed
+    if claims_order and subject.dialect["chunk_order"] == "any" and 400 in sent_positions:
         subject.tolerate("5.1/13", "chunk_order", "any", message)
         return
     raise CaseFailed(
         message,
         expected="0 to a chunk after a gap, or a wait for the missing chunks",
-        observed=f"1 to each chunk, and a file of {len(got)} bytes",
+        observed=f"1 to each chunk, and a file of {len(fetched)} bytes",
     )
 
 
 @case("5.1/13", name="last-first")
 def test_last_chunk_first(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file whose last chunk comes first is not complete after it."""
-    _not_complete(subject, line, [400], [0, 200])
+    _expect_incomplete(subject, line, [400], [0, 200])
 
 
 @case("5.1/13", name="gap")
 def test_gap(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file with a gap is not complete after its last chunk."""
-    _not_complete(subject, line, [0, 400], [200])
+    _expect_incomplete(subject, line, [0, 400], [200])
 
 
 @case("5.1/13", name="repeated")
 def test_repeated_chunk(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file is not complete because a chunk is repeated."""
-    _not_complete(subject, line, [0, 200, 200], [400])
+    _expect_incomplete(subject, line, [0, 200, 200], [400])
 
 
 @case("5.1/13", name="overlap")
 def test_overlap(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file is not complete because chunks overlap."""
-    _not_complete(subject, line, [0, 100, 200], [400])
+    _expect_incomplete(subject, line, [0, 100, 200], [400])
 
 
 @case("5.1/13", name="other-size")
@@ -304,14 +307,14 @@ def test_file_size_changed(subject: ControllerUnderTest, line: OutgoingConnectio
     send(line, Chunk(600, 0, 200, content[:200]))
     if not offer(line, Chunk(250, 200, 50, content[200:250])):
         return
-    got = download(again(subject, line), name)
-    if got is None:
+    fetched = download(again(subject, line), name)
+    if fetched is None:
         return
     expect(
-        got == content[:250],
+        fetched == content[:250],
         "a file whose size changed during the upload was accepted with bytes missing",
         expected="0 to the chunk with another size, or a file of the 250 bytes sent",
-        observed=f"a file of {len(got)} bytes",
+        observed=f"a file of {len(fetched)} bytes",
     )
     message = "the file size of the last chunk is used"
     subject.tolerate("5.1/13", "A-5-7", "last", message)

@@ -37,20 +37,20 @@ from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.suite.engine.strategies import NAME_CHARACTERS
 from scaraspec.user_message import UserMessage
 
-_MOST = 2**32 - 1
-_LARGEST = 70_000
-_NEIGHBOUR = content_of(250)
+_MAX_UINT32 = 2**32 - 1
+_LARGEST_BYTES = 70_000
+_NEIGHBOUR_CONTENT = content_of(250)
 _DESTRUCTIVE: Final = (Hazard.STATE, Hazard.DESTRUCTIVE)
 _EDGES: Final = (
     *(1, 2, 127, 128, 199, 200, 201, 211, 212, 213, 243, 255, 256, 257),
     *(399, 400, 401, 512, 600, 1000),
 )
-_BEGINNING_OTHERWISE: Final = ((3, 12, 100), (16, 99), (215,))
+_SPECIAL_SEGMENT_SIZES: Final = ((3, 12, 100), (16, 99), (215,))
 """Sizes of segments that split a chunk of AA CC AA CC ... so that later segments begin with AA,
 with CC, or consist of the end byte alone."""
 
 
-def _refused(line: OutgoingConnection, name: bytes, message: str) -> None:
+def _expect_refused(line: OutgoingConnection, name: bytes, message: str) -> None:
     answer = line.ask("upload_name", data=name)
     expect(not answer.accepted, message, expected="0", observed=f"{answer}")
 
@@ -93,17 +93,17 @@ def test_long_names(subject: ControllerUnderTest, line: OutgoingConnection) -> N
             continue
         send(line, Chunk(1, 0, 1, b"!"))
         expect_stored(line, name, b"!", "5.2/2")
-        cut = line.ask("download_name", data=name[:30]).accepted if size > 30 else False
+        truncated = line.ask("download_name", data=name[:30]).accepted if size > 30 else False
         message = UserMessage("a name of {size} bytes was truncated to 30", size=size)
-        expect(not cut, message, expected="0 to its first 30 bytes", observed="1")
+        expect(not truncated, message, expected="0 to its first 30 bytes", observed="1")
 
 
 @case("5.2/2", name="none")
 def test_no_name(line: OutgoingConnection) -> None:
     """An upload without a name is refused."""
     line.send("upload_name", data=b"")
-    came = transfer_frames(line)
-    accepted = [seen for seen in came if seen.name == "upload_name" and seen.value is True]
+    received = transfer_frames(line)
+    accepted = [seen for seen in received if seen.name == "upload_name" and seen.value is True]
     expect(not accepted, "an upload without a name was accepted", expected="0", observed="1")
 
 
@@ -123,20 +123,20 @@ def test_existing_name(subject: ControllerUnderTest, line: OutgoingConnection) -
     name, content = subject.new_name(), content_of(450)
     upload(line, name, content)
     for _ in range(3):
-        _refused(line, name, "an existing name was accepted")
+        _expect_refused(line, name, "an existing name was accepted")
         expect_stored(line, name, content, "5.2/3")
     expect_round_trip(subject, line, content, "5.2/3")
 
 
 @case("5.2/3", name="elsewhere")
-def test_name_that_another_connection_took(
+def test_name_in_use_on_another_connection(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
     """A name used on an earlier connection is answered 0, too, and its file is unchanged."""
     name, content = subject.new_name(), content_of(450)
     upload(line, name, content)
     line = again(subject, line)
-    _refused(line, name, "a name used on another connection was accepted")
+    _expect_refused(line, name, "a name used on another connection was accepted")
     line = again(subject, line)
     expect_stored(line, name, content, "5.2/3")
 
@@ -147,10 +147,10 @@ def test_path_in_a_new_name(subject: ControllerUnderTest, line: OutgoingConnecti
     plain = subject.new_name()
     for path in examples((b"../%s", b"../../%s", b"a/../%s", b"./%s", b"/%s", b"/tmp/%s", b"a/%s")):
         name = path % plain
-        try_request = malformed.offer(subject, line, "upload_name", Malformed("a path", name))
-        line = try_request.line
+        attempt = malformed.offer(subject, line, "upload_name", Malformed("a path", name))
+        line = attempt.line
         message = UserMessage("the name {name} was accepted", name=name.decode())
-        expect(not try_request.accepted, message, expected="0", observed="1")
+        expect(not attempt.accepted, message, expected="0", observed="1")
 
 
 @case("5.2/15", name="backslash", hazards=_DESTRUCTIVE)
@@ -159,9 +159,9 @@ def test_backslash_in_a_new_name(subject: ControllerUnderTest, line: OutgoingCon
     for path in examples((b".\\%s", b"a\\..\\%s", b"..\\%s")):
         plain = subject.new_name()
         name = path % plain
-        try_request = malformed.offer(subject, line, "upload_name", Malformed("a path", name))
-        line = try_request.line
-        if try_request.accepted:
+        attempt = malformed.offer(subject, line, "upload_name", Malformed("a path", name))
+        line = attempt.line
+        if attempt.accepted:
             offer(line, Chunk(1, 0, 1, b"!"))
             line = again(subject, line)
             message = UserMessage(
@@ -181,27 +181,27 @@ def test_path_to_a_file(subject: ControllerUnderTest, line: OutgoingConnection) 
         (b"./%s", b"a/../%s", b"/%s", b".\\%s", b"a\\..\\%s", b"../programs/../%s")
     ):
         name = path % plain
-        try_request = malformed.offer(subject, line, "download_name", Malformed("a path", name))
-        line = try_request.line
+        attempt = malformed.offer(subject, line, "download_name", Malformed("a path", name))
+        line = attempt.line
         message = UserMessage(
             "the name {name} downloaded the file {file_name}",
             name=name.decode(),
             file_name=plain.decode(),
         )
-        expect(not try_request.accepted, message, expected="0", observed="1")
+        expect(not attempt.accepted, message, expected="0", observed="1")
 
 
 @case("5.2/15", name="system")
 def test_path_to_the_system(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A path that would lead out of the program store downloads nothing."""
-    up = (b"../" * 8, b"/", b"..\\" * 8, b"C:\\", b"/proc/self/cwd/../../../../")
+    prefixes = (b"../" * 8, b"/", b"..\\" * 8, b"C:\\", b"/proc/self/cwd/../../../../")
     for name in examples(
-        [way + file for way in up for file in (b"etc/passwd", b"windows\\win.ini")]
+        [prefix + file for prefix in prefixes for file in (b"etc/passwd", b"windows\\win.ini")]
     ):
-        try_request = malformed.offer(subject, line, "download_name", Malformed("a path", name))
-        line = try_request.line
+        attempt = malformed.offer(subject, line, "download_name", Malformed("a path", name))
+        line = attempt.line
         message = UserMessage("{name} was downloaded", name=name.decode())
-        expect(not try_request.accepted, message, expected="0", observed="1")
+        expect(not attempt.accepted, message, expected="0", observed="1")
 
 
 # The chunks
@@ -248,25 +248,25 @@ def _other_order_is_illegal(length: int) -> bool:
     return int.from_bytes(length.to_bytes(4, "little")) > BUFFER_BYTES
 
 
-_too_long = st.integers(BUFFER_BYTES + 1, _MOST).filter(_other_order_is_illegal)
+_too_long = st.integers(BUFFER_BYTES + 1, _MAX_UINT32).filter(_other_order_is_illegal)
 
 
 def _out_of_bounds(
-    subject: ControllerUnderTest, line: OutgoingConnection, head: Chunk, taken_before: int = 0
+    subject: ControllerUnderTest, line: OutgoingConnection, header: Chunk, taken_before: int = 0
 ) -> None:
     """Send a chunk that must not be accepted, after `taken_before` valid ones."""
     subject.clear(line)
     begin(line, subject.new_name())
-    for chunk in list(chunks_of(content_of(head.file_size)))[:taken_before]:
+    for chunk in list(chunks_of(content_of(header.file_size)))[:taken_before]:
         send(line, chunk)
-    taken = offer(line, head)
+    accepted = offer(line, header)
     message = UserMessage(
         "length {length} at {position} of {file_size} bytes was accepted",
-        length=head.length,
-        position=head.position,
-        file_size=head.file_size,
+        length=header.length,
+        position=header.position,
+        file_size=header.file_size,
     )
-    expect(not taken, message, expected="0", observed="1", requirement="5.2/10")
+    expect(not accepted, message, expected="0", observed="1", requirement="5.2/10")
     line.close()
 
 
@@ -278,11 +278,11 @@ def _out_of_bounds(
 @example(length=255, before=0)
 @example(length=256, before=1)
 @example(length=0xFFFFFF38, before=1)
-@example(length=_MOST, before=0)
+@example(length=_MAX_UINT32, before=0)
 def test_length_over_the_buffer(subject: ControllerUnderTest, length: int, before: int) -> None:
     """A chunk with a length over 200 is refused, as the first chunk or a later one."""
-    head = Chunk(1000, 200 * before, length, bytes(BUFFER_BYTES))
-    _out_of_bounds(subject, subject.open(), head, before)
+    header = Chunk(1000, 200 * before, length, bytes(BUFFER_BYTES))
+    _out_of_bounds(subject, subject.open(), header, before)
 
 
 @case("5.2/10", name="long-frame")
@@ -291,26 +291,26 @@ def test_more_than_the_buffer(subject: ControllerUnderTest) -> None:
     for length in examples((201, 220, 243)):
         line = subject.open()
         begin(line, subject.new_name())
-        head = FILE_DATA.encode(Chunk(1000, 0, length, b""), subject.dialect)[:HEAD_BYTES]
-        taken = offer(line, data=head + content_of(length))
+        header = FILE_DATA.encode(Chunk(1000, 0, length, b""), subject.dialect)[:HEAD_BYTES]
+        accepted = offer(line, data=header + content_of(length))
         message = UserMessage("a chunk of {length} bytes was accepted", length=length)
-        expect(not taken, message, expected="0", observed="1")
+        expect(not accepted, message, expected="0", observed="1")
         line.close()
 
 
 @case("5.2/10", name="beyond")
-@given(size=st.integers(1, 600), over=st.integers(1, 199))
-@example(size=1, over=1)
-@example(size=200, over=1)
-@example(size=201, over=1)
-@example(size=399, over=1)
-def test_beyond_the_file(subject: ControllerUnderTest, size: int, over: int) -> None:
+@given(size=st.integers(1, 600), excess=st.integers(1, 199))
+@example(size=1, excess=1)
+@example(size=200, excess=1)
+@example(size=201, excess=1)
+@example(size=399, excess=1)
+def test_beyond_the_file(subject: ControllerUnderTest, size: int, excess: int) -> None:
     """A last chunk that exceeds fileSize is refused."""
     before, rest = divmod(size, BUFFER_BYTES)
-    length = min(rest + over, BUFFER_BYTES)
+    length = min(rest + excess, BUFFER_BYTES)
     if rest + length <= BUFFER_BYTES or length > rest:
-        head = Chunk(size, 200 * before, length, bytes(BUFFER_BYTES))
-        _out_of_bounds(subject, subject.open(), head, before)
+        header = Chunk(size, 200 * before, length, bytes(BUFFER_BYTES))
+        _out_of_bounds(subject, subject.open(), header, before)
 
 
 @case("5.2/10", name="position")
@@ -319,18 +319,28 @@ def test_position_beyond_the_file(subject: ControllerUnderTest) -> None:
 
     A position whose lower 16 bits are those of the expected position is refused, too.
     """
-    for position in (600, 601, 65_536, 65_736, 100_000, 2**31 - 1, 2**32 - 200, 2**32 - 100, _MOST):
-        head = Chunk(600, position, BUFFER_BYTES, bytes(BUFFER_BYTES))
+    for position in (
+        600,
+        601,
+        65_536,
+        65_736,
+        100_000,
+        2**31 - 1,
+        2**32 - 200,
+        2**32 - 100,
+        _MAX_UINT32,
+    ):
+        header = Chunk(600, position, BUFFER_BYTES, bytes(BUFFER_BYTES))
         for before in examples((0, 1)):
-            _out_of_bounds(subject, subject.open(), head, before)
+            _out_of_bounds(subject, subject.open(), header, before)
 
 
 @case("5.2/11")
 def test_chunk_without_a_name(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A chunk before any name, or after the end of an upload, is refused."""
     for content in examples((b"abc", content_of(200))):
-        taken = offer(line, Chunk(len(content), 0, len(content), content))
-        expect(not taken, "a chunk without a name was accepted", expected="0", observed="1")
+        accepted = offer(line, Chunk(len(content), 0, len(content), content))
+        expect(not accepted, "a chunk without a name was accepted", expected="0", observed="1")
         upload(line, subject.new_name(), content)
 
 
@@ -351,9 +361,9 @@ def test_chunk_after_a_refused_name(subject: ControllerUnderTest, line: Outgoing
     """A chunk after a refused name is refused."""
     name, content = subject.new_name(), content_of(250)
     upload(line, name, content)
-    _refused(line, name, "an existing name was accepted")
-    taken = offer(line, Chunk(3, 0, 3, b"new"))
-    expect(not taken, "a chunk after a refused name was accepted", expected="0", observed="1")
+    _expect_refused(line, name, "an existing name was accepted")
+    accepted = offer(line, Chunk(3, 0, 3, b"new"))
+    expect(not accepted, "a chunk after a refused name was accepted", expected="0", observed="1")
     expect_stored(line, name, content, "5.2/11")
 
 
@@ -364,9 +374,9 @@ def test_chunk_during_a_download(subject: ControllerUnderTest, line: OutgoingCon
     upload(line, name, content_of(450))
     line.ask("download_name", data=name)
     next_chunk(line)
-    taken = offer(line, Chunk(3, 0, 3, b"new"))
+    accepted = offer(line, Chunk(3, 0, 3, b"new"))
     message = "an upload chunk was accepted during a download"
-    expect(not taken, message, expected="0", observed="1")
+    expect(not accepted, message, expected="0", observed="1")
 
 
 @case("5.2/11", name="elsewhere")
@@ -396,9 +406,9 @@ def test_chunk_after_the_connection_was_lost(
         send(line, Chunk(450, 0, 200, bytes(200)))
         end(line)
         line = subject.open()
-        taken = offer(line, Chunk(450, 200, 200, bytes(200)))
+        accepted = offer(line, Chunk(450, 200, 200, bytes(200)))
         message = "a chunk without a name was accepted on a new connection"
-        expect(not taken, message, expected="0", observed="1")
+        expect(not accepted, message, expected="0", observed="1")
 
 
 @case("5.2/13")
@@ -420,7 +430,7 @@ def test_nothing_after_the_last_answer(
 
 
 @case("5.2/12", name="again")
-def test_read_again_and_again(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_repeated_downloads(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Each download of an uploaded file, also on another connection, returns the same content."""
     name, content = subject.new_name(), content_of(450)
     upload(line, name, content)
@@ -432,7 +442,7 @@ def test_read_again_and_again(subject: ControllerUnderTest, line: OutgoingConnec
 
 
 @case("5.2/12", name="anew")
-def test_uploaded_anew(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_replaced_file(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A name used again after deletion stores the new content, whatever its size is."""
     name = subject.new_name()
     for number, size in enumerate((450, 600, 250, 250, 1)):
@@ -467,10 +477,10 @@ def test_two_uploads_at_once(subject: ControllerUnderTest, line: OutgoingConnect
         subject.tolerate("5.2/12", "A-5-17", "one", message)
         return
     for both in zip(*(list(chunks_of(content)) for content in contents), strict=True):
-        for each, chunk in zip(lines, both, strict=True):
-            send(each, chunk)
-    for each, name, content in zip(lines, names[::-1], contents[::-1], strict=True):
-        expect_stored(each, name, content)
+        for connection, chunk in zip(lines, both, strict=True):
+            send(connection, chunk)
+    for connection, name, content in zip(lines, names[::-1], contents[::-1], strict=True):
+        expect_stored(connection, name, content)
 
 
 @case("5.2/12", name="one-name-twice")
@@ -484,19 +494,19 @@ def test_one_name_on_two_connections(
     contents = [content_of(450, number) for number in (0, 1)]
     begin(lines[0], name)
     lines[1].ask("upload_name", name)
-    taken = [True, True]
+    accepted = [True, True]
     for both in zip(*(list(chunks_of(content)) for content in contents), strict=True):
         for number in (0, 1):
-            taken[number] = bool(offer(lines[number], both[number])) and taken[number]
-    if not any(taken):
+            accepted[number] = bool(offer(lines[number], both[number])) and accepted[number]
+    if not any(accepted):
         return
-    got = download(lines[0], name)
-    whole = [content for content, all_taken in zip(contents, taken, strict=True) if all_taken]
+    downloaded = download(lines[0], name)
+    whole = [content for content, all_taken in zip(contents, accepted, strict=True) if all_taken]
     expect(
-        got in whole,
+        downloaded in whole,
         "two uploads under one name were mixed",
         expected="one of the files whose chunks were all accepted",
-        observed="another content" if got is not None else "no file",
+        observed="another content" if downloaded is not None else "no file",
     )
 
 
@@ -522,7 +532,7 @@ def test_delimiters_in_the_content(subject: ControllerUnderTest, line: OutgoingC
     )
     for content in examples(contents):
         expect_round_trip(subject, line, content, "5.2/14")
-    for sizes in _BEGINNING_OTHERWISE:
+    for sizes in _SPECIAL_SEGMENT_SIZES:
         _in_segments(subject, line, b"\xaa\xcc" * 100, sizes)
 
 
@@ -574,7 +584,7 @@ def _large(subject: ControllerUnderTest, line: OutgoingConnection, size: int) ->
     """
     neighbours, between = [subject.new_name(), subject.new_name()], subject.new_name()
     for neighbour in (neighbours[0], between, neighbours[1]):
-        upload(line, neighbour, _NEIGHBOUR)
+        upload(line, neighbour, _NEIGHBOUR_CONTENT)
     delete(line, between)
     name, content = subject.new_name(), content_of(size)
     begin(line, name)
@@ -588,20 +598,20 @@ def _large(subject: ControllerUnderTest, line: OutgoingConnection, size: int) ->
     expect_stored(line, name, content, "5.2/16")
     nothing_more(line, "something followed a large file", "5.2/16")
     for neighbour in neighbours:
-        expect_stored(line, neighbour, _NEIGHBOUR)
+        expect_stored(line, neighbour, _NEIGHBOUR_CONTENT)
 
 
 def _expect_too_large(subject: ControllerUnderTest, line: OutgoingConnection, size: int) -> None:
     """Expect that a controller without room for a file refuses each larger one (A-5-25)."""
-    for larger in (size + 1, _LARGEST + 1, 2 * size + 1):
+    for larger in (size + 1, _LARGEST_BYTES + 1, 2 * size + 1):
         begin(line, subject.new_name())
-        taken = offer(line, Chunk(larger, 0, BUFFER_BYTES, bytes(BUFFER_BYTES)))
+        accepted = offer(line, Chunk(larger, 0, BUFFER_BYTES, bytes(BUFFER_BYTES)))
         message = UserMessage(
             "a file of {size} bytes is refused, but one of {larger} bytes is accepted",
             size=size,
             larger=larger,
         )
-        expect(not taken, message, expected="1", observed="0", requirement="5.2/16")
+        expect(not accepted, message, expected="1", observed="0", requirement="5.2/16")
         line = again(subject, line)
     subject.tolerate(
         "5.2/16",
@@ -632,4 +642,4 @@ def test_size_65536(subject: ControllerUnderTest, line: OutgoingConnection) -> N
 @case("5.2/16", "5.2/12", name="70000")
 def test_size_70000(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file whose positions do not fit 16 bits is stored unchanged."""
-    _large(subject, line, _LARGEST)
+    _large(subject, line, _LARGEST_BYTES)

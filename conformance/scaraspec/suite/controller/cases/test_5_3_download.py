@@ -56,12 +56,12 @@ from scaraspec.user_message import UserMessage
 _CONTENT = content_of(650)
 
 
-def _absent(line: OutgoingConnection, name: bytes, message: str) -> None:
+def _expect_refused(line: OutgoingConnection, name: bytes, message: str) -> None:
     answer = line.ask("download_name", data=name)
     expect(not answer.accepted, message, expected="0", observed=f"{answer}")
 
 
-def _ask_for(line: OutgoingConnection, name: bytes) -> Chunk:
+def _begin_download(line: OutgoingConnection, name: bytes) -> Chunk:
     """Request an existing file, and return its first chunk, which is not answered yet."""
     answer = line.ask("download_name", data=name)
     expect(
@@ -77,7 +77,7 @@ def _ask_for(line: OutgoingConnection, name: bytes) -> Chunk:
     return chunk
 
 
-def _unless_last(chunk: Chunk) -> Chunk:
+def _skip_if_last(chunk: Chunk) -> Chunk:
     """Return the chunk, if another one follows it.
 
     Raises:
@@ -89,31 +89,35 @@ def _unless_last(chunk: Chunk) -> Chunk:
 
 
 @case("5.3/2")
-def test_file_that_is_there(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_existing_file(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An existing file is answered 1 each time; a missing one is answered 0."""
     name = some_file(subject, line, _CONTENT)
     for _ in range(3):
-        _absent(line, b"absent-" + name, "a missing file was accepted for download")
+        _expect_refused(line, b"absent-" + name, "a missing file was accepted for download")
         expect(download(line, name), "an existing file was refused", expected="1", observed="0")
 
 
 @case("5.3/3")
-def test_file_that_is_not_there(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_missing_file(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A name that is similar to that of a file, and an empty name, are answered 0."""
     name = some_file(subject, line, _CONTENT)
-    near_ones = [name + b"x", name[:-1], b"x" + name, name[1:], name + b".bak"]
+    similar_names = [name + b"x", name[:-1], b"x" + name, name[1:], name + b".bak"]
     if subject.files.is_own(name):  # otherwise another file of the user may have this name
-        near_ones.append(name.partition(b".")[0])
-    for near in examples((*near_ones, b"*", b"*.rob", INHERITED)):
+        similar_names.append(name.partition(b".")[0])
+    for similar in examples((*similar_names, b"*", b"*.rob", INHERITED)):
         message = UserMessage(
             "{name} does not exist and was accepted for download",
-            name=near.decode(errors="replace"),
+            name=similar.decode(errors="replace"),
         )
-        _absent(line, near, message)
+        _expect_refused(line, similar, message)
     line.send("download_name", data=b"")
-    came = transfer_frames(line)
-    promised = [seen for seen in came if seen.name == "download_name" and seen.value is True]
-    expect(not promised, "a nameless download was accepted", expected="0", observed="1")
+    replies = transfer_frames(line)
+    accepted = [
+        received
+        for received in replies
+        if received.name == "download_name" and received.value is True
+    ]
+    expect(not accepted, "a nameless download was accepted", expected="0", observed="1")
 
 
 @case("5.3/3", name="deleted", hazards=(Hazard.STATE,))
@@ -125,11 +129,11 @@ def test_deleted_file(subject: ControllerUnderTest, line: OutgoingConnection) ->
     name = subject.new_name("ab")
     upload(line, name, _CONTENT)
     message = "a name with the letters in another order was accepted for download"
-    _absent(line, name.replace(b"ab", b"ba"), message)
+    _expect_refused(line, name.replace(b"ab", b"ba"), message)
     expect_stored(line, name, _CONTENT)
     delete(line, name)
-    _absent(line, name, "a deleted file was accepted for download")
-    _absent(again(subject, line), name, "a deleted file was accepted for download")
+    _expect_refused(line, name, "a deleted file was accepted for download")
+    _expect_refused(again(subject, line), name, "a deleted file was accepted for download")
 
 
 @case("5.3/3", name="unfinished", hazards=(Hazard.STATE,))
@@ -139,15 +143,15 @@ def test_unfinished_file(subject: ControllerUnderTest, line: OutgoingConnection)
     name = subject.new_name()
     begin(line, name)
     send(line, Chunk(650, 0, 200, _CONTENT[:200]))
-    got = left_behind(subject.open(), name)
-    if got is None:
+    fetched = left_behind(subject.open(), name)
+    if fetched is None:
         return
     message = "an unfinished upload was downloaded with bytes that were never sent"
     expect(
-        got in (b"", _CONTENT[:200]),
+        fetched in (b"", _CONTENT[:200]),
         message,
         expected="0, or the 200 bytes sent so far",
-        observed=f"{len(got)} bytes",
+        observed=f"{len(fetched)} bytes",
     )
     message = "the part received so far can be downloaded during the upload"
     subject.tolerate("5.3/3", "A-5-12", "visible", message)
@@ -158,21 +162,25 @@ def test_content_follows(subject: ControllerUnderTest, line: OutgoingConnection)
     """After the 1, the content follows without a request, one fileData in each 0x56."""
     name = some_file(subject, line, _CONTENT)
     line.send("download_name", name)
-    behind = line.reply("download_name").seen.place.offset_bytes
-    early_chunks = [seen for seen in line.inbox if seen.place.offset_bytes < behind]
+    name_offset_bytes = line.reply("download_name").seen.place.offset_bytes
+    early_chunks = [
+        received for received in line.inbox if received.place.offset_bytes < name_offset_bytes
+    ]
     expect(
         not early_chunks,
         "a chunk arrived before the reply to the name",
         expected="1, then the first chunk",
-        observed="; ".join(f"{seen.frame}" for seen in early_chunks),
+        observed="; ".join(f"{received.frame}" for received in early_chunks),
     )
-    begun_ns = subject.now_ns
-    late_s = 0.0
+    start_ns = subject.now_ns
+    delay_s = 0.0
     for chunk in incoming(line):
         if not chunk.position:
-            late_s = (subject.now_ns - begun_ns) / 1e9
-    if late_s > subject.reply_s:
-        message = UserMessage("the first chunk arrived {late_s:.1f} s after the 1", late_s=late_s)
+            delay_s = (subject.now_ns - start_ns) / 1e9
+    if delay_s > subject.reply_s:
+        message = UserMessage(
+            "the first chunk arrived {delay_s:.1f} s after the 1", delay_s=delay_s
+        )
         subject.tolerate("5.3/4", "A-5-23", "later", message)
 
 
@@ -183,11 +191,13 @@ def test_content_at_the_edges(subject: ControllerUnderTest, line: OutgoingConnec
         name, content = subject.new_name(), content_of(size)
         upload(line, name, content)
         chunks = [chunk_of(frame) for frame in course_of(line, name)]
-        got = b"".join(chunk.data for chunk in chunks)
+        fetched = b"".join(chunk.data for chunk in chunks)
         message = UserMessage(
             "the chunks of a file of {size} bytes do not contain its content", size=size
         )
-        expect(got == content, message, expected=f"{size} bytes", observed=f"{len(got)} bytes")
+        expect(
+            fetched == content, message, expected=f"{size} bytes", observed=f"{len(fetched)} bytes"
+        )
 
 
 def _fetch_together(
@@ -195,17 +205,17 @@ def _fetch_together(
 ) -> list[bytes] | None:
     """Download on two connections, chunk by chunk in turns; None if only one is possible."""
     lines = (line, subject.open())
-    for each, name in zip(lines, names, strict=True):
-        if each.ask("download_name", data=name).accepted:
+    for connection, name in zip(lines, names, strict=True):
+        if connection.ask("download_name", data=name).accepted:
             continue
-        expect(each is not line, "an existing file was refused", requirement="5.3/2")
+        expect(connection is not line, "an existing file was refused", requirement="5.3/2")
         message = "only one download at a time is possible on all connections"
         subject.tolerate("5.3/4", "A-5-17", "one", message)
         return None
-    got = [b"", b""]
+    fetched = [b"", b""]
     for chunks in zip(*map(incoming, lines), strict=False):
-        got = [before + chunk.data for before, chunk in zip(got, chunks, strict=True)]
-    return got
+        fetched = [before + chunk.data for before, chunk in zip(fetched, chunks, strict=True)]
+    return fetched
 
 
 @case("5.3/4", name="twice-at-once")
@@ -214,9 +224,9 @@ def test_one_file_on_two_connections(
 ) -> None:
     """Two connections that download one file at the same time both receive it completely."""
     subject.require_multiple_connections()
-    got = _fetch_together(subject, line, [some_file(subject, line, _CONTENT)] * 2)
+    fetched = _fetch_together(subject, line, [some_file(subject, line, _CONTENT)] * 2)
     message = "two connections that download one file receive different contents"
-    expect(got is None or got[0] == got[1], message, expected="the same twice")
+    expect(fetched is None or fetched[0] == fetched[1], message, expected="the same twice")
 
 
 @case("5.3/4", name="two-at-once", hazards=(Hazard.STATE,))
@@ -227,9 +237,9 @@ def test_two_files_on_two_connections(
     subject.require_multiple_connections()
     contents = [content_of(650, number) for number in (0, 1)]
     names = [some_file(subject, line, content) for content in contents]
-    got = _fetch_together(subject, line, names)
+    fetched = _fetch_together(subject, line, names)
     message = "two downloads at the same time were mixed"
-    expect(got is None or got == contents, message, expected="each connection its own file")
+    expect(fetched is None or fetched == contents, message, expected="each connection its own file")
 
 
 @case("5.3/6", slow=True)
@@ -250,7 +260,7 @@ def test_one_chunk_at_a_time(subject: ControllerUnderTest, line: OutgoingConnect
 def test_no_chunk_is_repeated(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A chunk that is not answered for some seconds is not sent again."""
     name = some_file(subject, line, _CONTENT)
-    _ask_for(line, name)
+    _begin_download(line, name)
     line.wait(limits_of(subject).survived_s / 5)
     nothing_more(line, "an unanswered chunk was followed by another one", "5.3/6")
 
@@ -268,55 +278,57 @@ def test_silence_of_the_client(subject: ControllerUnderTest, line: OutgoingConne
 
     after_name, after_chunk = (partial(_begin, name=name, answered=answered) for answered in (0, 1))
 
-    def survived(on: OutgoingConnection, silence: Silence) -> None:
-        on.pump()
-        chunks = [seen.frame for seen in on.inbox if seen.name == "download_chunk"]
+    def check_survived(connection: OutgoingConnection, silence: Silence) -> None:
+        connection.pump()
+        chunks = [
+            received.frame for received in connection.inbox if received.name == "download_chunk"
+        ]
         message = "something was sent while the answer to a chunk was pending"
         expect(not chunks, message, observed=f"{chunks}", requirement="5.3/6")
         silence.in_time(limits.early_s)
-        if not _goes_on(on, CHUNK_S):
+        if not _continues(connection, CHUNK_S):
             message = UserMessage(
                 "an answer to a chunk was not accepted after {survived_s:g} s",
                 survived_s=limits.survived_s,
             )
             raise CaseFailed(message, expected="the next chunk", observed="none")
 
-    def early(on: OutgoingConnection, silence: Silence) -> None:
+    def check_early(connection: OutgoingConnection, silence: Silence) -> None:
         passed_s = silence.passed_s
-        if not _goes_on(on, subject.reply_s) and passed_s < subject.transfer_s:
+        if not _continues(connection, subject.reply_s) and passed_s < subject.transfer_s:
             message = UserMessage(
                 "a download is aborted before {passed_s:g} s of silence", passed_s=passed_s
             )
             subject.tolerate("5.3/7", "xfer_timeout", "less", message)
 
-    def late(on: OutgoingConnection, _: Silence) -> None:
-        if _still_goes_on(on):
+    def check_late(connection: OutgoingConnection, _: Silence) -> None:
+        if _continues_too_late(connection):
             message = UserMessage(
                 "a download is not aborted after {silence_s:g} s of silence",
                 silence_s=limits.late_s,
             )
             subject.tolerate("5.3/7", "xfer_timeout", "more", message)
 
-    def over(on: OutgoingConnection, _: Silence) -> None:
+    def check_over(connection: OutgoingConnection, _: Silence) -> None:
         message = UserMessage(
             "an answer to a chunk was accepted after {over_s:g} s", over_s=limits.over_s
         )
-        goes_on = _still_goes_on(on)
-        expect(not goes_on, message, expected="no further chunk", observed="the next chunk")
-        if on.ending is None:
-            _ask_for(on, name)
+        continued = _continues_too_late(connection)
+        expect(not continued, message, expected="no further chunk", observed="the next chunk")
+        if connection.ending is None:
+            _begin_download(connection, name)
 
     run_tracks(
         subject,
         [
             Track(
-                partial(_ask_again, name=name),
-                ((limits.survived_s, survived),) * times,
+                partial(_begin_after_download, name=name),
+                ((limits.survived_s, check_survived),) * times,
             ),
-            Track(after_name, ((limits.early_s, early),)),
-            Track(after_name, ((limits.late_s, late),)),
+            Track(after_name, ((limits.early_s, check_early),)),
+            Track(after_name, ((limits.late_s, check_late),)),
             *(
-                Track(begin, ((limits.over_s, over),))
+                Track(begin, ((limits.over_s, check_over),))
                 for begin in (after_name, after_chunk)[:times]
             ),
         ],
@@ -326,19 +338,19 @@ def test_silence_of_the_client(subject: ControllerUnderTest, line: OutgoingConne
 
 def _begin(line: OutgoingConnection, name: bytes, answered: int = 0) -> None:
     """Request a file and answer `answered` of its chunks; another chunk follows."""
-    _unless_last(_ask_for(line, name))
+    _skip_if_last(_begin_download(line, name))
     for _ in range(answered):
         line.answer_chunk(accepted=True)
-        _unless_last(next_chunk(line))
+        _skip_if_last(next_chunk(line))
 
 
-def _ask_again(line: OutgoingConnection, name: bytes) -> None:
+def _begin_after_download(line: OutgoingConnection, name: bytes) -> None:
     """Request a file again after a download, whose timeout must not apply to the new one."""
     download(line, name)
     _begin(line, name)
 
 
-def _goes_on(line: OutgoingConnection, within_s: float) -> bool:
+def _continues(line: OutgoingConnection, within_s: float) -> bool:
     """Answer a chunk, and return whether the next one arrives."""
     try:
         line.answer_chunk(accepted=True)
@@ -352,29 +364,29 @@ def _after_refusal(
     subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, refuse_at: int
 ) -> None:
     """Refuse one chunk of a download: only the same chunk may be sent again."""
-    chunk = _ask_for(line, name)
+    chunk = _begin_download(line, name)
     for _ in range(refuse_at):
-        _unless_last(chunk)
+        _skip_if_last(chunk)
         line.answer_chunk(accepted=True)
         chunk = next_chunk(line)
     line.answer_chunk(accepted=False)
-    sent = transfer_frames(line)
-    came = [seen for seen in sent if not gives_up(seen)]
-    repeated = [seen for seen in came if seen.value == chunk]
+    frames = transfer_frames(line)
+    replies = [received for received in frames if not gives_up(received)]
+    repeated = [received for received in replies if received.value == chunk]
     expect(
-        len(came) == len(repeated) <= 1,
+        len(replies) == len(repeated) <= 1,
         UserMessage(
             "after chunk {chunk_number} of a download was refused, another one arrived",
             chunk_number=refuse_at + 1,
         ),
         expected="none, or the same once more",
-        observed="; ".join(f"{seen.frame}" for seen in came),
+        observed="; ".join(f"{received.frame}" for received in replies),
     )
     if repeated:
         message = "a refused chunk is sent again"
         subject.tolerate("5.3/9", "A-5-14", "repeats", message)
         return
-    if sent:
+    if frames:
         message = "a chunk of length 0 follows a refused one"
         subject.tolerate("5.3/9", "A-5-10", "signal", message)
     if line.ending is not None:
@@ -391,14 +403,14 @@ def test_first_chunk_refused(subject: ControllerUnderTest, line: OutgoingConnect
     _after_refusal(subject, line, some_file(subject, line, _CONTENT), 0)
 
 
-def _still_goes_on(line: OutgoingConnection) -> bool:
+def _continues_too_late(line: OutgoingConnection) -> bool:
     """Answer a chunk, and return whether the next one arrives, where none is allowed."""
     try:
         line.answer_chunk(accepted=True)
     except NoReply:
         return False
-    came = transfer_frames(line, stray=True)
-    return any(seen.name == "download_chunk" and not gives_up(seen) for seen in came)
+    replies = transfer_frames(line, stray=True)
+    return any(received.name == "download_chunk" and not gives_up(received) for received in replies)
 
 
 @case("5.3/9", name="middle")
@@ -420,7 +432,7 @@ def test_last_chunk_refused(subject: ControllerUnderTest, line: OutgoingConnecti
 def test_nothing_after_a_refusal(line: OutgoingConnection) -> None:
     """No chunk arrives after a name is refused with 0."""
     for name in examples((b"absent.rob", b"absent.txt", b"a")):
-        _absent(line, name, "a missing file was accepted for download")
+        _expect_refused(line, name, "a missing file was accepted for download")
         nothing_more(line, "a chunk arrived although the file was refused", "5.3/10")
     line.wait(MOMENT_S)
     nothing_more(line, "a chunk arrived although the file was refused", "5.3/10")
@@ -432,7 +444,7 @@ def test_answer_without_a_download(subject: ControllerUnderTest, line: OutgoingC
     name = some_file(subject, line, _CONTENT)
     for _ in range(2):
         for flag in examples((b"1", b"0")):
-            _absent(line, b"absent-" + name, "a missing file was accepted for download")
+            _expect_refused(line, b"absent-" + name, "a missing file was accepted for download")
             line.send("download_chunk", data=flag)
             nothing_more(line, "a chunk arrived that was not requested", "5.3/10", stray=True)
         download(line, name)

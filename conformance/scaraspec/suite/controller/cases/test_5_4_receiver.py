@@ -47,14 +47,14 @@ from scaraspec.user_message import UserMessage
 _CONTENT = content_of(650)
 _CHUNKS = tuple(chunks_of(_CONTENT))
 _POLL_S = 0.5
-_AHEAD = timedelta(hours=1)
+_CLOCK_SHIFT = timedelta(hours=1)
 
 
 # The name
 
 
 @case("5.4/1")
-def test_name_that_is_not_there(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_missing_name(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The name of a missing file is answered 1: new, deleted, or requested before."""
     name = subject.new_name()
     line.ask("download_name", data=name)
@@ -73,18 +73,18 @@ def test_name_on_a_second_connection(
 ) -> None:
     """A file can be uploaded on any connection, also while another one is open."""
     subject.require_multiple_connections()
-    for on in (line, subject.open(), line):
+    for connection in (line, subject.open(), line):
         name = subject.new_name()
-        answer = on.ask("upload_name", data=name)
+        answer = connection.ask("upload_name", data=name)
         message = "the name of a missing file was refused"
         expect(answer.accepted, message, expected="1", observed=f"{answer}")
-        send(on, Chunk(1, 0, 1, b"!"))
+        send(connection, Chunk(1, 0, 1, b"!"))
         expect_stored(line, name, b"!", "5.4/1")
         line.sync()  # the download ends for the controller, too: it may allow one at a time
 
 
 @case("5.4/2")
-def test_name_that_is_there(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_existing_name(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The name of an existing file is answered 0 on any connection, also after a download."""
     name = subject.new_name()
     upload(line, name, _CONTENT)
@@ -148,7 +148,7 @@ def test_end_is_found(subject: ControllerUnderTest, line: OutgoingConnection) ->
 
 @case("5.4/4", name="short-chunks")
 @given(lengths=st.permutations([1, 7, 64, 128, 200]))
-def test_end_behind_short_chunks(
+def test_end_after_short_chunks(
     subject: ControllerUnderTest, line: OutgoingConnection, lengths: list[int]
 ) -> None:
     """A file in chunks of any lengths ends where position + length is fileSize, not earlier."""
@@ -173,17 +173,17 @@ def test_silence(subject: ControllerUnderTest) -> None:
     run_tracks(
         subject,
         [
-            _patient(subject, limits),
-            _reported(subject, limits.early_s, limits),
-            _reported(subject, limits.late_s, limits),
-            _abandoned(subject, limits, sent=2),
-            _abandoned(subject, limits, sent=0),
+            _track_of_pauses(subject, limits),
+            _track_to_observe(subject, limits.early_s, limits),
+            _track_to_observe(subject, limits.late_s, limits),
+            _track_of_timeout(subject, limits, sent_chunks=2),
+            _track_of_timeout(subject, limits, sent_chunks=0),
         ],
         at_once=uploads_at_once(subject),
     )
 
 
-def _sent(
+def _upload_start(
     subject: ControllerUnderTest, count: int
 ) -> tuple[bytes, Callable[[OutgoingConnection], None]]:
     """Return a new name, and a function that starts its upload and sends `count` chunks."""
@@ -197,85 +197,85 @@ def _sent(
     return name, start
 
 
-def _patient(subject: ControllerUnderTest, limits: Limits) -> Track:
+def _track_of_pauses(subject: ControllerUnderTest, limits: Limits) -> Track:
     """Return a track with pauses of 25 s after the name and after a chunk, and then the rest.
 
     A complete upload precedes it, whose timeout must not apply to this one.
     """
-    name, start = _sent(subject, 0)
+    name, start = _upload_start(subject, 0)
 
-    def after_another(line: OutgoingConnection) -> None:
+    def start_after_another(line: OutgoingConnection) -> None:
         another = subject.new_name()
         upload(line, another, _CONTENT)
         delete(line, another)
         start(line)
 
-    def survived(line: OutgoingConnection, silence: Silence, chunk: Chunk) -> None:
-        taken = offer(line, chunk, within_s=CHUNK_S)
-        if not taken:
-            silence.in_time(limits.early_s + (CHUNK_S if taken is None else 0))
-            _serving(subject, line, "a timeout")
+    def check_survived(line: OutgoingConnection, silence: Silence, chunk: Chunk) -> None:
+        accepted = offer(line, chunk, within_s=CHUNK_S)
+        if not accepted:
+            silence.in_time(limits.early_s + (CHUNK_S if accepted is None else 0))
+            _expect_served(subject, line, "a timeout")
             message = UserMessage(
                 "an upload was aborted after {survived_s:g} s of silence",
                 survived_s=limits.survived_s,
             )
             raise CaseFailed(message, expected="1", observed="0 or silence", requirement="5.4/5")
 
-    def rest(line: OutgoingConnection, silence: Silence) -> None:
-        survived(line, silence, _CHUNKS[1])
+    def check_rest(line: OutgoingConnection, silence: Silence) -> None:
+        check_survived(line, silence, _CHUNKS[1])
         for chunk in _CHUNKS[2:]:
             send(line, chunk)
         expect_stored(line, name, _CONTENT, "5.4/5")
 
-    first = (limits.survived_s, lambda line, silence: survived(line, silence, _CHUNKS[0]))
-    return Track(after_another, (first, (limits.survived_s, rest)))
+    first = (limits.survived_s, lambda line, silence: check_survived(line, silence, _CHUNKS[0]))
+    return Track(start_after_another, (first, (limits.survived_s, check_rest)))
 
 
-def _reported(subject: ControllerUnderTest, silence_s: float, limits: Limits) -> Track:
+def _track_to_observe(subject: ControllerUnderTest, silence_s: float, limits: Limits) -> Track:
     """Return a track with a pause after which it is observed whether an upload is still open."""
-    _, start = _sent(subject, 1)
+    _, start = _upload_start(subject, 1)
 
-    def look(line: OutgoingConnection, silence: Silence) -> None:
+    def check_state(line: OutgoingConnection, silence: Silence) -> None:
         passed_s = silence.passed_s
-        alive = offer(line, _CHUNKS[1])
-        if alive and silence_s >= limits.late_s:
+        still_open = offer(line, _CHUNKS[1])
+        if still_open and silence_s >= limits.late_s:
             message = UserMessage(
                 "an upload is not aborted after {silence_s:g} s of silence", silence_s=silence_s
             )
             subject.tolerate("5.4/5", "xfer_timeout", "more", message)
-        if not alive and passed_s < subject.transfer_s:
+        if not still_open and passed_s < subject.transfer_s:
             message = UserMessage(
                 "an upload is aborted before {passed_s:g} s of silence", passed_s=passed_s
             )
             subject.tolerate("5.4/5", "xfer_timeout", "less", message)
 
-    return Track(start, ((silence_s, look),))
+    return Track(start, ((silence_s, check_state),))
 
 
-def _abandoned(subject: ControllerUnderTest, limits: Limits, sent: int) -> Track:
+def _track_of_timeout(subject: ControllerUnderTest, limits: Limits, sent_chunks: int) -> Track:
     """Return a track with a pause of 60 s, after which the upload must be over."""
-    name, start = _sent(subject, sent)
+    name, start = _upload_start(subject, sent_chunks)
 
-    def over(line: OutgoingConnection, _: Silence) -> None:
+    def check_over(line: OutgoingConnection, _: Silence) -> None:
         expect(
-            not offer(line, _CHUNKS[sent]),
+            not offer(line, _CHUNKS[sent_chunks]),
             UserMessage("a chunk was accepted after {over_s:g} s of silence", over_s=limits.over_s),
             expected="0",
             observed="1",
             requirement="5.4/5",
         )
-        line = _serving(subject, line, "a timeout")
-        _transfers(subject, line, "a timeout")
-        _nothing_left(subject, line, name, _CONTENT[: 200 * sent]).close()
+        line = _expect_served(subject, line, "a timeout")
+        _expect_transfer(subject, line, "a timeout")
+        _expect_nothing_left(subject, line, name, _CONTENT[: 200 * sent_chunks]).close()
 
-    return Track(start, ((limits.over_s, over),))
+    return Track(start, ((limits.over_s, check_over),))
 
 
 # The state after an interrupted transfer
 
 
-def _serving(
-    subject: ControllerUnderTest, line: OutgoingConnection, what: str
+def _expect_served(
+    subject: ControllerUnderTest, line: OutgoingConnection, event: str
 ) -> OutgoingConnection:
     """Return the connection after another command is served; a new one if only that is served."""
     try:
@@ -288,26 +288,28 @@ def _serving(
         except CaseFailed:
             error.requirement = "5.4/6"
             raise error from None
-        message = UserMessage("after {event}, only a new connection is served", event=what)
+        message = UserMessage("after {event}, only a new connection is served", event=event)
         subject.tolerate("5.4/6", "A-5-26", "closed", message)
     return line
 
 
-def _transfers(subject: ControllerUnderTest, line: OutgoingConnection, what: str) -> None:
+def _expect_transfer(subject: ControllerUnderTest, line: OutgoingConnection, event: str) -> None:
     """Expect that another transfer works after an interrupted one."""
     try:
         expect_round_trip(subject, line, b"next")
     except CaseFailed as error:
         raise CaseFailed(
-            UserMessage("after {event}, no other transfer works: {error}", event=what, error=error),
+            UserMessage(
+                "after {event}, no other transfer works: {error}", event=event, error=error
+            ),
             expected=error.expected,
             observed=error.observed,
             requirement="5.4/6",
         ) from None
 
 
-def _nothing_left(
-    subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, part: bytes
+def _expect_nothing_left(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, sent_part: bytes
 ) -> OutgoingConnection:
     """Expect that an interrupted upload leaves no file, or the beginning of it (A-5-12).
 
@@ -320,26 +322,26 @@ def _nothing_left(
     Raises:
         CaseFailed: There is another content, or the name stays blocked.
     """
-    got = left_behind(line, name)
-    if got is not None:
+    remaining = left_behind(line, name)
+    if remaining is not None:
         line = again(subject, line)
         expect(
-            part.startswith(got),
+            sent_part.startswith(remaining),
             "an interrupted upload left a file with another content",
-            expected=f"no file, or the {len(part)} bytes that were sent, or their beginning",
-            observed=f"{len(got)} bytes",
+            expected=f"no file, or the {len(sent_part)} bytes that were sent, or their beginning",
+            observed=f"{len(remaining)} bytes",
             requirement="5.4/7",
         )
         message = "the part that was sent of an interrupted upload is kept"
         subject.tolerate("5.4/7", "partial_keep", "keep", message)
         delete(line, name)
-    left_s = limits_of(subject).over_s  # a lost connection may be detected by its silence
-    while not (answer := line.ask("upload_name", data=name)).accepted and left_s > 0:
+    remaining_s = limits_of(subject).over_s  # a lost connection may be detected by its silence
+    while not (answer := line.ask("upload_name", data=name)).accepted and remaining_s > 0:
         if line.ask("delete_program", data=name).accepted:
             message = "an empty file of an interrupted upload is kept"
             subject.tolerate("5.4/7", "partial_keep", "keep", message)
         line.wait(_POLL_S)
-        left_s -= _POLL_S
+        remaining_s -= _POLL_S
     expect(
         answer.accepted,
         "the name of an interrupted upload cannot be used again, and no file of it can be deleted",
@@ -353,15 +355,15 @@ def _nothing_left(
     return line
 
 
-def _broken_off(subject: ControllerUnderTest, end: Callable[[OutgoingConnection], None]) -> None:
+def _break_uploads(subject: ControllerUnderTest, end: Callable[[OutgoingConnection], None]) -> None:
     """Interrupt an upload at every chunk with `end`."""
     for count in examples(range(len(_CHUNKS))):
-        name, start = _sent(subject, count)
+        name, start = _upload_start(subject, count)
         line = subject.open()
         start(line)
         end(line)
         line = subject.open() if line.closed else again(subject, line)
-        _nothing_left(subject, line, name, _CONTENT[: 200 * count]).close()
+        _expect_nothing_left(subject, line, name, _CONTENT[: 200 * count]).close()
 
 
 @case("5.4/7", "5.4/1", name="closed")
@@ -371,7 +373,7 @@ def test_connection_closed(subject: ControllerUnderTest) -> None:
     It may stay open until its timeout, and block others until then (A-5-17).
     """
     subject.notices_leaving()
-    _broken_off(subject, OutgoingConnection.close)
+    _break_uploads(subject, OutgoingConnection.close)
     if subject.transfers_outlive:
         message = "an upload whose connection ended blocks others until its timeout"
         subject.tolerate("5.4/7", "A-5-17", "outlives", message)
@@ -381,16 +383,16 @@ def test_connection_closed(subject: ControllerUnderTest) -> None:
 def test_connection_reset(subject: ControllerUnderTest) -> None:
     """An upload whose connection is reset at any chunk leaves nothing but the sent part."""
     subject.notices_leaving()
-    _broken_off(subject, OutgoingConnection.reset)
+    _break_uploads(subject, OutgoingConnection.reset)
 
 
 @case("5.4/7", "5.4/1", name="refused")
 def test_chunk_refused(subject: ControllerUnderTest) -> None:
     """An upload of which any chunk is refused leaves nothing but the sent part."""
-    _broken_off(subject, _offer_bad)
+    _break_uploads(subject, _offer_invalid_chunk)
 
 
-def _offer_bad(line: OutgoingConnection) -> None:
+def _offer_invalid_chunk(line: OutgoingConnection) -> None:
     """Send an invalid chunk: longer than the buffer, and beyond the end."""
     offer(line, Chunk(650, 500, 201, bytes(200)))
 
@@ -401,10 +403,10 @@ def test_served_after_a_refused_chunk(
 ) -> None:
     """After a refused chunk, other commands are served and another transfer works."""
     for chunk in examples((Chunk(650, 200, 201, bytes(200)), Chunk(650, 600, 200, bytes(200)))):
-        start = _sent(subject, 1)[1]
+        start = _upload_start(subject, 1)[1]
         start(line)
         offer(line, chunk)
-        line = _recovered(subject, line, "a refused chunk")
+        line = _expect_recovery(subject, line, "a refused chunk")
 
 
 @case("5.4/6", name="error-signal")
@@ -414,11 +416,11 @@ def test_served_after_the_error_signal(
     """After a chunk of length 0, with or without its header, other commands are served."""
     for count in (0, 1, 3):
         for data in examples((None, b"")):
-            start = _sent(subject, count)[1]
+            start = _upload_start(subject, count)[1]
             start(line)
             line.send("upload_chunk", Chunk(650, 200 * count, 0, b""), data=data)
             transfer_frames(line)  # the reply, if any, is open
-            line = _recovered(subject, line, "a chunk of length 0")
+            line = _expect_recovery(subject, line, "a chunk of length 0")
 
 
 @case("5.4/6", name="empty-file")
@@ -429,41 +431,47 @@ def test_served_after_an_empty_file(subject: ControllerUnderTest, line: Outgoing
     line.send("upload_chunk", Chunk(0, 0, 0, b""))
     line.wait(0.2)
     answers = transfer_frames(line)  # the reply, if any, is open (A-5-10)
-    taken = any(seen.name == "upload_chunk" and seen.value is True for seen in answers)
-    line = _recovered(subject, line, "an empty file")
-    if taken:
+    accepted = any(
+        received.name == "upload_chunk" and received.value is True for received in answers
+    )
+    line = _expect_recovery(subject, line, "an empty file")
+    if accepted:
         expect_equal(left_behind(line, name) or b"", b"", "an empty file has content")
         message = "an empty file is a chunk of length 0"
         subject.tolerate("5.4/6", "empty_file", "chunk", message)
 
 
-def _recovered(
-    subject: ControllerUnderTest, line: OutgoingConnection, what: str
+def _expect_recovery(
+    subject: ControllerUnderTest, line: OutgoingConnection, event: str
 ) -> OutgoingConnection:
     """Return a new connection, after the old one has served other commands.
 
     The upload may still be open (A-5-10, A-5-14), so the next transfer uses a new connection. If
     another upload is accepted on the old connection, it contains nothing of the interrupted one.
     """
-    line = _serving(subject, line, what)
+    line = _expect_served(subject, line, event)
     name = subject.new_name()
     if line.ask("upload_name", data=name).accepted:
         for chunk in _CHUNKS:
             send(line, chunk, "5.4/6")
         expect_stored(line, name, _CONTENT, "5.4/6")
     line = again(subject, line)
-    _transfers(subject, line, what)
+    _expect_transfer(subject, line, event)
     return line
 
 
 # Other commands during a transfer
 
-_OTHERS = ("get_status", "get_time", "get_version", "list_programs", "get_joint_angles")
+_OTHER_COMMANDS = ("get_status", "get_time", "get_version", "list_programs", "get_joint_angles")
 
 
-def _others(subject: ControllerUnderTest, line: OutgoingConnection, status: str) -> None:
+def _expect_other_commands(
+    subject: ControllerUnderTest, line: OutgoingConnection, status: str
+) -> None:
     """Send other commands, and expect this status."""
-    for name in examples(each for each in _OTHERS if each not in subject.ics.unsupported):
+    for name in examples(
+        command for command in _OTHER_COMMANDS if command not in subject.ics.unsupported
+    ):
         try:
             answer = line.ask(name)
         except NoReply as error:
@@ -485,30 +493,32 @@ def test_commands_during_an_upload(subject: ControllerUnderTest, line: OutgoingC
     upload(line, other, _CONTENT)
     store_program(subject, line)
     with kept(subject, line, "clock"):
-        _upload_among_others(subject, line, name, other)
+        _upload_between_other_commands(subject, line, name, other)
     expect_stored(line, name, _CONTENT, "5.4/8")
 
 
-def _upload_among_others(
+def _upload_between_other_commands(
     subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, other: bytes
 ) -> None:
     listed = _listed(subject, line, name, other)
     status = line.ask("get_status").value
     begin(line, name)
     for chunk in _CHUNKS:
-        _others(subject, line, status)
+        _expect_other_commands(subject, line, status)
         line.ask("delete_program", data=other)
         message = "the program list changed during an upload"
         expect_equal(_listed(subject, line, name, other), listed, message, requirement="5.4/8")
         if {"get_time", "set_time"}.isdisjoint(subject.ics.unsupported):
-            line.ask("set_time", shifted(read(subject, line).time, _AHEAD))
+            line.ask("set_time", shifted(read(subject, line).time, _CLOCK_SHIFT))
         send(line, chunk, "5.4/8", "a chunk was refused after other commands")
 
 
-def _listed(subject: ControllerUnderTest, line: OutgoingConnection, *but: bytes) -> list[bytes]:
+def _listed(
+    subject: ControllerUnderTest, line: OutgoingConnection, *excluded: bytes
+) -> list[bytes]:
     """Return the listed programs without these, sorted; empty if the list is not supported."""
-    lacks = "list_programs" in subject.ics.unsupported
-    return [] if lacks else sorted(set(program_names(subject, line)).difference(but))
+    unsupported = "list_programs" in subject.ics.unsupported
+    return [] if unsupported else sorted(set(program_names(subject, line)).difference(excluded))
 
 
 @case("5.4/8", "2/6", "4.8/3", name="download")
@@ -522,7 +532,7 @@ def test_commands_during_a_download(subject: ControllerUnderTest, line: Outgoing
     try:
         for chunk in incoming(line):
             content += chunk.data
-            _others(subject, line, status)
+            _expect_other_commands(subject, line, status)
             message = "the program list changed during a download"
             expect_equal(_listed(subject, line), listed, message)
     except CaseFailed as error:
@@ -531,10 +541,10 @@ def test_commands_during_a_download(subject: ControllerUnderTest, line: Outgoing
     message = "the content of a file changed with other commands during the download"
     expect(content == _CONTENT, message, expected="650 bytes", observed=f"{len(content)} bytes")
     if not takes_one_at_a_time(subject):
-        _answered_among_others(line, name)
+        _answer_chunks_between_queries(line, name)
 
 
-def _answered_among_others(line: OutgoingConnection, name: bytes) -> None:
+def _answer_chunks_between_queries(line: OutgoingConnection, name: bytes) -> None:
     """Send each answer to a chunk in one segment with a query before it and one after it."""
     line.ask("download_name", data=name)
     last = False
@@ -560,19 +570,21 @@ def test_commands_on_another_connection(
     status = other.ask("get_status").value
     begin(line, name)
     for chunk in _CHUNKS:
-        _others(subject, other, status)
+        _expect_other_commands(subject, other, status)
         send(line, chunk)
     expect_stored(other, name, _CONTENT, "5.4/8")
 
 
-def _second(subject: ControllerUnderTest, line: OutgoingConnection, opcode: str) -> None:
+def _begin_second_transfer(
+    subject: ControllerUnderTest, line: OutgoingConnection, opcode: str
+) -> None:
     """Begin a second transfer during an upload: it is refused, or replaces the upload (A-5-17)."""
     old, first, second = (subject.new_name() for _ in range(3))
     upload(line, old, content_of(250, 1))
     begin(line, first)
     send(line, _CHUNKS[0])
-    download_it = opcode == "download_name"
-    replaced = line.ask(opcode, old if download_it else second).accepted
+    is_download = opcode == "download_name"
+    replaced = line.ask(opcode, old if is_download else second).accepted
     if not replaced:
         message = "an upload was interrupted although a second transfer was refused"
         for chunk in _CHUNKS[1:]:
@@ -581,29 +593,32 @@ def _second(subject: ControllerUnderTest, line: OutgoingConnection, opcode: str)
         return
     message = "a second transfer replaces the first"
     subject.tolerate("5.4/8", "xfer_concurrency", "replace", message)
-    if not download_it:
+    if not is_download:
         for chunk in _CHUNKS:
             send(line, chunk)
         expect_stored(line, second, _CONTENT, "5.4/8")
     else:
         next_chunk(line)
-    left = left_behind(again(subject, line), first)
+    remaining = left_behind(again(subject, line), first)
     message = "a replaced upload left more than the part that was sent"
     expect(
-        left in (None, b"", _CONTENT[:200]), message, expected="no file", observed="another file"
+        remaining in (None, b"", _CONTENT[:200]),
+        message,
+        expected="no file",
+        observed="another file",
     )
 
 
 @case("5.4/8", name="second-upload")
 def test_second_upload(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A second upload during the first is refused without effect, or replaces it."""
-    _second(subject, line, "upload_name")
+    _begin_second_transfer(subject, line, "upload_name")
 
 
 @case("5.4/8", name="second-download")
 def test_second_download(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A download during an upload is refused without effect, or replaces it."""
-    _second(subject, line, "download_name")
+    _begin_second_transfer(subject, line, "download_name")
 
 
 @case("5.4/8", name="one-after-another")

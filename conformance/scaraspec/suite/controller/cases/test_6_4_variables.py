@@ -23,17 +23,17 @@ from scaraspec.suite.program_files.model import (
 )
 from scaraspec.suite.program_files.writing import OUTPUTS, number, variable
 
-_GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
+_PASSED, _FAILED = OUTPUTS[0], OUTPUTS[-1]
 _WAIT_S: Final = 5
-_SOON_S: Final = 1.0
+_STOP_S: Final = 1.0
 _VALUES: Final = {5: 1, 0: -1, -7: 0, 2_000_000_000: 40_000, 9: 2_147_483_647, 1: -2_147_483_648}
 """Values by key: small and large, of both signs, with keys in no order."""
 
 
-def _are(values: dict[int, int]) -> list[Statement]:
+def _value_checks(values: dict[int, int]) -> list[Statement]:
     """Return statements that flip an output for each variable with another value."""
     return [
-        If(variable(key), Opt.EQUAL, number(value), [], [Flip(_BAD)])
+        If(variable(key), Opt.EQUAL, number(value), [], [Flip(_FAILED)])
         for key, value in values.items()
     ]
 
@@ -42,16 +42,16 @@ def _are(values: dict[int, int]) -> list[Statement]:
 def test_initial_values(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Each variable begins with the value of the file, whatever its key and position."""
     with bench(subject, line) as robot:
-        robot.performs([*_are(_VALUES), Flip(_GOOD)], _VALUES)
+        robot.performs([*_value_checks(_VALUES), Flip(_PASSED)], _VALUES)
 
 
 @case("6.4/5", name="many", hazards=PROGRAMS)
 def test_many_variables(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The last of many variables begins with its value, like the first."""
     values = {key: 3 * key - 7 for key in range(40)}
-    few = {key: values[key] for key in (0, 19, 39)}
+    samples = {key: values[key] for key in (0, 19, 39)}
     with bench(subject, line) as robot:
-        robot.performs([*_are(few), Flip(_GOOD)], values, large=True)
+        robot.performs([*_value_checks(samples), Flip(_PASSED)], values, large=True)
 
 
 @case("6.4/5", "6.5/26", name="again", hazards=PROGRAMS)
@@ -76,40 +76,42 @@ def test_initial_values_again(subject: ControllerUnderTest, line: OutgoingConnec
         state.execute(block)
         message = "the second run of a program differs from the first"
         robot.has_left(state.outputs, state.written, message)
-        _expect_anew(line, robot, block, values)
+        _expect_restart(line, robot, block, values)
 
 
-def _expect_anew(
+def _expect_restart(
     line: OutgoingConnection, robot: Bench, block: Sequence[Statement], values: dict[int, int]
 ) -> None:
     """Expect that a program that was stopped does the same when it runs again."""
     initial = outputs(line)
-    whole = [*block, Flip(OUTPUTS[2]), Wait(robot.theirs_s(_WAIT_S))]
+    full_block = [*block, Flip(OUTPUTS[2]), Wait(robot.theirs_s(_WAIT_S))]
     state = State(initial, (), dict(values))
-    state.execute(whole)
-    used = OUTPUTS[:3]
-    on = not initial[used[-1] - 1]
-    name = robot.start(nodes_of(whole, initial), variables_of(values))
-    if robot.listens and robot.until(used[-1], on=on, within_s=_SOON_S):
+    state.execute(full_block)
+    ports = OUTPUTS[:3]
+    on = not initial[ports[-1] - 1]
+    name = robot.start(nodes_of(full_block, initial), variables_of(values))
+    if robot.listens and robot.until(ports[-1], on=on, within_s=_STOP_S):
         robot.stop()
-        for port in used:
+        for port in ports:
             set_output(line, port, on=initial[port - 1])
         robot.restart(name)
         message = "a program that was stopped does not begin with its first node"
-        expect(robot.until(used[-1], on=on, within_s=_WAIT_S), message, requirement="6.5/26")
+        expect(robot.until(ports[-1], on=on, within_s=_WAIT_S), message, requirement="6.5/26")
         message = "a run after one that was stopped differs from the first"
         # The stop may have cleared other outputs.
-        shown, wanted = ([b[port - 1] for port in used] for b in (outputs(line), state.outputs))
-        expect_equal(shown, wanted, message)
+        reported, expected = (
+            [b[port - 1] for port in ports] for b in (outputs(line), state.outputs)
+        )
+        expect_equal(reported, expected, message)
     robot.stop()
 
 
 @case("6.4/5", name="simulated", hazards=PROGRAMS)
-def test_initial_values_behind_a_simulation(
+def test_initial_values_after_a_simulation(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
     """A run begins with the values of the file, not with those of its simulation."""
-    block = [*_are({3: 10}), Flip(_GOOD), Assign(3, number(11))]
+    block = [*_value_checks({3: 10}), Flip(_PASSED), Assign(3, number(11))]
     with bench(subject, line) as robot:
         initial = outputs(line)
         name = robot.store(robot.file(nodes_of(block, initial), variables_of({3: 10})))
@@ -128,5 +130,5 @@ def test_initial_values_behind_a_simulation(
 def test_values_of_another_program(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program begins with its own values, not with those of another program."""
     with bench(subject, line) as robot:
-        robot.performs([Assign(1, number(77)), Flip(_GOOD)], {1: 70})
-        robot.performs([*_are({1: 5, 2: 6}), Flip(_GOOD)], {1: 5, 2: 6})
+        robot.performs([Assign(1, number(77)), Flip(_PASSED)], {1: 70})
+        robot.performs([*_value_checks({1: 5, 2: 6}), Flip(_PASSED)], {1: 5, 2: 6})

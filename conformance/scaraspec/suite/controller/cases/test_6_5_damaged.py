@@ -25,7 +25,7 @@ from scaraspec.user_message import UserMessage
 _WATCHED_S: Final = 1.0
 """How long an accepted damaged file may run without a final result."""
 
-_MANY: Final = 60
+_MANY_NODES: Final = 60
 """Number of nodes that does not fit a buffer of 512 bytes."""
 
 _LOOP, _END_LOOP = Node(b"", NodeType.LOOP, counts=1), Node(b"", NodeType.END_LOOP)
@@ -33,13 +33,15 @@ _IF = Node(b"", NodeType.IF, data=compare(number(1), Opt.EQUAL, number(1)))
 _ELSE, _ENDIF = Node(b"", NodeType.ELSE), Node(b"", NodeType.ENDIF)
 
 
-def _harmless(robot: Bench) -> Node:
+def _node_without_effect(robot: Bench) -> Node:
     """Return a node that changes nothing."""
     port = OUTPUTS[0]
     return set_output(port, on=robot.before[port - 1])
 
 
-def _never_run(subject: ControllerUnderTest, robot: Bench, content: bytes, told: str) -> None:
+def _expect_not_run(
+    subject: ControllerUnderTest, robot: Bench, content: bytes, description: str
+) -> None:
     """Request the run of a damaged file, and expect that its result is not 11."""
     with subject.observer.overlooking(CODE_20):
         if not robot.accepts(content):
@@ -47,14 +49,16 @@ def _never_run(subject: ControllerUnderTest, robot: Bench, content: bytes, told:
     result = robot.ended(within_s=robot.ours_s(_WATCHED_S))
     expect(
         result is None or not result.done,
-        UserMessage("{description} is reported as run", description=told),
+        UserMessage("{description} is reported as run", description=description),
         expected="a refusal or a failure",
         observed=f"{result}",
     )
     robot.stop()
 
 
-def _good(robot: Bench, nodes: Sequence[Node], variables: Sequence[Variable] = ()) -> bytes:
+def _run_valid_file(
+    robot: Bench, nodes: Sequence[Node], variables: Sequence[Variable] = ()
+) -> bytes:
     """Return a valid file, after a run: otherwise a refusal of other files would prove nothing."""
     robot.run(nodes, variables)
     return robot.file(nodes, variables)
@@ -64,70 +68,70 @@ def _good(robot: Bench, nodes: Sequence[Node], variables: Sequence[Variable] = (
 def test_wrong_marks(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file that does not begin with SCARA, or does not end with ARACS, is not run."""
     with bench(subject, line) as robot:
-        good = _good(robot, [_harmless(robot)])
-        for mark in examples((b"scara", FOOTER, b"ACARS", b"SCAR\0", b"\0CARA")):
-            content = mark + good[len(MAGIC) :]
-            told = UserMessage("a file that begins with {marker!r}", marker=mark.decode())
-            _never_run(subject, robot, content, told)
-        for mark in examples((b"aracs", MAGIC, b"ACARS", b"ARAC\0", b"\0RACS")):
-            content = good[: -len(FOOTER)] + mark
-            told = UserMessage("a file that ends with {marker!r}", marker=mark.decode())
-            _never_run(subject, robot, content, told)
-        long = _good(robot, [_harmless(robot)] * _MANY)
-        content = long[: -len(FOOTER)] + FOOTER.lower()
-        _never_run(subject, robot, content, "a long file that ends with another marker")
+        valid = _run_valid_file(robot, [_node_without_effect(robot)])
+        for marker in examples((b"scara", FOOTER, b"ACARS", b"SCAR\0", b"\0CARA")):
+            content = marker + valid[len(MAGIC) :]
+            description = UserMessage("a file that begins with {marker!r}", marker=marker.decode())
+            _expect_not_run(subject, robot, content, description)
+        for marker in examples((b"aracs", MAGIC, b"ACARS", b"ARAC\0", b"\0RACS")):
+            content = valid[: -len(FOOTER)] + marker
+            description = UserMessage("a file that ends with {marker!r}", marker=marker.decode())
+            _expect_not_run(subject, robot, content, description)
+        long_file = _run_valid_file(robot, [_node_without_effect(robot)] * _MANY_NODES)
+        content = long_file[: -len(FOOTER)] + FOOTER.lower()
+        _expect_not_run(subject, robot, content, "a long file that ends with another marker")
 
 
 @case("6.5/28", name="letters", hazards=PROGRAMS)
 def test_one_wrong_letter(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file with one wrong bit in a marker is not run."""
     with bench(subject, line) as robot:
-        good = _good(robot, [_harmless(robot)])
-        places = [*range(len(MAGIC)), *range(len(good) - len(FOOTER), len(good))]
+        valid = _run_valid_file(robot, [_node_without_effect(robot)])
+        positions = [*range(len(MAGIC)), *range(len(valid) - len(FOOTER), len(valid))]
 
-        @given(st.sampled_from(places), st.integers(0, 7))
-        def never_run(place: int, bit: int) -> None:
-            wrong = bytearray(good)
-            wrong[place] ^= 1 << bit
-            told = UserMessage(
-                "a file with a wrong bit in byte {position} of a marker", position=place
+        @given(st.sampled_from(positions), st.integers(0, 7))
+        def check(position: int, bit: int) -> None:
+            wrong = bytearray(valid)
+            wrong[position] ^= 1 << bit
+            description = UserMessage(
+                "a file with a wrong bit in byte {position} of a marker", position=position
             )
-            _never_run(subject, robot, bytes(wrong), told)
+            _expect_not_run(subject, robot, bytes(wrong), description)
 
-        never_run()
+        check()
 
 
 @case("6.5/28", name="sizes", hazards=PROGRAMS)
 def test_wrong_sizes(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file whose size does not match its counts in any layout is not run."""
     with bench(subject, line) as robot:
-        nodes = [_harmless(robot), *wait(0)]
-        good = _good(robot, nodes, [Variable(1, b"a", 5)])
-        for told, content in examples(_missized(good, robot.layout)):
+        nodes = [_node_without_effect(robot), *wait(0)]
+        valid = _run_valid_file(robot, nodes, [Variable(1, b"a", 5)])
+        for description, content in examples(_files_of_wrong_size(valid, robot.layout)):
             if not detect(content):
-                _never_run(subject, robot, content, told)
+                _expect_not_run(subject, robot, content, description)
 
 
-def _missized(good: bytes, layout: Layout) -> Iterator[tuple[str, bytes]]:
+def _files_of_wrong_size(valid: bytes, layout: Layout) -> Iterator[tuple[str, bytes]]:
     """Yield files with both markers whose size does not match their counts."""
-    end = len(good) - len(FOOTER)
-    for few in (1, 2, 7):  # one of these sizes may be valid in another layout
-        description = UserMessage("a file without its last {count} bytes", count=few)
-        yield description, good[: end - few] + FOOTER
-    yield "a file with one byte too many", good[:end] + b"\0" + FOOTER
-    yield "a file without its last node", good[: end - layout.node_bytes] + FOOTER
+    end = len(valid) - len(FOOTER)
+    for missing_bytes in (1, 2, 7):  # one of these sizes may be valid in another layout
+        description = UserMessage("a file without its last {count} bytes", count=missing_bytes)
+        yield description, valid[: end - missing_bytes] + FOOTER
+    yield "a file with one byte too many", valid[:end] + b"\0" + FOOTER
+    yield "a file without its last node", valid[: end - layout.node_bytes] + FOOTER
     yield (
         "a file with one node too many",
-        good[:end] + good[end - layout.node_bytes : end] + FOOTER,
+        valid[:end] + valid[end - layout.node_bytes : end] + FOOTER,
     )
-    yield "a file with only its header", good[: layout.header_bytes] + FOOTER
+    yield "a file with only its header", valid[: layout.header_bytes] + FOOTER
     yield "a file with only its markers", MAGIC + FOOTER
-    yield "a file without nodes", good[: layout.nodes_offset(1)] + FOOTER
+    yield "a file without nodes", valid[: layout.nodes_offset(1)] + FOOTER
     for name, offset, count in (("points", 0, 2), ("varNub", 4, 1)):
-        place = layout.points_offset + offset
+        position = layout.points_offset + offset
         for wrong in (count + 1, count - 1, 0xFFFFFFFF):
             number_bytes = wrong.to_bytes(4, layout.byte_order.value)
-            content = good[:place] + number_bytes + good[place + 4 :]
+            content = valid[:position] + number_bytes + valid[position + 4 :]
             description = UserMessage(
                 "a file whose {field} is {wrong} and not {count}",
                 field=name,
@@ -141,25 +145,25 @@ def _missized(good: bytes, layout: Layout) -> Iterator[tuple[str, bytes]]:
 def test_key_twice(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file in which two variables have the same key is not run."""
     with bench(subject, line) as robot:
-        nodes = [_harmless(robot)]
-        _good(robot, nodes, _keyed(1, 2, 3, 4))
+        nodes = [_node_without_effect(robot)]
+        _run_valid_file(robot, nodes, _variables_with_keys(1, 2, 3, 4))
         for keys in examples(((1, 1), (0, 0), (7, 8, 9, 7), (1, -2, -2, 3))):
-            content = robot.file(nodes, _keyed(*keys))
-            told = UserMessage("a file with the keys {keys}", keys=keys)
-            _never_run(subject, robot, content, told)
+            content = robot.file(nodes, _variables_with_keys(*keys))
+            description = UserMessage("a file with the keys {keys}", keys=keys)
+            _expect_not_run(subject, robot, content, description)
 
 
-def _keyed(*keys: int) -> list[Variable]:
-    return [Variable(key, f"v{place}".encode(), place) for place, key in enumerate(keys)]
+def _variables_with_keys(*keys: int) -> list[Variable]:
+    return [Variable(key, f"v{position}".encode(), position) for position, key in enumerate(keys)]
 
 
 @case("6.5/28", name="markers", hazards=PROGRAMS)
 def test_unbalanced_markers(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file with a loop or IF marker without its counterpart is not run."""
     with bench(subject, line) as robot:
-        node = _harmless(robot)
-        _good(robot, [_IF, node, _ELSE, node, _ENDIF, node])
-        for told, nodes in examples(
+        node = _node_without_effect(robot)
+        _run_valid_file(robot, [_IF, node, _ELSE, node, _ENDIF, node])
+        for description, nodes in examples(
             (
                 ("a loop without an end", [_LOOP, node]),
                 ("the end of a loop without its start", [node, _END_LOOP]),
@@ -176,22 +180,25 @@ def test_unbalanced_markers(subject: ControllerUnderTest, line: OutgoingConnecti
                 ("an IF ended inside a loop", [_IF, _LOOP, _ENDIF, node, _END_LOOP]),
             )
         ):
-            _never_run(subject, robot, robot.file(nodes), told)
+            _expect_not_run(subject, robot, robot.file(nodes), description)
 
 
 @case("6.5/28", name="curves", hazards=PROGRAMS)
 def test_wrong_curves(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A curve of fewer than three points, or with other nodes, is not run."""
-    with bench(subject, line) as robot, arm(subject, line, robot) as still:
-        speed, home = still.speed_percent, still.home
+    with bench(subject, line) as robot, arm(subject, line, robot) as robot_arm:
+        speed, home = robot_arm.speed_percent, robot_arm.home
         move, *points = curve(speed, [home] * 3)
-        for told, nodes in examples(
+        for description, nodes in examples(
             (
                 ("a curve without points", curve(speed, [])),
                 ("a curve of one point", curve(speed, [home])),
                 ("a curve of two points", curve(speed, [home] * 2)),
                 ("a curve with a count of one point too many", [move, *points[:2]]),
-                ("a curve of two points and an output", [move, *points[:2], _harmless(robot)]),
+                (
+                    "a curve of two points and an output",
+                    [move, *points[:2], _node_without_effect(robot)],
+                ),
                 ("a curve that contains a wait", [move, points[0], *wait(0), points[1]]),
                 ("a curve that begins with a wait", [move, *wait(0), *points[:2]]),
                 (
@@ -204,4 +211,4 @@ def test_wrong_curves(subject: ControllerUnderTest, line: OutgoingConnection) ->
                 ),
             )
         ):
-            _never_run(subject, robot, robot.file(nodes), told)
+            _expect_not_run(subject, robot, robot.file(nodes), description)

@@ -37,9 +37,9 @@ from scaraspec.suite.program_files.writing import OUTPUTS, branch, compare, loop
 from scaraspec.suite.program_files.writing import set_output as output_node
 from scaraspec.user_message import UserMessage
 
-_GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
+_PASSED, _FAILED = OUTPUTS[0], OUTPUTS[-1]
 _X: Final = 3
-_MANY: Final = 500
+_MANY_NODES: Final = 500
 """Number of nodes that does not fit one byte."""
 _LATE_S: Final = 5.0
 """How late a loop of a few nodes may be, in seconds of the controller: there is no limit."""
@@ -54,10 +54,12 @@ def test_output_nodes(subject: ControllerUnderTest, line: OutgoingConnection) ->
     with bench(subject, line) as robot:
         for _ in range(2):
             robot.performs([Flip(port) for port in OUTPUTS])
-        now = outputs(line)
-        ways = [(port, on) for port in OUTPUTS for on in (not now[port - 1], now[port - 1])]
-        robot.run(output_node(port, on=on) for port, on in ways)
-        robot.has_left(now, OUTPUTS, "a program set each of these outputs and set it back")
+        current = outputs(line)
+        settings_of_ports = [
+            (port, on) for port in OUTPUTS for on in (not current[port - 1], current[port - 1])
+        ]
+        robot.run(output_node(port, on=on) for port, on in settings_of_ports)
+        robot.has_left(current, OUTPUTS, "a program set each of these outputs and set it back")
 
 
 @case("6.5/19", "4.32/6", name="one-by-one", hazards=PROGRAMS)
@@ -95,20 +97,22 @@ def test_output_node_in_time(subject: ControllerUnderTest, line: OutgoingConnect
             expected=f"{on:d}",
             observed=f"{not on:d}",
         )
-        now = outputs(line)
+        current = outputs(line)
         if robot.since_s() >= robot.ours_s(pause_s):
             raise CaseInconclusive(
                 "the outputs were not reported before the program could continue"
             )
-        due = with_port(robot.before, first, on=on)
+        expected_outputs = with_port(robot.before, first, on=on)
         message = "outputs are set before the program reaches their nodes"
-        robot.has_left(due, (first,), message, shown=now)
+        robot.has_left(expected_outputs, (first,), message, shown=current)
         if line.ask("upload_name", data=subject.new_name()).accepted:
             for chunk in chunks_of(robot.file(nodes_of([Flip(first)], robot.before))):
                 send(line, chunk)
         robot.finish(lasts_s=pause_s)
-        due = with_port(due, second, on=not robot.before[second - 1])
-        robot.has_left(due, (first, second), "the outputs differ from those the program set")
+        expected_outputs = with_port(expected_outputs, second, on=not robot.before[second - 1])
+        robot.has_left(
+            expected_outputs, (first, second), "the outputs differ from those the program set"
+        )
 
 
 @case("6.5/23", "6.5/20", hazards=PROGRAMS)
@@ -118,19 +122,19 @@ def test_loop(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     Another loop precedes it, in a branch that is not executed.
     """
     first, last = OUTPUTS[:2]
-    ahead = Calculate(3, variable(3), Opt.ADD, number(1))
+    before_loop = Calculate(3, variable(3), Opt.ADD, number(1))
     body: list[Statement] = [
-        If(variable(3), Opt.EQUAL, number(2), [Flip(_BAD)]),
-        If(number(1), Opt.EQUAL, number(1), [Flip(OUTPUTS[2])], [Flip(_BAD)]),
+        If(variable(3), Opt.EQUAL, number(2), [Flip(_FAILED)]),
+        If(number(1), Opt.EQUAL, number(1), [Flip(OUTPUTS[2])], [Flip(_FAILED)]),
     ]
     for key, port in ((1, first), (2, last)):
         body.append(Calculate(key, variable(key), Opt.ADD, number(1)))
         body.append(If(variable(key), Opt.EQUAL, number(2), [Flip(port)]))
     with bench(subject, line) as robot:
         nodes = loop(subject.dialect, nodes_of([*body, Wait(1)], robot.before))
-        skipped = loop(subject.dialect, nodes_of([Flip(_BAD)], robot.before))
-        holds = compare(number(2), Opt.LESS, number(1))
-        nodes = [*nodes_of([ahead], robot.before), *branch(holds, skipped), *nodes]
+        skipped = loop(subject.dialect, nodes_of([Flip(_FAILED)], robot.before))
+        condition = compare(number(2), Opt.LESS, number(1))
+        nodes = [*nodes_of([before_loop], robot.before), *branch(condition, skipped), *nodes]
         robot.start(nodes, variables_of({1: 0, 2: 0, 3: 0}))
         for port in (first, last):
             expect(
@@ -147,24 +151,24 @@ def test_loop(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
             requirement="6.5/20",
         )
         expect_equal(
-            outputs(line)[_BAD - 1],
-            robot.before[_BAD - 1],
+            outputs(line)[_FAILED - 1],
+            robot.before[_FAILED - 1],
             "nodes before a loop are executed again with it, or a branch of a false condition is",
         )
 
 
 _BRANCHES: Final[tuple[Block, ...]] = (
-    [If(number(1), Opt.LESS, number(2), [Flip(OUTPUTS[0])], [Flip(_BAD)])],
-    [If(number(2), Opt.LESS, number(1), [Flip(_BAD)], [Flip(OUTPUTS[1])])],
+    [If(number(1), Opt.LESS, number(2), [Flip(OUTPUTS[0])], [Flip(_FAILED)])],
+    [If(number(2), Opt.LESS, number(1), [Flip(_FAILED)], [Flip(OUTPUTS[1])])],
     [If(number(1), Opt.LESS, number(2), [Flip(OUTPUTS[2])])],
-    [If(number(2), Opt.LESS, number(1), [Flip(_BAD)])],
+    [If(number(2), Opt.LESS, number(1), [Flip(_FAILED)])],
     [
         If(
             number(1),
             Opt.EQUAL,
             number(1),
-            [If(number(1), Opt.EQUAL, number(2), [Flip(_BAD)], [Flip(OUTPUTS[3])])],
-            [If(number(1), Opt.EQUAL, number(1), [Flip(_BAD)], [Flip(_BAD)]), Flip(_BAD)],
+            [If(number(1), Opt.EQUAL, number(2), [Flip(_FAILED)], [Flip(OUTPUTS[3])])],
+            [If(number(1), Opt.EQUAL, number(1), [Flip(_FAILED)], [Flip(_FAILED)]), Flip(_FAILED)],
         )
     ],
     [
@@ -172,10 +176,10 @@ _BRANCHES: Final[tuple[Block, ...]] = (
             number(1),
             Opt.GREATER,
             number(1),
-            [If(number(1), Opt.EQUAL, number(1), [Flip(_BAD)]), Flip(_BAD)],
+            [If(number(1), Opt.EQUAL, number(1), [Flip(_FAILED)]), Flip(_FAILED)],
             [
                 Put(OUTPUTS[4], number(0)),
-                If(number(1), Opt.EQUAL, number(1), [Flip(OUTPUTS[4])], [Flip(_BAD)]),
+                If(number(1), Opt.EQUAL, number(1), [Flip(OUTPUTS[4])], [Flip(_FAILED)]),
             ],
         )
     ],
@@ -184,7 +188,7 @@ _BRANCHES: Final[tuple[Block, ...]] = (
             number(1),
             Opt.GREATER,
             number(1),
-            [If(number(1), Opt.EQUAL, number(1), [Flip(_BAD)], [Flip(_BAD)]), Flip(_BAD)],
+            [If(number(1), Opt.EQUAL, number(1), [Flip(_FAILED)], [Flip(_FAILED)]), Flip(_FAILED)],
             [Flip(OUTPUTS[5])],
         )
     ],
@@ -193,7 +197,7 @@ _BRANCHES: Final[tuple[Block, ...]] = (
             number(1),
             Opt.GREATER,
             number(1),
-            [If(number(1), Opt.EQUAL, number(1), [Flip(_BAD)]), Flip(_BAD)],
+            [If(number(1), Opt.EQUAL, number(1), [Flip(_FAILED)]), Flip(_FAILED)],
         )
     ],
 )
@@ -204,7 +208,7 @@ _BRANCHES: Final[tuple[Block, ...]] = (
 def test_branches(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Only the branch of a true condition is executed, and then the nodes after it."""
     with bench(subject, line) as robot:
-        robot.performs([ics for block in _BRANCHES for ics in block])
+        robot.performs([statement for block in _BRANCHES for statement in block])
 
 
 @case("6.5/24", name="apart", hazards=PROGRAMS)
@@ -216,13 +220,13 @@ def test_branches_apart(subject: ControllerUnderTest, line: OutgoingConnection) 
     with bench(subject, line) as robot:
         for block in _BRANCHES[:4]:
             robot.performs(block)
-        now = outputs(line)
-        skipped = loop(subject.dialect, nodes_of([Flip(_BAD)], now))
-        holds = compare(number(2), Opt.LESS, number(1))
-        robot.run(branch(holds, skipped, nodes_of([Flip(_GOOD)], now)))
-        due = with_port(now, _GOOD, on=not now[_GOOD - 1])
+        current = outputs(line)
+        skipped = loop(subject.dialect, nodes_of([Flip(_FAILED)], current))
+        condition = compare(number(2), Opt.LESS, number(1))
+        robot.run(branch(condition, skipped, nodes_of([Flip(_PASSED)], current)))
+        expected_outputs = with_port(current, _PASSED, on=not current[_PASSED - 1])
         message = "an IF whose first branch contains a loop took the wrong branch"
-        robot.has_left(due, (_GOOD,), message)
+        robot.has_left(expected_outputs, (_PASSED,), message)
 
 
 @case("6.5/26", hazards=PROGRAMS)
@@ -237,9 +241,11 @@ def test_every_node(subject: ControllerUnderTest, line: OutgoingConnection) -> N
 def test_many_nodes(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every node is executed in a program with more nodes than one byte can count."""
     with bench(subject, line) as robot:
-        filling = [Calculate(_X, variable(_X), Opt.ADD, number(1))] * _MANY
-        all_were = If(variable(_X), Opt.EQUAL, number(_MANY), [Flip(_GOOD)], [Flip(_BAD)])
-        robot.performs([Wait(0), *filling, all_were], {_X: 0}, large=True)
+        fill_nodes = [Calculate(_X, variable(_X), Opt.ADD, number(1))] * _MANY_NODES
+        all_executed = If(
+            variable(_X), Opt.EQUAL, number(_MANY_NODES), [Flip(_PASSED)], [Flip(_FAILED)]
+        )
+        robot.performs([Wait(0), *fill_nodes, all_executed], {_X: 0}, large=True)
 
 
 @case(
@@ -259,8 +265,8 @@ def test_drawn_programs(subject: ControllerUnderTest, line: OutgoingConnection) 
         # Random programs are short; shrinking one would take hundreds of runs.
         @settings(max_examples=max(1, settings().max_examples // 2), phases=(Phase.generate,))
         @given(blocks, variables)
-        def performs(block: Block, values: dict[int, int]) -> None:
+        def check(block: Block, values: dict[int, int]) -> None:
             assume(is_told(block, values))
             robot.performs(block, values)
 
-        performs()
+        check()

@@ -17,59 +17,59 @@ from scaraspec.suite.program_files.bench import PROGRAMS, bench
 from scaraspec.suite.program_files.writing import Values, curve, straight
 from scaraspec.user_message import UserMessage
 
-_VALUES: Final = (3, 2, 1, 0)  # the last one only turns the gripper
-_LEAST_SEEN: Final = 8
+_VALUE_INDICES: Final = (3, 2, 1, 0)  # the last one only turns the gripper
+_MIN_OBSERVATIONS: Final = 8
 """Minimum number of observed positions on a path for a statement about it."""
-_MANY: Final = 20
+_MANY_POINTS: Final = 20
 """Number of points of a straight move."""
-_BEGUN_S: Final = 0.05
-_GOES_ON_S: Final = 0.5
-_ERROR_SEEN: Final = 3  # difference between observations of the same path
+_START_S: Final = 0.05
+_STANDSTILL_S: Final = 0.5
+_OBSERVATION_TOLERANCE: Final = 3  # difference between observations of the same path
 
 
-def _expect_at(moved: Arm, target: Values) -> None:
-    place = moved.place()
-    where = "0x3C" if moved.meaning == "joints" else "0x38"
+def _expect_at(robot_arm: Arm, target: Values) -> None:
+    position = robot_arm.place()
+    source = "0x3C" if robot_arm.meaning == "joints" else "0x38"
     expect(
-        near(place, target),
+        near(position, target),
         UserMessage(
-            "after a program, {source} does not report the values of its last point", source=where
+            "after a program, {source} does not report the values of its last point", source=source
         ),
         expected=f"{target}",
-        observed=f"{place}",
+        observed=f"{position}",
     )
 
 
 @case("6.5/27", hazards=PROGRAMS)
 def test_point(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program that ends with a coordinate node ends at its values."""
-    with bench(subject, line) as robot, arm(subject, line, robot) as moved:
-        done = []
-        for index in _VALUES:
-            for share in examples((1, -1)):  # a limit may be near
-                target = moved.step(moved.home, index, share)
-                back = [] if near(moved.place(), moved.home) else [moved.home]
-                if moved.goes(straight(moved.speed_percent, [*back, target])):
-                    _expect_at(moved, target)
-                    done.append(index)
+    with bench(subject, line) as robot, arm(subject, line, robot) as robot_arm:
+        axes_done = []
+        for index in _VALUE_INDICES:
+            for direction in examples((1, -1)):  # a limit may be near
+                target = robot_arm.step(robot_arm.home, index, direction)
+                back = [] if near(robot_arm.place(), robot_arm.home) else [robot_arm.home]
+                if robot_arm.goes(straight(robot_arm.speed_percent, [*back, target])):
+                    _expect_at(robot_arm, target)
+                    axes_done.append(index)
                     break
-        if not done:
+        if not axes_done:
             raise CaseInconclusive("the arm cannot make the smallest step in any direction")
 
 
 @case("6.5/27", name="curve", hazards=PROGRAMS, slow=True)
 def test_curve(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program whose last move is a curve of three or five points ends at its last point."""
-    with bench(subject, line) as robot, arm(subject, line, robot) as moved:
-        for share, lift in product((1, -1), repeat=2):  # a limit may be near
-            corner = moved.step(moved.home, 0, share)
-            last = moved.step(moved.home, 2, lift)
-            points = [corner, moved.step(corner, 2, lift), last]
-            if moved.goes(curve(moved.speed_percent, points)):
-                _expect_at(moved, last)
-                points = [points[1], corner, moved.home, corner, points[1]]
-                if moved.goes(curve(moved.speed_percent, points)):
-                    _expect_at(moved, points[-1])
+    with bench(subject, line) as robot, arm(subject, line, robot) as robot_arm:
+        for direction, direction_z in product((1, -1), repeat=2):  # a limit may be near
+            corner = robot_arm.step(robot_arm.home, 0, direction)
+            last = robot_arm.step(robot_arm.home, 2, direction_z)
+            points = [corner, robot_arm.step(corner, 2, direction_z), last]
+            if robot_arm.goes(curve(robot_arm.speed_percent, points)):
+                _expect_at(robot_arm, last)
+                points = [points[1], corner, robot_arm.home, corner, points[1]]
+                if robot_arm.goes(curve(robot_arm.speed_percent, points)):
+                    _expect_at(robot_arm, points[-1])
                 return
     raise CaseInconclusive("the arm cannot move along a small curve at its current pose")
 
@@ -77,39 +77,45 @@ def test_curve(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 @case("6.5/25", hazards=PROGRAMS)
 def test_straight_move(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A straight move passes all its points in order and ends at the last one."""
-    with bench(subject, line) as robot, arm(subject, line, robot) as moved:
-        home = moved.home
-        up, down, last = (moved.step(home, 3), moved.step(home, 3, -1), moved.step(home, 3, 0.5))
-        for speed_percent in (moved.speed_percent // 2, moved.slow_percent):
-            seen = moved.watched(straight(max(1, speed_percent), [up, down, last]))
-            if seen is None or len(seen) >= _LEAST_SEEN:
+    with bench(subject, line) as robot, arm(subject, line, robot) as robot_arm:
+        home = robot_arm.home
+        first_target, second_target, last = (
+            robot_arm.step(home, 3),
+            robot_arm.step(home, 3, -1),
+            robot_arm.step(home, 3, 0.5),
+        )
+        for speed_percent in (robot_arm.speed_percent // 2, robot_arm.slow_percent):
+            observed = robot_arm.watched(
+                straight(max(1, speed_percent), [first_target, second_target, last])
+            )
+            if observed is None or len(observed) >= _MIN_OBSERVATIONS:
                 break
-        if seen is None:
+        if observed is None:
             raise CaseInconclusive("the arm cannot turn slightly in both directions at its pose")
-        place = moved.place()
+        position = robot_arm.place()
         expect(
-            near(place, last),
+            near(position, last),
             "a straight move does not end at its last point",
             expected=f"{last}",
-            observed=f"{place}",
+            observed=f"{position}",
         )
-        if len(seen) < _LEAST_SEEN:  # too fast to observe; compare its duration
-            third = moved.watched(straight(moved.slow_percent, [down])) or []
+        if len(observed) < _MIN_OBSERVATIONS:  # too fast to observe; compare its duration
+            short_move = robot_arm.watched(straight(robot_arm.slow_percent, [second_target])) or []
             expect(
-                len(third) <= len(seen) + _ERROR_SEEN,
+                len(short_move) <= len(observed) + _OBSERVATION_TOLERANCE,
                 "a straight move over three points takes less time than a third of it",
-                expected=f"more than {len(third)} observations",
-                observed=f"{len(seen)} observations",
+                expected=f"more than {len(short_move)} observations",
+                observed=f"{len(observed)} observations",
             )
             return
-        turns = [turned(values[3], home[3]) for values in seen]
-        step = up[3] - home[3]
-        peak = next((at for at, by in enumerate(turns) if by > step / 2), None)
+        angles = [turned(values[3], home[3]) for values in observed]
+        step = first_target[3] - home[3]
+        peak = next((index for index, angle in enumerate(angles) if angle > step / 2), None)
         expect(
-            peak is not None and min(turns[peak:], default=0) < -step / 2,
+            peak is not None and min(angles[peak:], default=0) < -step / 2,
             "a straight move does not pass all its points",
             expected=f"beyond {step / 2:g}, then beyond {-step / 2:g}, then {step / 2:g}",
-            observed=f"from {min(turns):g} to {max(turns):g}",
+            observed=f"from {min(angles):g} to {max(angles):g}",
         )
 
 
@@ -120,49 +126,51 @@ def test_several_moves(subject: ControllerUnderTest, line: OutgoingConnection) -
     A move of many points ends at the last one. After an emergency stop on the way back, the arm
     does not move.
     """
-    with bench(subject, line) as robot, arm(subject, line, robot) as moved:
-        home, speed = moved.home, moved.speed_percent
-        points = [moved.step(home, 3, share) for share in (1, 0.5, -0.5, -1)]
-        if not moved.goes([*straight(speed, points[:2]), *straight(speed, points[2:])]):
+    with bench(subject, line) as robot, arm(subject, line, robot) as robot_arm:
+        home, speed = robot_arm.home, robot_arm.speed_percent
+        points = [robot_arm.step(home, 3, direction) for direction in (1, 0.5, -0.5, -1)]
+        if not robot_arm.goes([*straight(speed, points[:2]), *straight(speed, points[2:])]):
             raise CaseInconclusive("the arm cannot turn slightly in both directions at its pose")
-        place = moved.place()
+        position = robot_arm.place()
         expect(
-            near(place, points[-1]),
+            near(position, points[-1]),
             "two straight moves do not end at the last point of the second one",
             expected=f"{points[-1]}",
-            observed=f"{place}",
+            observed=f"{position}",
         )
-        ways = [moved.step(home, 3, share) for share in (-0.2, 0.2)] * (_MANY // 2)
-        moved.goes(straight(speed, [*ways, points[0]]))
-        place = moved.place()
+        target_poses = [robot_arm.step(home, 3, direction) for direction in (-0.2, 0.2)] * (
+            _MANY_POINTS // 2
+        )
+        robot_arm.goes(straight(speed, [*target_poses, points[0]]))
+        position = robot_arm.place()
         expect(
-            near(place, points[0]),
+            near(position, points[0]),
             UserMessage(
                 "a straight move does not end at the last of {point_count} points",
-                point_count=_MANY + 1,
+                point_count=_MANY_POINTS + 1,
             ),
             expected=f"{points[0]}",
-            observed=f"{place}",
+            observed=f"{position}",
         )
         robot.start(straight(speed, points[-1:]))
         if robot.listens:
-            _expect_standstill(line, moved)
+            _expect_standstill(line, robot_arm)
         robot.stop()
 
 
-def _expect_standstill(line: OutgoingConnection, moved: Arm) -> None:
+def _expect_standstill(line: OutgoingConnection, robot_arm: Arm) -> None:
     """Stop the program that moves the arm, and expect standstill."""
-    line.wait(_BEGUN_S)
+    line.wait(_START_S)
     if not line.ask("emergency_stop").accepted:
         return  # the move may be over
     line.result("emergency_stop")
-    place = moved.place()
-    line.wait(_GOES_ON_S)
-    now = moved.place()
+    position = robot_arm.place()
+    line.wait(_STANDSTILL_S)
+    later = robot_arm.place()
     expect(
-        near(place, now),
+        near(position, later),
         "the arm continues to move although its program was stopped",
-        expected=f"{place}",
-        observed=f"{now}",
+        expected=f"{position}",
+        observed=f"{later}",
         requirement="4.17/7",
     )

@@ -40,20 +40,20 @@ from scaraspec.suite.program_files.writing import (
 from scaraspec.user_message import UserMessage
 
 _SLACK_S: Final = 0.5
-_SLACK: Final = 0.1  # ratio of the seconds; the larger tolerance applies (6.5/20)
+_SLACK_RATIO: Final = 0.1  # ratio of the seconds; the larger tolerance applies (6.5/20)
 _LINK_S: Final = 0.25  # in real time, if the controller's seconds are shorter
 _LONG_S: Final = 200  # negative as a signed byte
-_GLANCE_S: Final = 0.2  # how long a waiting program is observed
-_STILL_S: Final = 0.6  # the same for a single observation
-_SOON_S: Final = 3.0  # maximum delay of an input; the document sets no limit
-_AHEAD_S: Final = 1.75  # time until the end of a timer; not a whole second
-_INEXACT_S: Final = 0.3  # accuracy of the observed clock tick
+_SHORT_WATCH_S: Final = 0.2  # how long a waiting program is observed
+_WATCH_S: Final = 0.6  # the same for a single observation
+_INPUT_TIMEOUT_S: Final = 3.0  # maximum delay of an input; the document sets no limit
+_TIMER_S: Final = 1.75  # time until the end of a timer; not a whole second
+_TICK_TOLERANCE_S: Final = 0.3  # accuracy of the observed clock tick
 _UTC_S: Final = 2.0
 _POLL_S: Final = 0.06
-_LONG: Final = 2**31  # seconds before or after 1970 that do not fit a timer of 4 bytes
+_MAX_TIMER: Final = 2**31  # seconds before or after 1970 that do not fit a timer of 4 bytes
 _TICKS: Final = 30  # more than a second of clock queries
-_US: Final = 1_000_000
-_NS: Final = 1e9
+_US_PER_S: Final = 1_000_000
+_NS_PER_S: Final = 1e9
 
 
 # ---------------------------------------------------------------------- seconds
@@ -67,10 +67,10 @@ def test_wait(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """
     with bench(subject, line) as robot:
         with suppress(CaseFailed):
-            _expect_lasted(subject, trial_of(subject), [TRIAL_S])
+            _check_duration(subject, trial_of(subject), [TRIAL_S])
             return
         robot.start(wait(TRIAL_S))
-        _lasted(subject, robot, [TRIAL_S])
+        _expect_duration(subject, robot, [TRIAL_S])
 
 
 @case("6.5/20", name="several", hazards=PROGRAMS, slow=True)
@@ -83,11 +83,11 @@ def test_waits(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     with bench(subject, line) as robot:
         robot.start(wait(_LONG_S))
         robot.stop()
-        each = [0, 1, 0, 2]
-        *nodes, last = (wait(seconds) for seconds in each)
-        within = branch(compare(number(1), Opt.LESS, number(2)), last)
-        robot.start([*itertools.chain.from_iterable(nodes), *within])
-        _lasted(subject, robot, each)
+        durations_s = [0, 1, 0, 2]
+        *nodes, last = (wait(seconds) for seconds in durations_s)
+        conditional_wait = branch(compare(number(1), Opt.LESS, number(2)), last)
+        robot.start([*itertools.chain.from_iterable(nodes), *conditional_wait])
+        _expect_duration(subject, robot, durations_s)
 
 
 @case("6.5/20", name="none", hazards=PROGRAMS)
@@ -95,7 +95,7 @@ def test_wait_of_no_time(subject: ControllerUnderTest, line: OutgoingConnection)
     """A wait of 0 seconds takes no time."""
     with bench(subject, line) as robot:
         robot.start(wait(0))
-        _lasted(subject, robot, [0])
+        _expect_duration(subject, robot, [0])
 
 
 @case("6.5/20", name="long", hazards=PROGRAMS)
@@ -104,7 +104,7 @@ def test_long_wait(subject: ControllerUnderTest, line: OutgoingConnection) -> No
     find_out_whether_it_listens(subject, line)
     with bench(subject, line) as robot:
         robot.start(wait(_LONG_S))
-        line.wait(robot.ours_s(_STILL_S))
+        line.wait(robot.ours_s(_WATCH_S))
         result = robot.ended()
         expect(
             result is None,
@@ -114,33 +114,33 @@ def test_long_wait(subject: ControllerUnderTest, line: OutgoingConnection) -> No
         )
         robot.stop()
         robot.start(wait(0))
-        _lasted(subject, robot, [0])
+        _expect_duration(subject, robot, [0])
 
 
-def _lasted(subject: ControllerUnderTest, robot: Bench, waits: Sequence[int]) -> None:
+def _expect_duration(subject: ControllerUnderTest, robot: Bench, waits: Sequence[int]) -> None:
     """Check the duration of a program that only waits for so many seconds."""
     ended_s = robot.finish(lasts_s=sum(waits)).time_s
-    _expect_lasted(subject, Trial(robot.started_s, robot.replied_s, ended_s), waits)
+    _check_duration(subject, Trial(robot.started_s, robot.replied_s, ended_s), waits)
 
 
-def _expect_lasted(subject: ControllerUnderTest, trial: Trial, waits: Sequence[int]) -> None:
+def _check_duration(subject: ControllerUnderTest, trial: Trial, waits: Sequence[int]) -> None:
     """Check the duration; each wait may be late."""
     seconds, scale = sum(waits), subject.ics.time_scale
     link_s = _LINK_S if scale > 1 else 0.0
-    late_s = sum(max(_SLACK_S, _SLACK * each) for each in waits)
-    longest_s = (seconds + late_s) / scale + link_s
-    took_s = f"{trial.ended_s - trial.asked_s:.2f} s"
+    tolerance_s = sum(max(_SLACK_S, _SLACK_RATIO * wait_s) for wait_s in waits)
+    longest_s = (seconds + tolerance_s) / scale + link_s
+    duration_text = f"{trial.ended_s - trial.asked_s:.2f} s"
     expect(
         trial.ended_s - trial.asked_s >= seconds / scale - EARLY_S,
         UserMessage("a wait of {seconds} s is too short", seconds=seconds),
         expected=f"at least {seconds / scale:g} s",
-        observed=took_s,
+        observed=duration_text,
     )
     expect(
         trial.ended_s - trial.replied_s <= longest_s,
         UserMessage("a wait of {seconds} s is too long", seconds=seconds),
         expected=f"at most {longest_s:g} s",
-        observed=took_s,
+        observed=duration_text,
     )
 
 
@@ -154,14 +154,16 @@ def test_timer(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     If the clock of 0x07 does not show UTC, the meaning of the time is open (A-6.5-13).
     """
     with bench(subject, line) as robot:
-        clock_s, at_s = _tick(subject, line)
-        problem = _timer(subject, robot, clock_s, at_s)
+        clock_s, at_s = _wait_for_clock_tick(subject, line)
+        problem = _timer_problem(subject, robot, clock_s, at_s)
         is_utc = abs(clock_s - at_s) <= _UTC_S
         twin = twin_of(robot.layout)
         if problem and twin:  # differs only in the size of a long, which only a timer shows
             robot.stop()
             robot.layout = twin
-            problem = _timer(subject, robot, *_tick(subject, line)) and problem
+            problem = (
+                _timer_problem(subject, robot, *_wait_for_clock_tick(subject, line)) and problem
+            )
     if problem and not is_utc:
         subject.tolerate(
             "6.5/22",
@@ -173,23 +175,27 @@ def test_timer(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
         expect(not problem, problem, expected="11 at the time of the timer", observed=problem)
 
 
-def _timer(subject: ControllerUnderTest, robot: Bench, clock_s: float, at_s: float) -> str:
+def _timer_problem(subject: ControllerUnderTest, robot: Bench, clock_s: float, at_s: float) -> str:
     """Run a timer that ends a fixed time after a clock tick; return the problem, or ""."""
-    robot.start([wait_until(round((clock_s + _AHEAD_S) * _US))])
-    due_s = at_s + robot.ours_s(_AHEAD_S)
-    left_s = max(due_s - subject.now_ns / _NS, 0.0)  # the time may have come before the start
-    result = robot.ended(within_s=left_s + robot.ours_s(_SLACK_S) + _LINK_S)
+    robot.start([wait_until(round((clock_s + _TIMER_S) * _US_PER_S))])
+    due_s = at_s + robot.ours_s(_TIMER_S)
+    remaining_s = max(
+        due_s - subject.now_ns / _NS_PER_S, 0.0
+    )  # the time may have come before the start
+    result = robot.ended(within_s=remaining_s + robot.ours_s(_SLACK_S) + _LINK_S)
     if result is None:
         return "a timer is not over at its time"
     if not result.done:
         return UserMessage("a program with a timer failed: {result}", result=result)
-    if result.time_s < due_s - _INEXACT_S:
+    if result.time_s < due_s - _TICK_TOLERANCE_S:
         early_s = due_s - result.time_s
         return UserMessage("a timer is over {early_s:.2f} s too early", early_s=early_s)
     return ""
 
 
-def _tick(subject: ControllerUnderTest, line: OutgoingConnection) -> tuple[float, float]:
+def _wait_for_clock_tick(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> tuple[float, float]:
     """Wait until the controller's clock shows the next second.
 
     Returns:
@@ -201,11 +207,11 @@ def _tick(subject: ControllerUnderTest, line: OutgoingConnection) -> tuple[float
     first = line.ask("get_time").value
     for _ in range(_TICKS):
         line.wait(_POLL_S)
-        at_s = subject.now_ns / _NS
+        at_s = subject.now_ns / _NS_PER_S
         clock = line.ask("get_time").value
         if isinstance(first, datetime) and isinstance(clock, datetime) and clock > first:
             seconds = clock.replace(tzinfo=UTC).timestamp()
-            if not -_LONG <= seconds < _LONG - _AHEAD_S:
+            if not -_MAX_TIMER <= seconds < _MAX_TIMER - _TIMER_S:
                 raise CaseInconclusive(
                     "the controller's clock shows a time that a timer cannot contain"
                 )
@@ -227,43 +233,50 @@ as 100 or as 1 (A-6.5-10).
 """
 
 
-def _holds(condition: Condition, *, on: bool) -> bool:
+def _is_true(condition: Condition, *, on: bool) -> bool:
     """Whether a digital input of this state meets a condition with its value above."""
     return on == (condition in (Condition.GREATER, Condition.NOT_LESS))
 
 
-def _waits() -> Iterator[tuple[Condition, int, bool, bool]]:
+def _conditions() -> Iterator[tuple[Condition, int, bool, bool]]:
     """Yield conditions, their values, the state of an input, and whether it meets them."""
     for condition, value in _VALUES.items():
         for on in (False, True):
-            yield condition, value, on, _holds(condition, on=on)
+            yield condition, value, on, _is_true(condition, on=on)
     for condition in (Condition.LESS, Condition.NOT_LESS):
         yield condition, 0, False, condition is Condition.NOT_LESS
     yield Condition.EQUAL, 1, False, False
 
 
-def _stands_still(
-    line: OutgoingConnection, robot: Bench, due: Bits, where: str, *, for_s: float = _STILL_S
+def _expect_waiting(
+    line: OutgoingConnection,
+    robot: Bench,
+    expected_outputs: Bits,
+    description: str,
+    *,
+    for_s: float = _WATCH_S,
 ) -> None:
     """Expect that a program does not continue for a while."""
     line.wait(robot.ours_s(for_s))
     result = robot.ended()
     expect(
         result is None,
-        UserMessage("the program ended although {description}", description=where),
+        UserMessage("the program ended although {description}", description=description),
         expected="no final result",
         observed=f"{result}",
     )
     if robot.listens:
-        message = UserMessage("the program continued although {description}", description=where)
-        expect_outputs(line, due, message)
+        message = UserMessage(
+            "the program continued although {description}", description=description
+        )
+        expect_outputs(line, expected_outputs, message)
 
 
 @case("6.5/9", "6.5/21", hazards=PROGRAMS)
 def test_conditions(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program passes conditions that the current inputs meet, and waits at the others."""
     with bench(subject, line) as robot:
-        _pass_and_stand(line, robot)
+        _check_conditions(line, robot)
 
 
 @case("6.5/9", "6.5/21", name="driven", needs=("set_input",), hazards=PROGRAMS)
@@ -272,63 +285,63 @@ def test_driven_conditions(subject: ControllerUnderTest, line: OutgoingConnectio
     with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
         for port in INPUTS:
             drive(port, on=bool(port % 2))
-        _pass_and_stand(line, robot)
+        _check_conditions(line, robot)
 
 
-def _pass_and_stand(line: OutgoingConnection, robot: Bench) -> None:
-    passed: list[Node] = []
-    still = still_inputs(line, INPUTS)
-    if not still:
+def _check_conditions(line: OutgoingConnection, robot: Bench) -> None:
+    fulfilled: list[Node] = []
+    unchanged_inputs = still_inputs(line, INPUTS)
+    if not unchanged_inputs:
         raise CaseInconclusive("no input is unchanged, so that a program could wait for it")
-    with inputs_steady(line, still) as states:
-        ports = {states[port - 1]: port for port in still}
-        for condition, value, on, holds in _waits():
+    with inputs_steady(line, unchanged_inputs) as states:
+        ports = {states[port - 1]: port for port in unchanged_inputs}
+        for condition, value, on, is_true in _conditions():
             if on not in ports:
                 continue
             waiting = wait_input(ports[on], condition, value)
-            if holds:
-                passed.append(waiting)
+            if is_true:
+                fulfilled.append(waiting)
                 continue
             before = outputs(line)  # a stop may have cleared outputs
             robot.start([waiting, set_output(OUTPUTS[0], on=not before[OUTPUTS[0] - 1])])
-            told = UserMessage(
+            description = UserMessage(
                 "input {port} is {on:d} and the condition is {condition} with {value}",
                 port=ports[on],
                 on=on,
                 condition=condition,
                 value=value,
             )
-            _stands_still(line, robot, before, told, for_s=_GLANCE_S)
+            _expect_waiting(line, robot, before, description, for_s=_SHORT_WATCH_S)
             robot.stop()
-        robot.run(passed)
+        robot.run(fulfilled)
 
 
 @case("6.5/21", "6.5/9", name="goes-on", needs=("set_input",), hazards=PROGRAMS)
-def test_goes_on(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_continues_when_fulfilled(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program waits until the input meets the condition, for each of the five, and continues."""
     steps = list(zip(_VALUES.items(), INPUTS, OUTPUTS, strict=False))
     with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
         nodes: list[Node] = []
         for (condition, value), port, output in steps:
-            drive(port, on=not _holds(condition, on=True))
+            drive(port, on=not _is_true(condition, on=True))
             nodes += [
                 wait_input(port, condition, value),
                 set_output(output, on=not robot.before[output - 1]),
             ]
         robot.start(nodes)
-        due = robot.before
+        expected_outputs = robot.before
         for (condition, value), port, output in examples(steps):
-            told = UserMessage(
+            description = UserMessage(
                 "input {port} does not meet condition {condition} with {value}",
                 port=port,
                 condition=condition,
                 value=value,
             )
-            _stands_still(line, robot, due, told)
+            _expect_waiting(line, robot, expected_outputs, description)
             drive(port, on=not drive.now[port - 1])
             on = not robot.before[output - 1]
             expect(
-                robot.until(output, on=on, within_s=_SOON_S),
+                robot.until(output, on=on, within_s=_INPUT_TIMEOUT_S),
                 UserMessage(
                     "the program still waits although input {port} meets condition {condition}",
                     port=port,
@@ -337,7 +350,7 @@ def test_goes_on(subject: ControllerUnderTest, line: OutgoingConnection) -> None
                 expected=f"output {output} is set to {on:d}",
                 observed="it is not set",
             )
-            due = with_port(due, output, on=on)
+            expected_outputs = with_port(expected_outputs, output, on=on)
         robot.finish()
 
 
@@ -350,20 +363,20 @@ def test_waits_for_its_port(subject: ControllerUnderTest, line: OutgoingConnecti
     with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
         for port in INPUTS:
             drive(port, on=False)
-        wanted, output = INPUTS[2], OUTPUTS[0]
+        port_waited_for, output = INPUTS[2], OUTPUTS[0]
         on = not robot.before[output - 1]
-        came_on = compare(input_port(INPUTS[0]), Opt.GREATER, number(0))
-        waiting = wait_input(wanted, Condition.GREATER, 0)
-        robot.start([waiting, *branch(came_on, [set_output(output, on=on)])])
+        input_is_on = compare(input_port(INPUTS[0]), Opt.GREATER, number(0))
+        waiting = wait_input(port_waited_for, Condition.GREATER, 0)
+        robot.start([waiting, *branch(input_is_on, [set_output(output, on=on)])])
         for port in (*INPUTS[:2], *INPUTS[3:]):
             drive(port, on=True)
-        description = UserMessage("only inputs other than {port} are on", port=wanted)
-        _stands_still(line, robot, robot.before, description)
-        drive(wanted, on=True)
+        description = UserMessage("only inputs other than {port} are on", port=port_waited_for)
+        _expect_waiting(line, robot, robot.before, description)
+        drive(port_waited_for, on=True)
         robot.finish()
-        due = with_port(robot.before, output, on=on)
+        expected_outputs = with_port(robot.before, output, on=on)
         message = "a program does not use an input that was switched on while it ran"
-        expect_outputs(line, due, message, requirement="6.6a/14")
+        expect_outputs(line, expected_outputs, message, requirement="6.6a/14")
 
 
 @case("6.5/9", name="hundredths", needs=("set_input",), hazards=PROGRAMS)
@@ -374,7 +387,7 @@ def test_hundredths(subject: ControllerUnderTest, line: OutgoingConnection) -> N
         drive(port, on=True)
         for value, reading in examples(((100, "all"), (1, "analog"))):
             robot.start([wait_input(port, Condition.EQUAL, value)])
-            result = robot.ended(within_s=robot.ours_s(_SOON_S))
+            result = robot.ended(within_s=robot.ours_s(_INPUT_TIMEOUT_S))
             if result is not None:
                 expect(result.done, "a valid program failed", expected="11", observed=f"{result}")
                 subject.follows("wait_scale", reading)
@@ -409,14 +422,14 @@ def test_analog_conditions(subject: ControllerUnderTest, line: OutgoingConnectio
             if line.ask("get_analog_input", ANALOG).value not in (2.5, 250):
                 raise CaseSkipped("the unit in which the hook drives analog inputs is unknown")
             robot.start([wait_input(ANALOG, condition, value) for condition, value, _ in steps])
-            for condition, value, drives in examples(steps):
-                told = UserMessage(
+            for condition, value, driven_value in examples(steps):
+                description = UserMessage(
                     "the analog input does not meet condition {condition} with {value}",
                     condition=condition,
                     value=value,
                 )
-                _stands_still(line, robot, robot.before, told)
-                subject.hook("set_analog", port=ANALOG, value=drives)
+                _expect_waiting(line, robot, robot.before, description)
+                subject.hook("set_analog", port=ANALOG, value=driven_value)
             robot.finish()
         finally:
             subject.hook("set_analog", port=ANALOG, value=before or 0)

@@ -36,11 +36,11 @@ from scaraspec.suite.program_files.model import (
 from scaraspec.suite.program_files.writing import INPUTS, OUTPUTS, input_port, number, variable
 from scaraspec.user_message import UserMessage
 
-_GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
+_PASSED, _FAILED = OUTPUTS[0], OUTPUTS[-1]
 _X, _Y, _Z, _W = 7, 1000, -2, 0x10007
 """Keys of variables; none equals its position, and two have the same lowest two bytes."""
 
-_EACH: Final = (
+_OPERATIONS: Final = (
     (Opt.ADD, 19, 23),
     (Opt.SUBTRACT, 19, 23),
     (Opt.MULTIPLY, -4097, 4099),  # does not fit a float
@@ -66,7 +66,7 @@ _CHAIN: Final = (
 )
 """Calculations that each use the previous result."""
 
-_ITSELF: Final = -17
+_DOUBLED: Final = -17
 """A value that is added to itself; the sum is multiplied by itself."""
 
 _PAIRS: Final = (
@@ -82,12 +82,12 @@ def test_calculations(subject: ControllerUnderTest, line: OutgoingConnection) ->
     """Sums, differences, products and quotients of integers are right, each from the previous."""
     block: list[Statement] = [Calculate(_X, variable(_X), opt, number(b)) for _, opt, b in _CHAIN]
     a, opt, b = _CHAIN[-1]
-    due = number(calculated(opt, a, b))
-    block.append(If(variable(_X), Opt.EQUAL, due, [Flip(_GOOD)], [Flip(_BAD)]))
-    block.append(Assign(_X, number(_ITSELF)))
+    expected = number(calculated(opt, a, b))
+    block.append(If(variable(_X), Opt.EQUAL, expected, [Flip(_PASSED)], [Flip(_FAILED)]))
+    block.append(Assign(_X, number(_DOUBLED)))
     block += [Calculate(_X, variable(_X), opt, variable(_X)) for opt in (Opt.ADD, Opt.MULTIPLY)]
-    due = number((2 * _ITSELF) ** 2)
-    block.append(If(variable(_X), Opt.EQUAL, due, [], [Flip(_BAD)]))
+    expected = number((2 * _DOUBLED) ** 2)
+    block.append(If(variable(_X), Opt.EQUAL, expected, [], [Flip(_FAILED)]))
     with bench(subject, line) as robot:
         robot.performs(block, {_X: _CHAIN[0][0]})
 
@@ -96,10 +96,10 @@ def test_calculations(subject: ControllerUnderTest, line: OutgoingConnection) ->
 def test_each_calculation(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Each of the four calculations is right; each has an output of its own."""
     block: list[Statement] = []
-    for port, (opt, a, b) in zip(OUTPUTS, _EACH, strict=False):
+    for port, (opt, a, b) in zip(OUTPUTS, _OPERATIONS, strict=False):
         block.append(Calculate(_Y, number(a), opt, number(b)))
-        due = number(calculated(opt, a, b))
-        block.append(If(variable(_Y), Opt.EQUAL, due, [Flip(port)]))
+        expected = number(calculated(opt, a, b))
+        block.append(If(variable(_Y), Opt.EQUAL, expected, [Flip(port)]))
     with bench(subject, line) as robot:
         robot.performs(block, {_Y: 1})
 
@@ -108,7 +108,7 @@ def test_each_calculation(subject: ControllerUnderTest, line: OutgoingConnection
 def test_comparisons(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Each of the five comparisons is true exactly for the right operands."""
     with bench(subject, line) as robot:
-        robot.performs([*_comparisons(), Flip(_GOOD)])
+        robot.performs([*_comparisons(), Flip(_PASSED)])
 
 
 def _comparisons() -> Iterator[Statement]:
@@ -116,9 +116,9 @@ def _comparisons() -> Iterator[Statement]:
     for a, b in _PAIRS:
         for opt in COMPARISONS:
             if compared(opt, a, b):
-                yield If(number(a), opt, number(b), [], [Flip(_BAD)])
+                yield If(number(a), opt, number(b), [], [Flip(_FAILED)])
             else:
-                yield If(number(a), opt, number(b), [Flip(_BAD)])
+                yield If(number(a), opt, number(b), [Flip(_FAILED)])
 
 
 @case("6.6a/13", hazards=PROGRAMS)
@@ -136,10 +136,10 @@ def test_results(subject: ControllerUnderTest, line: OutgoingConnection) -> None
         Assign(_Z, variable(_X)),
         Calculate(_W, number(5), Opt.ADD, number(6)),
     ]
-    for key, due in {_X: -70_021, _Y: 102, _Z: -70_021, _W: 11}.items():
-        block.append(If(variable(key), Opt.EQUAL, number(due), [], [Flip(_BAD)]))
+    for key, expected in {_X: -70_021, _Y: 102, _Z: -70_021, _W: 11}.items():
+        block.append(If(variable(key), Opt.EQUAL, number(expected), [], [Flip(_FAILED)]))
     with bench(subject, line) as robot:
-        robot.performs([*block, Flip(_GOOD)], {_X: 1, _Y: 100, _Z: 300, _W: 400})
+        robot.performs([*block, Flip(_PASSED)], {_X: 1, _Y: 100, _Z: 300, _W: 400})
 
 
 @case("6.6a/13", name="ports", hazards=PROGRAMS)
@@ -158,18 +158,18 @@ def test_operands(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
     """A number operand is a number, and a key operand is the variable with this key."""
     block: list[Statement] = [
         Calculate(_Z, number(_X), Opt.SUBTRACT, variable(_X)),  # 7 - 50
-        If(variable(_Z), Opt.EQUAL, number(_X - 50), [], [Flip(_BAD)]),
+        If(variable(_Z), Opt.EQUAL, number(_X - 50), [], [Flip(_FAILED)]),
         Calculate(_Z, variable(_Y), Opt.SUBTRACT, number(_Y)),  # 60 - 1000
-        If(variable(_Z), Opt.EQUAL, number(60 - _Y), [], [Flip(_BAD)]),
+        If(variable(_Z), Opt.EQUAL, number(60 - _Y), [], [Flip(_FAILED)]),
         Calculate(_Z, variable(_Y), Opt.SUBTRACT, variable(_Z)),  # overwrites its own operand
-        If(variable(_Z), Opt.EQUAL, number(_Y), [], [Flip(_BAD)]),
+        If(variable(_Z), Opt.EQUAL, number(_Y), [], [Flip(_FAILED)]),
         Calculate(_Z, variable(_Y), Opt.ADD, variable(_Y)),  # the same variable twice
-        If(variable(_Z), Opt.EQUAL, number(120), [], [Flip(_BAD)]),
-        If(variable(_X), Opt.LESS, variable(_Y), [], [Flip(_BAD)]),
-        If(number(_X), Opt.LESS, number(_Y), [], [Flip(_BAD)]),
-        If(variable(_X), Opt.EQUAL, number(_X), [Flip(_BAD)]),
-        If(number(60), Opt.EQUAL, variable(_Y), [], [Flip(_BAD)]),
-        Flip(_GOOD),
+        If(variable(_Z), Opt.EQUAL, number(120), [], [Flip(_FAILED)]),
+        If(variable(_X), Opt.LESS, variable(_Y), [], [Flip(_FAILED)]),
+        If(number(_X), Opt.LESS, number(_Y), [], [Flip(_FAILED)]),
+        If(variable(_X), Opt.EQUAL, number(_X), [Flip(_FAILED)]),
+        If(number(60), Opt.EQUAL, variable(_Y), [], [Flip(_FAILED)]),
+        Flip(_PASSED),
     ]
     with bench(subject, line) as robot:
         robot.performs(block, {_X: 50, _Y: 60, _Z: 0})
@@ -179,7 +179,7 @@ def test_operands(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
 def test_input_operands(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An input operand has the state that 0x42 reports, as 0 or as a greater value."""
     with bench(subject, line) as robot:
-        _reads_inputs(robot, line)
+        _check_input_operands(robot, line)
 
 
 @case("6.6a/14", name="driven-inputs", needs=("set_input",), hazards=PROGRAMS)
@@ -189,32 +189,32 @@ def test_driven_input_operands(subject: ControllerUnderTest, line: OutgoingConne
         for pattern in examples((0b101001, 0b010110)):
             for index, port in enumerate(INPUTS):
                 drive(port, on=bool(pattern >> index & 1))
-            _reads_inputs(robot, line)
+            _check_input_operands(robot, line)
 
 
-def _reads_inputs(robot: Bench, line: OutgoingConnection) -> None:
+def _check_input_operands(robot: Bench, line: OutgoingConnection) -> None:
     block: list[Statement] = []
     for port, output in zip(INPUTS, OUTPUTS, strict=False):
         block.append(If(input_port(port), Opt.GREATER, number(0), [Flip(output)]))
         block.append(Assign(_X, input_port(port)))
         block.append(If(variable(_X), Opt.EQUAL, input_port(port), [], [Flip(output)]))
     with inputs_steady(line) as states:
-        robot.performs([*block, Flip(_BAD)], {_X: -1}, inputs=states)
+        robot.performs([*block, Flip(_FAILED)], {_X: -1}, inputs=states)
 
 
 @case("6.6a/2", hazards=PROGRAMS)
 def test_result_of_a_comparison(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A result of 0 in the file means true; others have no effect, or invert (A-6.6a-1)."""
-    right, inverted = (True, False), (False, True)
+    as_compared, inverted = (True, False), (False, True)
     with bench(subject, line) as robot:
         robot.run(_two_branches(robot.before, 0))
         expect(
-            _taken(robot.before, outputs(line)) == right,
+            _branches_taken(robot.before, outputs(line)) == as_compared,
             "with a result of 0, an IF does not follow its comparison",
             expected="only the branch of the true comparison",
             observed=digits(outputs(line)),
         )
-        seen = set()
+        outcomes = set()
         for result in examples((1, -1, 256)):
             before = outputs(line)
             if not robot.accepts(robot.file(_two_branches(before, result))):
@@ -226,19 +226,19 @@ def test_result_of_a_comparison(subject: ControllerUnderTest, line: OutgoingConn
                 )
                 return
             robot.finish()
-            seen.add(_taken(before, outputs(line)))
+            outcomes.add(_branches_taken(before, outputs(line)))
     expect(
-        seen in ({right}, {inverted}),
+        outcomes in ({as_compared}, {inverted}),
         "results other than 0 have no consistent meaning",
         expected="all without effect, or all inverting",
-        observed=f"branches executed, of the true and the false comparison: {sorted(seen)}",
+        observed=f"branches executed, of the true and the false comparison: {sorted(outcomes)}",
     )
-    if seen == {right}:
+    if outcomes == {as_compared}:
         subject.follows("cmp_result", "output")
         return
     subject.follows("cmp_result", "polarity")
-    meaning = "a result other than 0 in the file inverts a comparison"
-    subject.tolerate("6.6a/2", "cmp_result", "polarity", meaning)
+    message = "a result other than 0 in the file inverts a comparison"
+    subject.tolerate("6.6a/2", "cmp_result", "polarity", message)
 
 
 def _two_branches(before: Bits, result: int) -> list[Node]:
@@ -250,7 +250,7 @@ def _two_branches(before: Bits, result: int) -> list[Node]:
     return nodes
 
 
-def _taken(before: Bits, after: Bits) -> tuple[bool, bool]:
+def _branches_taken(before: Bits, after: Bits) -> tuple[bool, bool]:
     """Return which of the two branches was executed."""
     first, second = (before[port - 1] != after[port - 1] for port in OUTPUTS[:2])
     return first, second

@@ -28,14 +28,14 @@ _OFFSET = Point(12.0, 5.0, -20.0)
 
 
 @contextmanager
-def _gripper(line: OutgoingConnection, centre: Point) -> Iterator[None]:
+def _gripper_center(line: OutgoingConnection, center: Point) -> Iterator[None]:
     """Set another gripper center for the duration of the context.
 
     Raises:
         CaseSkipped: The controller refuses it.
     """
     before = line.ask("get_gripper_center").value
-    if before is None or not line.ask("set_gripper_center", centre).accepted:
+    if before is None or not line.ask("set_gripper_center", center).accepted:
         raise CaseSkipped("the controller accepts no other gripper center")
     try:
         yield
@@ -48,38 +48,40 @@ def _gripper(line: OutgoingConnection, centre: Point) -> Iterator[None]:
 def test_tool_point(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The tool coordinates do not change with the gripper center (7.1, 7.2)."""
     require_command(subject, "get_tool_coordinates", "set_gripper_center")
-    with _gripper(line, Point(0.0, 0.0, 0.0)):
-        bare = pose_of(line)
+    with _gripper_center(line, Point(0.0, 0.0, 0.0)):
+        without_gripper = pose_of(line)
         line.ask("set_gripper_center", _OFFSET)
-        held = pose_of(line)
-    off = farthest(bare[:3], held[:3])
-    if off <= STANDSTILL:
+        with_gripper = pose_of(line)
+    deviation = farthest(without_gripper[:3], with_gripper[:3])
+    if deviation <= STANDSTILL:
         return
     length = sum(value**2 for value in _OFFSET) ** 0.5
-    shift = sum((p - q) ** 2 for p, q in zip(bare[:3], held[:3], strict=True)) ** 0.5
+    shift = (
+        sum((p - q) ** 2 for p, q in zip(without_gripper[:3], with_gripper[:3], strict=True)) ** 0.5
+    )
     expect(
         abs(shift - length) <= REACHED,
         "the gripper center changes the tool coordinates, but not by its own length",
-        expected=f"{bare}, or at a distance of {length:.1f} mm",
-        observed=f"{held}",
+        expected=f"{without_gripper}, or at a distance of {length:.1f} mm",
+        observed=f"{with_gripper}",
     )
     message = "the tool coordinates are those of the gripper center"
     subject.tolerate("7/1", "pose_point", "gripper", message)
 
 
 @case("7/1", name="steady")
-def test_tool_point_is_one(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_tool_point_is_constant(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The same pose is returned each time on every connection."""
     require_command(subject, "get_tool_coordinates")
     first = pose_of(line)
-    others = [line, subject.open()] if subject.takes_several else [line]
-    for each in others:
-        now = pose_of(each)
+    lines = [line, subject.open()] if subject.takes_several else [line]
+    for connection in lines:
+        current = pose_of(connection)
         expect(
-            off_by(now, first) <= STANDSTILL,
+            off_by(current, first) <= STANDSTILL,
             "the tool coordinates of an idle robot changed",
             expected=f"{first}",
-            observed=f"{now}",
+            observed=f"{current}",
         )
 
 
@@ -89,22 +91,22 @@ def test_meaningless_angles(subject: ControllerUnderTest, line: OutgoingConnecti
     require_command(subject, MOVE)
     with returning(subject, line) as pose:
         for theta_y, theta_z in examples(((7.0, 0.0), (0.0, 7.0), (-3.5, 3.5))):
-            named = pose._replace(theta_y=theta_y, theta_z=theta_z)
-            answer = ask_move(subject, line, named)
+            target_pose = pose._replace(theta_y=theta_y, theta_z=theta_z)
+            answer = ask_move(subject, line, target_pose)
             if not answer.accepted:
                 message = "a move with thetaY or thetaZ is refused"
                 subject.tolerate("7/2", "theta_yz", "reject", message)
                 continue
             done(subject, line, MOVE)
-            now = pose_of(line)
+            current = pose_of(line)
             expect(
-                off_by(now, pose) <= REACHED,
+                off_by(current, pose) <= REACHED,
                 "thetaY or thetaZ, which have no meaning, changed the target",
                 expected=f"{pose}",
-                observed=f"{now}",
+                observed=f"{current}",
             )
-        now = pose_of(line)
-        if now.theta_y or now.theta_z:
+        current = pose_of(line)
+        if current.theta_y or current.theta_z:
             subject.tolerate("7/2", "A-4.21-3", "not 0", "thetaY and thetaZ are reported")
 
 
@@ -114,20 +116,20 @@ def test_one_geometry(subject: ControllerUnderTest, line: OutgoingConnection) ->
     require_command(subject, MOVE)
     with returning(subject, line) as pose:
         joints = joints_of(line)
-        there, answer = begin_step_somewhere(subject, line)
+        second_pose, answer = begin_step_somewhere(subject, line)
         accepted(MOVE, answer)
         done(subject, line, MOVE)
-        away, now = joints_of(line), pose_of(line)
+        second_joints, current = joints_of(line), pose_of(line)
         expect(
-            farthest(joints, away) > 0 or off_by(now, pose) <= STANDSTILL,
+            farthest(joints, second_joints) > 0 or off_by(current, pose) <= STANDSTILL,
             "two poses have the same joint angles",
-            expected=f"other joint angles at {there}",
-            observed=f"{away}",
+            expected=f"other joint angles at {second_pose}",
+            observed=f"{second_joints}",
             requirement="4.27/6",
         )
         accepted(MOVE, ask_move(subject, line, pose))
         done(subject, line, MOVE)
-        back = joints_of(line)
-        if farthest(joints, back) > REACHED:
+        returned_joints = joints_of(line)
+        if farthest(joints, returned_joints) > REACHED:
             message = "the same pose has other joint angles than before"
             subject.tolerate("7/5", "A-4.24-5", "another elbow", message)

@@ -30,8 +30,8 @@ from scaraspec.user_message import UserMessage
 
 _MOTION: Final = (Hazard.MOTION, Hazard.STATE)
 _FAULTS: Final = ("motor_fault", "clear_faults")
-_MISSING: Final = "20"  # L1044
-_FAR: Final = b"1|900000|900000|900000|0|0|0"
+_MISSING_PROGRAM: Final = "20"  # L1044
+_UNREACHABLE_MOVE: Final = b"1|900000|900000|900000|0|0|0"
 _POLL_S: Final = 0.05
 
 
@@ -75,7 +75,7 @@ def test_refusals(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
     """Requests that cannot be executed are refused with codes of the table."""
     subject.moved = True
     missing = subject.new_name()
-    for name, data in examples(((RUN, missing), (SIMULATE, missing), (MOVE, _FAR))):
+    for name, data in examples(((RUN, missing), (SIMULATE, missing), (MOVE, _UNREACHABLE_MOVE))):
         if name not in subject.ics.unsupported:
             answer = line.ask(name, data=data)
             if answer.accepted:  # the problem may be detected late (A-4.15-1, A-4.24-5)
@@ -105,7 +105,7 @@ def test_missing_program(subject: ControllerUnderTest, line: OutgoingConnection)
             answer = finish(subject, line, name)
         expect_equal(
             answer.code,
-            _MISSING,
+            _MISSING_PROGRAM,
             UserMessage("{name} of a missing program does not fail with code 20", name=name),
         )
 
@@ -120,14 +120,14 @@ def test_deleted_program(subject: ControllerUnderTest, line: OutgoingConnection)
     if answer.accepted:
         answer = finish(subject, line, RUN)
     message = "the run of a deleted program does not fail with code 20"
-    expect_equal(answer.code, _MISSING, message)
+    expect_equal(answer.code, _MISSING_PROGRAM, message)
 
 
 # ---------------------------------------------------------------------- motor faults
 
 
 @contextmanager
-def _broken(subject: ControllerUnderTest, joints: tuple[Joint, ...]) -> Iterator[None]:
+def _motor_fault(subject: ControllerUnderTest, joints: tuple[Joint, ...]) -> Iterator[None]:
     names = ",".join(joint.name.lower() for joint in joints)
     subject.hook("motor_fault", joints=names)
     try:
@@ -147,18 +147,18 @@ def test_codes_of_faults(subject: ControllerUnderTest, line: OutgoingConnection)
     subject.moved = True
     for count in range(1, len(Joint) + 1):
         for joints in examples(combinations(Joint, count)):
-            with _broken(subject, joints):
+            with _motor_fault(subject, joints):
                 status = line.ask("get_status")
                 _expect_code(subject, status.frame.data)
-                told = errors.lookup(status.value) if isinstance(status.value, str) else None
+                code = errors.lookup(status.value) if isinstance(status.value, str) else None
                 expect(
-                    told is None or not told.joints or {*told.joints} == {*joints},
+                    code is None or not code.joints or {*code.joints} == {*joints},
                     "the status names other motors than those with a fault",
                     expected=errors.code_for_joints(joints).text,
                     observed=f"{status}",
                     requirement="8/4",
                 )
-                answer = line.ask(MOVE, data=_FAR)
+                answer = line.ask(MOVE, data=_UNREACHABLE_MOVE)
                 if answer.accepted is False and _code_of(answer):
                     _expect_code(subject, _code_of(answer))
 
@@ -167,7 +167,7 @@ def test_codes_of_faults(subject: ControllerUnderTest, line: OutgoingConnection)
 def test_code_of_a_failure(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The final result of a program during which a motor fails has a code of the table."""
     start_program(subject, line, RUN)
-    with _broken(subject, (Joint.ROTATION,)):
+    with _motor_fault(subject, (Joint.ROTATION,)):
         result = finish(subject, line, RUN)
         if result.done is False:
             _expect_code(subject, _code_of(result))

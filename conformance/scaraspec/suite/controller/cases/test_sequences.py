@@ -27,7 +27,7 @@ from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import given
 from scaraspec.suite.engine.shrink import shortened
 
-_ASKING: Final = (Hazard.READ_ONLY,)
+_READ_ONLY: Final = (Hazard.READ_ONLY,)
 _STATE: Final = (Hazard.STATE,)
 _MOTION: Final = (Hazard.STATE, Hazard.MOTION)
 _DESTRUCTIVE: Final = (Hazard.STATE, Hazard.DESTRUCTIVE)
@@ -44,15 +44,15 @@ _PROGRAMS: Final = (
     *("upload", "interrupt", "interrupt", "set_output"),
     *("list_programs", "set_default", "get_default", "move", "query", "get_clock", "reconnect"),
 )
-_LONG: Final = 25  # steps for each configured example
-_SHORTENED_NS: Final = 60 * 10**9
+_STEPS_PER_EXAMPLE: Final = 25  # steps for each configured example
+_SHRINK_NS: Final = 60 * 10**9
 """Time limit for shrinking a sequence to the steps that matter."""
 
 
-@case("3/31", "4.8/3", "4.9/6", name="sequences", hazards=_ASKING)
+@case("3/31", "4.8/3", "4.9/6", name="sequences", hazards=_READ_ONLY)
 def test_queries(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Queries and new connections in any order change nothing."""
-    _in_any_order(subject, line, _ASKING, share=4)
+    _run_in_any_order(subject, line, _READ_ONLY, share=4)
 
 
 @case(
@@ -63,13 +63,13 @@ def test_queries(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 )
 def test_files(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Files can be uploaded, downloaded, listed, deleted and set as default in any order."""
-    _in_any_order(subject, line, _STATE, _FILES, share=1)
+    _run_in_any_order(subject, line, _STATE, _FILES, share=1)
 
 
 @case("4.20/3", "4.21/3", "4.5/4", "4.1/2", "4.1/3", "3/31", name="sequences", hazards=_STATE)
 def test_settings(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Settings of positions and clock, and logins, work in any order, mixed with files."""
-    _in_any_order(subject, line, _STATE)
+    _run_in_any_order(subject, line, _STATE)
 
 
 @case(
@@ -77,7 +77,7 @@ def test_settings(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
 )
 def test_passwords(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Password changes with correct and wrong old passwords work, mixed with other settings."""
-    _in_any_order(subject, line, _DESTRUCTIVE, _PASSWORDS)
+    _run_in_any_order(subject, line, _DESTRUCTIVE, _PASSWORDS)
 
 
 @case(
@@ -88,10 +88,10 @@ def test_passwords(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 )
 def test_programs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Runs, simulations, refusals and stops of programs work, mixed with outputs and settings."""
-    _in_any_order(subject, line, _MOTION, _PROGRAMS, share=1)
+    _run_in_any_order(subject, line, _MOTION, _PROGRAMS, share=1)
 
 
-def _in_any_order(
+def _run_in_any_order(
     subject: ControllerUnderTest,
     line: OutgoingConnection,
     hazards: tuple[Hazard, ...],
@@ -99,35 +99,39 @@ def _in_any_order(
     *,
     share: int = 2,
 ) -> None:
-    acts = acts_within(subject, frozenset(hazards), only)
+    operations = acts_within(subject, frozenset(hazards), only)
     examples = settings().max_examples
     failed: dict[tuple[Step, ...], Exception] = {}
     with state_kept(subject, line, frozenset(hazards)) as names:
 
         @settings(max_examples=-(-examples // share), phases=(Phase.generate,))
-        @given(sequences(acts, 2 + examples // 2))
-        def each(steps: list[Step]) -> None:
-            if not failed and (failure := attempt(subject, acts, names, steps)):
-                again = partial(attempt, subject, acts, names, like=failure)
-                until_ns = subject.now_ns + _SHORTENED_NS
-                shortest = shortened(steps, failure, again, lambda: subject.now_ns < until_ns)
-                failed[tuple(steps)] = shortest.error
+        @given(sequences(operations, 2 + examples // 2))
+        def check(steps: list[Step]) -> None:
+            if not failed and (failure := attempt(subject, operations, names, steps)):
+                retry = partial(attempt, subject, operations, names, like=failure)
+                until_ns = subject.now_ns + _SHRINK_NS
+                shrunk = shortened(steps, failure, retry, lambda: subject.now_ns < until_ns)
+                failed[tuple(steps)] = shrunk.error
             if error := failed.get(tuple(steps)):  # hypothesis calls it twice
                 raise error
 
         with unless_others_run(subject):
-            each()
+            check()
 
 
 @case("3/31", "5.2/12", "4.10/11", name="long-use", hazards=_STATE)
 def test_long_use(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Hundreds of requests of every kind on the same connections have the right effects."""
-    acts = [act for act in acts_within(subject, frozenset(_STATE)) if act != "reconnect"]
-    count = settings().max_examples * _LONG
+    operations = [
+        operation
+        for operation in acts_within(subject, frozenset(_STATE))
+        if operation != "reconnect"
+    ]
+    count = settings().max_examples * _STEPS_PER_EXAMPLE
     with (
         unless_others_run(subject),
         state_kept(subject, line, frozenset(_STATE)) as names,
-        model_of(subject, acts, names) as model,
+        model_of(subject, operations, names) as model,
     ):
-        for step in itertools.islice(endless(acts), count):
+        for step in itertools.islice(endless(operations), count):
             model.take(step)

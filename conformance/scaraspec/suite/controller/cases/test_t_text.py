@@ -31,22 +31,22 @@ from scaraspec.user_message import UserMessage
 
 _STATE: Final = (Hazard.STATE,)
 _MOTION: Final = (Hazard.MOTION, Hazard.STATE)
-_FREE: Final = ("get_version", "list_programs", "get_running_program")  # any characters
+_FREE_TEXT: Final = ("get_version", "list_programs", "get_running_program")  # any characters
 _DECIMAL: Final = re.compile(rb"-?[0-9]+(\.[0-9]+)?")
 
 
-def _without(answers: list[ReceivedFrame], *wrongs: Defect) -> None:
+def _expect_no_defects(answers: list[ReceivedFrame], *defects: Defect) -> None:
     """Fail the case if a payload has one of these defects.
 
     Raises:
         CaseFailed: A payload has one.
     """
     for answer in answers:
-        complaints = answer.seen.parsed.decoded.issues if answer.seen.parsed else ()
-        for complaint in complaints:
-            if complaint.defect in wrongs:
+        issues = answer.seen.parsed.decoded.issues if answer.seen.parsed else ()
+        for issue in issues:
+            if issue.defect in defects:
                 message = UserMessage(
-                    "{command}: {defect}", command=answer.seen.name, defect=complaint.text
+                    "{command}: {defect}", command=answer.seen.name, defect=issue.text
                 )
                 raise CaseFailed(message, observed=show(answer.frame.data))
 
@@ -55,40 +55,40 @@ def _without(answers: list[ReceivedFrame], *wrongs: Defect) -> None:
 
 
 @case("T/1")
-def test_bars(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_separators(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """In the reply to every query, fields are separated by a single |."""
     answers = ask_all(subject, line)
-    _without(answers, Defect.SPACE_FOR_BAR, Defect.BLANKS)
+    _expect_no_defects(answers, Defect.SPACE_FOR_BAR, Defect.BLANKS)
     # The number of fields is another matter if single separators are present.
-    odd = [a for a in answers if b"||" in a.frame.data or b"|" not in a.frame.data]
-    _without(odd, Defect.FIELD_COUNT)
+    suspicious = [a for a in answers if b"||" in a.frame.data or b"|" not in a.frame.data]
+    _expect_no_defects(suspicious, Defect.FIELD_COUNT)
 
 
 @case("T/1", name="refusal", hazards=_MOTION)
-def test_bar_before_a_code(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_separator_before_a_code(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The refusal of a missing program has a single | before the code (A-0-2)."""
     for name in examples((RUN, SIMULATE)):
         require_command(subject, name)
         answer = line.ask(name, subject.new_name())
-        said = [answer, finish(subject, line, name)] if answer.accepted else [answer]
-        _without(said, Defect.SPACE_FOR_BAR, Defect.FIELD_COUNT)
+        replies = [answer, finish(subject, line, name)] if answer.accepted else [answer]
+        _expect_no_defects(replies, Defect.SPACE_FOR_BAR, Defect.FIELD_COUNT)
 
 
 @case("T/1", name="list", hazards=_STATE)
-def test_bars_in_a_list(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_separators_in_a_list(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The list of several programs has a single | between two names."""
     uploaded = [subject.new_name() for _ in range(3)]
     for name in uploaded:
         upload(line, name, short_program(subject))
     answer = line.ask("list_programs")
-    _without([answer], Defect.SPACE_FOR_BAR, Defect.BLANKS, Defect.EMPTY_NAME)
+    _expect_no_defects([answer], Defect.SPACE_FOR_BAR, Defect.BLANKS, Defect.EMPTY_NAME)
     names: tuple[bytes, ...] = answer.value.names if answer.value else ()
     for name in names:
-        bare = name.strip(b" ,;\t")
+        stripped = name.strip(b" ,;\t")
         expect(
-            name == bare or bare not in uploaded,
+            name == stripped or stripped not in uploaded,
             "names are separated by more than one |",
-            expected=show(bare),
+            expected=show(stripped),
             observed=show(name),
         )
 
@@ -100,11 +100,15 @@ def test_bars_in_a_list(subject: ControllerUnderTest, line: OutgoingConnection) 
 def test_no_quotation_marks(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """No reply contains the quotation marks of the examples."""
     answers = ask_all(subject, line)
-    _without(answers, Defect.QUOTES)
+    _expect_no_defects(answers, Defect.QUOTES)
     for answer in answers:
-        marks = [mark for mark in ('"', "“", "”") if mark.encode() in answer.frame.data]
-        if answer.seen.name not in _FREE:
-            expect(not marks, "a reply contains a quotation mark", observed=f"{answer}")
+        quotation_marks = [
+            quotation_mark
+            for quotation_mark in ('"', "“", "”")
+            if quotation_mark.encode() in answer.frame.data
+        ]
+        if answer.seen.name not in _FREE_TEXT:
+            expect(not quotation_marks, "a reply contains a quotation mark", observed=f"{answer}")
 
 
 @case("T/3")
@@ -113,7 +117,7 @@ def test_digits_are_characters(subject: ControllerUnderTest, line: OutgoingConne
     answers = [*ask_all(subject, line), line.ask("download_name", subject.new_name())]
     if subject.access.needs_login:
         answers.append(line.ask("login", subject.password))
-    _without(answers, Defect.BINARY)
+    _expect_no_defects(answers, Defect.BINARY)
     for answer in answers:
         if answer.seen.name in ("get_time", "get_status", "get_digital_outputs"):
             text = answer.frame.data.rstrip(b"\0")
@@ -128,10 +132,10 @@ def test_digits_are_characters(subject: ControllerUnderTest, line: OutgoingConne
 def test_flags_of_settings(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The flag in replies to settings and uploads is a character."""
     require_command(subject, "set_gripper_center")
-    centre = line.ask("get_gripper_center").value
+    center = line.ask("get_gripper_center").value
     name = subject.new_name()
-    answers = [line.ask("set_gripper_center", centre), line.ask("upload_name", name)]
-    _without(answers, Defect.BINARY)
+    answers = [line.ask("set_gripper_center", center), line.ask("upload_name", name)]
+    _expect_no_defects(answers, Defect.BINARY)
 
 
 @case("T/4")
@@ -147,7 +151,7 @@ def test_ends_of_texts(subject: ControllerUnderTest, line: OutgoingConnection) -
             observed=show(data),
         )
         expect(
-            answer.seen.name in _FREE or text == text.rstrip(b" \r\n\t"),
+            answer.seen.name in _FREE_TEXT or text == text.rstrip(b" \r\n\t"),
             "a text ends with a blank or a line end",
             expected="nothing after the last character",
             observed=show(data),
@@ -164,7 +168,7 @@ def test_ends_of_texts(subject: ControllerUnderTest, line: OutgoingConnection) -
 @case("T/5")
 def test_numbers(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The numbers in replies to queries are plain decimal text."""
-    _without(ask_all(subject, line), Defect.NUMBER)
+    _expect_no_defects(ask_all(subject, line), Defect.NUMBER)
 
 
 _numbers = (
@@ -186,11 +190,11 @@ def test_numbers_that_were_set(subject: ControllerUnderTest, texts: tuple[str, s
     try:
         if line.ask("set_gripper_center", data="|".join(texts).encode()).accepted:
             data = line.ask("get_gripper_center").frame.data.rstrip(b"\0|")
-            for text, wanted in zip(data.split(b"|"), texts, strict=False):
+            for text, expected in zip(data.split(b"|"), texts, strict=False):
                 expect(
                     _DECIMAL.fullmatch(text),
                     "a number is not plain decimal text",
-                    expected=wanted,
+                    expected=expected,
                     observed=show(text),
                 )
     finally:
@@ -206,8 +210,8 @@ def test_decimals_are_taken(subject: ControllerUnderTest, line: OutgoingConnecti
     before = line.ask("get_gripper_center").value
     try:
         for data in examples((b"20|30|40", b"20.0|30.0|40.0", b"20.000|30.00|40", b"-20|-30.5|0")):
-            said = line.ask("set_gripper_center", data=data)
-            if not said.accepted and subject.dialect["num_format"] == "one-decimal":
+            reply = line.ask("set_gripper_center", data=data)
+            if not reply.accepted and subject.dialect["num_format"] == "one-decimal":
                 subject.tolerate(
                     "T/5",
                     "num_format",
@@ -216,14 +220,14 @@ def test_decimals_are_taken(subject: ControllerUnderTest, line: OutgoingConnecti
                 )
                 continue
             expect(
-                said.accepted,
+                reply.accepted,
                 UserMessage("{data} was refused", data=show(data)),
                 expected="1",
-                observed=f"{said}",
+                observed=f"{reply}",
             )
-            now = line.ask("get_gripper_center").value
-            wanted = Point(*map(float, data.split(b"|")))
-            expect_equal(now, wanted, "a number changed", requirement="4.20/3")
+            current = line.ask("get_gripper_center").value
+            expected = Point(*map(float, data.split(b"|")))
+            expect_equal(current, expected, "a number changed", requirement="4.20/3")
     finally:
         if before is not None:
             line.ask("set_gripper_center", before)
@@ -249,13 +253,13 @@ def test_codes_of_refusals(subject: ControllerUnderTest, line: OutgoingConnectio
     """A refusal has a code of two characters, or none where this is allowed."""
     subject.moved = True
     missing = subject.new_name()
-    far = b"1|900000|900000|900000|0|0|0"
-    for name, data in examples(((RUN, missing), (SIMULATE, missing), (MOVE, far))):
+    unreachable = b"1|900000|900000|900000|0|0|0"
+    for name, data in examples(((RUN, missing), (SIMULATE, missing), (MOVE, unreachable))):
         if name in subject.ics.unsupported:
             continue
         answer = line.ask(name, data=data)
-        said = [answer, finish(subject, line, name)] if answer.accepted else [answer]
-        _without(said, Defect.CODE)
+        replies = [answer, finish(subject, line, name)] if answer.accepted else [answer]
+        _expect_no_defects(replies, Defect.CODE)
 
 
 # ---------------------------------------------------------------------- beyond ASCII
@@ -267,21 +271,21 @@ _NAMES: Final = ("程序".encode(), "程序".encode("gb18030"), "é".encode(), b
 def test_names_beyond_ascii(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """File names in UTF-8 and GBK are kept byte by byte if they are accepted."""
     content = short_program(subject)
-    taken: dict[bytes, bool] = {}
+    accepted: dict[bytes, bool] = {}
     for stem in examples(_NAMES):
         name = subject.new_name().replace(b".", stem + b".")
-        taken[name] = line.ask("upload_name", data=name).accepted is True
-        if not taken[name]:
+        accepted[name] = line.ask("upload_name", data=name).accepted is True
+        if not accepted[name]:
             continue
         for chunk in chunks_of(content):
             send(line, chunk)
         expect_stored(line, name, content)
         line.sync()
-    refused = ", ".join(show(name) for name, is_taken in taken.items() if not is_taken)
+    refused = ", ".join(show(name) for name, is_accepted in accepted.items() if not is_accepted)
     if not refused:
         return
     for encoding in ("ascii", "utf-8", "gb18030"):
-        if all(is_taken is _is_text(name, encoding) for name, is_taken in taken.items()):
+        if all(is_accepted is _is_text(name, encoding) for name, is_accepted in accepted.items()):
             subject.tolerate(
                 "T/8",
                 "text_encoding",
