@@ -6,7 +6,6 @@ from itertools import pairwise
 
 import pytest
 
-from scaraspec.judge.catalogue import CATALOGUE
 from scaraspec.judge.requirements import (
     REQUIREMENTS,
     Basis,
@@ -18,6 +17,7 @@ from scaraspec.judge.requirements import (
     requirement,
     select,
 )
+from scaraspec.judge.requirements.catalogue import CATALOGUE
 from scaraspec.protocol.hazard import Hazard
 
 LAST_LINE = 1046

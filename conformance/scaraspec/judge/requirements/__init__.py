@@ -1,8 +1,9 @@
-"""The requirement catalogue: find a requirement, a clause, or what a user selected.
+"""The requirement catalogue, and how to find a requirement, a clause or a selection in it.
 
-Nothing is written here that the document demands; the sentences are the tables in
-``scaraspec.judge.catalogue``. A name that selects nothing is an error, never an empty result: a
-mistyped selection must not look like a run without failures.
+The ``clause_*`` modules contain the requirements as data, `catalogue` contains their order, and
+`entry` contains their types. The rules that judge them are in ``scaraspec.judge.rules``. A name
+that matches no requirement is an error and never an empty result: a mistyped selection must not
+look like a run without failures.
 """
 
 import difflib
@@ -10,8 +11,8 @@ import reprlib
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from scaraspec.judge.catalogue import CATALOGUE
-from scaraspec.judge.catalogue.entry import (
+from scaraspec.judge.requirements.catalogue import CATALOGUE
+from scaraspec.judge.requirements.entry import (
     Basis,
     Binds,
     LineRange,

@@ -1,6 +1,6 @@
 """Clause 2, transport: TCP, its port, Bluetooth beside it (L75-83)."""
 
-from scaraspec.judge.catalogue.entry import (
+from scaraspec.judge.requirements.entry import (
     AC,
     AK,
     BOTH,
