@@ -21,9 +21,9 @@ from bench import sampling, traffic
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.traffic.wire import Kind
 from scaraspec_recorder.recordings.archive import Archive, archive_sink
-from scaraspec_recorder.recordings.rotation import Rotate, parse_rotate
-from scaraspec_recorder.sinks.runner import SinkRunner, collect_rarely
-from scaraspec_recorder.sinks.sinks import TICK_NS
+from scaraspec_recorder.recordings.rotation import RotationPolicy, parse_rotation
+from scaraspec_recorder.sinks.sink import TICK_NS
+from scaraspec_recorder.sinks.sink_runner import SinkRunner, collect_rarely
 from scaraspec_recorder.spool.records import stream_number
 from scaraspec_recorder.spool.spool import SpoolReader, SpoolWriter
 
@@ -35,11 +35,11 @@ PLACES: Final = {
     "scaraspec.protocol": "protocol",
     "scaraspec_recorder": "the rest of the recorder",
     "scaraspec_recorder.sinks.mcap.schemas": "schemas",
-    "scaraspec_recorder.sinks.mcap.mcap_file": "mcap_file",
+    "scaraspec_recorder.sinks.mcap.mcap_sink": "mcap_file",
     "scaraspec_recorder.sinks.mcap.chunk_writer": "chunk_writer",
     "scaraspec_recorder.sinks.rerun": "drawing",
     "scaraspec_recorder.spool": "spool and scribe",
-    "scaraspec_recorder.sinks.runner": "spool and scribe",
+    "scaraspec_recorder.sinks.sink_runner": "spool and scribe",
     "__main__": sampling.LEFT_OUT,
     "bench": sampling.LEFT_OUT,
 }
@@ -55,7 +55,7 @@ _say = partial(print, flush=True)
 class Soak:
     """The writing path, on a clock that is set from outside."""
 
-    def __init__(self, folder: Path, rotate: Rotate) -> None:
+    def __init__(self, folder: Path, rotate: RotationPolicy) -> None:
         self.out = folder / "out"
         self.out.mkdir()
         self._now_ns = _START_NS
@@ -96,7 +96,7 @@ def main() -> None:
     """Write so many hours of traffic, and print what that took."""
     parser = argparse.ArgumentParser(prog="soak", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--hours", type=float, default=1.25, help="of the robot's time [1.25]")
-    parser.add_argument("--rotate", type=parse_rotate, default="1h", help="when a file ends [1h]")
+    parser.add_argument("--rotate", type=parse_rotation, default="1h", help="when a file ends [1h]")
     parser.add_argument("--profile", action="store_true", help="say what the writing consists of")
     options = parser.parse_args()
     exchanges = max(int(options.hours * 3600 * PER_SECOND), POINTS)
@@ -109,7 +109,7 @@ def main() -> None:
         samples.tell("the writing, in seconds of its processor")
 
 
-def run(folder: Path, exchanges: int, rotate: Rotate) -> None:
+def run(folder: Path, exchanges: int, rotate: RotationPolicy) -> None:
     """Write, and print memory on the way, sizes and speed at the end."""
     hours = exchanges / PER_SECOND / 3600
     _say(f"{exchanges} exchanges, {hours:g} h at {PER_SECOND}/s")

@@ -14,18 +14,18 @@ from typing import Any, Final
 
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.user_message import UserMessage
-from scaraspec_recorder.fault_injection.files import load_injection
+from scaraspec_recorder.fault_injection.injection_file import load_injection
 from scaraspec_recorder.fault_injection.rules import Injection
-from scaraspec_recorder.quantities import Limits, parse_limits, parse_size
 from scaraspec_recorder.recordings.archive import Archive, archive_sink
 from scaraspec_recorder.recordings.capture import capture_sink
-from scaraspec_recorder.recordings.recovery import repairing_sink
-from scaraspec_recorder.recordings.rotation import Rotate, parse_rotate
+from scaraspec_recorder.recordings.recovery import sink_after_repair
+from scaraspec_recorder.recordings.rotation import RotationPolicy, parse_rotation
 from scaraspec_recorder.recordings.triggers import parse_trigger
-from scaraspec_recorder.sinks.restarts import safe_name
-from scaraspec_recorder.sinks.sinks import SinkFactory
+from scaraspec_recorder.sinks.file_names import safe_name
+from scaraspec_recorder.sinks.sink import SinkFactory
 from scaraspec_recorder.tap.routes import Mode
 from scaraspec_recorder.toml_file import TomlError, read_toml
+from scaraspec_recorder.units import Limits, parse_limits, parse_size
 
 DEFAULT_OUT: Final = Path("captures")
 MODES: Final = {"port": Mode.EXPLICIT, "redirect": Mode.REDIRECT, "tproxy": Mode.TPROXY}
@@ -36,13 +36,13 @@ DEFAULT_LISTEN: Final = {
 }
 """Where the recorder listens if nothing is said, by mode."""
 
-_HOURLY: Final = parse_rotate("1h")
+_HOURLY: Final = parse_rotation("1h")
 """How long a file lasts if only limits are set: a file that never ends could not be removed."""
 
 _MOST_ROBOTS: Final = 256
 
 
-class Clock(StrEnum):
+class TimestampSource(StrEnum):
     """Who says when bytes came in."""
 
     USER = "user"  # the recorder, when it reads them: costs the link nothing
@@ -79,13 +79,13 @@ class RobotConfig:
     out: Path = DEFAULT_OUT
     mode: Mode = Mode.EXPLICIT
     redact: bool = False
-    rotate: Rotate | None = None
+    rotate: RotationPolicy | None = None
     keep: Limits | None = None
     min_free_bytes: int = 0
     triggers: tuple[str, ...] = ()
     injection: Injection | None = None
     i_mean_it: bool = False
-    timestamps: Clock = Clock.USER
+    timestamps: TimestampSource = TimestampSource.USER
 
     def sink(self, session: Mapping[str, str], *, draw: bool, needs_login: bool) -> SinkFactory:
         """Return what makes the sink that writes the files.
@@ -107,7 +107,7 @@ class RobotConfig:
                 redact=self.redact,
                 triggers=self.triggers,
             )
-            return partial(repairing_sink, make=make)
+            return partial(sink_after_repair, make=make)
         archive = Archive(
             robot=self.name,
             session=session,
@@ -255,10 +255,10 @@ def _mode(text: str) -> Mode:
     return MODES[text]
 
 
-def _clock(text: str) -> Clock:
-    if text not in tuple(Clock):
-        raise ValueError(f"{text!r} is no clock: take {', '.join(Clock)}")
-    return Clock(text)
+def _clock(text: str) -> TimestampSource:
+    if text not in tuple(TimestampSource):
+        raise ValueError(f"{text!r} is no clock: take {', '.join(TimestampSource)}")
+    return TimestampSource(text)
 
 
 def _injection(text: str) -> Injection:
@@ -285,7 +285,7 @@ _KEYS: Final[dict[str, tuple[type, str, _Read]]] = {
     "out": (str, "out", Path),
     "mode": (str, "mode", _mode),
     "redact": (bool, "redact", bool),
-    "rotate": (str, "rotate", parse_rotate),
+    "rotate": (str, "rotate", parse_rotation),
     "keep": (str, "keep", parse_limits),
     "min-free": (str, "min_free_bytes", parse_size),
     "trigger": (list, "triggers", _triggers),

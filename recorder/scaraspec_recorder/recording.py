@@ -12,15 +12,15 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from scaraspec_recorder.children import Child
+from scaraspec_recorder.child_process import ChildProcess
 from scaraspec_recorder.fault_injection.connection import InjectedConnection
 from scaraspec_recorder.fault_injection.rules import Injection
-from scaraspec_recorder.sinks import runner as scribe
-from scaraspec_recorder.sinks.runner import Progress
-from scaraspec_recorder.sinks.sinks import SinkFactory
-from scaraspec_recorder.spool import asking
-from scaraspec_recorder.spool.locks import claimed_spool
-from scaraspec_recorder.spool.spool import LIMIT_BYTES, Trouble, read_checkpoint, trouble_of
+from scaraspec_recorder.sinks import sink_runner
+from scaraspec_recorder.sinks.sink import SinkFactory
+from scaraspec_recorder.sinks.sink_runner import Progress
+from scaraspec_recorder.spool import mark_requests
+from scaraspec_recorder.spool.locks import locked_spool
+from scaraspec_recorder.spool.spool import LIMIT_BYTES, WriteStall, read_checkpoint, stall_of
 from scaraspec_recorder.tap import tap
 from scaraspec_recorder.tap.routes import Route
 
@@ -37,15 +37,17 @@ class Recording:
         address: Where the tap listens: host and port.
         spool: The folder of the spool.
         tap: The process that forwards.
-        scribe: The process that writes.
+        writer: The process that writes.
         drain_s: How long the scribe may take to write what is left when the recording ends.
     """
 
-    def __init__(self, address: tuple[str, int], spool: Path, tap: Child, scribe: Child) -> None:
+    def __init__(
+        self, address: tuple[str, int], spool: Path, tap: ChildProcess, writer: ChildProcess
+    ) -> None:
         self.address = address
         self.spool = spool
         self.tap = tap
-        self.scribe = scribe
+        self.writer = writer
         self.drain_s = DRAIN_S
         self._progress = Progress()
 
@@ -56,18 +58,18 @@ class Recording:
             self._progress = Progress.read(state)
         return self._progress
 
-    def ask(self) -> None:
+    def request_mark(self) -> None:
         """Ask for a mark: it is written as soon as the writing process runs.
 
         Raises:
             OSError: The request cannot be written.
         """
-        asking.ask(self.spool)
+        mark_requests.request_mark(self.spool)
 
     @property
-    def trouble(self) -> Trouble | None:
+    def stall(self) -> WriteStall | None:
         """Why nothing is written just now; None where nothing hinders it."""
-        return trouble_of(read_checkpoint(self.spool))
+        return stall_of(read_checkpoint(self.spool))
 
 
 @asynccontextmanager
@@ -100,11 +102,11 @@ async def record(  # noqa: PLR0913 - what may be chosen, each on its own
     Raises:
         OSError: The address or the folder cannot be used, or another recorder uses the folder.
     """
-    with route.listen(*listen) as listener, claimed_spool(out_dir, limit_bytes) as spool:
-        writing = Child("scribe", scribe.run, spool, out_dir, tuple(sinks))
+    with route.listen(*listen) as listener, locked_spool(out_dir, limit_bytes) as spool:
+        writing = ChildProcess("writer", sink_runner.run_writer, spool, out_dir, tuple(sinks))
         connect = partial(InjectedConnection, injection) if injection else None
         relayed = (listener, route, spool, limit_bytes, connect, kernel_time)
-        relaying = Child("tap", tap.run, *relayed, writing.near)
+        relaying = ChildProcess("tap", tap.run, *relayed, writing.control_socket)
         host, port = listener.getsockname()[:2]
         recording = Recording((host, port), spool, relaying, writing)
         try:

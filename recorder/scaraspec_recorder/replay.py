@@ -44,7 +44,7 @@ class LinkEndedError(Exception):
 
 
 @dataclass(slots=True)
-class Step:
+class ReplayStep:
     """Something that the recorded client sent.
 
     Attributes:
@@ -52,33 +52,33 @@ class Step:
         time_ns: When, in the capture.
         frame: What is to be sent; None where nothing may.
         reason: Why nothing may.
-        answers: It answers the controller's request, instead of asking.
-        recorded: The form of the first reply in the capture, see `form`.
-        answered: The form of the first reply now.
+        is_reply: It answers the controller's request, instead of asking.
+        recorded_reply: The form of the first reply in the capture, see `reply_form`.
+        new_reply: The form of the first reply now.
     """
 
     name: str
     time_ns: int
     frame: Frame | None = None
     reason: str = ""
-    answers: bool = False
-    recorded: str = ""
-    answered: str = ""
+    is_reply: bool = False
+    recorded_reply: str = ""
+    new_reply: str = ""
 
     @property
-    def settled(self) -> bool:
+    def complete(self) -> bool:
         """Whether nothing more of the capture belongs to it."""
-        return self.frame is None or self.answers or bool(self.recorded)
+        return self.frame is None or self.is_reply or bool(self.recorded_reply)
 
     @property
     def differs(self) -> bool:
         """Whether the controller answers otherwise than it did; where it did, that is."""
-        return bool(self.recorded) and self.recorded != self.answered
+        return bool(self.recorded_reply) and self.recorded_reply != self.new_reply
 
 
-def steps(
+def plan_steps(
     events: Iterable[WireEvent], connection: str, allowed: Collection[Hazard]
-) -> Iterator[Step]:
+) -> Iterator[ReplayStep]:
     """Give what the client of one connection sent, each with the reply that it got.
 
     Args:
@@ -87,7 +87,7 @@ def steps(
         allowed: What the requests that are sent may do at worst.
     """
     dialogue = Dialogue(connection, RobotState(), DEFAULT)
-    waiting: deque[Step] = deque()
+    waiting: deque[ReplayStep] = deque()
     for event in events:
         if event.connection != connection:
             continue
@@ -97,15 +97,15 @@ def steps(
             elif isinstance(item, FrameSeen):
                 waiting.append(_step(item, allowed))
             elif isinstance(item, InvalidBytes) and item.place.direction is A2C:
-                waiting.append(Step("bytes", event.time_ns, reason="no frame"))
-        while waiting and (waiting[0].settled or len(waiting) > _MOST_UNANSWERED):
+                waiting.append(ReplayStep("bytes", event.time_ns, reason="no frame"))
+        while waiting and (waiting[0].complete or len(waiting) > _MOST_UNANSWERED):
             yield waiting.popleft()
     yield from waiting
 
 
-def play(
-    plan: Iterable[Step], link: Link, *, reply_timeout_s: float, speed: float | None = None
-) -> Iterator[Step]:
+def replay(
+    plan: Iterable[ReplayStep], link: Link, *, reply_timeout_s: float, speed: float | None = None
+) -> Iterator[ReplayStep]:
     """Send what may be sent; give each step when it is done.
 
     Args:
@@ -122,11 +122,11 @@ def play(
     for step in plan:
         begun = begun or (link.now_s, step.time_ns)
         if speed and step.frame:
-            ear.listen_until(begun[0] + (step.time_ns - begun[1]) / 1e9 / speed)
-        if step.frame and step.answers:
+            ear.receive_until(begun[0] + (step.time_ns - begun[1]) / 1e9 / speed)
+        if step.frame and step.is_reply:
             # Where it did not ask once, as in a download that it refused, it is not waited for.
             timeout_s = reply_timeout_s if asked else 0
-            asked = bool(ear.hear(step.frame.opcode, timeout_s, part="request"))
+            asked = bool(ear.receive_reply(step.frame.opcode, timeout_s, part="request"))
             if asked:
                 link.send(step.frame.encode())
             else:
@@ -134,11 +134,11 @@ def play(
         elif step.frame:
             asked = True
             link.send(step.frame.encode())
-            step.answered = ear.hear(step.frame.opcode, reply_timeout_s, part="reply")
+            step.new_reply = ear.receive_reply(step.frame.opcode, reply_timeout_s, part="reply")
         yield step
 
 
-def form(parsed: Parsed | None) -> str:
+def reply_form(parsed: Parsed | None) -> str:
     """What a reply amounts to, whatever values are in it: values change from day to day."""
     if parsed is None:
         return "undefined"
@@ -158,21 +158,21 @@ class _Ear:
     def __init__(self, link: Link) -> None:
         self._link = link
         self._framer = Framer(C2A)
-        self._heard: deque[Frame] = deque(maxlen=_MOST_UNANSWERED)
+        self._unmatched: deque[Frame] = deque(maxlen=_MOST_UNANSWERED)
 
-    def hear(self, opcode: int, timeout_s: float, *, part: str) -> str:
+    def receive_reply(self, opcode: int, timeout_s: float, *, part: str) -> str:
         """Return the form of the next message of this opcode; nothing if none comes in time."""
         deadline_s = self._link.now_s + timeout_s
         while True:
-            while self._heard:
-                frame = self._heard.popleft()
+            while self._unmatched:
+                frame = self._unmatched.popleft()
                 parsed = parse_frame(frame)
                 if frame.opcode == opcode and (parsed is None or parsed.part == part):
-                    return form(parsed)
+                    return reply_form(parsed)
             if not self._receive(deadline_s):
                 return ""
 
-    def listen_until(self, deadline_s: float) -> None:
+    def receive_until(self, deadline_s: float) -> None:
         """Keep what comes by then."""
         while self._link.now_s < deadline_s:
             self._receive(deadline_s)
@@ -185,13 +185,13 @@ class _Ear:
         if not isinstance(arrival[1], bytes):
             raise LinkEndedError("the controller has ended the link")
         found = self._framer.feed(arrival[1])
-        self._heard.extend(item for item in found if isinstance(item, Frame))
+        self._unmatched.extend(item for item in found if isinstance(item, Frame))
         return True
 
 
-def _step(seen: FrameSeen, allowed: Collection[Hazard]) -> Step:
+def _step(seen: FrameSeen, allowed: Collection[Hazard]) -> ReplayStep:
     """What becomes of a frame of the client."""
-    step = Step(seen.name, seen.place.time_ns)
+    step = ReplayStep(seen.name, seen.place.time_ns)
     parsed = seen.parsed
     if not seen.certain:
         step.reason = "behind a gap"
@@ -203,14 +203,14 @@ def _step(seen: FrameSeen, allowed: Collection[Hazard]) -> Step:
         step.reason = parsed.command.hazard.value
     else:
         step.frame = seen.frame
-        step.answers = parsed.part == "reply"
+        step.is_reply = parsed.part == "reply"
     return step
 
 
-def _answer(waiting: Iterable[Step], seen: FrameSeen) -> None:
+def _answer(waiting: Iterable[ReplayStep], seen: FrameSeen) -> None:
     """Give a first reply to the oldest step that waits for one of its opcode."""
     for step in waiting:
-        if not step.settled and step.frame and step.frame.opcode == seen.frame.opcode:
+        if not step.complete and step.frame and step.frame.opcode == seen.frame.opcode:
             if not seen.frame.tagged:
-                step.recorded = form(seen.parsed)
+                step.recorded_reply = reply_form(seen.parsed)
             return

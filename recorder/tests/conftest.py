@@ -17,7 +17,7 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.traffic.wire import Kind, WireEvent
-from scaraspec_recorder.spool.chunks import ForwardedChunk
+from scaraspec_recorder.spool.forwarded_chunks import ForwardedChunk
 
 # A failure prints the blob that replays it; examples are drawn the same way on every machine.
 settings.register_profile("scaraspec", print_blob=True, deadline=None, derandomize=True)

@@ -6,11 +6,11 @@ from typing import Any
 import pytest
 
 from scaraspec_recorder.config import ConfigError, RobotConfig, read_config, read_robot
-from scaraspec_recorder.quantities import SECOND_NS
 from scaraspec_recorder.recordings.archive import archive_sink
-from scaraspec_recorder.recordings.recovery import repairing_sink
-from scaraspec_recorder.recordings.rotation import parse_rotate
+from scaraspec_recorder.recordings.recovery import sink_after_repair
+from scaraspec_recorder.recordings.rotation import parse_rotation
 from scaraspec_recorder.tap.routes import Mode
+from scaraspec_recorder.units import SECOND_NS
 
 SAMPLE = Path(__file__).parents[2] / "fixtures" / "recorder" / "two-lines.toml"
 URL = "tcp://192.0.2.7"
@@ -39,7 +39,7 @@ def test_little_is_enough() -> None:
     assert robot == RobotConfig("r", URL)
     assert robot.mode is Mode.EXPLICIT
     make: Any = robot.sink({}, draw=False, needs_login=True)
-    assert make.func is repairing_sink
+    assert make.func is sink_after_repair
 
 
 @pytest.mark.parametrize("table", [{"rotate": "1h"}, {"keep": "30d"}, {"min-free": "2GB"}])
@@ -49,7 +49,7 @@ def test_what_needs_several_files_makes_an_archive(table: dict[str, Any]) -> Non
     make: Any = read_robot("r", given, "--").sink({}, draw=False, needs_login=True)
     assert make.func is archive_sink
     archive = make.keywords["archive"]
-    assert archive.rotate == parse_rotate("1h")
+    assert archive.rotate == parse_rotation("1h")
     assert archive.triggers == ("refusal",)
 
 
@@ -57,7 +57,7 @@ def test_a_trigger_needs_no_several_files() -> None:
     """It marks one file as well."""
     robot = read_robot("r", {"url": URL, "trigger": ["refusal", "signal"]}, "--")
     make: Any = robot.sink({}, draw=False, needs_login=True)
-    assert make.func is repairing_sink
+    assert make.func is sink_after_repair
     assert make.keywords["make"].keywords["triggers"] == ("refusal", "signal")
 
 

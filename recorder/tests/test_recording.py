@@ -17,10 +17,10 @@ from typing import Any, Self
 import pytest
 
 import journal
-from scaraspec_recorder.children import Child
+from scaraspec_recorder.child_process import ChildProcess
 from scaraspec_recorder.recording import Recording, record
-from scaraspec_recorder.sinks.sinks import SinkFactory
-from scaraspec_recorder.spool import locks as claims
+from scaraspec_recorder.sinks.sink import SinkFactory
+from scaraspec_recorder.spool import locks
 from scaraspec_recorder.tap.routes import Upstream
 
 TIMEOUT_S = 30
@@ -32,7 +32,7 @@ pytestmark = pytest.mark.skipif(
 @pytest.fixture(autouse=True)
 def spools_beside(monkeypatch: pytest.MonkeyPatch) -> None:
     """Spools lie in the test's own folder."""
-    monkeypatch.setattr(claims, "_has_room", lambda _size_bytes: False)
+    monkeypatch.setattr(locks, "_has_room", lambda _size_bytes: False)
 
 
 def run(test: Callable[[], Awaitable[None]]) -> None:
@@ -115,7 +115,7 @@ async def until(condition: Callable[[], Any]) -> None:
         await asyncio.get_running_loop().run_in_executor(None, select.select, [], [], [], 0.01)
 
 
-async def kill(child: Child) -> None:
+async def kill(child: ChildProcess) -> None:
     """Kill a process, and wait until the recorder has started it again."""
     old = child.pid
     assert old
@@ -191,7 +191,7 @@ def test_a_killed_scribe_costs_nothing(tmp_path: Path) -> None:
             for _ in range(3):
                 await client.exchange(200)
                 await until(lambda: recording.progress.a2c.recorded_bytes)
-                killed = asyncio.create_task(kill(recording.scribe))
+                killed = asyncio.create_task(kill(recording.writer))
                 while not killed.done():
                     await client.exchange(20)
             await client.finish()
@@ -325,13 +325,13 @@ def test_signals_to_all_are_for_the_recorder_alone(tmp_path: Path) -> None:
             async with Client(recording.address) as client:
                 await client.exchange(10)
                 await until(lambda: recording.progress.a2c.recorded_bytes)
-                pids = (recording.tap.pid, recording.scribe.pid)
+                pids = (recording.tap.pid, recording.writer.pid)
                 for pid in pids:
                     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
                         os.kill(pid, number)
                 await client.exchange(10)
                 await client.finish()
-            assert (recording.tap.pid, recording.scribe.pid) == pids
+            assert (recording.tap.pid, recording.writer.pid) == pids
         assert recording.progress.a2c.recorded_bytes == len(client.sent)
         assert recording.progress.files == ["journal.jsonl"]
 
@@ -344,7 +344,7 @@ sys.path.insert(0, sys.argv[1])
 import journal
 from scaraspec_recorder import recording
 from scaraspec_recorder.tap.routes import Upstream
-from scaraspec_recorder.sinks.sinks import SinkFactory
+from scaraspec_recorder.sinks.sink import SinkFactory
 from scaraspec_recorder.spool import locks as claims
 
 async def main():
@@ -352,9 +352,9 @@ async def main():
     route = Upstream("127.0.0.1", int(sys.argv[2]))
     out_dir = pathlib.Path(sys.argv[3])
     async with recording.record(route, ("127.0.0.1", 0), out_dir, [journal.Journal]) as made:
-        while not (made.tap.pid and made.scribe.pid):
+        while not (made.tap.pid and made.writer.pid):
             await asyncio.sleep(0)
-        print(made.address[1], made.tap.pid, made.scribe.pid, flush=True)
+        print(made.address[1], made.tap.pid, made.writer.pid, flush=True)
         await asyncio.Event().wait()
 
 if __name__ == "__main__":
@@ -405,8 +405,8 @@ def test_processes_share_no_interpreter_with_the_caller(tmp_path: Path) -> None:
         async with record(
             Upstream("127.0.0.1", 1), ("127.0.0.1", 0), tmp_path, [journal.Journal]
         ) as recording:
-            await until(lambda: recording.tap.pid and recording.scribe.pid)
-            assert len({os.getpid(), recording.tap.pid, recording.scribe.pid}) == 3
+            await until(lambda: recording.tap.pid and recording.writer.pid)
+            assert len({os.getpid(), recording.tap.pid, recording.writer.pid}) == 3
 
     run(test)
 

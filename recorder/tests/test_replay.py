@@ -14,7 +14,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.traffic.wire import Kind, WireEvent
-from scaraspec_recorder.replay import LinkEndedError, Step, play, steps
+from scaraspec_recorder.replay import LinkEndedError, ReplayStep, plan_steps, replay
 
 READ_ONLY = {Hazard.READ_ONLY}
 ALL = set(Hazard)
@@ -48,7 +48,7 @@ def reply(name: str, value: Any) -> bytes:
     return Frame(C2A, command.opcode, command.reply.encode(value)).encode()
 
 
-def names(plan: Iterator[Step]) -> list[tuple[str, str]]:
+def names(plan: Iterator[ReplayStep]) -> list[tuple[str, str]]:
     return [(step.name, step.reason) for step in plan]
 
 
@@ -62,7 +62,7 @@ def test_only_what_is_allowed_is_sent(talk: Any) -> None:
     talk.send(A2C, b"\x00\x01")
     talk.send(A2C, Frame(A2C, BY_NAME["get_analog_input"].opcode, b"xyz").encode())
     talk.ask("get_status", None, "00")
-    found = names(steps(talk.events, "1", READ_ONLY))
+    found = names(plan_steps(talk.events, "1", READ_ONLY))
     assert found == [
         ("login", "state"),
         ("get_status", ""),
@@ -73,7 +73,7 @@ def test_only_what_is_allowed_is_sent(talk: Any) -> None:
         ("get_analog_input", "malformed"),
         ("get_status", ""),
     ]
-    everything = names(steps(talk.events, "1", ALL))
+    everything = names(plan_steps(talk.events, "1", ALL))
     assert [reason for _, reason in everything if reason] == [
         "undefined opcode",
         "no frame",
@@ -84,7 +84,7 @@ def test_only_what_is_allowed_is_sent(talk: Any) -> None:
 def test_order_and_bytes_are_kept(shift: list[WireEvent]) -> None:
     """All that a client sent goes out again, byte for byte, each after the answer before it."""
     robot = Robot(lambda _: [])
-    done = [*play(steps(shift, "1", ALL), robot, reply_timeout_s=1)]
+    done = [*replay(plan_steps(shift, "1", ALL), robot, reply_timeout_s=1)]
     recorded = b"".join(e.data for e in shift if e.direction is A2C and e.kind is Kind.BYTES)
     assert b"".join(data for _, data in robot.sent) == recorded
     moments = [moment_s for moment_s, _ in robot.sent]
@@ -104,8 +104,8 @@ def test_answers_are_compared_by_kind(talk: Any) -> None:
     }
     by_opcode = {BY_NAME[name].opcode: parts for name, parts in answers.items()}
     robot = Robot(lambda frame: by_opcode.get(frame.opcode, []))
-    done = [*play(steps(talk.events, "1", ALL), robot, reply_timeout_s=1)]
-    assert [(s.name, s.recorded, s.answered, s.differs) for s in done] == [
+    done = [*replay(plan_steps(talk.events, "1", ALL), robot, reply_timeout_s=1)]
+    assert [(s.name, s.recorded_reply, s.new_reply, s.differs) for s in done] == [
         ("get_status", "answered", "answered", False),
         ("run_program", "accepted", "refused", True),
         ("get_default_program", "answered", "", True),
@@ -119,7 +119,7 @@ def test_speed_keeps_the_times_of_the_capture(talk: Any) -> None:
         talk.time_ns += 4_000_000_000
         talk.ask("get_status", None, "00")
     robot = Robot(lambda _: [reply("get_status", "00")])
-    list(play(steps(talk.events, "1", READ_ONLY), robot, reply_timeout_s=1, speed=2))
+    list(replay(plan_steps(talk.events, "1", READ_ONLY), robot, reply_timeout_s=1, speed=2))
     moments = [round(moment_s, 2) for moment_s, _ in robot.sent]
     assert moments == [100, 102, 104]
 
@@ -135,7 +135,7 @@ def test_an_answer_is_sent_only_where_it_is_asked_for(talk: Any, *, asks: bool) 
     name = reply("download_name", asks)
     by_opcode = {BY_NAME["download_name"].opcode: [name, asked] if asks else [name]}
     robot = Robot(lambda frame: by_opcode.get(frame.opcode, []))
-    done = [*play(steps(talk.events, "1", READ_ONLY), robot, reply_timeout_s=1)]
+    done = [*replay(plan_steps(talk.events, "1", READ_ONLY), robot, reply_timeout_s=1)]
     assert [step.name for step in done] == ["download_name", "download_chunk"]
     assert len(robot.sent) == 1 + asks
     assert done[1].reason == ("" if asks else "the controller did not ask")
@@ -146,4 +146,4 @@ def test_the_end_of_the_link_is_told(talk: Any) -> None:
     talk.ask("get_status", None, "00")
     robot = Robot(lambda _: [b""])
     with pytest.raises(LinkEndedError):
-        list(play(steps(talk.events, "1", READ_ONLY), robot, reply_timeout_s=1))
+        list(replay(plan_steps(talk.events, "1", READ_ONLY), robot, reply_timeout_s=1))

@@ -13,7 +13,7 @@ from scaraspec.report import html, terminal
 from scaraspec.report.sanitizing import visible
 from scaraspec.report.translations import Language
 from scaraspec.user_message import UserMessage
-from scaraspec_recorder.problems import CaptureError
+from scaraspec_recorder.errors import CaptureError
 
 EXAMPLE = "Example: scaraspec audit capture.mcap --html report.html"
 

@@ -10,45 +10,45 @@ from scaraspec.cli.problems import Problem
 from scaraspec.judge.judge import Judge
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.user_message import UserMessage
-from scaraspec_recorder.problems import CaptureError
-from scaraspec_recorder.recordings.capture import draw_capture
-from scaraspec_recorder.sinks.decoder import Deriver
-from scaraspec_recorder.sinks.mcap.mcap_file import LINK, SERIAL, McapSink
-from scaraspec_recorder.sinks.pcap_writing import PcapngWriter
-from scaraspec_recorder.sources.capture import Capture, McapCapture, open_capture
+from scaraspec_recorder.errors import CaptureError
+from scaraspec_recorder.recordings.capture import write_rrd
+from scaraspec_recorder.sinks.decoder import Decoder
+from scaraspec_recorder.sinks.mcap.mcap_sink import LINK, SERIAL, McapSink
+from scaraspec_recorder.sinks.pcapng_writer import PcapngWriter
+from scaraspec_recorder.sources.capture import McapCapture, PcapCapture, open_capture
 
 EXAMPLE = "Example: scaraspec convert field.pcapng field.mcap"
 
 _PATH = click.Path(path_type=Path)
 
 
-def _write_mcap(capture: McapCapture | Capture, target: Path) -> None:
+def _write_mcap(capture: McapCapture | PcapCapture, target: Path) -> None:
     needs_login = capture.needs_login
     session = {} if needs_login else {LINK: SERIAL}
-    deriver = Deriver([McapSink(target.open("wb"), session)], Judge(needs_login=needs_login))
+    deriver = Decoder([McapSink(target.open("wb"), session)], Judge(needs_login=needs_login))
     for event in capture:
         deriver.write(event)
     deriver.close()
 
 
-def _draw(capture: McapCapture | Capture, target: Path) -> None:
-    draw_capture(capture, target, needs_login=capture.needs_login)
+def _draw(capture: McapCapture | PcapCapture, target: Path) -> None:
+    write_rrd(capture, target, needs_login=capture.needs_login)
 
 
-def _write_pcapng(capture: McapCapture | Capture, target: Path) -> None:
+def _write_pcapng(capture: McapCapture | PcapCapture, target: Path) -> None:
     with target.open("wb") as file:
         writer = PcapngWriter(file)
         for event in capture:
             writer.write(event)
-    if writer.short_holes:
+    if writer.shortened_gaps:
         note = UserMessage(
-            "{short_holes} gaps of unknown length were written as gaps of one byte",
-            short_holes=writer.short_holes,
+            "{count} gaps of unknown length were written as gaps of one byte",
+            count=writer.shortened_gaps,
         )
         click.echo(f"{target}: {note}", err=True)
 
 
-_WRITERS: dict[str, Callable[[McapCapture | Capture, Path], None]] = {
+_WRITERS: dict[str, Callable[[McapCapture | PcapCapture, Path], None]] = {
     ".mcap": _write_mcap,
     ".pcapng": _write_pcapng,
     ".rrd": _draw,

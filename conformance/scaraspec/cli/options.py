@@ -8,7 +8,7 @@ import click
 
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.user_message import UserMessage
-from scaraspec_recorder.quantities import SECOND_NS, QuantityError, parse_duration
+from scaraspec_recorder.units import SECOND_NS, QuantityError, parse_duration
 
 F = TypeVar("F", bound=Callable[..., Any])
 

@@ -35,20 +35,20 @@ from scaraspec_recorder.config import (
     DEFAULT_LISTEN,
     DEFAULT_OUT,
     MODES,
-    Clock,
     ConfigError,
     RobotConfig,
+    TimestampSource,
     read_config,
     read_robot,
 )
-from scaraspec_recorder.monitoring.dashboard import Dashboard, Display, Lines
-from scaraspec_recorder.monitoring.status import Status, Watch
+from scaraspec_recorder.monitoring.dashboard import Dashboard, Display, LineDisplay
+from scaraspec_recorder.monitoring.status import Status, StatusReader
 from scaraspec_recorder.recording import Recording, record
 from scaraspec_recorder.recordings.triggers import SIGNAL
+from scaraspec_recorder.sinks.file_names import safe_name
 from scaraspec_recorder.sinks.rerun.live import live_sink
-from scaraspec_recorder.sinks.restarts import safe_name
-from scaraspec_recorder.sinks.sinks import SinkFactory
-from scaraspec_recorder.tap import relay
+from scaraspec_recorder.sinks.sink import SinkFactory
+from scaraspec_recorder.tap import serial_relay
 from scaraspec_recorder.tap.routes import Mode, Route, route
 from scaraspec_recorder.tap.tcp import is_loopback
 
@@ -94,7 +94,7 @@ _OF_ALL: Final = ("config", "live", "metrics")  # these do not belong to one rob
 @click.option("--redact", is_flag=True, help="Mask passwords in the raw bytes, too.")
 @click.option(
     "--timestamps",
-    type=click.Choice([clock.value for clock in Clock]),
+    type=click.Choice([clock.value for clock in TimestampSource]),
     help="Source of the time stamps [user].",
 )
 @click.option(
@@ -125,12 +125,12 @@ def command(url: str | None, **options: Any) -> None:
     try:
         plans = [_plan(robot) for robot in _robots(url, options)]
         viewer = open_viewer() if options["live"] else None
-        watches: list[Watch] = []
+        watches: list[StatusReader] = []
         with _metrics(options["metrics"], watches), contextlib.suppress(KeyboardInterrupt):
             asyncio.run(_record(plans, viewer, watches))
     except (ConfigError, UrlError) as error:
         raise Problem(str(error)) from None
-    _print_summary([watch.look() for watch in watches])
+    _print_summary([watch.read_status() for watch in watches])
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,14 +147,14 @@ class _Plan:
     robot: RobotConfig
     controller: Tcp | Serial | Rfcomm
     listen: tuple[str, int]
-    caller: relay.End | None = None
+    caller: serial_relay.SerialEndpoint | None = None
 
     @property
     def way(self) -> Route:
         """The route to the controller."""
         if isinstance(self.controller, Tcp):
             return route(self.robot.mode, *self.controller)
-        return relay.LineRoute(_line(self.controller))
+        return serial_relay.SerialRoute(_line(self.controller))
 
     def sinks(self, viewer: str | None) -> tuple[SinkFactory, ...]:
         """Return the factories of the sinks."""
@@ -170,12 +170,16 @@ class _Plan:
         if not self.caller:
             yield join_host_port(*address)
             return
-        async with relay.calling(self.caller, address):
+        async with serial_relay.relay_serial_client(self.caller, address):
             yield str(self.caller)
 
 
-def _line(link: Serial | Rfcomm) -> relay.End:
-    return relay.Serial(*link) if isinstance(link, Serial) else relay.Rfcomm(*link)
+def _line(link: Serial | Rfcomm) -> serial_relay.SerialEndpoint:
+    return (
+        serial_relay.SerialPort(*link)
+        if isinstance(link, Serial)
+        else serial_relay.RfcommChannel(*link)
+    )
 
 
 def _robots(url: str | None, options: dict[str, Any]) -> Sequence[RobotConfig]:
@@ -228,7 +232,7 @@ def _plan(robot: RobotConfig) -> _Plan:
 
 
 def _metrics(
-    address: str | None, watches: Sequence[Watch]
+    address: str | None, watches: Sequence[StatusReader]
 ) -> contextlib.AbstractContextManager[object]:
     """Serve metrics if an address is given."""
     if not address:
@@ -242,7 +246,9 @@ def _metrics(
     def offered() -> Any:
         try:
             host, port = split_host_port(address, lowest_port=0)
-            with metrics.serve(host, port, lambda: [each.look() for each in watches]) as found:
+            with metrics.serve(
+                host, port, lambda: [each.read_status() for each in watches]
+            ) as found:
                 click.echo(f"metrics at http://{join_host_port(*found)}/metrics")
                 yield
         except metrics.MetricsError as error:
@@ -251,7 +257,7 @@ def _metrics(
     return offered()
 
 
-async def _record(plans: Sequence[_Plan], viewer: str | None, watches: list[Watch]) -> None:
+async def _record(plans: Sequence[_Plan], viewer: str | None, watches: list[StatusReader]) -> None:
     """Record until the first signal; then write the rest, until a second signal."""
     stopped = asyncio.Event()
     loop, whole = asyncio.get_running_loop(), asyncio.current_task()
@@ -287,7 +293,7 @@ def _ask(asked: Sequence[Recording]) -> None:
         click.echo("SIGUSR1 has no effect: no recording has --trigger signal")
     for recording in asked:
         try:
-            recording.ask()
+            recording.request_mark()
         except OSError as error:
             click.echo(f"SIGUSR1 has no effect: {error}")
 
@@ -295,7 +301,7 @@ def _ask(asked: Sequence[Recording]) -> None:
 async def _record_one(
     plan: _Plan,
     viewer: str | None,
-    watches: list[Watch],
+    watches: list[StatusReader],
     asked: list[Recording],
     stopped: asyncio.Event,
 ) -> None:
@@ -310,12 +316,12 @@ async def _record_one(
                 robot.out,
                 plan.sinks(viewer),
                 injection=robot.injection,
-                kernel_time=robot.timestamps is Clock.KERNEL,
+                kernel_time=robot.timestamps is TimestampSource.KERNEL,
             ) as recording,
             plan.calling(recording.address) as where,
         ):
             recording.drain_s = _DRAIN_S
-            watches.append(Watch(robot.name, recording, robot.out))
+            watches.append(StatusReader(robot.name, recording, robot.out))
             if SIGNAL in robot.triggers:
                 asked.append(recording)
             click.echo(f"recording {where} to {robot.url} in {robot.out}; press Ctrl-C to stop")
@@ -328,14 +334,14 @@ async def _record_one(
         ) from None
 
 
-async def _show(watches: Sequence[Watch], stopped: asyncio.Event) -> None:
+async def _show(watches: Sequence[StatusReader], stopped: asyncio.Event) -> None:
     """Show the status of the recordings until cancelled."""
     console = Console()
-    display: Display = Dashboard(console) if console.is_terminal else Lines(click.echo)
+    display: Display = Dashboard(console) if console.is_terminal else LineDisplay(click.echo)
     period_s = _DASHBOARD_S if console.is_terminal else _LINES_S
     with display:
         while True:
-            statuses = [watch.look() for watch in watches]
+            statuses = [watch.read_status() for watch in watches]
             display.update(statuses, ending=stopped.is_set())
             await asyncio.sleep(period_s)
 

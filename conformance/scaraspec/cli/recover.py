@@ -10,9 +10,9 @@ from scaraspec.cli.problems import Problem
 from scaraspec.cli.viewer import NO_VIEWER, has_viewer
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.user_message import UserMessage
-from scaraspec_recorder.problems import CaptureError
-from scaraspec_recorder.recordings.recover import Report, recover
-from scaraspec_recorder.recordings.recovery import hold, is_drawn, redraw
+from scaraspec_recorder.errors import CaptureError
+from scaraspec_recorder.recordings.recovery import has_complete_rrd, locked_folder, rebuild_rrd
+from scaraspec_recorder.recordings.repair import RepairReport, repair
 
 EXAMPLE = "Example: scaraspec recover captures/*.mcap"
 
@@ -34,9 +34,9 @@ def command(files: tuple[Path, ...]) -> None:
                 UserMessage("{file} is not a file: name the .mcap files to repair", file=file)
             )
         try:
-            with hold(file.resolve().parent) as unwritten_bytes:
-                report = recover(file)
-                _tell(report)
+            with locked_folder(file.resolve().parent) as unwritten_bytes:
+                report = repair(file)
+                _print_summary(report)
                 whole = whole and not (report.repaired or unwritten_bytes)
                 if unwritten_bytes:
                     click.echo(
@@ -59,7 +59,7 @@ def command(files: tuple[Path, ...]) -> None:
         raise SystemExit(ExitStatus.INCONCLUSIVE)
 
 
-def _tell(report: Report) -> None:
+def _print_summary(report: RepairReport) -> None:
     found = "repaired" if report.repaired else "whole"
     last = ""
     if report.last_ns:
@@ -69,15 +69,15 @@ def _tell(report: Report) -> None:
         click.echo(f"  {note}")
 
 
-def _draw(report: Report) -> None:
+def _draw(report: RepairReport) -> None:
     """Write the .rrd again if it or the recording was incomplete."""
     drawn = report.path.with_suffix(".rrd")
-    if is_drawn(drawn) and not report.repaired:
+    if has_complete_rrd(drawn) and not report.repaired:
         return
     if not has_viewer():
         click.echo(f"  {drawn} was not written: {NO_VIEWER}")
         return
     try:
-        click.echo(f"  {redraw(report.path)} written again")
+        click.echo(f"  {rebuild_rrd(report.path)} written again")
     except OSError as error:  # the recording itself is repaired
         click.echo(f"  {drawn} was not written: {error.strerror or error}")

@@ -17,8 +17,8 @@ from scaraspec.transports.connect import connect
 from scaraspec.transports.link import Link, LinkError
 from scaraspec.transports.url import Tcp, parse
 from scaraspec.user_message import UserMessage
-from scaraspec_recorder.problems import CaptureError
-from scaraspec_recorder.replay import LinkEndedError, Step, play, steps
+from scaraspec_recorder.errors import CaptureError
+from scaraspec_recorder.replay import LinkEndedError, ReplayStep, plan_steps, replay
 from scaraspec_recorder.sources.capture import open_capture
 
 EXAMPLE = "Example: scaraspec replay capture.mcap tcp://127.0.0.1:8877 --allow state"
@@ -35,7 +35,7 @@ class _Tally:
         self._skipped: Counter[tuple[str, str]] = Counter()
         self._shown: list[str] = []
 
-    def add(self, step: Step) -> None:
+    def add(self, step: ReplayStep) -> None:
         if not step.frame:
             self._skipped[step.name, step.reason] += 1
             return
@@ -43,8 +43,8 @@ class _Tally:
         if step.differs:
             self._different += 1
             if len(self._shown) < _MAX_SHOWN:
-                now = step.answered or "no reply"
-                self._shown.append(f"{step.name}: {now}, recorded: {step.recorded}")
+                now = step.new_reply or "no reply"
+                self._shown.append(f"{step.name}: {now}, recorded: {step.recorded_reply}")
 
     def report(self, connection: str) -> None:
         """Print the counts and exit with the status that follows from them.
@@ -127,9 +127,9 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
         try:
             if isinstance(over, Tcp):
                 _log_in(link, password, timeout_s)
-            plan = steps(source, connection, allowed)
+            plan = plan_steps(source, connection, allowed)
             tally = _Tally()
-            for step in play(plan, link, reply_timeout_s=timeout_s, speed=speed):
+            for step in replay(plan, link, reply_timeout_s=timeout_s, speed=speed):
                 tally.add(step)
         finally:
             link.close()
@@ -157,9 +157,9 @@ def _hazards(text: str) -> set[Hazard]:
 
 def _log_in(link: Link, password: str, timeout_s: float) -> None:
     frame = Frame(A2C, _LOGIN.opcode, _LOGIN.request.encode(password.encode()))
-    (step,) = play((Step("login", 0, frame),), link, reply_timeout_s=timeout_s)
-    if step.answered != "yes":
-        what = "refuses the password" if step.answered else "does not answer the login"
+    (step,) = replay((ReplayStep("login", 0, frame),), link, reply_timeout_s=timeout_s)
+    if step.new_reply != "yes":
+        what = "refuses the password" if step.new_reply else "does not answer the login"
         raise Problem(
             UserMessage("the controller {what}: name another with --password", what=what),
             ExitStatus.INCONCLUSIVE,

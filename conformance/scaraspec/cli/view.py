@@ -22,10 +22,10 @@ from scaraspec.cli.viewer import NO_VIEWER, has_viewer
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.sanitizing import visible
 from scaraspec.user_message import UserMessage
-from scaraspec_recorder.problems import CaptureError
-from scaraspec_recorder.recordings.capture import draw_capture
-from scaraspec_recorder.recordings.recover import recover
-from scaraspec_recorder.recordings.recovery import hold, is_drawn, redraw
+from scaraspec_recorder.errors import CaptureError
+from scaraspec_recorder.recordings.capture import write_rrd
+from scaraspec_recorder.recordings.recovery import has_complete_rrd, locked_folder, rebuild_rrd
+from scaraspec_recorder.recordings.repair import repair
 from scaraspec_recorder.sources.capture import McapCapture, open_capture
 
 EXAMPLE = "Example: scaraspec view captures/capture.mcap"
@@ -96,16 +96,16 @@ def _drawn(file: Path, port: int | None, scratch: Path) -> Path:
     capture = open_capture(file, port=port)
     if isinstance(capture, McapCapture):
         try:
-            with hold(file.resolve().parent):
-                report = recover(file)
+            with locked_folder(file.resolve().parent):
+                report = repair(file)
                 for note in report.notes:
                     click.echo(visible(f"{file}: {note}"), err=True)
                 drawn = file.with_suffix(".rrd")
-                whole = is_drawn(drawn) and not report.repaired
-                return drawn if whole else redraw(file)
+                whole = has_complete_rrd(drawn) and not report.repaired
+                return drawn if whole else rebuild_rrd(file)
         except OSError as error:
             click.echo(f"{file} is shown without repair: {error.strerror or error}", err=True)
-    draw_capture(capture, scratch, needs_login=capture.needs_login)
+    write_rrd(capture, scratch, needs_login=capture.needs_login)
     for note in capture.summary.notes:
         click.echo(visible(f"{file}: {note}"), err=True)
     return scratch

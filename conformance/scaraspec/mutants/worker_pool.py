@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection
 from tempfile import TemporaryDirectory
 from typing import TypeVar
 
-from scaraspec_recorder.children import away_from_here
+from scaraspec_recorder.child_process import safe_import_path
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -35,7 +35,7 @@ def apart(work: Callable[[T], R], about: Sequence[T], *, jobs: int, runs: int) -
         jobs: How many processes.
         runs: How often each of them may work.
     """
-    with away_from_here():
+    with safe_import_path():
         resource_tracker.ensure_running()
         forkserver.ensure_running()
     line, far = Pipe(duplex=False)

@@ -22,7 +22,7 @@ from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.traffic.wire import Kind
 from scaraspec_recorder.sources.capture import open_capture
-from scaraspec_recorder.spool.chunks import ForwardedChunk
+from scaraspec_recorder.spool.forwarded_chunks import ForwardedChunk
 from scaraspec_recorder.spool.locks import spool_folder
 
 LOCAL = ("--listen", "127.0.0.1:0")
@@ -146,7 +146,7 @@ def test_the_user_gets_a_mark_though_the_writing_process_is_dead(
         *("record", controller, *LOCAL, "--out", str(tmp_path), "--trigger", "signal")
     )
     ask(url_in(recorder.stdout.readline()))
-    os.kill(child_of(recorder.pid, "scribe"), signal.SIGKILL)
+    os.kill(child_of(recorder.pid, "writer"), signal.SIGKILL)
     recorder.send_signal(signal.SIGUSR1)
     assert any("asked for by SIGUSR1" in line for line in recorder.stdout)
     end(recorder)
@@ -225,7 +225,7 @@ def test_what_a_killed_recorder_left_is_repaired(
     assert processes.run("recover", str(torn)).returncode == 0
 
 
-@pytest.mark.parametrize("hang", [("scribe",), ("scribe", "tap")])
+@pytest.mark.parametrize("hang", [("writer",), ("writer", "tap")])
 def test_a_second_signal_ends_the_waiting(
     processes: Any, controller: str, tmp_path: Path, hang: tuple[str, ...]
 ) -> None:
@@ -254,12 +254,12 @@ def test_a_lost_terminal_is_told_twice(processes: Any, controller: str, tmp_path
     """Signals of the system and of the shell: the rest is still written."""
     recorder = processes.start("record", controller, *LOCAL, "--out", str(tmp_path))
     ask(url_in(recorder.stdout.readline()))
-    scribe = child_of(recorder.pid, "scribe")
-    os.kill(scribe, signal.SIGSTOP)
+    writer = child_of(recorder.pid, "writer")
+    os.kill(writer, signal.SIGSTOP)
     recorder.send_signal(signal.SIGHUP)
     assert any(line.startswith("ending: ") for line in recorder.stdout)
     recorder.send_signal(signal.SIGHUP)
-    os.kill(scribe, signal.SIGCONT)
+    os.kill(writer, signal.SIGCONT)
     told, _ = recorder.communicate(timeout=DEADLINE_S)
     assert recorder.returncode == 0, told
 

@@ -9,7 +9,7 @@ import pytest
 from scaraspec.judge.verdicts import Conclusion, Verdict
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.traffic.events import FrameSeen
-from scaraspec_recorder.sources.pcap_reading import read_capture
+from scaraspec_recorder.sources.pcap_reader import read_pcap
 
 Judged = Callable[..., Any]
 
@@ -69,7 +69,7 @@ def capture(judged: Judged, fixtures_dir: Path) -> Callable[[str], Any]:
     def read(name: str) -> Any:
         if name not in records:
             path = fixtures_dir / "captures" / "field" / f"{name}.pcapng"
-            records[name] = judged(read_capture(path))
+            records[name] = judged(read_pcap(path))
         return records[name]
 
     return read

@@ -31,7 +31,7 @@ from scaraspec.report.model import (
     TransferSeen,
 )
 from scaraspec.report.session import SessionStats
-from scaraspec_recorder.sources.pcap_reading import read_capture
+from scaraspec_recorder.sources.pcap_reader import read_pcap
 
 HOSTILE = (
     "</script><script>alert(1)</script><!-- ]]> & \"'` onload=x \x00\x1b[31m\u202etxt.exe\ufffe"
@@ -211,7 +211,7 @@ def audited(fixtures_dir: Path) -> Callable[[str], Results]:
     @cache
     def audit(name: str) -> Results:
         judge, stats = Judge(), SessionStats()
-        for event in read_capture(fixtures_dir / "captures" / "field" / f"{name}.pcapng"):
+        for event in read_pcap(fixtures_dir / "captures" / "field" / f"{name}.pcapng"):
             for item in judge.feed(event):
                 stats.add(item)
         for item in judge.close():

@@ -14,7 +14,7 @@ from scaraspec.protocol.frames import Frame
 PARTS: Final = ("request", "reply", "result")
 
 
-class Passing(NamedTuple):
+class ObservedFrame(NamedTuple):
     """A frame that came, and what it is; an undefined opcode has no name."""
 
     frame: Frame
@@ -47,7 +47,7 @@ class Condition:
     part: str | None = None
     direction: str | None = None
 
-    def holds(self, passing: Passing) -> bool:
+    def matches(self, passing: ObservedFrame) -> bool:
         """Whether this frame is meant."""
         frame, name, part = passing
         command = name if isinstance(self.command, str) else frame.opcode
@@ -57,7 +57,7 @@ class Condition:
             and self.direction in (None, frame.direction.value)
         )
 
-    def complaint(self) -> str:
+    def contradiction(self) -> str:
         """Why no frame at all can be meant, in words; empty where one can."""
         command = BY_NAME.get(self.command) if isinstance(self.command, str) else None
         if command is None:

@@ -11,22 +11,29 @@ from typing import Final
 
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.traffic.wire import Kind
-from scaraspec_recorder.fault_injection.injector import Action, Cut, Ended, Forward, Injector, Told
+from scaraspec_recorder.fault_injection.injector import (
+    Action,
+    Forward,
+    HalfClose,
+    InjectionNote,
+    Injector,
+    ResetBoth,
+)
 from scaraspec_recorder.fault_injection.rules import Injection
 from scaraspec_recorder.tap import tcp
-from scaraspec_recorder.tap.tap import Connection, End, Tap
+from scaraspec_recorder.tap.tap import Connection, SocketEnd, Tap
 
 HELD_BYTES: Final = 256 << 10
 """How much of a direction may be held up, plus one read, before its sender is paused."""
 
 
-class _InjectedEnd(End):
+class _InjectedEnd(SocketEnd):
     """One socket of it: what is read here goes through the injector."""
 
     connection: "InjectedConnection"
     blocked = False  # this socket takes nothing
 
-    def data_received(self, data: bytes, time_ns: int = 0, kernel_time: bool = False) -> None:  # noqa: FBT001, FBT002 - as in `End`
+    def data_received(self, data: bytes, time_ns: int = 0, kernel_time: bool = False) -> None:  # noqa: FBT001, FBT002 - as in `SocketEnd`
         if self.peer.transport:
             # When, and whether, they are passed on is the injector's affair.
             passage = (time_ns or self._now_ns(), self.received_bytes, data, 0, kernel_time)
@@ -68,22 +75,22 @@ class InjectedConnection(Connection):
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
 
-    def received(self, end: End, data: bytes) -> None:
+    def received(self, end: SocketEnd, data: bytes) -> None:
         """Bytes have come, and are recorded."""
         if not self._ended:
             self._do(self._injector.receive(self._direction(end), data, self._loop.time()))
 
-    def has_room(self, end: End) -> bool:
+    def has_room(self, end: SocketEnd) -> bool:
         """Whether more may be read here."""
         peer = self.upstream if end is self.client else self.client
-        waiting_bytes = self._injector.waiting_bytes(self._direction(end))
+        waiting_bytes = self._injector.queued_bytes(self._direction(end))
         return not self._ended and not peer.blocked and waiting_bytes <= HELD_BYTES
 
-    def finished(self, end: End) -> None:
+    def half_closed(self, end: SocketEnd) -> None:
         """A sender sends no more: that is passed on behind what waits."""
         self._do(self._injector.finish(self._direction(end), self._loop.time()))
 
-    def _end(self, kind: Kind, end: End, note: str) -> None:
+    def _end(self, kind: Kind, end: SocketEnd, note: str) -> None:
         self._do(self._injector.flush())
         super()._end(kind, end, note)
 
@@ -94,15 +101,15 @@ class InjectedConnection(Connection):
         for action in actions:
             end = self.client if action.direction is A2C else self.upstream
             match action:
-                case Told(_, note):
+                case InjectionNote(_, note):
                     self._record(Kind.INJECTED, end, note)
                 case Forward(_, data):
                     transport = end.peer.transport
                     if transport and not transport.is_closing():
                         transport.write(data)
-                case Ended():
-                    super().finished(end)
-                case Cut():
+                case HalfClose():
+                    super().half_closed(end)
+                case ResetBoth():
                     self._cut(end)
         for each in self._ends:
             if self.has_room(each):
@@ -111,7 +118,7 @@ class InjectedConnection(Connection):
                 each.pause()
         self._set_timer()
 
-    def _cut(self, end: End) -> None:
+    def _cut(self, end: SocketEnd) -> None:
         """Reset both ways, once what was passed on has left."""
         self._end(Kind.RESET, end, "cut by an injected fault")
         for each in self._ends:
@@ -124,5 +131,5 @@ class InjectedConnection(Connection):
         next_s = self._injector.next_s
         self._timer = self._loop.call_at(next_s, self._tick) if next_s < math.inf else None
 
-    def _direction(self, end: End) -> Direction:
+    def _direction(self, end: SocketEnd) -> Direction:
         return A2C if end is self.client else C2A

@@ -12,38 +12,38 @@ from scaraspec_recorder.fault_injection.conditions import Condition
 
 
 @dataclass(eq=False, slots=True)
-class Parcel:
+class QueuedFrame:
     """A frame on its way to the other side; or bytes that are none, or the end of the stream.
 
     Attributes:
-        what: What it is, in words.
+        description: What it is, in words.
         data: What will be passed on of it.
-        begun_s: When it came.
+        received_s: When it came.
         due_s: When it goes, at the latest.
         number: How many frames had passed on the connection, both ways, with this one.
-        place: Its number among the frames of its direction.
+        direction_number: Its number among the frames of its direction.
         piece_bytes: It goes in pieces of so many bytes; 0 for in one.
         gap_s: How long after each of them.
         followers: It goes already when so many more frames of its direction have come; 0 for never.
         until: It goes already when such a frame has come.
         cut: The connection is cut instead.
-        ends: Its sender sends no more.
-        gone: It has been passed on.
+        is_end: Its sender sends no more.
+        sent: It has been passed on.
     """
 
-    what: str
+    description: str
     data: bytes
-    begun_s: float
+    received_s: float
     due_s: float
     number: int = 0
-    place: int = 0
+    direction_number: int = 0
     piece_bytes: int = 0
     gap_s: float = 0.0
     followers: int = 0
     until: Condition | None = None
     cut: bool = False
-    ends: bool = False
-    gone: bool = False
+    is_end: bool = False
+    sent: bool = False
 
 
 class Fault(Protocol):
@@ -51,7 +51,7 @@ class Fault(Protocol):
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
-    def apply(self, parcel: Parcel, dice: Random) -> str:
+    def apply(self, parcel: QueuedFrame, dice: Random) -> str:
         """Do it to a frame; return what was done in words, empty where it came to nothing."""
 
 
@@ -61,7 +61,7 @@ class Delay:
 
     delay_ms: float
 
-    def apply(self, parcel: Parcel, dice: Random) -> str:  # noqa: ARG002 - nothing is left to chance
+    def apply(self, parcel: QueuedFrame, dice: Random) -> str:  # noqa: ARG002 - nothing is left to chance
         """Put its time off."""
         parcel.due_s += self.delay_ms / 1000
         return f"{self.delay_ms:g} ms late"
@@ -73,7 +73,7 @@ class Jitter:
 
     jitter_ms: float
 
-    def apply(self, parcel: Parcel, dice: Random) -> str:
+    def apply(self, parcel: QueuedFrame, dice: Random) -> str:
         """Put its time off by up to `jitter_ms`."""
         return Delay(round(dice.uniform(0, self.jitter_ms), 3)).apply(parcel, dice)
 
@@ -85,7 +85,7 @@ class Fragment:
     size_bytes: int
     gap_ms: float = 5.0
 
-    def apply(self, parcel: Parcel, dice: Random) -> str:  # noqa: ARG002 - as above
+    def apply(self, parcel: QueuedFrame, dice: Random) -> str:  # noqa: ARG002 - as above
         """Have it cut up; nothing comes of a frame that is no longer than a piece."""
         if len(parcel.data) <= self.size_bytes:
             return ""
@@ -100,7 +100,7 @@ class Coalesce:
     frames: int
     within_ms: float
 
-    def apply(self, parcel: Parcel, dice: Random) -> str:  # noqa: ARG002 - as above
+    def apply(self, parcel: QueuedFrame, dice: Random) -> str:  # noqa: ARG002 - as above
         """Have it wait until there are `frames`, for `within_ms` at most."""
         parcel.due_s += self.within_ms / 1000
         parcel.followers = self.frames - 1
@@ -111,7 +111,7 @@ class Coalesce:
 class Drop:
     """The frame does not go at all."""
 
-    def apply(self, parcel: Parcel, dice: Random) -> str:  # noqa: ARG002 - as above
+    def apply(self, parcel: QueuedFrame, dice: Random) -> str:  # noqa: ARG002 - as above
         """Leave nothing of it."""
         parcel.data = b""
         return "not passed on"
@@ -129,7 +129,7 @@ class Corrupt:
     at_bytes: int | None = None
     xor: int | None = None
 
-    def apply(self, parcel: Parcel, dice: Random) -> str:
+    def apply(self, parcel: QueuedFrame, dice: Random) -> str:
         """Change it; nothing comes of a frame that has no such byte."""
         size_bytes = len(parcel.data)
         at = dice.randrange(max(size_bytes, 1)) if self.at_bytes is None else self.at_bytes
@@ -149,7 +149,7 @@ class Truncate:
 
     keep_bytes: int
 
-    def apply(self, parcel: Parcel, dice: Random) -> str:  # noqa: ARG002 - as above
+    def apply(self, parcel: QueuedFrame, dice: Random) -> str:  # noqa: ARG002 - as above
         """Leave its first bytes; nothing comes of a frame that has no more."""
         if len(parcel.data) <= self.keep_bytes:
             return ""
@@ -161,7 +161,7 @@ class Truncate:
 class Reset:
     """The connection is cut instead: both sides are told by RST, and what waits is lost."""
 
-    def apply(self, parcel: Parcel, dice: Random) -> str:  # noqa: ARG002 - as above
+    def apply(self, parcel: QueuedFrame, dice: Random) -> str:  # noqa: ARG002 - as above
         """Have the connection cut in its place."""
         parcel.cut = True
         return "the connection cut instead"
@@ -176,7 +176,7 @@ class HoldBack:
     until_part: str | None = None
     until_direction: str | None = None
 
-    def apply(self, parcel: Parcel, dice: Random) -> str:  # noqa: ARG002 - as above
+    def apply(self, parcel: QueuedFrame, dice: Random) -> str:  # noqa: ARG002 - as above
         """Have it wait, for `at_most_ms` at most."""
         parcel.due_s += self.at_most_ms / 1000
         parcel.until = self.until

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from random import Random
 from typing import Final
 
-from scaraspec_recorder.fault_injection.conditions import Condition, Passing
-from scaraspec_recorder.fault_injection.faults import Fault, Parcel
+from scaraspec_recorder.fault_injection.conditions import Condition, ObservedFrame
+from scaraspec_recorder.fault_injection.faults import Fault, QueuedFrame
 
 _Hits = Callable[[int, float, Random], bool]
 
@@ -52,7 +52,7 @@ class Injection:
     seed: int = 0
 
 
-class RuleAtWork:
+class ActiveRule:
     """A rule on one connection, counting.
 
     Args:
@@ -65,24 +65,24 @@ class RuleAtWork:
         self._dice = dice
         self._count = 0
 
-    def hits(self, passing: Passing) -> bool:
+    def hits(self, passing: ObservedFrame) -> bool:
         """Count a frame, and say whether the fault is for it."""
-        if not self.rule.condition.holds(passing):
+        if not self.rule.condition.matches(passing):
             return False
         self._count += 1
         pick = self.rule.pick
         return not pick or PICKS[pick](self._count, self.rule.number, self._dice)
 
-    def apply(self, parcel: Parcel) -> str:
+    def apply(self, parcel: QueuedFrame) -> str:
         """Do the fault; return what was done, empty where it came to nothing."""
         done = self.rule.fault.apply(parcel, self._dice)
         return f"{self.rule.label}: {done}" if done else ""
 
 
-def at_work(injection: Injection, connection: int) -> list[RuleAtWork]:
+def active_rules(injection: Injection, connection: int) -> list[ActiveRule]:
     """Return the rules that are for a connection, ready to count its frames."""
     return [
-        RuleAtWork(rule, Random(f"{injection.seed}/{connection}/{number}"))  # noqa: S311 - to be the same again, not to be secret
+        ActiveRule(rule, Random(f"{injection.seed}/{connection}/{number}"))  # noqa: S311 - to be the same again, not to be secret
         for number, rule in enumerate(injection.rules)
         if rule.connection in (None, connection)
     ]

@@ -17,10 +17,10 @@ from rich.text import Text
 
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.monitoring.status import Status
-from scaraspec_recorder.recordings.recording_stats import DRAWN
+from scaraspec_recorder.recordings.recording_stats import RERUN_SUFFIX
 from scaraspec_recorder.tap.tcp import address_text
 
-QUIET_S: Final = 10.0
+MIN_INTERVAL_S: Final = 10.0
 """How long plain lines are at least apart that tell of the same recording."""
 
 _NUMBERS: Final = ("connections", "client/s", "robot/s", "recorded", "gaps", "waiting", "free")
@@ -49,7 +49,7 @@ class Display(Protocol):
         """Show how the recordings are now, and whether they are being ended."""
 
 
-class Lines:
+class LineDisplay:
     """Plain lines: where something becomes wrong or right again, and as long as ending takes.
 
     Args:
@@ -58,7 +58,7 @@ class Lines:
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
-        self._told: dict[str, tuple[float, _Wrong]] = {}
+        self._reported: dict[str, tuple[float, _Wrong]] = {}
         self._ending_s: float | None = None
 
     def __enter__(self) -> Self:
@@ -71,10 +71,10 @@ class Lines:
     def update(self, statuses: Sequence[Status], *, ending: bool) -> None:
         """Say what has changed, but not every second."""
         for status in statuses:
-            told_s, told = self._told.get(status.name, (-math.inf, _Wrong()))
+            told_s, told = self._reported.get(status.name, (-math.inf, _Wrong()))
             wrong = _Wrong.of(status)
-            if wrong != told and not 0 <= status.time_s - told_s < QUIET_S:
-                self._told[status.name] = status.time_s, wrong
+            if wrong != told and not 0 <= status.time_s - told_s < MIN_INTERVAL_S:
+                self._reported[status.name] = status.time_s, wrong
                 for line in wrong.since(told):
                     self._say(f"{status.name}: {line}")
         if ending:
@@ -87,7 +87,7 @@ class Lines:
         now_s = open_ones[0].time_s
         if self._ending_s is None:
             self._say(_ENDING)
-        elif 0 <= now_s - self._ending_s < QUIET_S:
+        elif 0 <= now_s - self._ending_s < MIN_INTERVAL_S:
             return
         else:
             for status in open_ones:
@@ -103,16 +103,21 @@ class _Wrong:
 
     problems: tuple[str, ...] = ()
     gaps: int = 0
-    late: bool = False
+    stalled: bool = False
     reason: str = ""
     unreached: str = ""
     status: Status | None = field(default=None, compare=False)
 
     @classmethod
     def of(cls, status: Status) -> "_Wrong":
-        progress, reason = status.progress, status.trouble.reason if status.trouble else ""
+        progress, reason = status.progress, status.stall.reason if status.stall else ""
         return cls(
-            tuple(progress.problems), status.gaps, status.late, reason, progress.unreached, status
+            tuple(progress.problems),
+            status.gaps,
+            status.stalled,
+            reason,
+            progress.unreached,
+            status,
         )
 
     def since(self, before: "_Wrong") -> list[str]:
@@ -121,10 +126,10 @@ class _Wrong:
         lines = list(self.problems[len(before.problems) :])
         if self.gaps != before.gaps:
             lines.append(f"{self.gaps} gaps so far, {_size(self.status.lost_bytes)} not recorded")
-        if (self.late, self.reason) != (before.late, before.reason):
+        if (self.stalled, self.reason) != (before.stalled, before.reason):
             waiting = f"nothing is written, {_size(self.status.waiting_bytes)} wait"
             why = UserMessage(": {reason}", reason=self.reason) if self.reason else ""
-            lines.append(f"{waiting}{why}" if self.late else "the writing goes on")
+            lines.append(f"{waiting}{why}" if self.stalled else "the writing goes on")
         if self.unreached != before.unreached:
             why = self.unreached
             lines.append(f"{_UNREACHED}: {why}" if why else "the robot is reached again")
@@ -189,7 +194,7 @@ class Dashboard:
 def _place(status: Status) -> str:
     """Where its clients connect, and what is being written."""
     files = status.progress.files
-    captures = [name for name in files if not name.endswith(DRAWN)] or ["no file yet"]
+    captures = [name for name in files if not name.endswith(RERUN_SUFFIX)] or ["no file yet"]
     return f"clients at {address_text(status.listen)}, {captures[-1]}"
 
 
@@ -200,8 +205,8 @@ def _problems(status: Status) -> list[str]:
         problems.append(f"{_UNREACHED}: {status.progress.unreached}")
     if status.gaps:
         problems.append(f"{_size(status.lost_bytes)} not recorded in {status.gaps} gaps")
-    if status.late:
-        why = UserMessage(": {reason}", reason=status.trouble.reason) if status.trouble else ""
+    if status.stalled:
+        why = UserMessage(": {reason}", reason=status.stall.reason) if status.stall else ""
         problems.append(f"nothing was written for {status.silent_s:.0f} s{why}")
     return problems
 

@@ -69,7 +69,7 @@ class _Collector(Collector):
     """Makes metrics of the statuses at each scrape."""
 
     def __init__(self, look: Callable[[], Sequence[Status]]) -> None:
-        self._look = look
+        self._read_statuses = look
 
     def describe(self) -> Iterable[Metric]:
         """Nothing: there are no names to clash with, and no status to be read at registration."""
@@ -99,7 +99,7 @@ class _Collector(Collector):
                 ("free_bytes", "Free bytes on the disk of the recording."),
             )
         }
-        for status in self._look():
+        for status in self._read_statuses():
             robot, progress = [status.name], status.progress
             for sender, attribute in _WAYS:
                 count = getattr(progress, attribute)

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Final
 
 from scaraspec_recorder.recording import Recording
-from scaraspec_recorder.sinks.runner import Progress
-from scaraspec_recorder.spool.spool import Trouble, unread_bytes
+from scaraspec_recorder.sinks.sink_runner import Progress
+from scaraspec_recorder.spool.spool import WriteStall, unread_bytes
 
-LATE_S: Final = 5.0
+STALL_S: Final = 5.0
 """How long the scribe may be silent before that is told: it acknowledges four times a second."""
 
 
@@ -32,7 +32,7 @@ class Status:
         waiting_bytes: What waits in the spool to be written.
         silent_s: For how long the scribe has acknowledged nothing.
         free_bytes: How much of the disk is free.
-        trouble: Why nothing is written, where that is known.
+        stall: Why nothing is written, where that is known.
     """
 
     name: str
@@ -43,12 +43,12 @@ class Status:
     waiting_bytes: int
     silent_s: float
     free_bytes: int
-    trouble: Trouble | None = None
+    stall: WriteStall | None = None
 
     @property
-    def late(self) -> bool:
+    def stalled(self) -> bool:
         """Whether the writing is interrupted, or busy with something that takes long."""
-        waits = bool(self.trouble) or self.silent_s > LATE_S
+        waits = bool(self.stall) or self.silent_s > STALL_S
         return waits and not self.progress.finished
 
     @property
@@ -62,7 +62,7 @@ class Status:
         return self.progress.a2c.gap_bytes + self.progress.c2a.gap_bytes
 
 
-class Watch:
+class StatusReader:
     """Looks at a recording.
 
     Args:
@@ -83,13 +83,13 @@ class Watch:
         self._recording = recording
         self._out_dir = out_dir
         self._now_s = now_s
-        self._begun_s = self._heard_s = now_s()
+        self._started_s = self._acknowledged_s = now_s()
 
-    def look(self) -> Status:
+    def read_status(self) -> Status:
         """Return what it is doing now."""
         recording, now_s = self._recording, self._now_s()
-        trouble = recording.trouble
-        heard_s = trouble.since_ns / 1e9 if trouble else self._heard()
+        stall = recording.stall
+        heard_s = stall.since_ns / 1e9 if stall else self._last_acknowledged_s()
         free_bytes = 0
         with suppress(OSError):  # the scribe makes the folder, and the disk may have gone
             free_bytes = shutil.disk_usage(self._out_dir).free
@@ -102,12 +102,12 @@ class Watch:
             unread_bytes(recording.spool),
             max(now_s - heard_s, 0),
             free_bytes,
-            trouble,
+            stall,
         )
 
-    def _heard(self) -> float:
+    def _last_acknowledged_s(self) -> float:
         """When the scribe acknowledged last, as far as that was seen."""
         with suppress(FileNotFoundError):  # no longer
             for acknowledged in self._recording.spool.glob("*.json"):
-                self._heard_s = max(self._begun_s, acknowledged.stat().st_mtime)
-        return self._heard_s
+                self._acknowledged_s = max(self._started_s, acknowledged.stat().st_mtime)
+        return self._acknowledged_s

@@ -10,16 +10,16 @@ from dataclasses import dataclass, field
 
 from scaraspec.judge.judge import Judge
 from scaraspec.traffic.wire import WireEvent
-from scaraspec_recorder.quantities import Limits, show_size
 from scaraspec_recorder.recordings.marks import with_marks
-from scaraspec_recorder.recordings.recording_files import RecordingFolder, facts
-from scaraspec_recorder.recordings.recording_index import Contents
-from scaraspec_recorder.recordings.recover import sweep
+from scaraspec_recorder.recordings.recording_files import RecordingFolder, session_metadata
+from scaraspec_recorder.recordings.recording_index import RecordingIndex
+from scaraspec_recorder.recordings.repair import remove_temporary_files
 from scaraspec_recorder.recordings.retention import PERIOD_NS, Retention
-from scaraspec_recorder.recordings.rotation import Rotate, Rotation
-from scaraspec_recorder.sinks.decoder import Deriver
+from scaraspec_recorder.recordings.rotation import Rotation, RotationPolicy
+from scaraspec_recorder.sinks.decoder import Decoder
 from scaraspec_recorder.sinks.redaction import Redactor
-from scaraspec_recorder.sinks.sinks import Folder, Sink, SinkFailed
+from scaraspec_recorder.sinks.sink import OutputFolder, Sink, SinkFailed
+from scaraspec_recorder.units import Limits, show_size
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,14 +43,14 @@ class Archive:
     needs_login: bool = True
     draw: bool = True
     redact: bool = False
-    rotate: Rotate = field(default_factory=Rotate)
+    rotate: RotationPolicy = field(default_factory=RotationPolicy)
     keep: Limits = field(default_factory=Limits)
     min_free_bytes: int = 0
     triggers: tuple[str, ...] = ()
 
 
 def archive_sink(
-    folder: Folder,
+    folder: OutputFolder,
     *,
     archive: Archive,
     now_ns: Callable[[], int] = time.time_ns,
@@ -71,23 +71,25 @@ def archive_sink(
         SinkFailed: Less of the disk is free than must be, and there is nothing to remove.
         ImportError: Drawing needs an extra that is not installed; the text says which.
     """
-    sweep(folder.path)
-    contents = Contents(folder.path)
+    remove_temporary_files(folder.path)
+    index = RecordingIndex(folder.path)
     free_bytes = free_bytes or (lambda: shutil.disk_usage(folder.path).free)
-    retention = Retention(contents, archive.keep, archive.min_free_bytes, free_bytes)
+    retention = Retention(index, archive.keep, archive.min_free_bytes, free_bytes)
     enough = retention.enforce(now_ns())
     if enough:
-        contents.repair()
-    contents.save()
+        index.repair()
+    index.save()
     if not enough:
         raise SinkFailed(_too_little(archive))
     known = {"robot": archive.robot, **archive.session}
-    session = facts(known, needs_login=archive.needs_login, redact=archive.redact)
-    shelf = RecordingFolder(folder, contents, archive.robot, session, archive.draw)
+    session = session_metadata(known, needs_login=archive.needs_login, redact=archive.redact)
+    recording_folder = RecordingFolder(folder, index, archive.robot, session, archive.draw)
     judge = Judge(needs_login=archive.needs_login)
-    outputs = with_marks([Rotation(shelf, judge, archive.rotate)], archive.triggers, folder)
-    deriver = Deriver(outputs, judge, Redactor() if archive.redact else None)
-    return _Retained(deriver, retention, shelf, _too_little(archive))
+    outputs = with_marks(
+        [Rotation(recording_folder, judge, archive.rotate)], archive.triggers, folder
+    )
+    decoder = Decoder(outputs, judge, Redactor() if archive.redact else None)
+    return _Retained(decoder, retention, recording_folder, _too_little(archive))
 
 
 def _too_little(archive: Archive) -> str:
@@ -101,11 +103,11 @@ class _Retained:
     """A sink that makes room as it writes; where there is none to make, it ends its files."""
 
     def __init__(
-        self, sink: Sink, retention: Retention, shelf: RecordingFolder, too_little: str
+        self, sink: Sink, retention: Retention, recording_folder: RecordingFolder, too_little: str
     ) -> None:
         self._sink = sink
         self._retention = retention
-        self._shelf = shelf
+        self._folder = recording_folder
         self._too_little = too_little
         self._looked_ns = 0
         self._full = False
@@ -125,11 +127,11 @@ class _Retained:
         if self._full:
             raise SinkFailed(self._too_little)
         self._sink.tick(now_ns)
-        self._shelf.settle()
+        self._folder.list_completed()
         if 0 <= now_ns - self._looked_ns < PERIOD_NS:
             return
         self._looked_ns = now_ns
-        if not self._retention.enforce(now_ns, self._shelf.unlisted_bytes):
+        if not self._retention.enforce(now_ns, self._folder.unlisted_bytes):
             self.close()  # what was taken is safe: after this tick it does not come again
             self._full = True
 
@@ -137,4 +139,4 @@ class _Retained:
         """End the files."""
         if not self._full:
             self._sink.close()
-            self._shelf.settle(wait=True)
+            self._folder.list_completed(wait=True)

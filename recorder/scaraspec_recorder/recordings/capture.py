@@ -9,21 +9,21 @@ from pathlib import Path
 from scaraspec.judge.judge import Judge
 from scaraspec.traffic.wire import WireEvent
 from scaraspec_recorder.recordings.marks import with_marks
-from scaraspec_recorder.recordings.recording_files import facts, make_files
-from scaraspec_recorder.sinks.decoder import Deriver
+from scaraspec_recorder.recordings.recording_files import make_files, session_metadata
+from scaraspec_recorder.sinks.decoder import Decoder
 from scaraspec_recorder.sinks.redaction import Redactor
-from scaraspec_recorder.sinks.sinks import Folder
+from scaraspec_recorder.sinks.sink import OutputFolder
 
 
 def capture_sink(  # noqa: PLR0913 - what may be chosen, each on its own
-    folder: Folder,
+    folder: OutputFolder,
     *,
     session: Mapping[str, str] | None = None,
     needs_login: bool = True,
     draw: bool = True,
     redact: bool = False,
     triggers: tuple[str, ...] = (),
-) -> Deriver:
+) -> Decoder:
     """Make the sink that writes capture.mcap and capture.rrd into a folder (a `SinkFactory`).
 
     Args:
@@ -38,13 +38,16 @@ def capture_sink(  # noqa: PLR0913 - what may be chosen, each on its own
         OSError: A file cannot be made.
         ImportError: Drawing needs an extra that is not installed; the text says which.
     """
-    told = {**facts(session or {}, needs_login=needs_login, redact=redact), **folder.take_news()}
+    told = {
+        **session_metadata(session or {}, needs_login=needs_login, redact=redact),
+        **folder.take_metadata(),
+    }
     _, outputs = make_files(folder, "capture", told, draw=draw, optimized=True)
     marked = with_marks(outputs, triggers, folder)
-    return Deriver(marked, Judge(needs_login=needs_login), Redactor() if redact else None)
+    return Decoder(marked, Judge(needs_login=needs_login), Redactor() if redact else None)
 
 
-def draw_capture(events: Iterable[WireEvent], path: Path, *, needs_login: bool = True) -> None:
+def write_rrd(events: Iterable[WireEvent], path: Path, *, needs_login: bool = True) -> None:
     """Draw a capture that is there already, of whatever format, into a new .rrd file.
 
     Raises:
@@ -52,9 +55,9 @@ def draw_capture(events: Iterable[WireEvent], path: Path, *, needs_login: bool =
         OSError: The file cannot be written.
         ImportError: Drawing needs an extra that is not installed; the text says which.
     """
-    from scaraspec_recorder.sinks.rerun.rerun_view import RerunSink  # noqa: PLC0415 - an optional extra
+    from scaraspec_recorder.sinks.rerun.rerun_sink import RerunSink  # noqa: PLC0415 - an optional extra
 
-    deriver = Deriver([RerunSink.to_file(path)], Judge(needs_login=needs_login))
+    decoder = Decoder([RerunSink.to_file(path)], Judge(needs_login=needs_login))
     for event in events:
-        deriver.write(event)
-    deriver.close()
+        decoder.write(event)
+    decoder.close()

@@ -11,12 +11,12 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from scaraspec.traffic.wire import WireEvent
-from scaraspec_recorder.quantities import SECOND_NS
-from scaraspec_recorder.recordings.triggers import Pressed, Watcher, parse_trigger
+from scaraspec_recorder.recordings.triggers import Trigger, UserTrigger, parse_trigger
 from scaraspec_recorder.sinks.decoder import Item, Output
-from scaraspec_recorder.sinks.restarts import moment
-from scaraspec_recorder.sinks.sinks import Folder
-from scaraspec_recorder.sinks.text import Level, Line
+from scaraspec_recorder.sinks.file_names import utc_time
+from scaraspec_recorder.sinks.sink import OutputFolder
+from scaraspec_recorder.sinks.text import Level, LogLine
+from scaraspec_recorder.units import SECOND_NS
 
 LOGGED_A_MINUTE: Final = 6
 """How many lines a minute the process's log gets for one trigger; the recording gets all."""
@@ -30,7 +30,7 @@ _log = logging.getLogger(__name__)
 
 
 def with_marks(
-    outputs: Sequence[Output], triggers: Sequence[str], folder: Folder
+    outputs: Sequence[Output], triggers: Sequence[str], folder: OutputFolder
 ) -> Sequence[Output]:
     """Return outputs that also mark when a trigger fires.
 
@@ -46,12 +46,12 @@ def with_marks(
         return outputs
     watchers = {text: parse_trigger(text) for text in triggers}
     for watcher in watchers.values():
-        if isinstance(watcher, Pressed):
-            folder.when_asked(watcher.press)
-    return (Marker(outputs, watchers),)
+        if isinstance(watcher, UserTrigger):
+            folder.on_mark_request(watcher.request)
+    return (TriggerMarks(outputs, watchers),)
 
 
-class Marker:
+class TriggerMarks:
     """An output that passes everything to other outputs, and marks there when a trigger fires.
 
     Args:
@@ -59,42 +59,42 @@ class Marker:
         watchers: The triggers, by their texts.
     """
 
-    def __init__(self, outputs: Sequence[Output], watchers: Mapping[str, Watcher]) -> None:
+    def __init__(self, outputs: Sequence[Output], watchers: Mapping[str, Trigger]) -> None:
         self._outputs = tuple(outputs)
         self._watchers = watchers
         self._now_ns = 0  # by the clock of the events, which may lag behind that of the ticks
-        self._heard = False  # an event came since the last tick
+        self._had_event = False  # an event came since the last tick
         self._logged_ns = {trigger: deque[int](maxlen=LOGGED_A_MINUTE) for trigger in watchers}
         self._unlogged: Counter[str] = Counter()
 
     def write(self, event: WireEvent) -> None:
         """Pass on a raw event."""
-        self._heard = True
+        self._had_event = True
         self._now_ns = event.time_ns
         for output in self._outputs:
             output.write(event)
         for trigger, watcher in self._watchers.items():
-            self._mark(trigger, watcher.event(event))
+            self._mark(trigger, watcher.on_event(event))
 
-    def take(self, item: Item, number: int, line: Line | None) -> None:
+    def take(self, item: Item, number: int, line: LogLine | None) -> None:
         """Pass on what the last raw event brought about."""
         for output in self._outputs:
             output.take(item, number, line)
         for trigger, watcher in self._watchers.items():
-            self._mark(trigger, watcher.item(item))
+            self._mark(trigger, watcher.on_item(item))
 
-    def mark(self, time_ns: int, line: Line) -> None:
+    def mark(self, time_ns: int, line: LogLine) -> None:
         """Pass on a line of the log."""
         for output in self._outputs:
             output.mark(time_ns, line)
 
     def tick(self, now_ns: int) -> None:
         """Look at the clock, then pass on the tick: it makes the marks durable."""
-        if not self._heard:
+        if not self._had_event:
             self._now_ns = now_ns
-        self._heard = False
+        self._had_event = False
         for trigger, watcher in self._watchers.items():
-            self._mark(trigger, watcher.clock(self._now_ns))
+            self._mark(trigger, watcher.on_time(self._now_ns))
         for output in self._outputs:
             output.tick(now_ns)
 
@@ -107,13 +107,13 @@ class Marker:
         """Write a mark if there is a reason, and log it unless the log has had enough of them."""
         if not why:
             return
-        self.mark(self._now_ns, Line(Level.WARN, SOURCE, f"{trigger}: {why}"))
+        self.mark(self._now_ns, LogLine(Level.WARN, SOURCE, f"{trigger}: {why}"))
         logged_ns = self._logged_ns[trigger]
         if len(logged_ns) == LOGGED_A_MINUTE and 0 <= self._now_ns - logged_ns[0] < _MINUTE_NS:
             self._unlogged[trigger] += 1
             return
         logged_ns.append(self._now_ns)
-        when = f"{moment(self._now_ns):%Y-%m-%dT%H:%M:%S}"
+        when = f"{utc_time(self._now_ns):%Y-%m-%dT%H:%M:%S}"
         unlogged = self._unlogged.pop(trigger, 0)
         more = f" ({unlogged} marks before this one were not logged)" if unlogged else ""
         _log.warning("trigger %s at %s UTC: %s%s", trigger, when, why, more)

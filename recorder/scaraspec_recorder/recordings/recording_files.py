@@ -10,14 +10,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from scaraspec.traffic.wire import WireEvent
-from scaraspec_recorder.recordings.recording_index import Contents
-from scaraspec_recorder.recordings.recording_stats import DRAWN, RecordingSummary, Tally
+from scaraspec_recorder.recordings.recording_index import RecordingIndex
+from scaraspec_recorder.recordings.recording_stats import (
+    RERUN_SUFFIX,
+    RecordingStats,
+    RecordingSummary,
+)
 from scaraspec_recorder.sinks.decoder import Item, Output
-from scaraspec_recorder.sinks.mcap.mcap_file import LINK, SERIAL, McapSink
-from scaraspec_recorder.sinks.rerun.optimizing import optimize_later
-from scaraspec_recorder.sinks.restarts import stem
-from scaraspec_recorder.sinks.sinks import Folder
-from scaraspec_recorder.sinks.text import Line
+from scaraspec_recorder.sinks.file_names import file_stem
+from scaraspec_recorder.sinks.mcap.mcap_sink import LINK, SERIAL, McapSink
+from scaraspec_recorder.sinks.rerun.optimizer import optimize_later
+from scaraspec_recorder.sinks.sink import OutputFolder
+from scaraspec_recorder.sinks.text import LogLine
 
 
 @dataclass(slots=True)
@@ -26,28 +30,28 @@ class RecordingFolder:
 
     Attributes:
         folder: The folder.
-        contents: Its table of contents.
+        index: Its table of contents.
         robot: What the files are called by.
         session: What is known beforehand, such as the addresses.
         draw: Whether to write .rrd files too.
-        written: The file sets that are being written.
-        ending: Those that are complete, and not listed yet, in their order.
+        open_files: The file sets that are being written.
+        completed: Those that are complete, and not listed yet, in their order.
     """
 
-    folder: Folder
-    contents: Contents
+    folder: OutputFolder
+    index: RecordingIndex
     robot: str
     session: Mapping[str, str] = field(default_factory=dict)
     draw: bool = True
-    written: list["FileSet"] = field(default_factory=list)
-    ending: list["FileSet"] = field(default_factory=list)
+    open_files: list["RecordingFiles"] = field(default_factory=list)
+    completed: list["RecordingFiles"] = field(default_factory=list)
 
     @property
     def unlisted_bytes(self) -> int:
         """Size of what is not in the table of contents yet."""
-        return sum(files.size_bytes for files in (*self.written, *self.ending))
+        return sum(files.size_bytes for files in (*self.open_files, *self.completed))
 
-    def settle(self, *, wait: bool = False) -> None:
+    def list_completed(self, *, wait: bool = False) -> None:
         """List what has come to its final size.
 
         Args:
@@ -56,12 +60,12 @@ class RecordingFolder:
         Raises:
             OSError: The table of contents cannot be written.
         """
-        while self.ending and (wait or self.ending[0].optimized.done()):
-            self.ending[0].optimized.result()
-            self.contents.add(self.ending[0].entry)
-            del self.ending[0]
+        while self.completed and (wait or self.completed[0].optimized.done()):
+            self.completed[0].optimized.result()
+            self.index.add(self.completed[0].summary)
+            del self.completed[0]
 
-    def begin(self, time_ns: int) -> "FileSet":
+    def create(self, time_ns: int) -> "RecordingFiles":
         """Begin a file set.
 
         Args:
@@ -71,11 +75,13 @@ class RecordingFolder:
             OSError: A file cannot be made.
             ImportError: Drawing needs an extra that is not installed; the text says which.
         """
-        session = {**self.session, **self.folder.take_news()}
-        return FileSet(self, stem(time_ns, self.robot), session)
+        session = {**self.session, **self.folder.take_metadata()}
+        return RecordingFiles(self, file_stem(time_ns, self.robot), session)
 
 
-def facts(session: Mapping[str, str], *, needs_login: bool, redact: bool) -> dict[str, str]:
+def session_metadata(
+    session: Mapping[str, str], *, needs_login: bool, redact: bool
+) -> dict[str, str]:
     """Return what each file of a recording says of its session, its own facts aside.
 
     Args:
@@ -88,7 +94,7 @@ def facts(session: Mapping[str, str], *, needs_login: bool, redact: bool) -> dic
 
 
 def make_files(
-    folder: Folder, name: str, session: Mapping[str, str], *, draw: bool, optimized: bool
+    folder: OutputFolder, name: str, session: Mapping[str, str], *, draw: bool, optimized: bool
 ) -> tuple[tuple[Path, ...], tuple[Output, ...]]:
     """Make a capture file and, if asked, that of its drawing; all or none.
 
@@ -114,9 +120,9 @@ def make_files(
         return (path,), (capture,)
     drawn: Path | None = None
     try:
-        from scaraspec_recorder.sinks.rerun.rerun_view import RerunSink  # noqa: PLC0415 - an optional extra
+        from scaraspec_recorder.sinks.rerun.rerun_sink import RerunSink  # noqa: PLC0415 - an optional extra
 
-        drawn = folder.new(f"{path.stem}{DRAWN}")
+        drawn = folder.new(f"{path.stem}{RERUN_SUFFIX}")
         drawing = RerunSink.to_file(drawn, session, optimized=optimized, footer=not optimized)
     except BaseException:
         file.close()
@@ -126,7 +132,7 @@ def make_files(
     return (path, drawn), (capture, drawing)
 
 
-class FileSet:
+class RecordingFiles:
     """An output that writes one capture.
 
     What `McapSink` and `RerunSink` raise goes through.
@@ -137,14 +143,18 @@ class FileSet:
         session: What is known of it.
     """
 
-    def __init__(self, shelf: RecordingFolder, name: str, session: Mapping[str, str]) -> None:
-        self._shelf = shelf
-        self._tally = Tally()
-        made = make_files(shelf.folder, name, session, draw=shelf.draw, optimized=False)
+    def __init__(
+        self, recording_folder: RecordingFolder, name: str, session: Mapping[str, str]
+    ) -> None:
+        self._folder = recording_folder
+        self._stats = RecordingStats()
+        made = make_files(
+            recording_folder.folder, name, session, draw=recording_folder.draw, optimized=False
+        )
         self._paths, self._outputs = made
         self.optimized = Future[bool]()
         """Done when its files have come to their final size."""
-        shelf.written.append(self)
+        recording_folder.open_files.append(self)
 
     @property
     def path(self) -> Path:
@@ -152,9 +162,9 @@ class FileSet:
         return self._paths[0]
 
     @property
-    def entry(self) -> RecordingSummary:
+    def summary(self) -> RecordingSummary:
         """Its line in the table of contents."""
-        return self._tally.entry(self._paths)
+        return self._stats.build_summary(self._paths)
 
     @property
     def size_bytes(self) -> int:
@@ -163,17 +173,17 @@ class FileSet:
 
     def write(self, event: WireEvent) -> None:
         """Write a raw event."""
-        self._tally.count(event)
+        self._stats.add_event(event)
         for output in self._outputs:
             output.write(event)
 
-    def take(self, item: Item, number: int, line: Line | None) -> None:
+    def take(self, item: Item, number: int, line: LogLine | None) -> None:
         """Write what an event brought about."""
-        self._tally.take(item)
+        self._stats.add_item(item)
         for output in self._outputs:
             output.take(item, number, line)
 
-    def mark(self, time_ns: int, line: Line) -> None:
+    def mark(self, time_ns: int, line: LogLine) -> None:
         """Write a line of the log."""
         for output in self._outputs:
             output.mark(time_ns, line)
@@ -190,12 +200,12 @@ class FileSet:
             summary: What is known of the whole recording; what this file holds is counted here.
         """
         for output in self._outputs:
-            output.close({**summary, **self._tally.words})
+            output.close({**summary, **self._stats.summary_text})
         self._outputs = ()  # the drawing may wait for long to be optimized
-        if self._shelf.draw:
+        if self._folder.draw:
             self.optimized = optimize_later(self._paths[-1])
         else:
             self.optimized.set_result(False)
-        self._shelf.written.remove(self)
-        self._shelf.ending.append(self)
-        self._shelf.settle()
+        self._folder.open_files.remove(self)
+        self._folder.completed.append(self)
+        self._folder.list_completed()

@@ -16,12 +16,16 @@ from typing import Any, Final
 
 from mcap.records import Channel, Message
 
-from scaraspec_recorder.problems import CaptureError
-from scaraspec_recorder.recordings.recording_stats import DRAWN, RecordingSummary, Tally
-from scaraspec_recorder.recordings.recover import discard_empty, is_full, recover
+from scaraspec_recorder.errors import CaptureError
+from scaraspec_recorder.recordings.recording_stats import (
+    RERUN_SUFFIX,
+    RecordingStats,
+    RecordingSummary,
+)
+from scaraspec_recorder.recordings.repair import is_full, remove_if_empty, repair
+from scaraspec_recorder.sinks.file_names import is_recording_name
 from scaraspec_recorder.sinks.mcap import schemas
-from scaraspec_recorder.sinks.restarts import is_ours
-from scaraspec_recorder.sources.mcap_reading import RawLayer, Summary, records
+from scaraspec_recorder.sources.mcap_reader import McapSummary, RawLayerReader, read_records
 
 FILE_NAME: Final = "contents.jsonl"
 
@@ -31,7 +35,7 @@ _MAX_LINE_BYTES: Final = 1 << 24
 _log = logging.getLogger(__name__)
 
 
-class Contents:
+class RecordingIndex:
     """The table of contents of a folder, brought up to date when it is made.
 
     Files of a recorder that was killed are repaired first, see `repair`. Nothing is written before
@@ -54,10 +58,10 @@ class Contents:
         self._saved = self._path.exists()
         self._unsaved: list[dict[str, Any]] = []
         self._unrepaired: list[Path] = []
-        for line in self._lines():
-            self._take(line)
-        self._find_new()
-        self._miss_old()
+        for line in self._read_lines():
+            self._apply(line)
+        self._add_unlisted_files()
+        self._remove_missing_files()
 
     def repair(self) -> None:
         """Repair what could not be for want of room, where some has been made since.
@@ -69,7 +73,7 @@ class Contents:
         """
         for path in self._unrepaired:
             try:
-                self._list(path)
+                self._repair_and_add(path)
             except OSError as error:
                 if is_full(self.folder):
                     raise
@@ -83,11 +87,11 @@ class Contents:
         """
         if self._saved:
             return
-        removals = (line for line in self._lines() if "removed" in line)
+        removals = (line for line in self._read_lines() if "removed" in line)
         beside = self._path.with_name(f".{FILE_NAME}.new")
         with beside.open("wb") as file:
             file.writelines(map(_encode, deque(removals, _KEPT_REMOVALS)))
-            entries = (line for line in self._lines() if line.get("name") in self.entries)
+            entries = (line for line in self._read_lines() if line.get("name") in self.entries)
             file.writelines(map(_encode, entries))
             file.writelines(map(_encode, self._unsaved))
             file.flush()
@@ -123,7 +127,7 @@ class Contents:
             file.flush()
             os.fsync(file.fileno())
 
-    def _lines(self) -> Iterator[dict[str, Any]]:
+    def _read_lines(self) -> Iterator[dict[str, Any]]:
         """The whole lines of the table as it is; another means that it is to be written anew."""
         try:
             file = self._path.open("rb")
@@ -136,36 +140,36 @@ class Contents:
                 except (ValueError, RecursionError):
                     self._saved = False
 
-    def _take(self, line: Mapping[str, Any]) -> None:
+    def _apply(self, line: Mapping[str, Any]) -> None:
         if "removed" in line:
             self.entries.pop(line["removed"], None)
         else:
             entry = RecordingSummary.read({**line, "streams": {}})
             self.entries[entry.name] = entry
 
-    def _find_new(self) -> None:
+    def _add_unlisted_files(self) -> None:
         for path in sorted(self.folder.glob("*.mcap")):
-            if is_ours(path.name) and path.name not in self.entries:
+            if is_recording_name(path.name) and path.name not in self.entries:
                 try:
-                    self._list(path)
+                    self._repair_and_add(path)
                 except OSError:
                     self._unrepaired.append(path)
 
-    def _list(self, path: Path) -> None:
+    def _repair_and_add(self, path: Path) -> None:
         """Repair a file and add it, or remove it where it holds nothing."""
-        if not discard_empty(path):
-            entry = survey(path)
+        if not remove_if_empty(path):
+            entry = repair_and_summarize(path)
             self._saved = False
             self.add(entry)
 
-    def _miss_old(self) -> None:
+    def _remove_missing_files(self) -> None:
         for entry in list(self.entries.values()):
             if not (self.folder / entry.name).exists():
                 self._saved = False
                 self.remove(entry.name, entry.end_ns, "it was not there any more")
 
 
-def survey(path: Path) -> RecordingSummary:
+def repair_and_summarize(path: Path) -> RecordingSummary:
     """Repair a recording where it needs it, and count what it holds.
 
     What cannot be read at all has an entry too, which says so.
@@ -173,33 +177,33 @@ def survey(path: Path) -> RecordingSummary:
     Raises:
         OSError: The repaired file cannot be written.
     """
-    tally = Tally()
+    stats = RecordingStats()
     notes: tuple[str, ...] = ()
     try:
-        notes = recover(path).notes
-        _count(path, tally)
+        notes = repair(path).notes
+        _count(path, stats)
     except CaptureError as error:
         notes = (str(error),)
-    drawn = path.with_suffix(DRAWN)
-    return tally.entry((path, drawn) if drawn.exists() else (path,), notes)
+    drawn = path.with_suffix(RERUN_SUFFIX)
+    return stats.build_summary((path, drawn) if drawn.exists() else (path,), notes)
 
 
-def _count(path: Path, tally: Tally) -> None:
+def _count(path: Path, stats: RecordingStats) -> None:
     """Count what a whole file holds."""
-    raw, topics = RawLayer(), dict[int, str]()
-    for record in records(path, Summary()):
+    raw, topics = RawLayerReader(), dict[int, str]()
+    for record in read_records(path, McapSummary()):
         if event := raw.take(record):
-            tally.count(event)
+            stats.add_event(event)
         elif isinstance(record, Channel):
             topics[record.id] = record.topic
         elif isinstance(record, Message):
             topic = topics.get(record.channel_id)
             if topic == "/exchanges":
-                tally.exchanges += 1
+                stats.exchanges += 1
             elif topic == "/findings":
                 with suppress(ValueError):  # another's file under a name of ours
                     found = schemas.decode(schemas.Finding, record.data)
-                    tally.findings[found.verdict] += 1
+                    stats.findings[found.verdict] += 1
 
 
 def _encode(line: Mapping[str, Any]) -> bytes:

@@ -1,6 +1,6 @@
 """Tally: what one file of a recording holds, counted while it is written or read; and its entry.
 
-Law: counts only. Where entries are kept stands in `contents`.
+Law: counts only. Where entries are kept stands in `index`.
 """
 
 from collections import Counter
@@ -13,11 +13,11 @@ from scaraspec.judge.verdicts import Finding
 from scaraspec.protocol.direction import A2C
 from scaraspec.traffic.events import Exchange
 from scaraspec.traffic.wire import WireEvent
-from scaraspec_recorder.sinks.byte_accounting import STREAM, Accounts
+from scaraspec_recorder.sinks.byte_accounting import STREAM, ByteAccounting
 from scaraspec_recorder.sinks.decoder import Item
-from scaraspec_recorder.sinks.restarts import is_ours
+from scaraspec_recorder.sinks.file_names import is_recording_name
 
-DRAWN: Final = ".rrd"
+RERUN_SUFFIX: Final = ".rrd"
 """What the picture of a capture is called by, behind the same stem."""
 
 _MOST_STREAMS: Final = 2000
@@ -76,8 +76,8 @@ class RecordingSummary:
         try:
             files, notes = tuple(line["files"]), tuple(line["notes"])
             entry = cls(**{**line, "files": files, "notes": notes})
-            ours = is_ours(entry.name)
-            others = set(files) - {entry.name, Path(entry.name).with_suffix(DRAWN).name}
+            ours = is_recording_name(entry.name)
+            others = set(files) - {entry.name, Path(entry.name).with_suffix(RERUN_SUFFIX).name}
         except (KeyError, TypeError) as error:
             raise ValueError(f"no entry: {error}") from None
         numbers = (entry.size_bytes, entry.begin_ns, entry.end_ns)
@@ -88,7 +88,7 @@ class RecordingSummary:
         return entry
 
 
-class Tally:
+class RecordingStats:
     """Counts what a file holds, while it is written or read."""
 
     def __init__(self) -> None:
@@ -96,20 +96,20 @@ class Tally:
         self.exchanges = 0
         self.findings: Counter[str] = Counter()
         self._connections = 0
-        self._accounts = Accounts()
+        self._byte_accounting = ByteAccounting()
         self._recorded: Counter[str] = Counter()
         self._gaps = self._lost_bytes = 0
         self._streams: dict[str, Stream] = {}
-        self._left_out = 0
+        self._unlisted_streams = 0
 
-    def count(self, event: WireEvent) -> None:
+    def add_event(self, event: WireEvent) -> None:
         """Count an event."""
         self.begin_ns = self.begin_ns or event.time_ns
         self.end_ns = max(self.end_ns, event.time_ns)
-        if closed := self._accounts.add(event):
+        if closed := self._byte_accounting.add(event):
             self._list(closed)
 
-    def take(self, item: Item) -> None:
+    def add_item(self, item: Item) -> None:
         """Count what an event brought about."""
         if isinstance(item, Exchange):
             self.exchanges += 1
@@ -117,12 +117,14 @@ class Tally:
             self.findings[item.verdict.value] += 1
 
     @property
-    def words(self) -> dict[str, str]:
+    def summary_text(self) -> dict[str, str]:
         """What the file amounts to."""
         found = {f"findings {verdict}": str(count) for verdict, count in self.findings.items()}
         return {"exchanges": str(self.exchanges), **found}
 
-    def entry(self, paths: tuple[Path, ...], notes: tuple[str, ...] = ()) -> RecordingSummary:
+    def build_summary(
+        self, paths: tuple[Path, ...], notes: tuple[str, ...] = ()
+    ) -> RecordingSummary:
         """Return the entry of a file that is closed.
 
         Args:
@@ -132,7 +134,7 @@ class Tally:
         Raises:
             OSError: One of them is not there.
         """
-        self._list(self._accounts.close())
+        self._list(self._byte_accounting.close())
         a2c_bytes = self._recorded[A2C.value]
         if not self.begin_ns:
             self.begin_ns = self.end_ns = paths[0].stat().st_mtime_ns
@@ -150,7 +152,7 @@ class Tally:
             lost_bytes=self._lost_bytes,
             findings=dict(self.findings),
             streams=self._streams,
-            streams_left_out=self._left_out,
+            streams_left_out=self._unlisted_streams,
             notes=notes,
         )
 
@@ -166,4 +168,4 @@ class Tally:
                     key: text if key == _SHA256 else int(text) for key, text in account.items()
                 }
             else:
-                self._left_out += 1
+                self._unlisted_streams += 1

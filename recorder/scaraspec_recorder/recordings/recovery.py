@@ -1,7 +1,7 @@
-"""Leftovers: recordings that nobody ended, found and made whole again, picture and all.
+"""Recovery: repairs recordings whose writer was interrupted, including their .rrd files.
 
-Law: what a recorder is writing is not touched, see `hold`. How a file is repaired stands in
-`recover`.
+Belongs here: the search for such files and the lock on their folder, see `locked_folder`. Files
+that a recorder is writing are not touched. `repair` repairs a single file.
 """
 
 import logging
@@ -12,20 +12,25 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from scaraspec.user_message import UserMessage
-from scaraspec_recorder.problems import CaptureError
-from scaraspec_recorder.recordings.capture import draw_capture
-from scaraspec_recorder.recordings.recover import discard_empty, is_full, recover, sweep
+from scaraspec_recorder.errors import CaptureError
+from scaraspec_recorder.recordings.capture import write_rrd
+from scaraspec_recorder.recordings.repair import (
+    is_full,
+    remove_if_empty,
+    remove_temporary_files,
+    repair,
+)
 from scaraspec_recorder.sinks.mcap.chunk_writer import MAGIC
-from scaraspec_recorder.sinks.rerun.optimizing import is_whole
-from scaraspec_recorder.sinks.sinks import Folder, Sink, SinkFactory
-from scaraspec_recorder.sources.mcap_reading import read_mcap
-from scaraspec_recorder.spool.locks import claim, spool_folder
+from scaraspec_recorder.sinks.rerun.optimizer import is_whole
+from scaraspec_recorder.sinks.sink import OutputFolder, Sink, SinkFactory
+from scaraspec_recorder.sources.mcap_reader import read_mcap
+from scaraspec_recorder.spool.locks import lock_spool, spool_folder
 from scaraspec_recorder.spool.spool import unread_bytes
 
 _log = logging.getLogger(__name__)
 
 
-def repairing_sink(folder: Folder, *, make: SinkFactory) -> Sink:
+def sink_after_repair(folder: OutputFolder, *, make: SinkFactory) -> Sink:
     """Repair what an earlier recorder left in the folder, then make another sink (a `SinkFactory`).
 
     It is called with the folder held, and by whoever is to write there.
@@ -33,14 +38,14 @@ def repairing_sink(folder: Folder, *, make: SinkFactory) -> Sink:
     Raises:
         OSError: The disk is full: nothing can be repaired, nor recorded.
     """
-    sweep(folder.path)
+    remove_temporary_files(folder.path)
     for path in sorted(folder.path.glob("*.mcap")):
         if _unless_unreadable(_is_ended, path):
             continue
         try:
-            if discard_empty(path):
+            if remove_if_empty(path):
                 continue
-            report = recover(path)
+            report = repair(path)
         except (CaptureError, OSError) as error:
             if isinstance(error, OSError) and is_full(folder.path):
                 raise
@@ -51,7 +56,7 @@ def repairing_sink(folder: Folder, *, make: SinkFactory) -> Sink:
 
 
 @contextmanager
-def hold(folder: Path) -> Iterator[int]:
+def locked_folder(folder: Path) -> Iterator[int]:
     """Hold a folder against recorders; give how much one that was killed has left unwritten.
 
     The number is that of bytes in its spool which it has not acknowledged; some may be written.
@@ -62,7 +67,7 @@ def hold(folder: Path) -> Iterator[int]:
     """
     spool = spool_folder(folder)
     try:
-        held = claim(spool)
+        held = lock_spool(spool)
     except BlockingIOError:
         raise BlockingIOError(
             UserMessage("a recorder writes into {folder}: stop it first", folder=folder)
@@ -76,12 +81,12 @@ def hold(folder: Path) -> Iterator[int]:
         os.close(held)
 
 
-def is_drawn(path: Path) -> bool:
+def has_complete_rrd(path: Path) -> bool:
     """Whether there is a whole .rrd file."""
     return path.exists() and _unless_unreadable(is_whole, path)
 
 
-def redraw(path: Path) -> Path:
+def rebuild_rrd(path: Path) -> Path:
     """Draw the .rrd file of a recording anew, in one step; return it.
 
     Raises:
@@ -93,7 +98,7 @@ def redraw(path: Path) -> Path:
     beside = drawn.with_name(f".{drawn.name}.new")
     try:
         capture = read_mcap(path)
-        draw_capture(capture, beside, needs_login=capture.needs_login)
+        write_rrd(capture, beside, needs_login=capture.needs_login)
         beside.replace(drawn)
     finally:
         beside.unlink(missing_ok=True)

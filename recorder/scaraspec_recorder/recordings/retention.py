@@ -8,9 +8,9 @@ import logging
 from collections.abc import Callable
 from typing import Final
 
-from scaraspec_recorder.quantities import SECOND_NS, Limits, show_size
-from scaraspec_recorder.recordings.recording_index import Contents
+from scaraspec_recorder.recordings.recording_index import RecordingIndex
 from scaraspec_recorder.recordings.recording_stats import RecordingSummary
+from scaraspec_recorder.units import SECOND_NS, Limits, show_size
 
 PERIOD_NS: Final = 10 * SECOND_NS
 """How often it is looked whether something is to be removed."""
@@ -32,12 +32,12 @@ class Retention:
 
     def __init__(
         self,
-        contents: Contents,
+        index: RecordingIndex,
         keep: Limits,
         min_free_bytes: int,
         free_bytes: Callable[[], int],
     ) -> None:
-        self._contents = contents
+        self._index = index
         self._keep = keep
         self._min_free_bytes = min_free_bytes
         self._free_bytes = free_bytes
@@ -78,13 +78,13 @@ class Retention:
         return free_bytes >= self._min_free_bytes
 
     def _oldest_first(self) -> list[RecordingSummary]:
-        entries = self._contents.entries.values()
+        entries = self._index.entries.values()
         return sorted(entries, key=lambda entry: (entry.begin_ns, entry.name))
 
     def _remove(self, entry: RecordingSummary, now_ns: int, reason: str) -> None:
         for name in entry.files:
-            (self._contents.folder / name).unlink(missing_ok=True)
-        self._contents.remove(entry.name, now_ns, reason)
+            (self._index.folder / name).unlink(missing_ok=True)
+        self._index.remove(entry.name, now_ns, reason)
         _log.info("removed %s: %s", entry.name, reason)
 
 

@@ -17,14 +17,14 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec.user_message import UserMessage
-from scaraspec_recorder.quantities import SECOND_NS, Limits, QuantityError, parse_limits
-from scaraspec_recorder.recordings.recording_files import FileSet, RecordingFolder
-from scaraspec_recorder.sinks.decoder import Item, judged
-from scaraspec_recorder.sinks.restarts import OpenConnections
-from scaraspec_recorder.sinks.sinks import TICK_NS
-from scaraspec_recorder.sinks.text import Line
+from scaraspec_recorder.recordings.recording_files import RecordingFiles, RecordingFolder
+from scaraspec_recorder.sinks.decoder import Item, judge_summary
+from scaraspec_recorder.sinks.open_connections import OpenConnections
+from scaraspec_recorder.sinks.sink import TICK_NS
+from scaraspec_recorder.sinks.text import LogLine
+from scaraspec_recorder.units import SECOND_NS, Limits, QuantityError, parse_limits
 
-PATIENCE_TICKS: Final = 4
+MAX_WAIT_TICKS: Final = 4
 """For how many ticks an answer is waited for, to end a file behind it."""
 
 _LEAST: Final = Limits(SECOND_NS, 1_000_000)
@@ -32,21 +32,21 @@ _CONNECTION: Final = "connection"
 
 
 @dataclass(frozen=True, slots=True)
-class Rotate:
+class RotationPolicy:
     """When a file ends: after so long, at such a size, when no connection is open any more."""
 
     limits: Limits = field(default_factory=Limits)
     each_connection: bool = False
 
 
-def parse_rotate(text: str) -> Rotate:
+def parse_rotation(text: str) -> RotationPolicy:
     """Return what ``1h``, ``512MB``, ``1h,512MB`` or ``connection`` says.
 
     Raises:
         QuantityError: It is none of these, or so little that all would be seams.
     """
     if text.strip() == _CONNECTION:
-        return Rotate(each_connection=True)
+        return RotationPolicy(each_connection=True)
     try:
         limits = parse_limits(text)
     except QuantityError as error:
@@ -61,7 +61,7 @@ def parse_rotate(text: str) -> Rotate:
             raise QuantityError(
                 UserMessage("{text} is too little for a file: take 1s or 1MB at least", text=text)
             )
-    return Rotate(limits)
+    return RotationPolicy(limits)
 
 
 class Rotation:
@@ -74,13 +74,15 @@ class Rotation:
         rotate: When a file ends.
     """
 
-    def __init__(self, shelf: RecordingFolder, judge: Judge, rotate: Rotate) -> None:
-        self._shelf = shelf
+    def __init__(
+        self, recording_folder: RecordingFolder, judge: Judge, rotation: RotationPolicy
+    ) -> None:
+        self._folder = recording_folder
         self._judge = judge
-        self._rotate = rotate
+        self._rotate = rotation
         self._links = OpenConnections()
         self._now_ns = 0
-        self._files: FileSet | None = None
+        self._files: RecordingFiles | None = None
         self._first_ns = 0  # when its first event was
         self._began_ns: int | None = None  # by the clock of the ticks
         self._due_ticks = 0  # since when the file is to end
@@ -92,18 +94,18 @@ class Rotation:
             self._end()
         self._now_ns = event.time_ns
         self._current(event.time_ns).write(event)
-        self._links.follow(event)
+        self._links.update(event)
         self._quiet = event.kind is not Kind.BYTES
         if self._idle and not 0 <= event.time_ns - self._first_ns < TICK_NS:
             self._due_ticks = 1
 
-    def take(self, item: Item, number: int, line: Line | None) -> None:
+    def take(self, item: Item, number: int, line: LogLine | None) -> None:
         """Write what the last event brought about."""
         if isinstance(item, FrameSeen):
             self._quiet = item.frame.direction is C2A
         self._current(self._now_ns).take(item, number, line)
 
-    def mark(self, time_ns: int, line: Line) -> None:
+    def mark(self, time_ns: int, line: LogLine) -> None:
         """Write a line of the log; if no file is open, into a new one."""
         self._current(time_ns).mark(time_ns, line)
 
@@ -120,7 +122,7 @@ class Rotation:
         large = limits.size_bytes is not None and self._files.size_bytes >= limits.size_bytes
         if old or large or self._idle or self._due_ticks:
             self._due_ticks += 1
-            if self._quiet or self._due_ticks > PATIENCE_TICKS:
+            if self._quiet or self._due_ticks > MAX_WAIT_TICKS:
                 self._end()
 
     def close(self, summary: Mapping[str, str]) -> None:
@@ -133,16 +135,16 @@ class Rotation:
         """Whether each connection is to have a file, and none is open."""
         return self._rotate.each_connection and not self._links
 
-    def _current(self, time_ns: int) -> FileSet:
+    def _current(self, time_ns: int) -> RecordingFiles:
         """The file that is being written; where there is none, a new one of that time."""
         if not self._files:
-            self._files, self._first_ns = self._shelf.begin(time_ns), time_ns
-            for opened in self._links.reopened(time_ns):
+            self._files, self._first_ns = self._folder.create(time_ns), time_ns
+            for opened in self._links.reopening_events(time_ns):
                 self._files.write(opened)
         return self._files
 
     def _end(self) -> None:
         files, self._files, self._began_ns, self._due_ticks = self._files, None, None, 0
         if files:
-            files.close(judged(self._judge))
+            files.close(judge_summary(self._judge))
             self._judge.tallies.clear()

@@ -28,12 +28,12 @@ from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.traffic.events import CaptureGap, FrameSeen, InvalidBytes, LinkChange
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec.user_message import UserMessage
-from scaraspec_recorder.quantities import SECOND_NS, QuantityError, parse_duration
-from scaraspec_recorder.sinks import text as wording
+from scaraspec_recorder.sinks import text as event_text
 from scaraspec_recorder.sinks.decoder import Item
+from scaraspec_recorder.units import SECOND_NS, QuantityError, parse_duration
 
 SIGNAL: Final = "signal"
-"""The condition that the user fires by a signal, see `Pressed`."""
+"""The condition that the user fires by a signal, see `UserTrigger`."""
 
 _MOST_DUE: Final = 256  # requests of one command and connection whose replies are waited for
 
@@ -42,39 +42,39 @@ class TriggerError(ValueError):
     """A text that is no condition; the message is one sentence for the user."""
 
 
-class Watcher:
+class Trigger:
     """Watches one condition. Each method says why it fires, or nothing."""
 
-    def event(self, event: WireEvent) -> str:  # noqa: ARG002 - most conditions are on what it means
+    def on_event(self, event: WireEvent) -> str:  # noqa: ARG002 - most conditions are on what it means
         """A raw event passed."""
         return ""
 
-    def item(self, item: Item) -> str:  # noqa: ARG002 - silence needs none
+    def on_item(self, item: Item) -> str:  # noqa: ARG002 - silence needs none
         """This is what it brought about."""
         return ""
 
-    def clock(self, now_ns: int) -> str:  # noqa: ARG002 - few conditions are on time
+    def on_time(self, now_ns: int) -> str:  # noqa: ARG002 - few conditions are on time
         """It is this time on the clock of the events; nothing that passed before is on its way."""
         return ""
 
 
-class Pressed(Watcher):
+class UserTrigger(Trigger):
     """Fires when the user asks for it."""
 
     def __init__(self) -> None:
-        self._pressed = False
+        self._requested = False
 
-    def press(self) -> None:
+    def request(self) -> None:
         """Fire at the next tick."""
-        self._pressed = True
+        self._requested = True
 
-    def clock(self, now_ns: int) -> str:  # noqa: ARG002 - whenever it is
+    def on_time(self, now_ns: int) -> str:  # noqa: ARG002 - whenever it is
         """Say whether it was asked for."""
-        pressed, self._pressed = self._pressed, False
+        pressed, self._requested = self._requested, False
         return "asked for by SIGUSR1" if pressed else ""
 
 
-class _Code(Watcher):
+class _Code(Trigger):
     """A status fires where it changes, for clients ask for it again and again."""
 
     def __init__(self, text: str) -> None:
@@ -85,7 +85,7 @@ class _Code(Watcher):
         self._code = row.text
         self._status = ""
 
-    def item(self, item: Item) -> str:
+    def on_item(self, item: Item) -> str:
         if not isinstance(item, FrameSeen):
             return ""
         value, said = item.value, None
@@ -94,19 +94,19 @@ class _Code(Watcher):
         elif item.name == "get_status" and isinstance(value, str):
             said = value if value != self._status else None
             self._status = value
-        return f"{item.name}: {wording.frame_text(item)}" if said == self._code else ""
+        return f"{item.name}: {event_text.frame_text(item)}" if said == self._code else ""
 
 
-class _Refusal(Watcher):
-    def item(self, item: Item) -> str:
-        if not isinstance(item, FrameSeen) or wording.part_of(item) != "reply":
+class _Refusal(Trigger):
+    def on_item(self, item: Item) -> str:
+        if not isinstance(item, FrameSeen) or event_text.part_of(item) != "reply":
             return ""
         value = item.value
         refused = value is False or (isinstance(value, Acceptance) and not value.accepted)
-        return f"{item.name}: {wording.frame_text(item)}" if refused else ""
+        return f"{item.name}: {event_text.frame_text(item)}" if refused else ""
 
 
-class _Found(Watcher):
+class _Found(Trigger):
     def __init__(self, text: str) -> None:
         verdicts = [verdict.value for verdict in _GIVEN]
         self._verdicts = {Verdict(text)} if text in verdicts else {Verdict.FAIL, Verdict.ERROR}
@@ -123,14 +123,14 @@ class _Found(Watcher):
                     )
                 ) from None
 
-    def item(self, item: Item) -> str:
+    def on_item(self, item: Item) -> str:
         if not isinstance(item, Finding) or item.verdict not in self._verdicts:
             return ""
         wanted = self._requirement in ("", item.requirement)
         return f"{item.verdict.value} {item.requirement}: {item.message}" if wanted else ""
 
 
-class _Silence(Watcher):
+class _Silence(Trigger):
     """Counts from the first tick or byte, so that a connection told of late is not taken for old.
 
     Each silence fires once: at a tick, or where the next byte shows how long it was.
@@ -138,53 +138,55 @@ class _Silence(Watcher):
 
     def __init__(self, text: str) -> None:
         self._limit_ns = parse_duration(text)
-        self._heard_ns: dict[str, int | None] = {}
+        self._last_traffic_ns: dict[str, int | None] = {}
         self._fired: set[str] = set()
 
-    def event(self, event: WireEvent) -> str:
+    def on_event(self, event: WireEvent) -> str:
         connection, why = event.connection, ""
         if event.kind is Kind.OPENED:
-            self._heard_ns[connection] = None
+            self._last_traffic_ns[connection] = None
         elif event.kind in (Kind.BYTES, Kind.GAP):
             why = self._check(connection, event.time_ns)
-            self._heard_ns[connection] = event.time_ns
+            self._last_traffic_ns[connection] = event.time_ns
         elif event.kind in (Kind.CLOSED, Kind.RESET):
             why = self._check(connection, event.time_ns)
-            del self._heard_ns[connection]
+            del self._last_traffic_ns[connection]
         if event.kind is not Kind.HALF_CLOSED:
             self._fired.discard(connection)
         return why
 
-    def clock(self, now_ns: int) -> str:
-        return "; ".join(filter(None, (self._check(c, now_ns) for c in self._heard_ns)))
+    def on_time(self, now_ns: int) -> str:
+        return "; ".join(filter(None, (self._check(c, now_ns) for c in self._last_traffic_ns)))
 
     def _check(self, connection: str, now_ns: int) -> str:
-        heard_ns = self._heard_ns.get(connection)
+        heard_ns = self._last_traffic_ns.get(connection)
         if heard_ns is None:
-            self._heard_ns[connection] = now_ns
+            self._last_traffic_ns[connection] = now_ns
         elif now_ns - heard_ns >= self._limit_ns and connection not in self._fired:
             self._fired.add(connection)
             return f"nothing on connection {connection} for {(now_ns - heard_ns) / SECOND_NS:.1f} s"
         return ""
 
 
-class _Late(Watcher):
+class _Late(Trigger):
     """Fires when a reply is due no longer, or when it shows that it was late; not twice."""
 
     def __init__(self, text: str) -> None:
         self._limit_ns = parse_duration(text)
-        self._due: dict[str, dict[str, deque[int]]] = {}  # by connection and command: when asked
+        self._pending: dict[
+            str, dict[str, deque[int]]
+        ] = {}  # by connection and command: when asked
 
-    def item(self, item: Item) -> str:
+    def on_item(self, item: Item) -> str:
         if isinstance(item, FrameSeen):
             return self._frame(item)
         if isinstance(item, LinkChange | CaptureGap):
-            self._due.pop(item.event.connection, None)
+            self._pending.pop(item.event.connection, None)
         return ""
 
     def _frame(self, seen: FrameSeen) -> str:
-        part = wording.part_of(seen)
-        due = self._due.setdefault(seen.place.connection, {})
+        part = event_text.part_of(seen)
+        due = self._pending.setdefault(seen.place.connection, {})
         if part == "request":
             due.setdefault(seen.name, deque(maxlen=_MOST_DUE)).append(seen.place.time_ns)
         elif part == "reply" and (asked := due.get(seen.name)):
@@ -193,9 +195,9 @@ class _Late(Watcher):
                 return f"{seen.name} answered after {took_ns / 1e6:.0f} ms"
         return ""
 
-    def clock(self, now_ns: int) -> str:
+    def on_time(self, now_ns: int) -> str:
         late = []
-        for due in self._due.values():
+        for due in self._pending.values():
             for name, asked in due.items():
                 while asked and now_ns - asked[0] > self._limit_ns:
                     late.append(
@@ -204,42 +206,48 @@ class _Late(Watcher):
         return "; ".join(late)
 
 
-class _Malformed(Watcher):
+class _Malformed(Trigger):
     """What a gap may have torn is not malformed."""
 
-    def item(self, item: Item) -> str:
+    def on_item(self, item: Item) -> str:
         if isinstance(item, InvalidBytes) and item.certain:
-            line = wording.line(item)
+            line = event_text.log_line(item)
             return line.text if line else ""
-        if isinstance(item, FrameSeen) and item.certain and (found := wording.complaints(item)):
+        if (
+            isinstance(item, FrameSeen)
+            and item.certain
+            and (found := event_text.defect_texts(item))
+        ):
             return f"{item.name}: {'; '.join(found)}"
         return ""
 
 
-class _Disconnect(Watcher):
+class _Disconnect(Trigger):
     """A connection that was lost from sight is closed by the recorder, in the same instant."""
 
     def __init__(self) -> None:
-        self._unseen: tuple[str, int] | None = None  # the last connection lost from sight, and when
+        self._unobserved: tuple[str, int] | None = (
+            None  # the last connection lost from sight, and when
+        )
 
-    def event(self, event: WireEvent) -> str:
+    def on_event(self, event: WireEvent) -> str:
         instant = (event.connection, event.time_ns)
         if event.kind is Kind.GAP and event.length_bytes < 0:
-            self._unseen = instant
-        elif event.kind in (Kind.CLOSED, Kind.RESET) and instant != self._unseen:
+            self._unobserved = instant
+        elif event.kind in (Kind.CLOSED, Kind.RESET) and instant != self._unobserved:
             return f"connection {event.connection} {event.kind.value}"
         return ""
 
 
 _GIVEN: Final = (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.TOLERATED, Verdict.ERROR)
 
-_PLAIN: Final[dict[str, Callable[[], Watcher]]] = {
+_PLAIN: Final[dict[str, Callable[[], Trigger]]] = {
     "refusal": _Refusal,
     "malformed": _Malformed,
     "disconnect": _Disconnect,
-    SIGNAL: Pressed,
+    SIGNAL: UserTrigger,
 }
-_WITH_ARGUMENT: Final[dict[str, Callable[[str], Watcher]]] = {
+_WITH_ARGUMENT: Final[dict[str, Callable[[str], Trigger]]] = {
     "code": _Code,
     "finding": _Found,
     "silence": _Silence,
@@ -247,7 +255,7 @@ _WITH_ARGUMENT: Final[dict[str, Callable[[str], Watcher]]] = {
 }
 
 
-def parse_trigger(text: str) -> Watcher:
+def parse_trigger(text: str) -> Trigger:
     """Return what watches a condition.
 
     Raises:

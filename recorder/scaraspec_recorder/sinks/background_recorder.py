@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Final
 
 from scaraspec.traffic.wire import Kind, WireEvent
-from scaraspec_recorder.children import spawn
-from scaraspec_recorder.sinks import runner as scribe
-from scaraspec_recorder.sinks.sinks import SinkFactory, SinkFailed
-from scaraspec_recorder.spool.locks import claimed_spool
+from scaraspec_recorder.child_process import spawn
+from scaraspec_recorder.sinks import sink_runner
+from scaraspec_recorder.sinks.sink import SinkFactory, SinkFailed
+from scaraspec_recorder.spool.locks import locked_spool
 from scaraspec_recorder.spool.records import stream_number
-from scaraspec_recorder.spool.spool import LIMIT_BYTES, SpoolWriter, read_checkpoint, trouble_of
+from scaraspec_recorder.spool.spool import LIMIT_BYTES, SpoolWriter, read_checkpoint, stall_of
 
 DRAIN_S: Final = 600.0
 """How long the scribe may take to write what is left."""
@@ -36,26 +36,30 @@ class BackgroundRecorder:
     """
 
     def __init__(self, out_dir: Path, sinks: Sequence[SinkFactory]) -> None:
-        self._due: list[tuple[float, Callable[[], None]]] = []  # what the spool wants done when
+        self._pending_calls: list[
+            tuple[float, Callable[[], None]]
+        ] = []  # what the spool wants done when
         self._numbers: dict[str, int] = {}  # of the connections, in the order of their opening
         with ExitStack() as stack:
-            self._spool = stack.enter_context(claimed_spool(out_dir, LIMIT_BYTES))
+            self._spool = stack.enter_context(locked_spool(out_dir, LIMIT_BYTES))
             self._line, far = socket.socketpair()
             with far:
-                self._scribe = spawn("scribe", scribe.run, self._spool, out_dir, tuple(sinks), far)
-            self._claim = stack.pop_all()
-        self._writer = SpoolWriter(self._spool, self._call_later)
+                self._writer_process = spawn(
+                    "writer", sink_runner.run_writer, self._spool, out_dir, tuple(sinks), far
+                )
+            self._lock_stack = stack.pop_all()
+        self._spool_writer = SpoolWriter(self._spool, self._call_later)
 
     def write(self, event: WireEvent) -> None:
         """Take the next event."""
         number = self._numbers.setdefault(event.connection, len(self._numbers) + 1)
         stream = stream_number(number, event.direction)
         payload = event.data if event.kind is Kind.BYTES else event.note.encode()
-        self._writer.append(event.kind, stream, event.time_ns, event.offset_bytes, payload)
+        self._spool_writer.append(event.kind, stream, event.time_ns, event.offset_bytes, payload)
         now_s = time.monotonic()
-        due = [act for time_s, act in self._due if time_s <= now_s]
+        due = [act for time_s, act in self._pending_calls if time_s <= now_s]
         if due:
-            self._due = [entry for entry in self._due if entry[0] > now_s]
+            self._pending_calls = [entry for entry in self._pending_calls if entry[0] > now_s]
             for act in due:
                 act()
 
@@ -65,16 +69,16 @@ class BackgroundRecorder:
         Raises:
             SinkFailed: It could not be; the text says why.
         """
-        with self._claim:
-            self._writer.close()
+        with self._lock_stack:
+            self._spool_writer.close()
             self._line.close()
-            self._scribe.join(DRAIN_S)
-            if self._scribe.exitcode != 0:
-                trouble = trouble_of(read_checkpoint(self._spool))
-                self._scribe.kill()
-                raise SinkFailed(trouble.reason if trouble else "the scribe does not end")
+            self._writer_process.join(DRAIN_S)
+            if self._writer_process.exitcode != 0:
+                stall = stall_of(read_checkpoint(self._spool))
+                self._writer_process.kill()
+                raise SinkFailed(stall.reason if stall else "the scribe does not end")
             shutil.rmtree(self._spool)
 
     def _call_later(self, delay_s: float, act: Callable[[], None]) -> None:
         """Have something done when the first event comes after so long."""
-        self._due.append((time.monotonic() + delay_s, act))
+        self._pending_calls.append((time.monotonic() + delay_s, act))

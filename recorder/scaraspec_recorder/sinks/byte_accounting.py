@@ -53,7 +53,7 @@ class _Stream:
         }
 
 
-class Accounts:
+class ByteAccounting:
     """The accounts of all streams whose connection has not ended yet."""
 
     def __init__(self) -> None:
@@ -83,7 +83,7 @@ class Accounts:
         }
 
 
-class Audit:
+class ByteAccountingCheck:
     """Holds the accounts that a file gives of its streams against its raw events.
 
     A stream may have several, one for each time that its connection ended; they come in order.
@@ -94,7 +94,7 @@ class Audit:
 
     def __init__(self) -> None:
         self.wrong = 0
-        self._counted = Accounts()
+        self._counted = ByteAccounting()
         self._due: defaultdict[str, deque[Entries]] = defaultdict(deque)
         self._given: defaultdict[str, deque[Entries]] = defaultdict(deque)
 
@@ -102,7 +102,7 @@ class Audit:
         """Take a raw event of the file."""
         self._count(self._counted.add(event))
 
-    def give(self, name: str, entries: Entries) -> None:
+    def add_metadata(self, name: str, entries: Entries) -> None:
         """Take metadata of the file; what is no account is passed over."""
         if name.startswith(f"{STREAM}/"):
             self._given[name].append(entries)

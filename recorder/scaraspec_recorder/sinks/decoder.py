@@ -14,11 +14,11 @@ from scaraspec.judge.verdicts import Finding
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.traffic.events import Exchange, FrameSeen, TrafficEvent
 from scaraspec.traffic.wire import WireEvent
-from scaraspec_recorder.sinks import text as wording
-from scaraspec_recorder.sinks.gap_filler import Mender
+from scaraspec_recorder.sinks import text as event_text
+from scaraspec_recorder.sinks.gap_filler import GapFiller
 from scaraspec_recorder.sinks.redaction import Redactor
-from scaraspec_recorder.sinks.sinks import SinkFailed
-from scaraspec_recorder.sinks.text import Line
+from scaraspec_recorder.sinks.sink import SinkFailed
+from scaraspec_recorder.sinks.text import LogLine
 
 _log = logging.getLogger(__name__)
 
@@ -34,7 +34,7 @@ class Output(Protocol):
     def write(self, event: WireEvent) -> None:
         """Take a raw event."""
 
-    def take(self, item: Item, number: int, line: Line | None) -> None:
+    def take(self, item: Item, number: int, line: LogLine | None) -> None:
         """Take what the last raw event brought about.
 
         Args:
@@ -44,7 +44,7 @@ class Output(Protocol):
             line: What a log says of it; None for single frames and for what it has said too often.
         """
 
-    def mark(self, time_ns: int, line: Line) -> None:
+    def mark(self, time_ns: int, line: LogLine) -> None:
         """Write a line of the log that does not come from a raw event.
 
         Args:
@@ -63,7 +63,7 @@ class Output(Protocol):
         """
 
 
-class Deriver:
+class Decoder:
     """A sink that feeds several outputs.
 
     Args:
@@ -78,7 +78,7 @@ class Deriver:
         self._judge = judge
         self._outputs = tuple(outputs)
         self._redactor = redactor
-        self._mender = Mender()
+        self._gap_filler = GapFiller()
         self._last = 0
         self._numbers: dict[int, int] = {}  # by identity of the request, until its exchange comes
         self._defect = ""
@@ -108,7 +108,7 @@ class Deriver:
     def summary(self) -> dict[str, str]:
         """What the recording amounts to so far, in words."""
         return {
-            **judged(self._judge),
+            **judge_summary(self._judge),
             "exchanges": str(self._last),
             **({"defect": self._defect} if self._defect else {}),
         }
@@ -121,8 +121,8 @@ class Deriver:
     def _write(self, event: WireEvent) -> None:
         for output in self._outputs:
             output.write(event)
-        for mended in self._mender.mend(event):
-            self._hand_out(self._judge.feed(mended))
+        for filled in self._gap_filler.fill(event):
+            self._hand_out(self._judge.feed(filled))
 
     def _hand_out(self, items: Iterable[Item]) -> None:
         """Derive: a defect here costs the rest of the derived layer, and never the raw one."""
@@ -148,18 +148,18 @@ class Deriver:
             return self._numbers.pop(id(item.request), self._last)
         return self._last
 
-    def _line(self, item: Item) -> Line | None:
+    def _line(self, item: Item) -> LogLine | None:
         """What the log says of it: the same finding only so often, or it would say nothing else."""
         if isinstance(item, Finding):
             found = self._judge.tallies[item.requirement].others
             if found[item.verdict] > _LOGGED_FINDINGS:
                 return None
-        return wording.line(item)
+        return event_text.log_line(item)
 
 
-def judged(judge: Judge) -> dict[str, str]:
+def judge_summary(judge: Judge) -> dict[str, str]:
     """What a judge has come to since its tallies were last cleared, in words."""
-    worst = Counter(tally.verdict for tally in judge.tallies.values())
+    worst = Counter(stats.verdict for stats in judge.tallies.values())
     return {
         "conclusion": judge.conclusion.value,
         **{f"requirements {verdict.value}": str(count) for verdict, count in worst.items()},

@@ -11,13 +11,13 @@ from scaraspec.protocol.direction import Direction
 from scaraspec.traffic.wire import Kind, WireEvent
 
 
-class Mender:
+class GapFiller:
     """Follows the offsets of all streams; memory is given back when a connection ends."""
 
     def __init__(self) -> None:
         self._ends: dict[tuple[str, Direction], int] = {}  # -1 behind a gap of unknown length
 
-    def mend(self, event: WireEvent) -> Iterator[WireEvent]:
+    def fill(self, event: WireEvent) -> Iterator[WireEvent]:
         """Give the event, and before it a gap where bytes of its stream are missing."""
         if event.kind in (Kind.OPENED, Kind.CLOSED, Kind.RESET):
             for direction in Direction:

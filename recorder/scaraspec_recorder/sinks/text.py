@@ -53,7 +53,7 @@ class Level:
     ERROR: Final = "ERROR"
 
 
-class Line(NamedTuple):
+class LogLine(NamedTuple):
     """One line of a log: how grave, about what, and the text."""
 
     level: str
@@ -69,7 +69,7 @@ _LEVELS: Final = {
 }
 
 
-def line(item: TrafficEvent | Finding) -> Line | None:
+def log_line(item: TrafficEvent | Finding) -> LogLine | None:
     """The line for what deserves one in a log that is kept sparse; None for single frames."""
     make = _LINES.get(type(item))
     return make(item) if make else None
@@ -90,7 +90,7 @@ def frame_text(seen: FrameSeen) -> str:
     return SECRET if is_secret(seen.frame) else _text(seen.frame)
 
 
-def complaints(seen: FrameSeen) -> tuple[str, ...]:
+def defect_texts(seen: FrameSeen) -> tuple[str, ...]:
     """What is wrong with how a frame says it; of a secret one only the kind of wrong."""
     found = seen.parsed.decoded.issues if seen.parsed else ()
     if not found:
@@ -244,47 +244,49 @@ def _scalar_text(value: Any) -> str:
             return str(value)
 
 
-def _finding_line(finding: Finding) -> Line:
+def _finding_line(finding: Finding) -> LogLine:
     level = _LEVELS.get(finding.verdict, Level.INFO)
     text = f"{finding.verdict.value} {finding.requirement}: {finding.message}"
-    return Line(level, "finding", text)
+    return LogLine(level, "finding", text)
 
 
-def _exchange_line(exchange: Exchange) -> Line:
-    return Line(_exchange_level(exchange), exchange.name, exchange_text(exchange))
+def _exchange_line(exchange: Exchange) -> LogLine:
+    return LogLine(_exchange_level(exchange), exchange.name, exchange_text(exchange))
 
 
-def _undecodable_line(item: InvalidBytes) -> Line:
-    return Line(Level.WARN, "undecodable", _undecodable_text(item))
+def _undecodable_line(item: InvalidBytes) -> LogLine:
+    return LogLine(Level.WARN, "undecodable", _undecodable_text(item))
 
 
-def _link_line(item: LinkChange) -> Line:
+def _link_line(item: LinkChange) -> LogLine:
     event = item.event
     note = f": {event.note}" if event.note else ""
-    return Line(Level.INFO, "connection", f"connection {event.connection} {event.kind.value}{note}")
+    return LogLine(
+        Level.INFO, "connection", f"connection {event.connection} {event.kind.value}{note}"
+    )
 
 
-def _lost_line(item: CaptureGap) -> Line:
-    return Line(Level.WARN, "gap", _gap_text(item))
+def _lost_line(item: CaptureGap) -> LogLine:
+    return LogLine(Level.WARN, "gap", _gap_text(item))
 
 
-def _injected_line(item: Injected) -> Line:
+def _injected_line(item: Injected) -> LogLine:
     event = item.event
-    return Line(Level.WARN, "injected", f"connection {event.connection} injected: {event.note}")
+    return LogLine(Level.WARN, "injected", f"connection {event.connection} injected: {event.note}")
 
 
-def _transfer_line(transfer: Transfer) -> Line:
+def _transfer_line(transfer: Transfer) -> LogLine:
     level = Level.INFO if transfer.state is State.DONE else Level.WARN
-    return Line(level, "transfer", transfer_text(transfer))
+    return LogLine(level, "transfer", transfer_text(transfer))
 
 
-def _unasked_line(item: UnsolicitedReply) -> Line:
+def _unasked_line(item: UnsolicitedReply) -> LogLine:
     seen = item.seen
     text = f"unasked {part_of(seen)} of {name_of(seen)}: {frame_text(seen)}"
-    return Line(Level.WARN, name_of(seen), text)
+    return LogLine(Level.WARN, name_of(seen), text)
 
 
-_LINES: Final[dict[type, Callable[[Any], Line]]] = {
+_LINES: Final[dict[type, Callable[[Any], LogLine]]] = {
     Finding: _finding_line,
     Exchange: _exchange_line,
     InvalidBytes: _undecodable_line,

@@ -18,10 +18,10 @@ ITEM_BYTES: Final = 256  # what a held segment or event costs in memory besides 
 _MODULUS: Final = 1 << 32
 
 
-UNHEARD: Final = -(1 << 63)  # before every position
+NO_POSITION: Final = -(1 << 63)  # before every position
 
 
-class Moment(NamedTuple):
+class PacketTime(NamedTuple):
     """When something happened: by the observer's clock and, where that stands, by the capture.
 
     Attributes:
@@ -33,18 +33,18 @@ class Moment(NamedTuple):
     number: int
 
 
-class Ready(NamedTuple):
+class OrderedEvent(NamedTuple):
     """An event in its place.
 
     Attributes:
         at: Its moment.
-        heard: Position up to which its sender had heard the other stream by then.
+        acknowledged_peer: Position up to which its sender had heard the other stream by then.
         end: Position up to which this stream has passed with it.
         event: The event.
     """
 
-    at: Moment
-    heard: int
+    at: PacketTime
+    acknowledged_peer: int
     end: int
     event: WireEvent
 
@@ -60,10 +60,10 @@ class ByteStream:
         acknowledged: Position up to which the receiver has said that it has the bytes.
         last: Moment of the latest event; no later one is earlier.
         ready: Events that are in order and not told yet.
-        told: Position up to which events have been told.
+        released: Position up to which events have been told.
         ended: The end (FIN) has been delivered.
         held_bytes: Memory taken by segments that wait for a missing byte.
-        beginning: Why the start was not seen, in words.
+        missing_start_note: Why the start was not seen, in words.
     """
 
     def __init__(self, connection: str) -> None:
@@ -72,17 +72,19 @@ class ByteStream:
         self.start: int | None = None
         self.next = 0
         self.acknowledged = 0
-        self.last = Moment(0, 0)
-        self.ready: deque[Ready] = deque()
-        self.told = UNHEARD
+        self.last = PacketTime(0, 0)
+        self.ready: deque[OrderedEvent] = deque()
+        self.released = NO_POSITION
         self.ended = False
         self.held_bytes = 0
-        self.beginning = ""
+        self.missing_start_note = ""
         self._origin: int | None = None  # sequence number of position 0: the first one seen
         self._seen = 0  # up to here bytes passed, captured or not
         self._fin: int | None = None
         self._fin_at = self.last
-        self._waiting: list[tuple[int, Moment, int, bytes]] = []  # position, moment, heard, data
+        self._waiting: list[
+            tuple[int, PacketTime, int, bytes]
+        ] = []  # position, moment, heard, data
 
     @property
     def known_end(self) -> int:
@@ -96,7 +98,7 @@ class ByteStream:
         return -1 if self.start is None else self.next - self.start
 
     @property
-    def leaning(self) -> int:
+    def start_byte_balance(self) -> int:
         """Of the waiting segments, how many more begin with 0xAA than with 0xCC."""
         starts = [data[0] for *_, data in self._waiting]
         return starts.count(Direction.A2C.start) - starts.count(Direction.C2A.start)
@@ -110,7 +112,7 @@ class ByteStream:
     def begin(self, isn: int) -> None:
         """Take the start of the stream from a SYN that `may_begin`."""
         if self.start is None:
-            self.start = self.next = self.told = self._position(isn + 1)
+            self.start = self.next = self.released = self._position(isn + 1)
 
     def acknowledge(self, ack: int) -> int:
         """The receiver has every byte before this sequence number, whose position is returned."""
@@ -118,7 +120,7 @@ class ByteStream:
         self.acknowledged = max(self.acknowledged, position)
         return position
 
-    def put(self, segment: Segment, at: Moment, heard: int) -> None:
+    def put(self, segment: Segment, at: PacketTime, heard: int) -> None:
         """Take a segment of this stream, in whatever order they were captured.
 
         Args:
@@ -141,7 +143,7 @@ class ByteStream:
             self.held_bytes += len(data) + ITEM_BYTES
             heappush(self._waiting, (position, at, heard, data))
 
-    def advance(self) -> Iterator[Ready]:
+    def advance(self) -> Iterator[OrderedEvent]:
         """Deliver what now is in order. Where segments overlap, the one that begins first wins."""
         if self.start is None or self.ended:
             return
@@ -158,11 +160,11 @@ class ByteStream:
             self.held_bytes = 0
             yield self._ready(Kind.HALF_CLOSED, self._fin_at, self.next)
 
-    def doubt(self, at: Moment, note: str) -> Ready:
+    def uncertainty(self, at: PacketTime, note: str) -> OrderedEvent:
         """A gap of no bytes: nothing is missing, but what came before is not to be relied on."""
         return self._ready(Kind.GAP, at, self.next, note=note)
 
-    def concede(self, limit: int, since: Moment) -> Iterator[Ready]:
+    def give_up_missing(self, limit: int, since: PacketTime) -> Iterator[OrderedEvent]:
         """Give up the bytes missing before position `limit`: gaps take their place.
 
         Args:
@@ -171,7 +173,9 @@ class ByteStream:
         """
         if self.start is None:
             self.start = self.next
-            yield self._ready(Kind.GAP, since, self.next, length_bytes=-1, note=self.beginning)
+            yield self._ready(
+                Kind.GAP, since, self.next, length_bytes=-1, note=self.missing_start_note
+            )
             yield from self.advance()
         while self.next < (end := min(limit, self.known_end)):
             if self._waiting:
@@ -193,16 +197,16 @@ class ByteStream:
     def _ready(  # noqa: PLR0913 - an event has so many sides
         self,
         kind: Kind,
-        at: Moment,
+        at: PacketTime,
         end: int,
-        heard: int = UNHEARD,
+        heard: int = NO_POSITION,
         *,
         data: bytes = b"",
         length_bytes: int = 0,
         note: str = "",
-    ) -> Ready:
+    ) -> OrderedEvent:
         self.last = max(self.last, at)
         offset_bytes = 0 if kind is Kind.HALF_CLOSED else self.offset_bytes
         where = (self.last.time_ns, self.connection, self.direction, kind)
         event = WireEvent(*where, data, offset_bytes, length_bytes, note)
-        return Ready(self.last, heard, end, event)
+        return OrderedEvent(self.last, heard, end, event)

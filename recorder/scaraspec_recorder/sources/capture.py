@@ -3,15 +3,15 @@
 from pathlib import Path
 
 from scaraspec.user_message import UserMessage
-from scaraspec_recorder.problems import CaptureError
+from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.sinks.mcap.chunk_writer import MAGIC
-from scaraspec_recorder.sources.mcap_reading import McapCapture, read_mcap
-from scaraspec_recorder.sources.pcap_reading import Capture, read_capture
+from scaraspec_recorder.sources.mcap_reader import McapCapture, read_mcap
+from scaraspec_recorder.sources.pcap_reader import PcapCapture, read_pcap
 
-__all__ = ["Capture", "McapCapture", "open_capture"]
+__all__ = ["McapCapture", "PcapCapture", "open_capture"]
 
 
-def open_capture(path: Path, *, port: int | None) -> McapCapture | Capture:
+def open_capture(path: Path, *, port: int | None) -> McapCapture | PcapCapture:
     """Open an MCAP, pcap or pcapng file.
 
     Args:
@@ -33,4 +33,4 @@ def open_capture(path: Path, *, port: int | None) -> McapCapture | Capture:
         ) from None
     if not head:
         raise CaptureError(UserMessage("{path} is empty: nothing was recorded", path=path))
-    return read_mcap(path) if head == MAGIC else read_capture(path, port=port)
+    return read_mcap(path) if head == MAGIC else read_pcap(path, port=port)

@@ -23,7 +23,13 @@ from typing import Final
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.traffic.wire import Kind, WireEvent
-from scaraspec_recorder.sources.bytestream import ITEM_BYTES, UNHEARD, ByteStream, Moment, Ready
+from scaraspec_recorder.sources.bytestream import (
+    ITEM_BYTES,
+    NO_POSITION,
+    ByteStream,
+    OrderedEvent,
+    PacketTime,
+)
 from scaraspec_recorder.tcp_segment import ACK, RST, SYN, Endpoint, Segment
 
 STEP_NS: Final = 1_000_000_000
@@ -55,7 +61,7 @@ class _Connection:
     streams: tuple[ByteStream, ByteStream]  # what ends[0] sends, what ends[1] sends
     oriented: bool = False  # who is the controller is settled
     under_way: bool = False  # something other than the opening handshake was seen
-    reset: tuple[ByteStream, Moment] | None = None  # whose RST, and when
+    reset: tuple[ByteStream, PacketTime] | None = None  # whose RST, and when
     over: bool = False
     counted_bytes: int = 0  # what it adds to the memory in use
 
@@ -89,7 +95,7 @@ class _Hole:
     connection: _Connection
     stream: ByteStream
     offset_bytes: int
-    since: Moment
+    since: PacketTime
     proof: int = 0  # once proven: position before which nothing will be sent again
     proven_at: int = 0  # number of the segment that proved it
 
@@ -108,27 +114,31 @@ class Reassembler:
 
     Attributes:
         connections: How many connections have appeared.
-        steps: How often the capture's clock was set back.
+        clock_steps: How often the capture's clock was set back.
     """
 
     def __init__(
         self, ports: Collection[int] | None = (DEFAULT_PORT,), limits: Limits | None = None
     ) -> None:
         self.connections = 0
-        self.steps = 0
+        self.clock_steps = 0
         self._ports = ports
         self._limits = limits or Limits()
         self._received = 0
         self._serial = 0
         self._latest_ns = 0
-        self._behind_ns = 0  # by how much the capture's clock was set back, in all
-        self._told_ns = 0
+        self._clock_offset_ns = 0  # by how much the capture's clock was set back, in all
+        self._released_ns = 0
         self._held_bytes = 0
         self._followed: dict[tuple[Endpoint, Endpoint], _Connection] = {}  # silent ones first
         self._holes: dict[ByteStream, _Hole] = {}
-        self._ages: list[tuple[Moment, int, _Hole]] = []  # of holes, also of some that are filled
+        self._ages: list[
+            tuple[PacketTime, int, _Hole]
+        ] = []  # of holes, also of some that are filled
         self._proven: dict[ByteStream, _Hole] = {}  # first proven first
-        self._queue: list[tuple[Moment, int, ByteStream, ByteStream]] = []  # whose event, its peer
+        self._queue: list[
+            tuple[PacketTime, int, ByteStream, ByteStream]
+        ] = []  # whose event, its peer
 
     def receive(self, segment: Segment) -> list[WireEvent]:
         """Take the next segment of the capture.
@@ -143,29 +153,31 @@ class Reassembler:
         self._received += 1
         connection = self._connection_of(segment)
         if connection is not None:
-            steps = self.steps
+            steps = self.clock_steps
             segment = self._on_one_clock(segment)
-            if self.steps > steps:
-                self._tell_of_step(connection, segment)
+            if self.clock_steps > steps:
+                self._report_clock_step(connection, segment)
             self._take(connection, segment)
         return self._settle()
 
     def _on_one_clock(self, segment: Segment) -> Segment:
         """The segment at a time that does not fall far; where it has none, at the latest one."""
-        time_ns = segment.time_ns + self._behind_ns if segment.time_ns else self._latest_ns
+        time_ns = segment.time_ns + self._clock_offset_ns if segment.time_ns else self._latest_ns
         back_ns = self._latest_ns - time_ns
         if back_ns > STEP_NS:
-            self.steps += 1
-            self._behind_ns += back_ns
+            self.clock_steps += 1
+            self._clock_offset_ns += back_ns
             time_ns = self._latest_ns
         self._latest_ns = max(self._latest_ns, time_ns)
         return segment if time_ns == segment.time_ns else segment._replace(time_ns=time_ns)
 
-    def _tell_of_step(self, connection: _Connection, segment: Segment) -> None:
+    def _report_clock_step(self, connection: _Connection, segment: Segment) -> None:
         stream = connection.streams[connection.ends.index(segment.src)]
         if stream.start is not None:
-            at = Moment(segment.time_ns, 3 * self._received - 2)
-            self._enqueue(connection, stream, [stream.doubt(at, "the capture's clock went back")])
+            at = PacketTime(segment.time_ns, 3 * self._received - 2)
+            self._enqueue(
+                connection, stream, [stream.uncertainty(at, "the capture's clock went back")]
+            )
 
     def follows(self, segment: Segment) -> bool:
         """Whether the segment's ports are of interest; `receive` passes over others."""
@@ -210,11 +222,11 @@ class Reassembler:
     def _take(self, connection: _Connection, segment: Segment) -> None:
         at = connection.ends.index(segment.src)
         sender, receiver = connection.streams[at], connection.streams[1 - at]
-        now = Moment(segment.time_ns, 3 * self._received)
-        heard_at, sent_at = (Moment(segment.time_ns, now.number - n) for n in (2, 1))
+        now = PacketTime(segment.time_ns, 3 * self._received)
+        heard_at, sent_at = (PacketTime(segment.time_ns, now.number - n) for n in (2, 1))
         if segment.flags & SYN:
             self._open(connection, segment, sender, receiver, now)
-        heard = receiver.acknowledge(segment.ack) if segment.flags & ACK else UNHEARD
+        heard = receiver.acknowledge(segment.ack) if segment.flags & ACK else NO_POSITION
         if segment.flags & RST:
             connection.reset = connection.reset or (sender, now)
         elif not segment.flags & SYN:
@@ -232,7 +244,7 @@ class Reassembler:
         segment: Segment,
         sender: ByteStream,
         receiver: ByteStream,
-        now: Moment,
+        now: PacketTime,
     ) -> None:
         """A SYN, first or repeated, or the answer to one."""
         sender.begin(segment.seq)
@@ -245,10 +257,10 @@ class Reassembler:
         opener = receiver if answers else sender
         for stream in connection.streams:
             stream.last = max(stream.last, now)
-            stream.beginning = "the answer to the SYN was not captured"
+            stream.missing_start_note = "the answer to the SYN was not captured"
         self._mark(connection, opener, Kind.OPENED, opener.last, note)
 
-    def _progress(self, connection: _Connection, stream: ByteStream, now: Moment) -> None:
+    def _progress(self, connection: _Connection, stream: ByteStream, now: PacketTime) -> None:
         """Deliver what is in order, and watch what is missing."""
         self._enqueue(connection, stream, stream.advance())
         missing = connection.is_missing(stream)
@@ -260,10 +272,10 @@ class Reassembler:
             return
         if hole is None:
             hole = self._holes[stream] = _Hole(connection, stream, stream.offset_bytes, now)
-            self._date(hole)
+            self._schedule(hole)
         elif now < hole.since:  # an older packet tells of it later
             hole.since = now
-            self._date(hole)
+            self._schedule(hole)
         if stream not in self._proven:
             if connection.reset:
                 hole.proof = stream.known_end
@@ -294,20 +306,20 @@ class Reassembler:
         self._mark(connection, stream, kind, at, note)
 
     def _mark(
-        self, connection: _Connection, stream: ByteStream, kind: Kind, at: Moment, note: str
+        self, connection: _Connection, stream: ByteStream, kind: Kind, at: PacketTime, note: str
     ) -> None:
         """A change of the link takes its place."""
         event = WireEvent(at.time_ns, connection.name, stream.direction, kind, note=note)
-        self._enqueue(connection, stream, [Ready(at, UNHEARD, UNHEARD, event)])
+        self._enqueue(connection, stream, [OrderedEvent(at, NO_POSITION, NO_POSITION, event)])
 
-    def _concede(self, hole: _Hole, limit: int) -> None:
+    def _give_up_hole(self, hole: _Hole, limit: int) -> None:
         """Let gaps take the place of what is missing before position `limit`."""
         connection, stream = hole.connection, hole.stream
         if not connection.oriented:
             addresses = connection.orient(self._guess_controller(connection))
             for each in connection.streams:
-                each.beginning = f"capture begins mid-stream ({addresses})"
-        self._enqueue(connection, stream, stream.concede(limit, hole.since))
+                each.missing_start_note = f"capture begins mid-stream ({addresses})"
+        self._enqueue(connection, stream, stream.give_up_missing(limit, hole.since))
         self._forget(stream)
         self._progress(connection, stream, hole.since)
         self._conclude(connection)
@@ -316,7 +328,9 @@ class Reassembler:
         a, b = connection.ends
         if self._ports is not None and (a.port in self._ports) != (b.port in self._ports):
             return a if a.port in self._ports else b
-        leaning = connection.streams[0].leaning - connection.streams[1].leaning
+        leaning = (
+            connection.streams[0].start_byte_balance - connection.streams[1].start_byte_balance
+        )
         if leaning:
             return b if leaning > 0 else a
         return min(a, b, key=lambda end: end.port)
@@ -325,7 +339,7 @@ class Reassembler:
         """Wait no longer for anything of this connection."""
         for stream in connection.streams:
             if hole := self._holes.get(stream):
-                self._concede(hole, stream.known_end)
+                self._give_up_hole(hole, stream.known_end)
 
     def _forget(self, stream: ByteStream) -> None:
         self._holes.pop(stream, None)
@@ -337,10 +351,10 @@ class Reassembler:
             hole = next(iter(self._proven.values()))
             if self._received - hole.proven_at < self._limits.late_segments:
                 break
-            self._concede(hole, hole.proof)
+            self._give_up_hole(hole, hole.proof)
         events = self._release()
         while self._held_bytes > self._limits.held_bytes and (oldest := self._oldest_hole()):
-            self._concede(oldest, oldest.stream.known_end)
+            self._give_up_hole(oldest, oldest.stream.known_end)
             events += self._release()
         return events
 
@@ -352,12 +366,12 @@ class Reassembler:
             heappop(self._ages)
         return None
 
-    def _date(self, hole: _Hole) -> None:
+    def _schedule(self, hole: _Hole) -> None:
         self._serial += 1
         heappush(self._ages, (hole.since, self._serial, hole))
 
     def _enqueue(
-        self, connection: _Connection, stream: ByteStream, events: Iterable[Ready]
+        self, connection: _Connection, stream: ByteStream, events: Iterable[OrderedEvent]
     ) -> None:
         """Put events in their place."""
         for ready in events:
@@ -375,22 +389,22 @@ class Reassembler:
         events = []
         while self._queue and (oldest is None or self._queue[0][0] < oldest.since):
             _, _, stream, peer = self._queue[0]
-            if stream.ready and stream.ready[0].heard > peer.told:
+            if stream.ready and stream.ready[0].acknowledged_peer > peer.released:
                 if peer.ready:
-                    events.append(self._tell(peer))
+                    events.append(self._release_next(peer))
                     continue
                 if peer in self._holes:
                     break
             heappop(self._queue)
             if stream.ready:  # else it was told ahead of its turn
-                events.append(self._tell(stream))
+                events.append(self._release_next(stream))
         return events
 
-    def _tell(self, stream: ByteStream) -> WireEvent:
+    def _release_next(self, stream: ByteStream) -> WireEvent:
         _, _, end, event = stream.ready.popleft()
-        stream.told = max(stream.told, end)
+        stream.released = max(stream.released, end)
         self._held_bytes -= len(event.data) + ITEM_BYTES
-        if event.time_ns < self._told_ns:
-            event = replace(event, time_ns=self._told_ns)
-        self._told_ns = event.time_ns
+        if event.time_ns < self._released_ns:
+            event = replace(event, time_ns=self._released_ns)
+        self._released_ns = event.time_ns
         return event

@@ -53,7 +53,7 @@ def _has_room(size_bytes: int) -> bool:
     return shutil.disk_usage(_MEMORY).free > size_bytes
 
 
-def claim(spool: Path) -> int:
+def lock_spool(spool: Path) -> int:
     """Hold a spool until the returned descriptor is closed or the process ends.
 
     Raises:
@@ -70,12 +70,12 @@ def claim(spool: Path) -> int:
 
 
 @contextmanager
-def claimed_spool(out_dir: Path, limit_bytes: int) -> Iterator[Path]:
+def locked_spool(out_dir: Path, limit_bytes: int) -> Iterator[Path]:
     """Hold the spool against other recorders; those of dead ones are cleared away."""
-    clear_dead_spools()
+    remove_abandoned_spools()
     spool = spool_folder(out_dir, limit_bytes)
     try:
-        held = claim(spool)
+        held = lock_spool(spool)
     except BlockingIOError:
         rule = "a folder has one recorder at a time, name another"
         raise BlockingIOError(
@@ -89,13 +89,13 @@ def claimed_spool(out_dir: Path, limit_bytes: int) -> Iterator[Path]:
         os.close(held)
 
 
-def clear_dead_spools() -> None:
+def remove_abandoned_spools() -> None:
     """Remove what recorders that were killed have left in memory, where all of it is written."""
     for spool in _MEMORY.glob(f"{_PREFIX}*"):
         # Somebody holds it, or it is another user's; one without a lock is just being made.
         with suppress(OSError), ExitStack() as held:
             if (spool / _LOCK).exists():
-                held.callback(os.close, claim(spool))
+                held.callback(os.close, lock_spool(spool))
                 held.callback(os.close, lock(spool / READER_LOCK, wait=False))
                 if not unread_bytes(spool):
                     shutil.rmtree(spool)

@@ -18,7 +18,7 @@ from scaraspec.traffic.wire import Kind
 
 MAX_BLOCK_BYTES: Final = 1 << 20
 
-UNREACHED: Final = "no connection: "
+UNREACHABLE: Final = "no connection: "
 """How the note begins of a connection whose client found no robot; the reason follows."""
 
 _HEADER: Final = struct.Struct("<4sII")
@@ -27,16 +27,16 @@ _RECORD: Final = struct.Struct("<IBQQQQ?")
 _LENGTH: Final = struct.Struct("<q")
 
 
-class Mark(Enum):
+class ControlRecord(Enum):
     """What is told beside what happened on the wire."""
 
-    SEAM = "seam"  # what follows is not joined to what came before: connections begin anew
+    RESTART = "restart"  # what follows is not joined to what came before: connections begin anew
     TOTAL = "total"  # `offset_bytes` were received in this direction, by the forwarder's count
 
     __hash__ = object.__hash__
 
 
-_KINDS: Final[tuple[Kind | Mark, ...]] = (*Kind, *Mark)
+_KINDS: Final[tuple[Kind | ControlRecord, ...]] = (*Kind, *ControlRecord)
 CODES: Final = {kind: code for code, kind in enumerate(_KINDS)}
 """What stands for a kind in a record's head."""
 
@@ -61,7 +61,7 @@ class Record(NamedTuple):
             forwarding process read them.
     """
 
-    kind: Kind | Mark
+    kind: Kind | ControlRecord
     stream: int
     time_ns: int
     offset_bytes: int = 0
@@ -96,7 +96,9 @@ def stream_number(connection: int, direction: Direction) -> int:
     return connection << 1 | (direction is C2A)
 
 
-def gap(stream: int, time_ns: int, offset_bytes: int, length_bytes: int, reason: str) -> Record:
+def gap_record(
+    stream: int, time_ns: int, offset_bytes: int, length_bytes: int, reason: str
+) -> Record:
     """Return the record of bytes that passed unrecorded."""
     payload = _LENGTH.pack(length_bytes) + reason.encode()
     return Record(Kind.GAP, stream, time_ns, offset_bytes, payload)

@@ -19,15 +19,15 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple
 
 from scaraspec.traffic.wire import Kind
-from scaraspec_recorder.spool import asking
+from scaraspec_recorder.spool import mark_requests
 from scaraspec_recorder.spool.records import (
     CODES,
     HEAD_BYTES,
     MAX_BLOCK_BYTES,
     Block,
-    Mark,
+    ControlRecord,
     Record,
-    gap,
+    gap_record,
     is_torn,
     pack_head,
     read_blocks,
@@ -71,7 +71,7 @@ def lock(path: Path, *, wait: bool) -> int:
     return descriptor
 
 
-class Trouble(NamedTuple):
+class WriteStall(NamedTuple):
     """Why nothing is acknowledged.
 
     Attributes:
@@ -113,15 +113,15 @@ class SpoolWriter:
         self._spooled_bytes = 0  # never less than what lies there: deletions are seen late
         self._block = Block()
         self._add = self._block.parts.append
-        self._timed = False
-        self._refusal = ""
-        self._owed: list[Record] = []
-        self._owed_gaps: dict[int, int] = {}  # by stream: the index of its last gap in `_owed`
-        self.append(Mark.SEAM, 0, now_ns(), 0, b"the forwarding process started")
+        self._flush_scheduled = False
+        self._write_error = ""
+        self._deferred: list[Record] = []
+        self._deferred_gaps: dict[int, int] = {}  # by stream: the index of its last gap in `_owed`
+        self.append(ControlRecord.RESTART, 0, now_ns(), 0, b"the forwarding process started")
 
     def append(  # noqa: PLR0913, PLR0917 - a record's fields, for the fewest calls
         self,
-        kind: Kind | Mark,
+        kind: Kind | ControlRecord,
         stream: int,
         time_ns: int,
         offset_bytes: int,
@@ -139,9 +139,9 @@ class SpoolWriter:
         )
         add(payload)
         block.size_bytes += HEAD_BYTES + size_bytes
-        if not self._timed:
-            self._timed = True
-            self._call_later(FLUSH_S, self._on_time)
+        if not self._flush_scheduled:
+            self._flush_scheduled = True
+            self._call_later(FLUSH_S, self._on_flush_timer)
         if block.size_bytes > _FLUSH_BYTES:
             self.flush()
 
@@ -149,64 +149,70 @@ class SpoolWriter:
         """Write what was appended, or owe it."""
         if self._block.empty:
             return
-        if not self._owed:
+        if not self._deferred:
             try:
                 self._append_block(self._block)
             except OSError as error:
-                self._refusal = error.strerror or str(error)
-                self._call_later(RETRY_S, self._pay_on_time)
-                self._owe(self._block)
+                self._write_error = error.strerror or str(error)
+                self._call_later(RETRY_S, self._retry_deferred)
+                self._defer(self._block)
         else:
-            self._owe(self._block)
+            self._defer(self._block)
         self._block.clear()
 
     def close(self) -> None:
         """Write what is left, as far as that can be done now."""
         self._limit_bytes = sys.maxsize  # what is owed is little, and this its last chance
         self.flush()
-        self._pay()
+        self._write_deferred()
         self._end_segment()
 
-    def _on_time(self) -> None:
-        self._timed = False
+    def _on_flush_timer(self) -> None:
+        self._flush_scheduled = False
         self.flush()
 
-    def _owe(self, block: Block) -> None:
+    def _defer(self, block: Block) -> None:
         """Keep a block's records for later: bytes as gaps, each joined to the one before it."""
         for record in block.records():
             kind, stream, time_ns, offset_bytes, payload, *_ = record
             if kind is not Kind.BYTES:
-                self._owed.append(record)
-            elif (index := self._owed_gaps.get(stream)) is not None:
-                _, _, time_ns, begin_bytes, *_ = self._owed[index]
+                self._deferred.append(record)
+            elif (index := self._deferred_gaps.get(stream)) is not None:
+                _, _, time_ns, begin_bytes, *_ = self._deferred[index]
                 length_bytes = offset_bytes + len(payload) - begin_bytes
-                self._owed[index] = gap(stream, time_ns, begin_bytes, length_bytes, self._refusal)
+                self._deferred[index] = gap_record(
+                    stream, time_ns, begin_bytes, length_bytes, self._write_error
+                )
             else:
-                self._owed_gaps[stream] = len(self._owed)
-                self._owed.append(gap(stream, time_ns, offset_bytes, len(payload), self._refusal))
-            if len(self._owed) > _MAX_OWED:
-                self._owed_gaps.clear()
-                self._owed = [Record(Mark.SEAM, 0, time_ns, 0, self._refusal.encode())]
+                self._deferred_gaps[stream] = len(self._deferred)
+                self._deferred.append(
+                    gap_record(stream, time_ns, offset_bytes, len(payload), self._write_error)
+                )
+            if len(self._deferred) > _MAX_OWED:
+                self._deferred_gaps.clear()
+                self._deferred = [
+                    Record(ControlRecord.RESTART, 0, time_ns, 0, self._write_error.encode())
+                ]
 
-    def _pay_on_time(self) -> None:
+    def _retry_deferred(self) -> None:
         self.flush()
-        self._pay()
-        if self._owed:
-            self._call_later(RETRY_S, self._pay_on_time)
+        self._write_deferred()
+        if self._deferred:
+            self._call_later(RETRY_S, self._retry_deferred)
 
-    def _pay(self) -> None:
+    def _write_deferred(self) -> None:
         """Write what is owed, as far as that can be done now."""
-        while self._owed:
+        while self._deferred:
             paid, block = 0, Block()
-            while paid < len(self._owed) and block.size_bytes < _FLUSH_BYTES:
-                block.add(self._owed[paid])
+            while paid < len(self._deferred) and block.size_bytes < _FLUSH_BYTES:
+                block.add(self._deferred[paid])
                 paid += 1
             try:
                 self._append_block(block)
             except OSError:
                 return  # still owed
-            del self._owed[:paid]
-            self._owed_gaps.clear()  # the indices have moved, and what is written grows no more
+            del self._deferred[:paid]
+            self._deferred_gaps.clear()  # the indices have moved, and what is written grows no more
 
     def _append_block(self, block: Block) -> None:
         """Append one block by one write.
@@ -233,7 +239,7 @@ class SpoolWriter:
             self._end_segment()
 
     def _make_room(self, size_bytes: int) -> None:
-        if self._owed:
+        if self._deferred:
             size_bytes += self._segment_limit_bytes  # having dropped, go on where it is worth it
         if self._spooled_bytes + size_bytes <= self._limit_bytes:
             return
@@ -263,7 +269,7 @@ class SpoolReader:
 
     Attributes:
         state: What was last acknowledged along with the position; empty in a new spool.
-        trouble: Why nothing was acknowledged since then, see `note_trouble`.
+        stall: Why nothing was acknowledged since then, see `note_stall`.
 
     Raises:
         OSError: The folder cannot be made, read or locked.
@@ -275,7 +281,7 @@ class SpoolReader:
         self._lock = lock(directory / READER_LOCK, wait=True)
         checkpoint = read_checkpoint(directory)
         self.state: dict[str, Any] = checkpoint.get("state", {})
-        self.trouble = trouble_of(checkpoint)
+        self.stall = stall_of(checkpoint)
         self._number, self._at = checkpoint.get("segment", 0), checkpoint.get("offset_bytes", 0)
         self._file: BinaryIO | None = None
         if self._number in _segments(directory):
@@ -293,12 +299,14 @@ class SpoolReader:
         while True:
             # Looked up first: where a newer segment is there, this one is complete when it is read.
             newer = min((n for n in _segments(self._directory) if n > self._number), default=None)
-            rest = self._rest()
+            rest = self._remaining()
             records, size_bytes = read_blocks(rest)
             self._at += size_bytes
             if records:
                 if self._damaged:
-                    seam = Record(Mark.SEAM, 0, records[0].time_ns, 0, b"the spool is damaged")
+                    seam = Record(
+                        ControlRecord.RESTART, 0, records[0].time_ns, 0, b"the spool is damaged"
+                    )
                     records.insert(0, seam)
                     self._damaged = False
                 return records
@@ -319,14 +327,14 @@ class SpoolReader:
         """
         checkpoint = {"segment": self._number, "offset_bytes": self._at, "state": state}
         _write_checkpoint(self._directory, checkpoint)
-        self.trouble = None
+        self.stall = None
         for number in _segments(self._directory):
             if number < self._number:
                 _path(self._directory, number).unlink()
 
-    def asked(self) -> int:
-        """Return how often the user has asked for a mark, see `asking`."""
-        return asking.asked(self._directory)
+    def mark_request_count(self) -> int:
+        """Return how often the user has asked for a mark, see `mark_requests`."""
+        return mark_requests.mark_request_count(self._directory)
 
     def close(self) -> None:
         """Let another reader have the spool."""
@@ -338,7 +346,7 @@ class SpoolReader:
             self._file.close()
             self._file = None
 
-    def _rest(self) -> bytes:
+    def _remaining(self) -> bytes:
         """What follows the present position in this segment, as far as it is there."""
         if self._file is None:
             return b""
@@ -355,10 +363,10 @@ def read_checkpoint(directory: Path) -> dict[str, Any]:
     return checkpoint if isinstance(checkpoint, dict) else {}
 
 
-def note_trouble(directory: Path, time_ns: int, reason: str) -> bool:
+def note_stall(directory: Path, time_ns: int, reason: str) -> bool:
     """Note why nothing is acknowledged, for as long as nothing is; return whether it is news."""
     checkpoint = read_checkpoint(directory)
-    known = trouble_of(checkpoint)
+    known = stall_of(checkpoint)
     if known and known.reason == reason:
         return False
     checkpoint["trouble"] = (known.since_ns if known else time_ns, reason)
@@ -367,10 +375,10 @@ def note_trouble(directory: Path, time_ns: int, reason: str) -> bool:
     return True
 
 
-def trouble_of(checkpoint: Mapping[str, Any]) -> Trouble | None:
-    """Return what was noted in a checkpoint by `note_trouble`."""
+def stall_of(checkpoint: Mapping[str, Any]) -> WriteStall | None:
+    """Return what was noted in a checkpoint by `note_stall`."""
     noted = checkpoint.get("trouble")
-    return Trouble(*noted) if noted else None
+    return WriteStall(*noted) if noted else None
 
 
 def _write_checkpoint(directory: Path, checkpoint: Mapping[str, Any]) -> None:

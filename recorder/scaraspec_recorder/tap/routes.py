@@ -46,7 +46,7 @@ class Route(Protocol):
     def target(self, client: socket.socket) -> str:
         """Return where this client is led to, as ``host:port`` or URL, for the recording."""
 
-    async def dial(self, client: socket.socket) -> socket.socket:
+    async def connect_upstream(self, client: socket.socket) -> socket.socket:
         """Return a non-blocking socket that is connected to there.
 
         Raises:
@@ -76,7 +76,7 @@ class Upstream:
         """Return the controller's address."""
         return tcp.address_text((self.host, self.port))
 
-    async def dial(self, client: socket.socket) -> socket.socket:
+    async def connect_upstream(self, client: socket.socket) -> socket.socket:
         """Connect to the first of the host's addresses that answers.
 
         Raises:
@@ -115,7 +115,7 @@ class Redirect:
         except OSError:
             return "unknown"
 
-    async def dial(self, client: socket.socket) -> socket.socket:
+    async def connect_upstream(self, client: socket.socket) -> socket.socket:
         """Connect to where the client meant to go, by a socket that the rules leave alone.
 
         Raises:
@@ -140,7 +140,7 @@ class Tproxy:
         """Return the address that the client connected to: the socket's own, though foreign."""
         return tcp.address_text(client.getsockname())
 
-    async def dial(self, client: socket.socket) -> socket.socket:
+    async def connect_upstream(self, client: socket.socket) -> socket.socket:
         """Connect to where the client meant to go, from the client's own address and port.
 
         Raises:

@@ -17,10 +17,10 @@ from typing import Final, cast
 
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.traffic.wire import Kind
-from scaraspec_recorder.children import ignore_signals
-from scaraspec_recorder.spool.records import UNREACHED, Mark, stream_number
+from scaraspec_recorder.child_process import ignore_signals
+from scaraspec_recorder.spool.records import UNREACHABLE, ControlRecord, stream_number
 from scaraspec_recorder.spool.spool import SpoolWriter
-from scaraspec_recorder.tap import stamps, tcp
+from scaraspec_recorder.tap import kernel_timestamps, tcp
 from scaraspec_recorder.tap.routes import Route
 
 BUFFER_BYTES: Final = 256 << 10
@@ -49,7 +49,7 @@ class Tap:
         route: Where to.
         append: Takes what happens.
         connect: Makes connections that are not to be passed on unchanged; None for those that are.
-        kernel_time: Whether to ask the system when bytes came in, see `stamps`.
+        kernel_time: Whether to ask the system when bytes came in, see `kernel_timestamps`.
         now_ns: The clock.
     """
 
@@ -71,11 +71,11 @@ class Tap:
         self._connections: set[Connection] = set()
         self._accepted = 0
         self._server: asyncio.Server | None = None
-        self._gone = asyncio.Event()
+        self._connection_removed = asyncio.Event()
 
     async def start(self, listener: socket.socket) -> None:
         """Begin to accept; `listener` is closed by `stop`."""
-        self.kernel_time = self.kernel_time and stamps.ask(listener)
+        self.kernel_time = self.kernel_time and kernel_timestamps.enable_timestamps(listener)
         loop = asyncio.get_running_loop()
         self._server = await loop.create_server(self._accept, sock=listener, backlog=tcp.BACKLOG)
 
@@ -86,24 +86,24 @@ class Tap:
         for connection in tuple(self._connections):
             connection.close("the recorder stopped")
         try:
-            await asyncio.wait_for(self._wait_gone(), STOP_S)
+            await asyncio.wait_for(self._wait_until_empty(), STOP_S)
         except TimeoutError:
             for connection in self._connections:
-                connection.cut()
-            await self._wait_gone()
+                connection.reset()
+            await self._wait_until_empty()
         self.resets.close()
 
-    def forget(self, connection: "Connection") -> None:
+    def remove(self, connection: "Connection") -> None:
         """Both sockets of this connection are closed."""
         self._connections.discard(connection)
-        self._gone.set()
+        self._connection_removed.set()
 
-    async def _wait_gone(self) -> None:
+    async def _wait_until_empty(self) -> None:
         while self._connections:
-            self._gone.clear()
-            await self._gone.wait()
+            self._connection_removed.clear()
+            await self._connection_removed.wait()
 
-    def _accept(self) -> "End":
+    def _accept(self) -> "SocketEnd":
         self._accepted += 1
         connection = self._connect(self, self._accepted)
         self._connections.add(connection)
@@ -152,21 +152,21 @@ def run(  # noqa: PLR0913, PLR0917 - all that a process is given
         runner.run(relay())
 
 
-class End(asyncio.Protocol):
+class SocketEnd(asyncio.Protocol):
     """One socket of a connection: what is read here is written to the other one, then recorded."""
 
-    peer: "End"
+    peer: "SocketEnd"
 
     def __init__(self, connection: "Connection", number: int, direction: Direction) -> None:
         self.connection = connection
         self.stream = stream_number(number, direction)
         self.received_bytes = 0
-        self.finished = False  # its sender sends no more
+        self.half_closed = False  # its sender sends no more
         self.closed = False
         self.transport: asyncio.Transport | None = None
         self.descriptor = -1
-        self.early: list[tuple[bytes, int, bool]] = []  # read before the peer was connected
-        self._reader: asyncio.Transport | stamps.StampedReader | None = None
+        self.early_data: list[tuple[bytes, int, bool]] = []  # read before the peer was connected
+        self._reader: asyncio.Transport | kernel_timestamps.TimestampedReader | None = None
         self._append = connection.tap.append
         self._now_ns = connection.tap.now_ns
 
@@ -177,10 +177,10 @@ class End(asyncio.Protocol):
         tcp.tune(sock)
         transport.set_write_buffer_limits(high=BUFFER_BYTES)
         if hasattr(transport, _READ_SIZE):  # 256 KiB, which glibc maps and unmaps for every read
-            setattr(transport, _READ_SIZE, stamps.READ_BYTES)
+            setattr(transport, _READ_SIZE, kernel_timestamps.READ_BYTES)
         self.descriptor = sock.fileno()
         self.transport = self._reader = transport
-        if self.connection.tap.kernel_time and stamps.ask(sock):
+        if self.connection.tap.kernel_time and kernel_timestamps.enable_timestamps(sock):
             # Not now: the event loop begins to read when this returns.
             asyncio.get_running_loop().call_soon(self._read_stamped, transport)
         self.connection.connected(self)
@@ -197,7 +197,7 @@ class End(asyncio.Protocol):
         peer = self.peer
         transport = peer.transport
         if transport is None:
-            self.early.append((data, time_ns, kernel_time))
+            self.early_data.append((data, time_ns, kernel_time))
             self.pause()
             return
         if transport.get_write_buffer_size() or not _DESCRIPTORS:
@@ -216,17 +216,17 @@ class End(asyncio.Protocol):
 
     def eof_received(self) -> bool:
         """The sender sends no more."""
-        self.finished = True
+        self.half_closed = True
         if self.peer.transport:
-            self.connection.finished(self)
+            self.connection.half_closed(self)
         return True  # the other direction lives on
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The socket is closed."""
-        if isinstance(self._reader, stamps.StampedReader):
+        if isinstance(self._reader, kernel_timestamps.TimestampedReader):
             self._reader.close()
             exc = exc or self._reader.failure
-        self.connection.lost(self, _reason(exc) if exc else "reset")
+        self.connection.socket_closed(self, _reason(exc) if exc else "reset")
 
     def pause_writing(self) -> None:
         """The socket takes nothing for now."""
@@ -243,15 +243,17 @@ class End(asyncio.Protocol):
 
     def resume(self) -> None:
         """Read on."""
-        if self._reader and not self._reader.is_closing() and not self.finished:
+        if self._reader and not self._reader.is_closing() and not self.half_closed:
             self._reader.resume_reading()
 
     def _read_stamped(self, transport: asyncio.Transport) -> None:
         """Read with the system's times from now on."""
-        if transport.is_closing() or self.finished:
+        if transport.is_closing() or self.half_closed:
             return
         try:
-            reader = stamps.StampedReader(transport, self.data_received, self.eof_received)
+            reader = kernel_timestamps.TimestampedReader(
+                transport, self.data_received, self.eof_received
+            )
         except OSError:  # too many open files: as it is
             return
         reading = transport.is_reading()
@@ -264,7 +266,7 @@ class End(asyncio.Protocol):
 class Connection:
     """A client, its upstream, and how their link begins and ends."""
 
-    end_type: type[End] = End
+    end_type: type[SocketEnd] = SocketEnd
 
     def __init__(self, tap: Tap, number: int) -> None:
         self.tap = tap
@@ -274,25 +276,27 @@ class Connection:
         self._ends = (self.client, self.upstream)
         self._finished = 0  # of its ends, those whose finish was passed on
         self._ended = False
-        self._dialling: asyncio.Task[None] | None = None
+        self._connect_task: asyncio.Task[None] | None = None
 
-    def connected(self, end: End) -> None:
+    def connected(self, end: SocketEnd) -> None:
         """A socket is there: the client's, then the upstream's."""
         assert end.transport
         if self._ended:
             end.transport.abort()
         elif end is self.client:
-            self._record(Kind.OPENED, end, self._way(end.transport))
-            self._dialling = asyncio.get_running_loop().create_task(self._dial(end.transport))
+            self._record(Kind.OPENED, end, self._route_text(end.transport))
+            self._connect_task = asyncio.get_running_loop().create_task(
+                self._connect_upstream(end.transport)
+            )
         else:
             self.client.resume()
-            for early in self.client.early:
+            for early in self.client.early_data:
                 self.client.data_received(*early)
-            self.client.early.clear()
-            if self.client.finished:
-                self.finished(self.client)
+            self.client.early_data.clear()
+            if self.client.half_closed:
+                self.half_closed(self.client)
 
-    def finished(self, end: End) -> None:
+    def half_closed(self, end: SocketEnd) -> None:
         """A sender sends no more: pass that on; when both have, the connection is over."""
         transport, peer_transport = end.transport, end.peer.transport
         assert transport
@@ -306,7 +310,7 @@ class Connection:
         else:
             self.tap.resets.add(end.descriptor, transport.abort)
 
-    def lost(self, end: End, why: str) -> None:
+    def socket_closed(self, end: SocketEnd, why: str) -> None:
         """A socket is closed. Where we did not close it, its peer did: pass that on."""
         end.closed = True
         self.tap.resets.discard(end.descriptor)
@@ -315,60 +319,60 @@ class Connection:
             if end.peer.transport:
                 tcp.reset_when_flushed(end.peer.transport)
             else:
-                self._hang_up()
+                self._cancel_connect()
         if end.peer.closed:
-            self.tap.forget(self)
+            self.tap.remove(self)
 
     def close(self, note: str) -> None:
         """End in order, once what is queued has left."""
         if not self._ended:
             self._close(self.client, note)
 
-    def cut(self) -> None:
+    def reset(self) -> None:
         """End now: what is queued is lost, and both sides are told by reset."""
         for end in self._ends:
             if end.transport and not end.closed:
                 tcp.reset(end.transport)
 
-    def _way(self, client: asyncio.Transport) -> str:
+    def _route_text(self, client: asyncio.Transport) -> str:
         """Who is connected to whom, in words."""
         address = client.get_extra_info("peername")  # None where it has gone already
         target = self.tap.route.target(client.get_extra_info("socket"))
         return f"{tcp.address_text(address) if address else 'unknown'} > {target}"
 
-    def _close(self, last: End, note: str = "") -> None:
+    def _close(self, last: SocketEnd, note: str = "") -> None:
         self._end(Kind.CLOSED, last, note)
         for end in self._ends:
             if end.transport:
                 end.transport.close()
-        self._hang_up()
+        self._cancel_connect()
 
-    async def _dial(self, client: asyncio.Transport) -> None:
+    async def _connect_upstream(self, client: asyncio.Transport) -> None:
         """Connect the upstream socket, or tell the client that there is none."""
         sock = client.get_extra_info("socket")
         loop = asyncio.get_running_loop()
         try:
-            connected = await self.tap.route.dial(sock)
+            connected = await self.tap.route.connect_upstream(sock)
             await loop.create_connection(lambda: self.upstream, sock=connected)
             if self.upstream.closed:
                 connected.detach()  # uvloop has closed its number, which may be another's by now
         except OSError as error:
-            self.lost(self.upstream, f"{UNREACHED}{_reason(error)}")
+            self.socket_closed(self.upstream, f"{UNREACHABLE}{_reason(error)}")
 
-    def _hang_up(self) -> None:
+    def _cancel_connect(self) -> None:
         """Stop dialling, if that is where the connection still is."""
-        if self._dialling and not self.upstream.transport:
-            self._dialling.cancel()
+        if self._connect_task and not self.upstream.transport:
+            self._connect_task.cancel()
             self.upstream.closed = True
 
-    def _end(self, kind: Kind, end: End, note: str) -> None:
+    def _end(self, kind: Kind, end: SocketEnd, note: str) -> None:
         self._ended = True
         for each in self._ends:
             each.pause()
-            self._record(Mark.TOTAL, each)
+            self._record(ControlRecord.TOTAL, each)
         self._record(kind, end, note)
 
-    def _record(self, kind: Kind | Mark, end: End, note: str = "") -> None:
+    def _record(self, kind: Kind | ControlRecord, end: SocketEnd, note: str = "") -> None:
         now_ns = self.tap.now_ns()
         self.tap.append(kind, end.stream, now_ns, end.received_bytes, note.encode())
 

@@ -28,8 +28,8 @@ from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import Frame, Framer
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.traffic.wire import Kind, WireEvent
-from scaraspec_recorder.sinks.runner import Progress
-from scaraspec_recorder.sources.mcap_reading import read_mcap
+from scaraspec_recorder.sinks.sink_runner import Progress
+from scaraspec_recorder.sources.mcap_reader import read_mcap
 from scaraspec_recorder.spool.locks import spool_folder
 from scaraspec_recorder.spool.spool import read_checkpoint
 
@@ -206,7 +206,7 @@ class Recorder:
     def kill(self, victim: str) -> int:
         """Kill one of its processes, or all, and wait until they are dead; return when it was."""
         assert self._process
-        own = {name: self.child(name) for name in ("tap", "scribe")}
+        own = {name: self.child(name) for name in ("tap", "writer")}
         watches = {name: os.pidfd_open(pid) for name, pid in own.items()}
         killed_ns = time.time_ns()
         if victim in own:

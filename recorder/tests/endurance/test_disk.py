@@ -20,8 +20,8 @@ from mcap.reader import make_reader
 
 from scaraspec.protocol.direction import Direction
 from scaraspec.traffic.wire import WireEvent
-from scaraspec_recorder.sinks.mcap.mcap_file import McapSink
-from scaraspec_recorder.sources.mcap_reading import Summary, records
+from scaraspec_recorder.sinks.mcap.mcap_sink import McapSink
+from scaraspec_recorder.sources.mcap_reader import McapSummary, read_records
 
 DISK_BYTES = 16 << 20
 FULL = "No space left on device"
@@ -83,8 +83,8 @@ def interruptions(out: Path) -> list[str]:
     """What files say of themselves, in their order; each is whole."""
     found = []
     for file in sorted(out.glob("*.mcap"), key=lambda file: file.stat().st_mtime_ns):
-        summary = Summary()
-        for _ in records(file, summary):
+        summary = McapSummary()
+        for _ in read_records(file, summary):
             pass
         assert summary.whole, f"{file}: {summary.notes}"
         with file.open("rb") as opened:
@@ -215,7 +215,7 @@ def test_writes_that_the_system_refuses(plant: Any, recorded: Callable[[Path], A
     plant.talk(2)
     plant.until_written()
     size_bytes = (plant.out / "capture.mcap").stat().st_size + 1000
-    resource.prlimit(plant.recorder.child("scribe"), resource.RLIMIT_FSIZE, (size_bytes,) * 2)
+    resource.prlimit(plant.recorder.child("writer"), resource.RLIMIT_FSIZE, (size_bytes,) * 2)
     plant.until_said("the recording is interrupted: ")
     plant.until_said("the recording goes on")
     plant.until_answered(100)

@@ -19,13 +19,13 @@ import pytest
 import rerun_cli  # type: ignore[import-untyped]  # it holds nothing but the tool
 from mcap.reader import make_reader
 
-from scaraspec_recorder.sinks.sinks import TICK_NS
+from scaraspec_recorder.sinks.sink import TICK_NS
 
 pytestmark = pytest.mark.skipif(
     not hasattr(os, "pidfd_open"), reason="waits for processes by pidfd"
 )
 
-VICTIMS = {"scribe": 4, "tap": 3, "all": 2, "parent": 1}
+VICTIMS = {"writer": 4, "tap": 3, "all": 2, "parent": 1}
 """What is killed, and how often: the writer, the forwarder, the whole group, the one it started."""
 
 CUTTING = ("tap", "all", "parent")
@@ -163,7 +163,7 @@ class Campaign:
 
     def _round_trips_ms(self) -> tuple[list[float], list[float]]:
         """Those long after the writer died, and those just after."""
-        deaths, calm, after = self._when(("scribe",)), [], []
+        deaths, calm, after = self._when(("writer",)), [], []
         for session in self.plant.sessions:
             for answered_ns, took_ns, _ in session.answers:
                 near = any(0 <= answered_ns - at_ns < 1e9 for at_ns in deaths)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from scaraspec_recorder.fault_injection.files import load_injection
+from scaraspec_recorder.fault_injection.injection_file import load_injection
 from scaraspec_recorder.fault_injection.rules import Injection
 
 Load = Callable[[str], Injection]

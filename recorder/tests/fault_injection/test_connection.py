@@ -10,17 +10,17 @@ from typing import Any
 
 import pytest
 
-import tapped
+import tap_bench
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import Frame
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.fault_injection import connection as connection_module
 from scaraspec_recorder.fault_injection.connection import InjectedConnection
 from scaraspec_recorder.fault_injection.rules import Injection
-from scaraspec_recorder.spool.unspool import Count, Unspooler
+from scaraspec_recorder.spool.event_builder import ByteCounts, EventBuilder
 from scaraspec_recorder.tap import tap as tap_module
 from scaraspec_recorder.tap.tap import Connection
-from tapped import at_end, receive, run_on, send, turn
+from tap_bench import at_end, receive, run_on, send, turn
 
 ASK = Frame(A2C, 0x09).encode()  # get_status
 IDLE = Frame(C2A, 0x09, b"00").encode()
@@ -29,7 +29,7 @@ STOP = Frame(A2C, 0x32).encode()
 Load = Callable[[str], Injection]
 
 
-class Bench(tapped.Bench):
+class Bench(tap_bench.Bench):
     """A tap with faults."""
 
     def __init__(self, injection: Injection | None) -> None:
@@ -37,7 +37,9 @@ class Bench(tapped.Bench):
 
     def events(self) -> list[WireEvent]:
         """What a recording makes of all that was told."""
-        return Unspooler({direction: Count() for direction in Direction}, {}).take(self.records)
+        return EventBuilder({direction: ByteCounts() for direction in Direction}, {}).take(
+            self.records
+        )
 
 
 @pytest.fixture(params=["uvloop", "asyncio"])
@@ -65,7 +67,7 @@ def test_off_is_the_plain_tap(run: Any) -> None:
             assert await receive(server, len(ASK)) == ASK
             (connection,) = bench.tap._connections
             assert type(connection) is Connection
-            assert type(connection.client) is tap_module.End
+            assert type(connection.client) is tap_module.SocketEnd
 
     run(test)
 
@@ -201,7 +203,7 @@ def test_a_reset_on_purpose_reaches_both_sides(run: Any, load: Load) -> None:
             for sock in (client, server):
                 with pytest.raises(ConnectionResetError):
                     await at_end(sock)
-            await bench.tap._wait_gone()
+            await bench.tap._wait_until_empty()
             gc.collect()  # complains of a socket that somebody forgot, and then closes another's
             kinds = [event.kind for event in bench.events()]
             assert kinds == [Kind.OPENED, Kind.BYTES, Kind.INJECTED, Kind.RESET]
@@ -225,7 +227,7 @@ def test_a_sender_is_paused_where_too_much_is_held_up(
             (connection,) = bench.tap._connections
             while connection.upstream.transport.is_reading():
                 await turn()
-            assert connection._injector.waiting_bytes(C2A) <= 1000 + (256 << 10)
+            assert connection._injector.queued_bytes(C2A) <= 1000 + (256 << 10)
             receiving = asyncio.create_task(receive(client, len(data)))
             while not receiving.done():
                 await send(client, STOP)

@@ -12,16 +12,16 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import Frame
-from scaraspec_recorder.fault_injection import files
-from scaraspec_recorder.fault_injection.files import load_injection
+from scaraspec_recorder.fault_injection import injection_file
+from scaraspec_recorder.fault_injection.injection_file import load_injection
 from scaraspec_recorder.fault_injection.injector import (
-    PATIENCE_S,
+    PARTIAL_FRAME_S,
     Action,
-    Cut,
-    Ended,
     Forward,
+    HalfClose,
+    InjectionNote,
     Injector,
-    Told,
+    ResetBoth,
 )
 from scaraspec_recorder.fault_injection.rules import Injection
 
@@ -55,7 +55,7 @@ def sent(actions: Iterable[Action], direction: Direction) -> bytes:
 
 
 def notes(actions: Iterable[Action]) -> list[str]:
-    return [action.note for action in actions if isinstance(action, Told)]
+    return [action.note for action in actions if isinstance(action, InjectionNote)]
 
 
 def run_out(injector: Injector) -> list[tuple[float, Action]]:
@@ -109,7 +109,7 @@ def test_without_a_hit_every_byte_goes_on_in_order(
         whole = b"".join(data for way, data, _ in stream if way is direction)
         assert sent(actions, direction) == whole
     assert notes(actions) == []
-    assert [a for a in actions if isinstance(a, Ended)] == [Ended(A2C), Ended(C2A)]
+    assert [a for a in actions if isinstance(a, HalfClose)] == [HalfClose(A2C), HalfClose(C2A)]
 
 
 @given(arrivals, st.sets(st.sampled_from(ORDERLY)), st.integers(0, 5))
@@ -118,7 +118,7 @@ def test_faults_in_time_keep_all_bytes_and_their_order(
 ) -> None:
     """Whatever is late, in pieces or held back: the stream is the same, and its end its last."""
     table = tomllib.loads(f"seed = {seed}\n{''.join(sorted(rules))}")
-    injector = Injector(files._injection({"rule": [], **table}), 1)
+    injector = Injector(injection_file._injection({"rule": [], **table}), 1)
     now_s, actions = 0.0, []
     for direction, data, after_s in stream:
         now_s += after_s
@@ -129,10 +129,10 @@ def test_faults_in_time_keep_all_bytes_and_their_order(
         actions += injector.finish(direction, now_s)
     actions += [action for _, action in run_out(injector)]
     for direction in Direction:
-        mine = [a for a in actions if a.direction is direction and not isinstance(a, Told)]
+        mine = [a for a in actions if a.direction is direction and not isinstance(a, InjectionNote)]
         assert sent(mine, direction) == b"".join(d for way, d, _ in stream if way is direction)
-        assert mine[-1] == Ended(direction)
-        assert injector.waiting_bytes(direction) == 0
+        assert mine[-1] == HalfClose(direction)
+        assert injector.queued_bytes(direction) == 0
 
 
 @given(arrivals, st.sampled_from(SAMPLES), st.integers(0, 30))
@@ -158,10 +158,10 @@ def test_a_delay_holds_a_frame_and_what_is_behind_it(injector: Any) -> None:
     late = injector(rule("delay", "delay_ms = 250", 'command = "get_status"', 'part = "reply"'))
     assert late.receive(A2C, ASK, 1.0) == [Forward(A2C, ASK)]
     assert late.receive(C2A, IDLE, 1.0) == [
-        Told(C2A, "get_status reply at bytes 0-5: rule 1: 250 ms late")
+        InjectionNote(C2A, "get_status reply at bytes 0-5: rule 1: 250 ms late")
     ]
     assert late.receive(C2A, RESULT, 1.1) == [
-        Told(C2A, "run_program result at bytes 6-11: waits behind what is held up")
+        InjectionNote(C2A, "run_program result at bytes 6-11: waits behind what is held up")
     ]
     assert late.next_s == 1.25
     assert late.tick(1.249) == []
@@ -209,7 +209,7 @@ def test_coalesced_frames_go_as_one_piece(injector: Any) -> None:
         assert Forward(A2C, ASK + ASK_TIME + STOP) in together.receive(A2C, STOP, 0.0)
     assert sent(together.receive(A2C, ASK, 1.0), A2C) == b""
     assert together.tick(1.1) == [
-        Told(A2C, "get_status request at bytes 24-27: passed on after 100 ms"),
+        InjectionNote(A2C, "get_status request at bytes 24-27: passed on after 100 ms"),
         Forward(A2C, ASK),
     ]
 
@@ -227,7 +227,7 @@ def test_what_is_held_back_goes_when_the_other_side_has_spoken(injector: Any) ->
     ]
     assert held.receive(A2C, ASK, 2.0) == [Forward(A2C, ASK)]
     assert held.receive(A2C, STOP, 3.5) == [
-        Told(C2A, "run_program result at bytes 0-5: passed on after 2500 ms"),
+        InjectionNote(C2A, "run_program result at bytes 0-5: passed on after 2500 ms"),
         Forward(A2C, STOP),
         Forward(C2A, RESULT),
     ]
@@ -266,9 +266,11 @@ def test_a_reset_comes_in_the_place_of_its_frame(injector: Any) -> None:
     """What was before it still goes; what comes after is nobody's."""
     cut = injector(rule("reset", 'command = "emergency_stop"'))
     assert cut.receive(A2C, ASK + STOP + ASK, 0.0) == [
-        Told(A2C, "emergency_stop request at bytes 4-7: rule 1: the connection cut instead"),
+        InjectionNote(
+            A2C, "emergency_stop request at bytes 4-7: rule 1: the connection cut instead"
+        ),
         Forward(A2C, ASK),
-        Cut(A2C),
+        ResetBoth(A2C),
     ]
     assert cut.receive(C2A, IDLE, 0.0) == []
     assert cut.flush() == []
@@ -287,7 +289,7 @@ def test_what_waits_goes_when_the_connection_ends(injector: Any) -> None:
     late = injector(rule("delay", "delay_ms = 1000", 'direction = "C2A"'))
     late.receive(C2A, IDLE + IDLE[:3], 0.0)
     assert late.flush() == [
-        Told(C2A, "the connection ends: 6 bytes that waited are passed on at once"),
+        InjectionNote(C2A, "the connection ends: 6 bytes that waited are passed on at once"),
         Forward(C2A, IDLE + IDLE[:3]),
     ]
 
@@ -296,7 +298,7 @@ def test_an_unfinished_frame_does_not_wait_for_ever(injector: Any) -> None:
     """Its receiver is to see the silence; its rest goes on too, and is no frame."""
     drop = injector(rule("drop"))
     assert drop.receive(A2C, UNDEFINED[:3], 1.0) == []
-    assert drop.next_s == 1.0 + PATIENCE_S
+    assert drop.next_s == 1.0 + PARTIAL_FRAME_S
     assert drop.tick(drop.next_s) == [Forward(A2C, UNDEFINED[:3])]
     assert sent(drop.receive(A2C, UNDEFINED[3:], 9.0), A2C) == UNDEFINED[3:]
     assert drop.next_s == math.inf
@@ -346,7 +348,7 @@ def test_probability_is_about_that(injector: Any) -> None:
     assert hits(1) == hits(1) != hits(2)
 
 
-@pytest.mark.parametrize("fault", sorted(files._FAULTS))
+@pytest.mark.parametrize("fault", sorted(injection_file._FAULTS))
 def test_notes_hold_no_payload(load: Load, fault: str) -> None:
     """A password is in no record but the raw bytes, which can be redacted."""
     measures = {

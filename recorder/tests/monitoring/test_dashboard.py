@@ -6,18 +6,18 @@ from pathlib import Path
 
 from rich.console import Console
 
-from scaraspec_recorder.monitoring.dashboard import QUIET_S, Dashboard, Lines
-from scaraspec_recorder.monitoring.status import LATE_S, Status
-from scaraspec_recorder.sinks.runner import Progress
-from scaraspec_recorder.spool.spool import Trouble
-from scaraspec_recorder.spool.unspool import Count
+from scaraspec_recorder.monitoring.dashboard import MIN_INTERVAL_S, Dashboard, LineDisplay
+from scaraspec_recorder.monitoring.status import STALL_S, Status
+from scaraspec_recorder.sinks.sink_runner import Progress
+from scaraspec_recorder.spool.event_builder import ByteCounts
+from scaraspec_recorder.spool.spool import WriteStall
 
 CALM = Status(
     name="line-3",
     listen=("127.0.0.1", 8877),
     out_dir=Path("captures"),
     time_s=1000,
-    progress=Progress(3, Count(7000), Count(500_000), ["capture.mcap"]),
+    progress=Progress(3, ByteCounts(7000), ByteCounts(500_000), ["capture.mcap"]),
     waiting_bytes=0,
     silent_s=0.2,
     free_bytes=2 * 10**12,
@@ -37,34 +37,34 @@ def at(time_s: float, progress: Progress | None = None, silent_s: float = 0.2) -
 
 def gaps(count: int) -> Progress:
     """A progress with so many gaps."""
-    return replace(CALM.progress, a2c=Count(7000, 100 * count, count))
+    return replace(CALM.progress, a2c=ByteCounts(7000, 100 * count, count))
 
 
 def test_as_long_as_all_is_well_nothing_is_said() -> None:
     """An hour of it."""
     said: list[str] = []
-    with Lines(said.append) as lines:
+    with LineDisplay(said.append) as lines:
         for second in range(3600):
             lines.update([at(second)], ending=False)
     assert said == []
 
 
 def test_gaps_are_not_told_every_second() -> None:
-    """A gap each second for a minute: told at once, and then every `QUIET_S`."""
+    """A gap each second for a minute: told at once, and then every `MIN_INTERVAL_S`."""
     said: list[str] = []
-    with Lines(said.append) as lines:
+    with LineDisplay(said.append) as lines:
         for second in range(60):
             lines.update([at(second, gaps(second + 1))], ending=False)
     assert said[0] == "line-3: 1 gaps so far, 100 B not recorded"
     assert said[1] == "line-3: 11 gaps so far, 1.1 kB not recorded"
-    assert len(said) == 60 / QUIET_S
+    assert len(said) == 60 / MIN_INTERVAL_S
 
 
 def test_trouble_is_told_with_its_reason() -> None:
     """At once, whether or not anything was written a moment ago; and when it is over."""
-    full = replace(at(0), trouble=Trouble(995 * 10**9, "No space left on device"))
+    full = replace(at(0), stall=WriteStall(995 * 10**9, "No space left on device"))
     said: list[str] = []
-    with Lines(said.append) as lines:
+    with LineDisplay(said.append) as lines:
         lines.update([full], ending=False)
         lines.update([at(20)], ending=False)
     assert said == [
@@ -81,12 +81,12 @@ def test_trouble_is_told_with_its_reason() -> None:
 def test_problems_and_silence_are_told_with_their_end() -> None:
     """Each problem once; that the writing waits, and that it goes on."""
     said: list[str] = []
-    trouble = replace(CALM.progress, problems=["McapSink is given up"])
-    with Lines(said.append) as lines:
-        lines.update([at(0, trouble)], ending=False)
-        lines.update([at(20, trouble)], ending=False)
-        lines.update([at(40, trouble, LATE_S + 1)], ending=False)
-        lines.update([at(60, trouble)], ending=False)
+    stall = replace(CALM.progress, problems=["McapSink is given up"])
+    with LineDisplay(said.append) as lines:
+        lines.update([at(0, stall)], ending=False)
+        lines.update([at(20, stall)], ending=False)
+        lines.update([at(40, stall, STALL_S + 1)], ending=False)
+        lines.update([at(60, stall)], ending=False)
     assert said == [
         "line-3: McapSink is given up",
         "line-3: nothing is written, 1.5 MB wait",
@@ -98,7 +98,7 @@ def test_a_robot_that_cannot_be_reached_is_told_until_it_is() -> None:
     """With the reason, on a terminal too."""
     said: list[str] = []
     gone = replace(CALM.progress, unreached="Connection refused")
-    with Lines(said.append) as lines:
+    with LineDisplay(said.append) as lines:
         for second in range(40):
             lines.update([at(second, gone if second < 20 else None)], ending=False)
     assert said == [
@@ -112,9 +112,9 @@ def test_a_robot_that_cannot_be_reached_is_told_until_it_is() -> None:
 
 
 def test_ending_says_that_it_takes_its_time() -> None:
-    """At once, then every `QUIET_S`, and no more when all is finished."""
+    """At once, then every `MIN_INTERVAL_S`, and no more when all is finished."""
     said: list[str] = []
-    with Lines(said.append) as lines:
+    with LineDisplay(said.append) as lines:
         for second in range(25):
             lines.update([at(second)], ending=True)
         for second in range(25, 60):
@@ -127,10 +127,10 @@ def test_the_dashboard_shows_everything() -> None:
     """Connections, rates, bytes, gaps, what waits, free space, the file, what is wrong: at 80."""
     screen = io.StringIO()
     console = Console(file=screen, force_terminal=True, width=80, color_system=None)
-    busy = replace(gaps(2), a2c=Count(9000, 200, 2), problems=["out of luck"])
+    busy = replace(gaps(2), a2c=ByteCounts(9000, 200, 2), problems=["out of luck"])
     with Dashboard(console) as dashboard:
         dashboard.update([CALM], ending=False)
-        dashboard.update([at(2, busy, LATE_S + 7)], ending=True)
+        dashboard.update([at(2, busy, STALL_S + 7)], ending=True)
     last = screen.getvalue().rpartition("robot ")[2]
     row = "line-3 3 1.1 kB 0 B 509 kB 2 1.5 MB 2 TB"
     assert row in " ".join(last.split())

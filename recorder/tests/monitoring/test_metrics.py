@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from scaraspec_recorder.monitoring.status import Status
-from scaraspec_recorder.sinks.runner import Progress
-from scaraspec_recorder.spool.unspool import Count
+from scaraspec_recorder.sinks.sink_runner import Progress
+from scaraspec_recorder.spool.event_builder import ByteCounts
 
 metrics = pytest.importorskip("scaraspec_recorder.monitoring.metrics")
 
@@ -17,7 +17,7 @@ STATUS = Status(
     listen=("127.0.0.1", 8877),
     out_dir=Path("captures"),
     time_s=0,
-    progress=Progress(3, Count(70, 30, 2), Count(500), ["a.mcap"], ["disk full"]),
+    progress=Progress(3, ByteCounts(70, 30, 2), ByteCounts(500), ["a.mcap"], ["disk full"]),
     waiting_bytes=4096,
     silent_s=1.5,
     free_bytes=123_456,

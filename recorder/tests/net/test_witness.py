@@ -25,7 +25,7 @@ from ledger import Ledger
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.traffic.wire import Kind
 from scaraspec_recorder.recording import record
-from scaraspec_recorder.sources.pcap_reading import read_capture
+from scaraspec_recorder.sources.pcap_reader import read_pcap
 from scaraspec_recorder.tap.routes import Mode
 
 pytestmark = [pytest.mark.network, pytest.mark.parametrize("mode", Mode)]
@@ -86,7 +86,7 @@ class Witness:
     def connections(self) -> Counter[tuple[str, str]]:
         """What passed on each connection, both ways."""
         seen: dict[str, dict[Direction, Stream]] = {}
-        for event in read_capture(self._path, port=None):
+        for event in read_pcap(self._path, port=None):
             assert event.kind is not Kind.GAP
             ways = seen.setdefault(event.connection, {A2C: Stream(), C2A: Stream()})
             ways[event.direction].add(event.data)

@@ -16,15 +16,15 @@ import pytest
 
 from scaraspec.protocol.direction import A2C
 from scaraspec.traffic.wire import Kind, WireEvent
-from scaraspec_recorder.quantities import SECOND_NS, parse_limits
-from scaraspec_recorder.recordings import recording_index as contents
+from scaraspec_recorder.recordings import recording_index as index
 from scaraspec_recorder.recordings.archive import Archive, archive_sink
 from scaraspec_recorder.recordings.retention import PERIOD_NS
-from scaraspec_recorder.recordings.rotation import parse_rotate
-from scaraspec_recorder.sinks.mcap.mcap_file import McapSink
-from scaraspec_recorder.sinks.rerun.rerun_view import RerunSink
-from scaraspec_recorder.sinks.sinks import Folder, Sink, SinkFailed
-from scaraspec_recorder.sources.mcap_reading import read_mcap
+from scaraspec_recorder.recordings.rotation import parse_rotation
+from scaraspec_recorder.sinks.mcap.mcap_sink import McapSink
+from scaraspec_recorder.sinks.rerun.rerun_sink import RerunSink
+from scaraspec_recorder.sinks.sink import OutputFolder, Sink, SinkFailed
+from scaraspec_recorder.sources.mcap_reader import read_mcap
+from scaraspec_recorder.units import SECOND_NS, parse_limits
 
 GB = 10**9
 
@@ -36,7 +36,7 @@ class Recorder:
         self.folder = folder
         self.now_ns = now_ns
         self.free_bytes = free_bytes
-        self.out = Folder(folder, [])
+        self.out = OutputFolder(folder, [])
         self.sink: Sink = archive_sink(
             self.out,
             archive=archive,
@@ -69,7 +69,7 @@ def payload(paths: Iterable[Path]) -> bytes:
 
 def test_one_file_after_another_is_whole(tmp_path: Path, shift: list[WireEvent]) -> None:
     """Together they hold all that passed, and each is listed."""
-    archive = Archive("cell 2", draw=False, rotate=parse_rotate("1s"), triggers=("refusal",))
+    archive = Archive("cell 2", draw=False, rotate=parse_rotation("1s"), triggers=("refusal",))
     recorder = Recorder(tmp_path, archive, shift[0].time_ns)
     recorder.feed(shift)
     recorder.sink.close()
@@ -80,7 +80,7 @@ def test_one_file_after_another_is_whole(tmp_path: Path, shift: list[WireEvent])
 
 def test_a_file_that_has_ended_is_forgotten_at_once(tmp_path: Path, shift: list[WireEvent]) -> None:
     """Nothing waits for the collector, which a scribe seldom runs."""
-    recorder = Recorder(tmp_path, Archive("cell 2", rotate=parse_rotate("1s")), shift[0].time_ns)
+    recorder = Recorder(tmp_path, Archive("cell 2", rotate=parse_rotation("1s")), shift[0].time_ns)
     gc.collect()
     gc.disable()
     try:
@@ -134,14 +134,14 @@ def test_room_is_made_before_a_file_is_repaired(
     torn.write_bytes(torn.read_bytes()[:-9])
     lines = (tmp_path / "contents.jsonl").read_text().splitlines(keepends=True)
     (tmp_path / "contents.jsonl").write_text(lines[0])
-    repair = contents.recover
+    repair = index.repair
 
     def repair_where_there_is_room(path: Path) -> Any:
         if old.exists():
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return repair(path)
 
-    monkeypatch.setattr(contents, "recover", repair_where_there_is_room)
+    monkeypatch.setattr(index, "repair", repair_where_there_is_room)
     monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=0))
     wanted = Archive("cell 2", draw=False, min_free_bytes=GB + 1)
     again = Recorder(tmp_path, wanted, shift[-1].time_ns)
@@ -152,7 +152,7 @@ def test_room_is_made_before_a_file_is_repaired(
 def test_room_is_made_while_it_runs(tmp_path: Path, talk: Any) -> None:
     """Looked for every few seconds, and what is being written stays."""
     keep = parse_limits("30s")
-    archive = Archive("x", draw=False, rotate=parse_rotate("5s"), keep=keep)
+    archive = Archive("x", draw=False, rotate=parse_rotation("5s"), keep=keep)
     talk.mark(A2C, Kind.OPENED)
     for _ in range(90):
         talk.time_ns += SECOND_NS
@@ -193,7 +193,7 @@ def test_a_disk_without_room_ends_the_files_and_stops(tmp_path: Path, talk: Any)
 def test_it_can_be_handed_to_another_process() -> None:
     """Which the scribe is."""
     archive = Archive(
-        "x", rotate=parse_rotate("1h"), keep=parse_limits("30d"), triggers=("refusal",)
+        "x", rotate=parse_rotation("1h"), keep=parse_limits("30d"), triggers=("refusal",)
     )
     make = pickle.loads(pickle.dumps(partial(archive_sink, archive=archive)))
     assert make.keywords == {"archive": archive}
@@ -201,7 +201,7 @@ def test_it_can_be_handed_to_another_process() -> None:
 
 def test_what_is_drawn_belongs_to_its_file(tmp_path: Path, shift: list[WireEvent]) -> None:
     """A picture for each, which goes when its file goes."""
-    rotate, keep = parse_rotate("connection"), parse_limits("1h")
+    rotate, keep = parse_rotation("connection"), parse_limits("1h")
     recorder = Recorder(tmp_path, Archive("x", rotate=rotate, keep=keep), shift[0].time_ns)
     recorder.feed(shift)
     recorder.sink.close()

@@ -13,15 +13,15 @@ from scaraspec.judge.judge import Judge
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.traffic.wire import Kind, WireEvent
-from scaraspec_recorder.quantities import SECOND_NS
 from scaraspec_recorder.recordings.archive import Archive, archive_sink
 from scaraspec_recorder.recordings.capture import capture_sink
 from scaraspec_recorder.recordings.marks import LOGGED_A_MINUTE, SOURCE, with_marks
-from scaraspec_recorder.recordings.rotation import parse_rotate
-from scaraspec_recorder.sinks.decoder import Deriver, Item
-from scaraspec_recorder.sinks.sinks import Folder
-from scaraspec_recorder.sinks.text import Line
-from scaraspec_recorder.sources.mcap_reading import read_mcap
+from scaraspec_recorder.recordings.rotation import parse_rotation
+from scaraspec_recorder.sinks.decoder import Decoder, Item
+from scaraspec_recorder.sinks.sink import OutputFolder
+from scaraspec_recorder.sinks.text import LogLine
+from scaraspec_recorder.sources.mcap_reader import read_mcap
+from scaraspec_recorder.units import SECOND_NS
 
 REFUSED = Acceptance(accepted=False, code="01")
 
@@ -38,10 +38,10 @@ class Tape:
     def write(self, event: WireEvent) -> None:
         self.told.append(event)
 
-    def take(self, item: Item, number: int, line: Line | None) -> None:  # noqa: ARG002 - an `Output`
+    def take(self, item: Item, number: int, line: LogLine | None) -> None:  # noqa: ARG002 - an `Output`
         self.told.append(item)
 
-    def mark(self, time_ns: int, line: Line) -> None:
+    def mark(self, time_ns: int, line: LogLine) -> None:
         assert line.source == SOURCE
         self.told.append(line)
         self.marks.append((time_ns, line.text))
@@ -57,8 +57,8 @@ class Watched:
     """A sink with triggers."""
 
     def __init__(self, *triggers: str) -> None:
-        self.tape, self.folder = Tape(), Folder(Path(), [])
-        self.sink = Deriver(with_marks([self.tape], triggers, self.folder), Judge())
+        self.tape, self.folder = Tape(), OutputFolder(Path(), [])
+        self.sink = Decoder(with_marks([self.tape], triggers, self.folder), Judge())
 
     def feed(self, events: Iterable[WireEvent]) -> Marks:
         for event in events:
@@ -106,11 +106,11 @@ def test_everything_else_passes_as_without_triggers(shift: list[WireEvent]) -> N
     plain, watched = Watched(), Watched("refusal", "signal")
     for each in (plain, watched):
         each.feed(shift)
-        each.folder.ask()
+        each.folder.notify_mark_request()
         each.sink.tick(shift[-1].time_ns)
         each.sink.close()
     told = watched.tape.told
-    refusal, signal = (number for number, each in enumerate(told) if isinstance(each, Line))
+    refusal, signal = (number for number, each in enumerate(told) if isinstance(each, LogLine))
     assert told[refusal - 1].name == "run_program"
     assert told[signal + 1] == shift[-1].time_ns
     del told[signal], told[refusal]
@@ -140,10 +140,10 @@ def test_a_writer_that_lags_takes_nothing_for_silence(session: Any) -> None:
 def test_the_user_gets_a_mark_at_the_next_tick(session: Any) -> None:
     """Also while nothing happens at all."""
     watched = Watched("signal")
-    watched.folder.ask()
+    watched.folder.notify_mark_request()
     watched.sink.tick(session.events[0].time_ns - 1)
     watched.feed(session.events)
-    watched.folder.ask()
+    watched.folder.notify_mark_request()
     watched.sink.tick(session.time_ns + SECOND_NS)
     assert watched.tape.marks == [
         (session.events[0].time_ns - 1, "signal: asked for by SIGUSR1"),
@@ -184,7 +184,7 @@ def test_a_capture_in_one_file_is_marked(
 ) -> None:
     """The file is the same but for the marks, and no password is in them."""
     sink = capture_sink(
-        Folder(tmp_path, []), draw=False, redact=redact, triggers=("refusal", "malformed")
+        OutputFolder(tmp_path, []), draw=False, redact=redact, triggers=("refusal", "malformed")
     )
     for event in shift:
         sink.write(event)
@@ -201,8 +201,8 @@ class Files:
     """Files that rotate, with triggers, fed by hand."""
 
     def __init__(self, folder: Path, rotate: str, *triggers: str, draw: bool = False) -> None:
-        archive = Archive("x", draw=draw, rotate=parse_rotate(rotate), triggers=triggers)
-        self.path, self.folder = folder, Folder(folder, [])
+        archive = Archive("x", draw=draw, rotate=parse_rotation(rotate), triggers=triggers)
+        self.path, self.folder = folder, OutputFolder(folder, [])
         self.sink = archive_sink(self.folder, archive=archive, free_bytes=lambda: 10**9)
 
     @property
@@ -231,7 +231,7 @@ def test_a_mark_between_two_files_has_one(tmp_path: Path, session: Any) -> None:
     """It begins the next file, drawing and all; events then go on in there."""
     files = Files(tmp_path, "1s", "signal", draw=True)
     now_ns = session.events[0].time_ns - SECOND_NS
-    files.folder.ask()
+    files.folder.notify_mark_request()
     files.sink.tick(now_ns)
     for event in session.events:
         files.sink.write(event)
@@ -247,7 +247,7 @@ def test_a_file_that_holds_only_a_mark_is_whole(
 ) -> None:
     """The user asked for it while nothing happened at all."""
     files = Files(tmp_path, "1h", "signal")
-    files.folder.ask()
+    files.folder.notify_mark_request()
     files.sink.tick(new_talk().time_ns)
     files.sink.close()
     assert [len(found) for found in files.marks] == [1]

@@ -18,35 +18,35 @@ from hypothesis import strategies as st
 from scaraspec.judge.judge import Judge
 from scaraspec.protocol.direction import Direction
 from scaraspec.traffic.wire import Kind, WireEvent
-from scaraspec_recorder.recordings import recording_files as file_sets
+from scaraspec_recorder.recordings import recording_files
 from scaraspec_recorder.recordings.recording_files import RecordingFolder
-from scaraspec_recorder.recordings.recording_index import FILE_NAME, Contents
-from scaraspec_recorder.recordings.rotation import Rotate, Rotation
-from scaraspec_recorder.sinks.decoder import Deriver
-from scaraspec_recorder.sinks.restarts import is_ours, safe_name, stem
-from scaraspec_recorder.sinks.sinks import Folder
+from scaraspec_recorder.recordings.recording_index import FILE_NAME, RecordingIndex
+from scaraspec_recorder.recordings.rotation import Rotation, RotationPolicy
+from scaraspec_recorder.sinks.decoder import Decoder
+from scaraspec_recorder.sinks.file_names import file_stem, is_recording_name, safe_name
+from scaraspec_recorder.sinks.sink import OutputFolder
 
 NAME = "2026-11-20T22-58-37Z_line-3.mcap"
 
 
 def new_shelf(folder: Path, *, draw: bool = False) -> RecordingFolder:
-    contents = Contents(folder)
-    contents.save()
-    return RecordingFolder(Folder(folder, []), contents, "line 3", draw=draw)
+    index = RecordingIndex(folder)
+    index.save()
+    return RecordingFolder(OutputFolder(folder, []), index, "line 3", draw=draw)
 
 
-def begin(shelf: RecordingFolder) -> Deriver:
+def begin(recording_folder: RecordingFolder) -> Decoder:
     judge = Judge()
-    return Deriver([Rotation(shelf, judge, Rotate())], judge)
+    return Decoder([Rotation(recording_folder, judge, RotationPolicy())], judge)
 
 
 def record(folder: Path, events: Iterable[WireEvent], *, draw: bool = False) -> None:
-    shelf = new_shelf(folder, draw=draw)
-    sink = begin(shelf)
+    recording_folder = new_shelf(folder, draw=draw)
+    sink = begin(recording_folder)
     for event in events:
         sink.write(event)
     sink.close()
-    shelf.settle(wait=True)
+    recording_folder.list_completed(wait=True)
 
 
 def lines(folder: Path) -> list[dict[str, Any]]:
@@ -90,7 +90,7 @@ def test_a_table_that_is_lost_or_torn_is_made_again(
     """From the files alone, to the letter."""
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
     (tmp_path / FILE_NAME).write_bytes(table)
-    Contents(tmp_path).save()
+    RecordingIndex(tmp_path).save()
     assert lines(tmp_path) == lines(recorded)
     assert not list(tmp_path.glob(".*"))
 
@@ -99,7 +99,7 @@ def test_a_table_that_was_deleted_is_made_again(recorded: Path, tmp_path: Path) 
     """So is one that never was."""
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
     (tmp_path / FILE_NAME).unlink()
-    Contents(tmp_path).save()
+    RecordingIndex(tmp_path).save()
     assert lines(tmp_path) == lines(recorded)
 
 
@@ -111,18 +111,18 @@ def test_a_table_torn_anywhere_is_whole_again(
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
     second = "2026-11-20T23-58-37Z_line-3.mcap"
     shutil.copy(tmp_path / NAME, tmp_path / second)
-    Contents(tmp_path).save()
+    RecordingIndex(tmp_path).save()
     whole = (tmp_path / FILE_NAME).read_bytes()
     for size in (*range(whole.index(b"\n") + 1, len(whole), 97), len(whole) - 1):
         (tmp_path / FILE_NAME).write_bytes(whole[:size])
-        Contents(tmp_path).save()
+        RecordingIndex(tmp_path).save()
         assert (tmp_path / FILE_NAME).read_bytes() == whole
 
 
 def test_a_start_that_finds_all_in_order_writes_nothing(recorded: Path) -> None:
     """The table stays the very same file."""
     before = (recorded / FILE_NAME).stat()
-    Contents(recorded).save()
+    RecordingIndex(recorded).save()
     assert (recorded / FILE_NAME).stat() == before
 
 
@@ -132,7 +132,7 @@ def test_a_killed_recorder_has_its_file_repaired_and_listed(recorded: Path, tmp_
     capture = tmp_path / NAME
     capture.write_bytes(capture.read_bytes()[:-9])
     (tmp_path / FILE_NAME).unlink()
-    Contents(tmp_path).save()
+    RecordingIndex(tmp_path).save()
     (entry,) = lines(tmp_path)
     (before,) = lines(recorded)
     assert entry["notes"][0] == "the file was not closed: what came after its last flush is missing"
@@ -157,23 +157,23 @@ def test_a_file_is_repaired_as_soon_as_there_is_room(
     with monkeypatch.context() as full:
         full.setattr(Path, "replace", refuse)
         full.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=free_bytes))
-        contents = Contents(tmp_path)
+        index = RecordingIndex(tmp_path)
         if free_bytes:
-            contents.repair()
+            index.repair()
             assert f"{capture} is not repaired yet: [Errno 28] No space left" in caplog.text
         else:
             with pytest.raises(OSError, match="No space left"):
-                contents.repair()
+                index.repair()
     assert capture.read_bytes() == torn
-    contents.repair()
+    index.repair()
     assert not caplog.records[free_bytes > 0 :]
-    assert contents.entries[NAME].notes
+    assert index.entries[NAME].notes
 
 
 def test_what_cannot_be_read_is_listed_too(tmp_path: Path) -> None:
     """It takes room, so retention must know of it."""
     (tmp_path / NAME).write_bytes(b"damaged")
-    Contents(tmp_path).save()
+    RecordingIndex(tmp_path).save()
     (entry,) = lines(tmp_path)
     assert entry["notes"] == [f"{tmp_path / NAME} is no MCAP file"]
     assert entry["begin_ns"] == entry["end_ns"] == (tmp_path / NAME).stat().st_mtime_ns
@@ -182,7 +182,7 @@ def test_what_cannot_be_read_is_listed_too(tmp_path: Path) -> None:
 def test_a_file_without_anything_is_removed(tmp_path: Path) -> None:
     """A recorder that is killed at once leaves one."""
     (tmp_path / NAME).touch()
-    Contents(tmp_path).save()
+    RecordingIndex(tmp_path).save()
     assert lines(tmp_path) == []
     assert not (tmp_path / NAME).exists()
 
@@ -192,31 +192,33 @@ def test_a_file_is_listed_when_its_drawing_has_come_to_its_size(
 ) -> None:
     """That takes time, for which nobody waits; a start in between finds the file by itself."""
     optimized = Future[bool]()
-    monkeypatch.setattr(file_sets, "optimize_later", lambda _: optimized)
-    shelf = new_shelf(tmp_path, draw=True)
-    sink = begin(shelf)
+    monkeypatch.setattr(recording_files, "optimize_later", lambda _: optimized)
+    recording_folder = new_shelf(tmp_path, draw=True)
+    sink = begin(recording_folder)
     for event in shift:
         sink.write(event)
     sink.close()
-    shelf.settle()
+    recording_folder.list_completed()
     assert lines(tmp_path) == []
     drawn = (tmp_path / NAME).with_suffix(".rrd")
-    assert shelf.unlisted_bytes == (tmp_path / NAME).stat().st_size + drawn.stat().st_size
+    assert (
+        recording_folder.unlisted_bytes == (tmp_path / NAME).stat().st_size + drawn.stat().st_size
+    )
     drawn.write_bytes(b"small")
     optimized.set_result(True)
-    shelf.settle()
+    recording_folder.list_completed()
     (entry,) = lines(tmp_path)
     assert entry["size_bytes"] == (tmp_path / NAME).stat().st_size + 5
-    assert shelf.unlisted_bytes == 0
+    assert recording_folder.unlisted_bytes == 0
 
 
 def test_files_of_others_are_not_listed(tmp_path: Path) -> None:
     """Only what is called as recordings are: the rest is not ours to count, mend or remove."""
     for name in ("capture.mcap", "precious.mcap", "2026-11-20_line-3.mcap"):
         (tmp_path / name).write_bytes(b"mine")
-    contents = Contents(tmp_path)
-    contents.save()
-    assert contents.entries == {}
+    index = RecordingIndex(tmp_path)
+    index.save()
+    assert index.entries == {}
     assert lines(tmp_path) == []
 
 
@@ -224,9 +226,9 @@ def test_a_file_that_is_gone_is_noted(recorded: Path, tmp_path: Path) -> None:
     """Somebody deleted it while no recorder ran."""
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
     (tmp_path / NAME).unlink()
-    contents = Contents(tmp_path)
-    contents.save()
-    assert contents.entries == {}
+    index = RecordingIndex(tmp_path)
+    index.save()
+    assert index.entries == {}
     (line,) = lines(tmp_path)
     assert (line["removed"], line["reason"]) == (NAME, "it was not there any more")
 
@@ -234,15 +236,15 @@ def test_a_file_that_is_gone_is_noted(recorded: Path, tmp_path: Path) -> None:
 def test_a_removal_outlives_the_entry(recorded: Path, tmp_path: Path) -> None:
     """It is appended, and kept when the table is written anew; the entry is not."""
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
-    contents = Contents(tmp_path)
+    index = RecordingIndex(tmp_path)
     for path in tmp_path.glob("2026*"):
         path.unlink()
-    contents.remove(NAME, 42, "older than 30 days")
+    index.remove(NAME, 42, "older than 30 days")
     removal = {"removed": NAME, "time_ns": 42, "reason": "older than 30 days"}
     assert lines(tmp_path) == [*lines(recorded), removal]
     with (tmp_path / FILE_NAME).open("ab") as file:
         file.write(b"torn")
-    Contents(tmp_path).save()
+    RecordingIndex(tmp_path).save()
     assert lines(tmp_path) == [removal]
 
 
@@ -253,8 +255,8 @@ def test_an_entry_that_names_files_of_others_is_none(tmp_path: Path, file: Any) 
     for key, value in (("files", [NAME, file]), ("name", file)):
         line = {**entry, "size_bytes": 7, key: value}
         (tmp_path / FILE_NAME).write_text(json.dumps(line) + "\n")
-        contents = Contents(tmp_path)
-        contents.save()
+        index = RecordingIndex(tmp_path)
+        index.save()
         assert lines(tmp_path) == []
 
 
@@ -269,10 +271,10 @@ def test_a_full_disk_leaves_the_table_as_it_was(
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
 
-    contents = Contents(tmp_path)
+    index = RecordingIndex(tmp_path)
     monkeypatch.setattr("os.fsync", full)
     with pytest.raises(OSError, match="No space"):
-        contents.save()
+        index.save()
     assert (tmp_path / FILE_NAME).read_bytes() == torn
 
 
@@ -292,9 +294,9 @@ def test_many_connections_are_counted_and_not_all_listed(tmp_path: Path) -> None
 def test_files_are_called_by_time_and_robot() -> None:
     """UTC, to the second."""
     time_ns = 1_795_219_199_999_999_999
-    assert stem(time_ns, "line-3") == "2026-11-20T23-59-59Z_line-3"
-    assert stem(time_ns, "3号线") == "2026-11-20T23-59-59Z_3号线"
-    assert stem(0, "../..") == "1970-01-01T00-00-00Z_robot"
+    assert file_stem(time_ns, "line-3") == "2026-11-20T23-59-59Z_line-3"
+    assert file_stem(time_ns, "3号线") == "2026-11-20T23-59-59Z_3号线"
+    assert file_stem(0, "../..") == "1970-01-01T00-00-00Z_robot"
 
 
 @pytest.mark.parametrize(
@@ -317,10 +319,10 @@ def test_a_hostile_name_is_made_safe(name: str, safe: str) -> None:
 @given(st.text(st.characters()))
 def test_any_name_makes_a_file(tmp_path_factory: pytest.TempPathFactory, robot: str) -> None:
     """Whatever the robot is called, its file can be made, and is known again."""
-    name = f"{stem(1, robot)}.mcap"
-    path = Folder(tmp_path_factory.getbasetemp(), []).new(name)
+    name = f"{file_stem(1, robot)}.mcap"
+    path = OutputFolder(tmp_path_factory.getbasetemp(), []).new(name)
     assert path.parent == tmp_path_factory.getbasetemp()
-    assert is_ours(path.name)
+    assert is_recording_name(path.name)
     path.unlink()
 
 
@@ -329,4 +331,4 @@ def test_two_files_of_one_second_have_two_names(tmp_path: Path, talk: Any) -> No
     talk.mark(Direction.A2C, Kind.OPENED)
     for _ in range(2):
         record(tmp_path, talk.events)
-    assert list(Contents(tmp_path).entries) == [NAME, NAME.replace(".mcap", "-2.mcap")]
+    assert list(RecordingIndex(tmp_path).entries) == [NAME, NAME.replace(".mcap", "-2.mcap")]

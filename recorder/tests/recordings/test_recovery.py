@@ -8,15 +8,15 @@ from types import SimpleNamespace
 import pytest
 
 from scaraspec.traffic.wire import WireEvent
-from scaraspec_recorder.recordings import recovery as leftovers
+from scaraspec_recorder.recordings import recovery
 from scaraspec_recorder.recordings.capture import capture_sink
-from scaraspec_recorder.recordings.recovery import repairing_sink
-from scaraspec_recorder.sinks.mcap.mcap_file import McapSink
-from scaraspec_recorder.sinks.sinks import Folder, Sink
-from scaraspec_recorder.sources.mcap_reading import read_mcap
+from scaraspec_recorder.recordings.recovery import sink_after_repair
+from scaraspec_recorder.sinks.mcap.mcap_sink import McapSink
+from scaraspec_recorder.sinks.sink import OutputFolder, Sink
+from scaraspec_recorder.sources.mcap_reader import read_mcap
 
 
-def make(folder: Folder) -> Sink:
+def make(folder: OutputFolder) -> Sink:
     return capture_sink(folder, draw=False)
 
 
@@ -41,14 +41,14 @@ def test_a_full_disk_is_waited_for(
         def refuse(_: Path) -> None:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-        full.setattr(leftovers, "recover", refuse)
+        full.setattr(recovery, "repair", refuse)
         full.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=0))
         with pytest.raises(OSError, match="No space left"):
-            repairing_sink(Folder(torn.parent, []), make=make)
+            sink_after_repair(OutputFolder(torn.parent, []), make=make)
         assert [path.name for path in torn.parent.iterdir()] == [torn.name]
         full.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=10**6))
-        repairing_sink(Folder(torn.parent, []), make=make).close()
+        sink_after_repair(OutputFolder(torn.parent, []), make=make).close()
         assert caplog.messages == ["not repaired: [Errno 28] No space left on device"]
-    repairing_sink(Folder(torn.parent, []), make=make).close()
+    sink_after_repair(OutputFolder(torn.parent, []), make=make).close()
     assert caplog.messages[1].startswith(f"repaired {torn}: the file was not closed")
     assert list(read_mcap(torn))

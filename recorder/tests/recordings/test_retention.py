@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scaraspec_recorder.quantities import SECOND_NS, Limits, parse_limits
-from scaraspec_recorder.recordings.recording_index import FILE_NAME, Contents
+from scaraspec_recorder.recordings.recording_index import FILE_NAME, RecordingIndex
 from scaraspec_recorder.recordings.recording_stats import RecordingSummary
 from scaraspec_recorder.recordings.retention import Retention
+from scaraspec_recorder.units import SECOND_NS, Limits, parse_limits
 
 HOUR_NS = 3600 * SECOND_NS
 NOW_NS = 1_795_215_517 * SECOND_NS
@@ -22,8 +22,8 @@ class Disk:
     """A folder with recordings in it, and a disk that is as full as it is told."""
 
     def __init__(self, folder: Path) -> None:
-        self.contents = Contents(folder)
-        self.contents.save()
+        self.index = RecordingIndex(folder)
+        self.index.save()
         self.free_bytes = 0
 
     def add(self, name: str, *, age_h: int, size_mb: int = 1) -> None:
@@ -31,13 +31,13 @@ class Disk:
         end_ns = NOW_NS - age_h * HOUR_NS
         files = (f"{name}.mcap", f"{name}.rrd")
         for file in files:
-            (self.contents.folder / file).touch()
+            (self.index.folder / file).touch()
         begin_ns = end_ns - HOUR_NS
-        self.contents.add(RecordingSummary(files[0], files, size_mb * MB, begin_ns, end_ns))
+        self.index.add(RecordingSummary(files[0], files, size_mb * MB, begin_ns, end_ns))
 
     def enforce(self, keep: str = "", *, min_free_mb: int = 0, written_mb: int = 0) -> bool:
         limits = parse_limits(keep) if keep else Limits()
-        retention = Retention(self.contents, limits, min_free_mb * MB, self._free)
+        retention = Retention(self.index, limits, min_free_mb * MB, self._free)
         return retention.enforce(NOW_NS, written_mb * MB)
 
     def _free(self) -> int:
@@ -46,16 +46,16 @@ class Disk:
     @property
     def left(self) -> list[str]:
         """The recordings that are left, whole ones only."""
-        folder = self.contents.folder
+        folder = self.index.folder
         left = sorted(path.stem for path in folder.glob("*.mcap"))
         assert left == sorted(path.stem for path in folder.glob("*.rrd"))
-        assert left == sorted(Path(name).stem for name in self.contents.entries)
+        assert left == sorted(Path(name).stem for name in self.index.entries)
         return left
 
     @property
     def removed(self) -> list[tuple[str, str]]:
         """What the table of contents says of removals."""
-        table = (self.contents.folder / FILE_NAME).read_text().splitlines()
+        table = (self.index.folder / FILE_NAME).read_text().splitlines()
         lines = [json.loads(line) for line in table]
         return [(line["removed"], line["reason"]) for line in lines if "removed" in line]
 
@@ -117,7 +117,7 @@ def test_a_disk_that_others_fill_is_told(disk: Disk) -> None:
 
 def test_a_file_that_is_gone_already_is_no_trouble(disk: Disk) -> None:
     """Somebody was faster."""
-    for path in disk.contents.folder.glob("a.*"):
+    for path in disk.index.folder.glob("a.*"):
         path.unlink()
     disk.enforce("2d")
     assert disk.left == ["b", "c"]
@@ -143,9 +143,9 @@ def test_what_is_kept_is_the_youngest_that_fit(
     disk = Disk(tmp_path_factory.mktemp("disk"))
     for number, (age_h, size_mb) in enumerate(files):
         disk.add(f"{number}", age_h=age_h, size_mb=size_mb)
-    recordings = dict(disk.contents.entries)
+    recordings = dict(disk.index.entries)
     disk.enforce(f"{max(keep_mb, 1)}MB")
-    left = list(disk.contents.entries.values())
+    left = list(disk.index.entries.values())
     gone = [recordings[name] for name, _ in disk.removed]
     assert len(left) + len(gone) == len(recordings)
     size = sum(entry.size_bytes for entry in left)

@@ -14,28 +14,33 @@ from scaraspec.judge.verdicts import Finding, Verdict
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.traffic.wire import Kind, WireEvent
-from scaraspec_recorder.quantities import SECOND_NS, Limits, QuantityError
 from scaraspec_recorder.recordings.recording_files import RecordingFolder
-from scaraspec_recorder.recordings.recording_index import Contents
-from scaraspec_recorder.recordings.rotation import PATIENCE_TICKS, Rotate, Rotation, parse_rotate
-from scaraspec_recorder.sinks.decoder import Deriver
-from scaraspec_recorder.sinks.gap_filler import Mender
+from scaraspec_recorder.recordings.recording_index import RecordingIndex
+from scaraspec_recorder.recordings.rotation import (
+    MAX_WAIT_TICKS,
+    Rotation,
+    RotationPolicy,
+    parse_rotation,
+)
+from scaraspec_recorder.sinks.decoder import Decoder
+from scaraspec_recorder.sinks.gap_filler import GapFiller
 from scaraspec_recorder.sinks.mcap import schemas
-from scaraspec_recorder.sinks.restarts import OpenConnections
-from scaraspec_recorder.sinks.sinks import TICK_NS, Folder
-from scaraspec_recorder.sources.mcap_reading import read_mcap
-from scaraspec_recorder.sources.pcap_reading import read_capture
+from scaraspec_recorder.sinks.open_connections import OpenConnections
+from scaraspec_recorder.sinks.sink import TICK_NS, OutputFolder
+from scaraspec_recorder.sources.mcap_reader import read_mcap
+from scaraspec_recorder.sources.pcap_reader import read_pcap
+from scaraspec_recorder.units import SECOND_NS, Limits, QuantityError
 
 FIELD = sorted((Path(__file__).parents[3] / "fixtures" / "captures" / "field").glob("*.pcapng"))
-AT_EVERY_TICK = Rotate(Limits(duration_ns=1))
+AT_EVERY_TICK = RotationPolicy(Limits(duration_ns=1))
 
 
-def recorder(folder: Path, rotate: Rotate) -> Deriver:
-    contents = Contents(folder)
-    contents.save()
+def recorder(folder: Path, rotate: RotationPolicy) -> Decoder:
+    index = RecordingIndex(folder)
+    index.save()
     judge = Judge()
-    shelf = RecordingFolder(Folder(folder, []), contents, "line 3", draw=False)
-    return Deriver([Rotation(shelf, judge, rotate)], judge)
+    recording_folder = RecordingFolder(OutputFolder(folder, []), index, "line 3", draw=False)
+    return Decoder([Rotation(recording_folder, judge, rotate)], judge)
 
 
 def cut(folder: Path, events: Iterable[WireEvent], cuts: set[int]) -> list[Path]:
@@ -44,16 +49,16 @@ def cut(folder: Path, events: Iterable[WireEvent], cuts: set[int]) -> list[Path]
     for number, event in enumerate(events, start=1):
         sink.write(event)
         if number in cuts:
-            for later_ns in range(PATIENCE_TICKS + 2):
+            for later_ns in range(MAX_WAIT_TICKS + 2):
                 sink.tick(event.time_ns + later_ns)
     sink.close()
-    return [folder / name for name in Contents(folder).entries]
+    return [folder / name for name in RecordingIndex(folder).entries]
 
 
 def judge_all(events: Iterable[WireEvent]) -> list[Finding]:
     """What is found in events that are read from a file alone."""
-    judge, mender = Judge(), Mender()
-    items = [i for event in events for e in mender.mend(event) for i in judge.feed(e)]
+    judge, gap_filler = Judge(), GapFiller()
+    items = [i for event in events for e in gap_filler.fill(event) for i in judge.feed(e)]
     return [item for item in (*items, *judge.close()) if isinstance(item, Finding)]
 
 
@@ -117,8 +122,8 @@ def beginnings(events: list[WireEvent], step: int) -> Iterable[list[WireEvent]]:
     links = OpenConnections()
     for number, event in enumerate(events):
         if number % step == 0:
-            yield [*links.reopened(event.time_ns), *events[number:]]
-        links.follow(event)
+            yield [*links.reopening_events(event.time_ns), *events[number:]]
+        links.update(event)
 
 
 def test_a_file_alone_shows_nothing_that_is_not_there(shift: list[WireEvent]) -> None:
@@ -133,7 +138,7 @@ def test_a_file_alone_shows_nothing_that_is_not_there(shift: list[WireEvent]) ->
 @pytest.mark.parametrize("path", FIELD, ids=lambda path: path.stem)
 def test_a_capture_from_the_field_fails_nobody_for_being_cut(path: Path) -> None:
     """Other implementations, other dialects, a torn beginning: a seam invents no violation."""
-    events = list(read_capture(path))
+    events = list(read_pcap(path))
     there = {(f.requirement, f.verdict) for f in judge_all(events)}
     for part in beginnings(events, len(events) // 12 + 1):
         for finding in judge_all(part):
@@ -212,7 +217,7 @@ def test_each_file_sums_up_itself(tmp_path: Path, talk: Any) -> None:
 
 def test_a_file_lasts_as_long_as_asked(tmp_path: Path, talk: Any) -> None:
     """By the clock of the ticks; a clock that is set back ends it too, and silence begins none."""
-    sink = recorder(tmp_path, parse_rotate("10s"))
+    sink = recorder(tmp_path, parse_rotation("10s"))
     talk.mark(A2C, Kind.OPENED)
     now_ns = talk.time_ns
     sink.write(talk.events[0])
@@ -245,7 +250,7 @@ def test_a_file_ends_behind_an_answer(tmp_path: Path, talk: Any) -> None:
         if event.direction is A2C:
             sink.tick(event.time_ns)
     sink.close()
-    entries = Contents(tmp_path).entries.values()
+    entries = RecordingIndex(tmp_path).entries.values()
     assert len(entries) > 3
     for entry in entries:
         assert judge_all(read_mcap(tmp_path / entry.name)) == []
@@ -256,7 +261,7 @@ def test_a_file_grows_as_large_as_asked(
 ) -> None:
     """It ends at the first tick at which it has the size."""
     monkeypatch.setattr("os.fdatasync", lambda _: None)
-    sink = recorder(tmp_path, Rotate(Limits(size_bytes=60_000)))
+    sink = recorder(tmp_path, RotationPolicy(Limits(size_bytes=60_000)))
     talk.mark(A2C, Kind.OPENED)
     for _ in range(400):
         talk.ask("get_status", None, "00")
@@ -264,7 +269,7 @@ def test_a_file_grows_as_large_as_asked(
         sink.write(event)
         sink.tick(event.time_ns)
     sink.close()
-    entries = list(Contents(tmp_path).entries.values())
+    entries = list(RecordingIndex(tmp_path).entries.values())
     assert len(entries) > 2
     assert all(60_000 <= entry.size_bytes < 120_000 for entry in entries[:-1])
 
@@ -289,7 +294,7 @@ def test_a_connection_may_have_a_file_of_its_own(
     tmp_path: Path, sessions: Callable[..., list[list[WireEvent]]]
 ) -> None:
     """Those that overlap share one; it ends with the last of them, at the next tick."""
-    sink = recorder(tmp_path, parse_rotate("connection"))
+    sink = recorder(tmp_path, parse_rotation("connection"))
     one, two, three = sessions(3, 1)
     for event in (*one[:2], *two[:2], *one[2:], *two[2:]):
         sink.write(event)
@@ -297,9 +302,9 @@ def test_a_connection_may_have_a_file_of_its_own(
     for event in three:
         sink.write(event)
     sink.close()
-    contents = Contents(tmp_path)
-    assert [entry.connections for entry in contents.entries.values()] == [2, 1]
-    assert [entry.exchanges for entry in contents.entries.values()] == [2, 1]
+    index = RecordingIndex(tmp_path)
+    assert [entry.connections for entry in index.entries.values()] == [2, 1]
+    assert [entry.exchanges for entry in index.entries.values()] == [2, 1]
 
 
 @pytest.mark.parametrize(("apart_ns", "files"), [(TICK_NS // 10, 10), (TICK_NS, 50)])
@@ -310,19 +315,19 @@ def test_short_connections_share_a_file(
 
     The first that ends a tick after its file began is the last in it.
     """
-    sink = recorder(tmp_path, parse_rotate("connection"))
+    sink = recorder(tmp_path, parse_rotation("connection"))
     for session in sessions(100, apart_ns):
         for event in session:
             sink.write(event)
     sink.close()
-    entries = Contents(tmp_path).entries.values()
+    entries = RecordingIndex(tmp_path).entries.values()
     assert len(entries) == files
     assert sum(entry.connections for entry in entries) == 100
 
 
 def test_a_recording_without_events_leaves_no_file(tmp_path: Path) -> None:
     """A file begins with its first event."""
-    sink = recorder(tmp_path, Rotate())
+    sink = recorder(tmp_path, RotationPolicy())
     sink.tick(1)
     sink.close()
     assert [path.name for path in tmp_path.iterdir()] == ["contents.jsonl"]
@@ -343,12 +348,12 @@ def test_a_recording_without_events_leaves_no_file(tmp_path: Path) -> None:
 def test_a_rotation_that_makes_no_sense_is_one_sentence(text: str, sentence: str) -> None:
     """What was wrong, and what to write instead."""
     with pytest.raises(QuantityError) as caught:
-        parse_rotate(text)
+        parse_rotation(text)
     assert str(caught.value) == sentence
 
 
 def test_rotations_are_read() -> None:
     """By time, by size, by both, by connection."""
-    assert parse_rotate("1h") == Rotate(Limits(3600 * SECOND_NS))
-    assert parse_rotate("512MB,1h") == Rotate(Limits(3600 * SECOND_NS, 512_000_000))
-    assert parse_rotate("connection") == Rotate(each_connection=True)
+    assert parse_rotation("1h") == RotationPolicy(Limits(3600 * SECOND_NS))
+    assert parse_rotation("512MB,1h") == RotationPolicy(Limits(3600 * SECOND_NS, 512_000_000))
+    assert parse_rotation("connection") == RotationPolicy(each_connection=True)

@@ -15,21 +15,21 @@ from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.traffic.wire import Kind, WireEvent
-from scaraspec_recorder.quantities import SECOND_NS
-from scaraspec_recorder.recordings.triggers import Pressed, TriggerError, Watcher, parse_trigger
+from scaraspec_recorder.recordings.triggers import Trigger, TriggerError, UserTrigger, parse_trigger
+from scaraspec_recorder.units import SECOND_NS
 
 
 def reply(name: str, data: bytes) -> bytes:
     return Frame(C2A, BY_NAME[name].opcode, data).encode()
 
 
-def feed(watcher: Watcher, events: Iterable[WireEvent], judge: Judge | None = None) -> list[str]:
+def feed(watcher: Trigger, events: Iterable[WireEvent], judge: Judge | None = None) -> list[str]:
     """Why it fires, each time it does."""
     judge = judge or Judge()
     said = []
     for event in events:
-        said.append(watcher.event(event))
-        said += [watcher.item(item) for item in judge.feed(event)]
+        said.append(watcher.on_event(event))
+        said += [watcher.on_item(item) for item in judge.feed(event)]
     return [why for why in said if why]
 
 
@@ -133,15 +133,15 @@ def test_silence_fires_once_and_again_after_the_next_byte(session: Any) -> None:
     watcher = parse_trigger("silence:30s")
     feed(watcher, session.events)
     quiet_ns = session.time_ns
-    ticks = [watcher.clock(quiet_ns + seconds * SECOND_NS) for seconds in (1, 29, 30, 31, 90)]
+    ticks = [watcher.on_time(quiet_ns + seconds * SECOND_NS) for seconds in (1, 29, 30, 31, 90)]
     assert ticks == ["", "", "nothing on connection 1 for 30.0 s", "", ""]
     session.time_ns += 100 * SECOND_NS
     session.send(A2C, b"\xaa\x09\x00\xcc")
     assert feed(watcher, session.events[-1:]) == []
-    assert watcher.clock(session.time_ns + 30 * SECOND_NS)
+    assert watcher.on_time(session.time_ns + 30 * SECOND_NS)
     session.mark(A2C, Kind.CLOSED)
     feed(watcher, session.events[-1:])
-    assert watcher.clock(session.time_ns + 300 * SECOND_NS) == ""
+    assert watcher.on_time(session.time_ns + 300 * SECOND_NS) == ""
 
 
 def test_silence_shows_in_what_came_late(session: Any) -> None:
@@ -156,8 +156,8 @@ def test_a_connection_told_of_late_was_not_silent(talk: Any) -> None:
     talk.mark(A2C, Kind.OPENED)
     watcher = parse_trigger("silence:30s")
     feed(watcher, talk.events)
-    assert watcher.clock(talk.time_ns + 3600 * SECOND_NS) == ""
-    assert watcher.clock(talk.time_ns + 3630 * SECOND_NS)
+    assert watcher.on_time(talk.time_ns + 3600 * SECOND_NS) == ""
+    assert watcher.on_time(talk.time_ns + 3630 * SECOND_NS)
 
 
 def test_a_late_reply_fires_when_it_comes(session: Any) -> None:
@@ -176,9 +176,9 @@ def test_a_late_reply_fires_before_it_comes(session: Any) -> None:
     session.send(C2A, reply("get_status", b"00"), after_s=0.9)
     watcher, judge = parse_trigger("late:500ms"), Judge()
     assert feed(watcher, session.events[:-1], judge) == []
-    assert watcher.clock(asked_ns + 500_000_000) == ""
-    assert watcher.clock(asked_ns + 750_000_000) == "get_status not answered for 750 ms"
-    assert watcher.clock(asked_ns + 800_000_000) == ""
+    assert watcher.on_time(asked_ns + 500_000_000) == ""
+    assert watcher.on_time(asked_ns + 750_000_000) == "get_status not answered for 750 ms"
+    assert watcher.on_time(asked_ns + 800_000_000) == ""
     assert feed(watcher, session.events[-1:], judge) == []
 
 
@@ -189,16 +189,16 @@ def test_a_reply_that_a_gap_or_the_end_took_is_not_late(session: Any) -> None:
         session.ask("get_status")
         session.mark(C2A, last, length=3 if last is Kind.GAP else 0)
         feed(watcher, session.events)
-        assert watcher.clock(session.time_ns + 9 * SECOND_NS) == ""
+        assert watcher.on_time(session.time_ns + 9 * SECOND_NS) == ""
 
 
 def test_a_signal_fires_at_the_next_tick() -> None:
     """Once for each time that somebody asks."""
     watcher = parse_trigger("signal")
-    assert isinstance(watcher, Pressed)
-    assert watcher.clock(1) == ""
-    watcher.press()
-    assert [watcher.clock(2), watcher.clock(3)] == ["asked for by SIGUSR1", ""]
+    assert isinstance(watcher, UserTrigger)
+    assert watcher.on_time(1) == ""
+    watcher.request()
+    assert [watcher.on_time(2), watcher.on_time(3)] == ["asked for by SIGUSR1", ""]
 
 
 def test_a_whole_shift_fires_what_is_in_it(shift: list[WireEvent]) -> None:
@@ -244,7 +244,7 @@ def test_a_wrong_condition_is_one_sentence(text: str, sentence: str) -> None:
 def test_any_text_is_a_condition_or_an_error(text: str) -> None:
     """Whatever a user types."""
     with suppress(TriggerError):
-        assert isinstance(parse_trigger(text), Watcher)
+        assert isinstance(parse_trigger(text), Trigger)
 
 
 @given(st.lists(st.binary(max_size=12), max_size=12))

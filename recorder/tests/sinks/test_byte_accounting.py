@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from scaraspec.traffic.wire import Kind, WireEvent
-from scaraspec_recorder.sinks.mcap.mcap_file import McapSink
-from scaraspec_recorder.sources.mcap_reading import Summary, read_mcap
+from scaraspec_recorder.sinks.mcap.mcap_sink import McapSink
+from scaraspec_recorder.sources.mcap_reader import McapSummary, read_mcap
 
 
-def read(path: Path) -> Summary:
+def read(path: Path) -> McapSummary:
     """The summary of a recording that was read to its end."""
     capture = read_mcap(path)
     assert list(capture)
@@ -26,7 +26,7 @@ def written(path: Path, events: list[WireEvent], lie: WireEvent | None = None) -
         if number % 40 == 0:
             sink.tick(event.time_ns)
     if lie:
-        sink._accounts.add(lie)
+        sink._byte_accounting.add(lie)
     sink.close({})
     return path
 

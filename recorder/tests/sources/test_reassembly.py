@@ -586,7 +586,7 @@ def test_a_clock_that_is_set_back_goes_on_from_there() -> None:
         data(at + 7, A2C, 4, REQUEST),
         data(at + 7, C2A, 6, REPLY),  # without a time
     ]
-    assert reassembler.steps == 1
+    assert reassembler.clock_steps == 1
 
 
 def test_times_that_fall_are_raised() -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from scaraspec.traffic.wire import Kind
-from scaraspec_recorder.spool import locks as claims
-from scaraspec_recorder.spool.locks import claim, claimed_spool, spool_folder
+from scaraspec_recorder.spool import locks
+from scaraspec_recorder.spool.locks import lock_spool, locked_spool, spool_folder
 from scaraspec_recorder.spool.spool import LIMIT_BYTES, SpoolReader, SpoolWriter
 
 
@@ -18,14 +18,14 @@ def memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Where the system has files in memory."""
     path = tmp_path / "memory"
     path.mkdir()
-    monkeypatch.setattr(claims, "_MEMORY", path)
-    monkeypatch.setattr(claims, "_has_room", lambda size_bytes: size_bytes <= LIMIT_BYTES)
+    monkeypatch.setattr(locks, "_MEMORY", path)
+    monkeypatch.setattr(locks, "_has_room", lambda size_bytes: size_bytes <= LIMIT_BYTES)
     return path
 
 
 def killed(out_dir: Path, *, read: bool) -> Path:
     """The spool of a recorder that was killed."""
-    with claimed_spool(out_dir, LIMIT_BYTES) as spool:
+    with locked_spool(out_dir, LIMIT_BYTES) as spool:
         writer = SpoolWriter(spool, lambda _delay, _callback: None)
         writer.append(Kind.OPENED, 2, 1, 0, b"a > b")
         writer.close()
@@ -39,7 +39,7 @@ def killed(out_dir: Path, *, read: bool) -> Path:
 
 def start(out_dir: Path) -> None:
     """A recorder starts."""
-    with claimed_spool(out_dir, LIMIT_BYTES):
+    with locked_spool(out_dir, LIMIT_BYTES):
         pass
 
 
@@ -60,7 +60,7 @@ def test_memory_that_cannot_be_written_is_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As in a container whose files are read-only: the spool lies beside the recordings."""
-    monkeypatch.setattr(claims, "_MEMORY", tmp_path)
+    monkeypatch.setattr(locks, "_MEMORY", tmp_path)
     assert spool_folder(tmp_path / "a", 1).parent == tmp_path
     monkeypatch.setattr(os, "access", lambda path, _mode: path != tmp_path)
     assert spool_folder(tmp_path / "b", 1) == tmp_path / "b" / ".spool"
@@ -80,7 +80,7 @@ def test_what_is_unwritten_stays(tmp_path: Path, memory: Path) -> None:
     assert spool in memory.iterdir()
 
 
-@pytest.mark.parametrize("holder", [claim, SpoolReader])
+@pytest.mark.parametrize("holder", [lock_spool, SpoolReader])
 @pytest.mark.usefixtures("memory")
 def test_what_somebody_holds_stays(tmp_path: Path, holder: Callable[[Path], object]) -> None:
     """A recorder, or a writer that ends what its killed recorder left."""
@@ -102,7 +102,7 @@ def test_a_spool_that_is_cleared_away_while_it_is_claimed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Is claimed anew: two recorders that start at once do not cost one its lock."""
-    lock, clears = claims.lock, iter([True])
+    lock, clears = locks.lock, iter([True])
 
     def lock_then_lose(path: Path, *, wait: bool) -> int:
         held = lock(path, wait=wait)
@@ -110,9 +110,9 @@ def test_a_spool_that_is_cleared_away_while_it_is_claimed(
             shutil.rmtree(path.parent)
         return held
 
-    monkeypatch.setattr(claims, "lock", lock_then_lose)
+    monkeypatch.setattr(locks, "lock", lock_then_lose)
     spool = spool_folder(tmp_path / "a")
-    held = claim(spool)
+    held = lock_spool(spool)
     with pytest.raises(BlockingIOError):
-        claim(spool)
+        lock_spool(spool)
     os.close(held)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.traffic.wire import Kind
 from scaraspec_recorder.spool import spool
-from scaraspec_recorder.spool.records import Mark, Record, stream_number
+from scaraspec_recorder.spool.records import ControlRecord, Record, stream_number
 from scaraspec_recorder.spool.spool import SpoolReader, SpoolWriter
 
 STREAM = stream_number(1, A2C)
@@ -79,7 +79,7 @@ def drain(reader: SpoolReader) -> list[Record]:
     return records
 
 
-def told(records: list[Record]) -> list[tuple[Kind | Mark, int, int]]:
+def told(records: list[Record]) -> list[tuple[Kind | ControlRecord, int, int]]:
     """Kind, offset and length of each record."""
     return [
         (r.kind, r.offset_bytes, r.length_bytes or len(r.payload) * (r.kind is Kind.BYTES))
@@ -93,7 +93,7 @@ def bench(tmp_path: Path) -> Bench:
 
 
 record_fields = st.tuples(
-    st.sampled_from([*Kind, *Mark]),
+    st.sampled_from([*Kind, *ControlRecord]),
     st.integers(0, 2**64 - 1),
     st.integers(0, 2**64 - 1),
     st.integers(0, 2**64 - 1),
@@ -120,7 +120,9 @@ def test_records_come_out_as_they_went_in(
 def test_a_writer_begins_with_a_seam(bench: Bench) -> None:
     """The reader learns that connections are numbered anew."""
     bench.writer.close()
-    assert bench.read() == [Record(Mark.SEAM, 0, 7, 0, b"the forwarding process started")]
+    assert bench.read() == [
+        Record(ControlRecord.RESTART, 0, 7, 0, b"the forwarding process started")
+    ]
 
 
 def test_the_timer_brings_records_out(bench: Bench) -> None:
@@ -209,7 +211,7 @@ def test_a_torn_tail_costs_its_block_only(tmp_path: Path) -> None:
             later = Bench(directory)
             later.send(b"third")
             later.writer.close()
-            assert told(drain(reader)) == [(Mark.SEAM, 0, 0), (Kind.BYTES, 0, 5)]
+            assert told(drain(reader)) == [(ControlRecord.RESTART, 0, 0), (Kind.BYTES, 0, 5)]
 
 
 @pytest.mark.parametrize("at", [0, 5, 9, 20], ids=["magic", "length", "CRC", "record"])
@@ -388,9 +390,9 @@ def test_what_is_owed_is_bounded(bench: Bench) -> None:
     for number in range(1, 30_000):
         bench.writer.append(Kind.OPENED, stream_number(number, A2C), 1, 0)
     bench.writer.flush()
-    assert len(bench.writer._owed) <= spool._MAX_OWED
+    assert len(bench.writer._deferred) <= spool._MAX_OWED
     bench.disk.refuses = False
     bench.writer.close()
     records = bench.read()
-    assert records[0].kind is Mark.SEAM
+    assert records[0].kind is ControlRecord.RESTART
     assert records[-1].connection == 29_999

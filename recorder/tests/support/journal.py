@@ -9,11 +9,11 @@ import os
 from pathlib import Path
 
 from scaraspec.traffic.wire import WireEvent
-from scaraspec_recorder.sinks.sinks import Folder
+from scaraspec_recorder.sinks.sink import OutputFolder
 
 
 class Journal:
-    def __init__(self, folder: Folder) -> None:
+    def __init__(self, folder: OutputFolder) -> None:
         self._file = folder.new("journal.jsonl").open("w")
 
     def write(self, event: WireEvent) -> None:
@@ -38,7 +38,7 @@ class Journal:
 class Trouble(Journal):
     """A journal on a disk that refuses as long as a file named `full` is there."""
 
-    def __init__(self, folder: Folder) -> None:
+    def __init__(self, folder: OutputFolder) -> None:
         super().__init__(folder)
         self._full = folder.path / "full"
 

@@ -6,14 +6,14 @@ Importable in the processes of a recorder, as no fixture is.
 import json
 
 from scaraspec.traffic.wire import WireEvent
-from scaraspec_recorder.sinks.byte_accounting import Accounts
-from scaraspec_recorder.sinks.sinks import Folder
+from scaraspec_recorder.sinks.byte_accounting import ByteAccounting
+from scaraspec_recorder.sinks.sink import OutputFolder
 
 
 class Ledger:
-    def __init__(self, folder: Folder) -> None:
+    def __init__(self, folder: OutputFolder) -> None:
         self._path = folder.new("ledger.json")
-        self._accounts = Accounts()
+        self._accounts = ByteAccounting()
         self._closed: dict[str, dict[str, str]] = {}
 
     def write(self, event: WireEvent) -> None:

@@ -16,12 +16,12 @@ import pytest
 
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.traffic.wire import Kind
-from scaraspec_recorder.spool.records import Mark
+from scaraspec_recorder.spool.records import ControlRecord
 from scaraspec_recorder.tap import routes, tcp
 from scaraspec_recorder.tap import tap as tap_module
 from scaraspec_recorder.tap.routes import Upstream
 from scaraspec_recorder.tap.tap import BUFFER_BYTES
-from tapped import Bench, at_end, receive, run_on, send, turn
+from tap_bench import Bench, at_end, receive, run_on, send, turn
 
 BULK_BYTES = 3 << 20
 
@@ -131,7 +131,7 @@ def test_forward_first(run: Any) -> None:
             client, server = await bench.pair()
             there: list[bytes] = []
 
-            def take(kind: Kind | Mark, *fields: Any) -> None:
+            def take(kind: Kind | ControlRecord, *fields: Any) -> None:
                 if kind is Kind.BYTES:
                     there.append(server.recv(100, socket.MSG_PEEK))
                 bench.take(kind, *fields)
@@ -182,11 +182,13 @@ def test_half_close_leaves_the_other_direction_open(run: Any, first: Direction) 
                 (Kind.OPENED, A2C),
                 (Kind.HALF_CLOSED, first),
                 (Kind.HALF_CLOSED, first.opposite),
-                (Mark.TOTAL, A2C),
-                (Mark.TOTAL, C2A),
+                (ControlRecord.TOTAL, A2C),
+                (ControlRecord.TOTAL, C2A),
                 (Kind.CLOSED, first.opposite),
             ]
-            totals = {r.direction: r.offset_bytes for r in bench.records if r.kind is Mark.TOTAL}
+            totals = {
+                r.direction: r.offset_bytes for r in bench.records if r.kind is ControlRecord.TOTAL
+            }
             assert totals == {first: 4, first.opposite: 6000}
 
     run(test)
@@ -293,7 +295,7 @@ class Held:
     def target(self, _client: socket.socket) -> str:
         return "held"
 
-    async def dial(self, client: socket.socket) -> socket.socket:
+    async def connect_upstream(self, client: socket.socket) -> socket.socket:
         self.dialled.set()
         try:
             await self.go.wait()
@@ -301,7 +303,7 @@ class Held:
             self.cancelled.set()
             raise
         assert self.upstream
-        return await self.upstream.dial(client)
+        return await self.upstream.connect_upstream(client)
 
 
 def test_what_comes_before_the_upstream_is_held_in_order_and_bounded(run: Any) -> None:
@@ -315,7 +317,7 @@ def test_what_comes_before_the_upstream_is_held_in_order_and_bounded(run: Any) -
             await route.dialled.wait()
             (connection,) = bench.tap._connections
             sent = await send_until_blocked(client)
-            assert len(connection.client.early) == 1
+            assert len(connection.client.early_data) == 1
             assert bench.stream(A2C) == b""
             route.go.set()
             server = await bench.accept()
@@ -427,7 +429,7 @@ def test_a_reset_does_not_wait_for_ever(run: Any, monkeypatch: pytest.MonkeyPatc
                     await turn()
             connection.client.transport.abort()  # what a reset looks like to the tap
             await bench.until(Kind.RESET)
-            await bench.tap._wait_gone()
+            await bench.tap._wait_until_empty()
             with pytest.raises(ConnectionResetError):
                 await receive_for_ever(server)
 

@@ -34,7 +34,7 @@ from scaraspec.traffic.wire import WireEvent
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.recordings.capture import capture_sink
 from scaraspec_recorder.sinks.background_recorder import BackgroundRecorder
-from scaraspec_recorder.sinks.sinks import SinkFailed
+from scaraspec_recorder.sinks.sink import SinkFailed
 
 RESULTS: Final = ("results.json", "report.html", "junit.xml", "ctrf.json")
 CAPTURE: Final = "capture.mcap"

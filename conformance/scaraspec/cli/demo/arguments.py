@@ -24,7 +24,7 @@ from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report import html, terminal
 from scaraspec.transports.url import join_host_port, split_host_port
 from scaraspec.user_message import UserMessage
-from scaraspec_recorder.problems import CaptureError
+from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.recording import record
 from scaraspec_recorder.recordings.capture import capture_sink
 from scaraspec_recorder.sinks.rerun.live import live_sink

@@ -17,14 +17,14 @@ from typing import Any, Final
 
 from scaraspec.judge.judge import Judge
 from scaraspec.traffic.wire import WireEvent
-from scaraspec_recorder.children import ignore_signals
-from scaraspec_recorder.sinks.decoder import Deriver
-from scaraspec_recorder.sinks.sinks import Folder
+from scaraspec_recorder.child_process import ignore_signals
+from scaraspec_recorder.sinks.decoder import Decoder
+from scaraspec_recorder.sinks.sink import OutputFolder
 
-PATIENCE_S: Final = 30.0
+VIEWER_TIMEOUT_S: Final = 30.0
 """How long a viewer may take nothing before it gets no more."""
 
-CLOSE_S: Final = 5.0
+CLOSE_TIMEOUT_S: Final = 5.0
 """How long the drawing may take to catch up when the recording has ended."""
 
 _BATCH_BYTES: Final = 64 << 10
@@ -37,7 +37,7 @@ _processes = multiprocessing.get_context("spawn")
 _Batch = tuple[int, list[WireEvent]]
 
 
-def live_sink(folder: Folder, *, url: str, needs_login: bool = True) -> "LiveSink":  # noqa: ARG001 - a `SinkFactory`
+def live_sink(folder: OutputFolder, *, url: str, needs_login: bool = True) -> "LiveSink":  # noqa: ARG001 - a `SinkFactory`
     """Make the sink that draws in a viewer (a `SinkFactory`); it writes no file.
 
     Args:
@@ -97,11 +97,11 @@ class LiveSink:
         if not self._pump.ident:
             return
         try:
-            self._queue.put(None, timeout=CLOSE_S)
+            self._queue.put(None, timeout=CLOSE_TIMEOUT_S)
         except queue.Full:
             pass  # it has not moved for so long
         else:
-            self._process.join(CLOSE_S)
+            self._process.join(CLOSE_TIMEOUT_S)
         if self._process.is_alive():
             _log.warning("the viewer does not show the end of the recording: it took too long")
         if self.lost_events:
@@ -133,20 +133,20 @@ class LiveSink:
 def draw(line: Connection, url: str, needs_login: bool) -> None:  # noqa: FBT001 - passed on to a process
     """Be the process that draws: until the line is closed, or the viewer is gone."""
     ignore_signals()
-    from scaraspec_recorder.sinks.rerun.rerun_view import RerunSink  # noqa: PLC0415 - an optional extra
+    from scaraspec_recorder.sinks.rerun.rerun_sink import RerunSink  # noqa: PLC0415 - an optional extra
 
     drawing = RerunSink.to_viewer(url)
-    deriver = Deriver([drawing], Judge(needs_login=needs_login))
+    decoder = Decoder([drawing], Judge(needs_login=needs_login))
     try:
         with suppress(EOFError):
             while True:
                 now_ns, events = line.recv()
                 for event in events:
-                    deriver.write(event)
-                deriver.tick(now_ns)
-                drawing.wait(PATIENCE_S)
-        _exit_after(PATIENCE_S)
-        deriver.close()
+                    decoder.write(event)
+                decoder.tick(now_ns)
+                drawing.wait(VIEWER_TIMEOUT_S)
+        _exit_after(VIEWER_TIMEOUT_S)
+        decoder.close()
     except RuntimeError:  # a flush failed: the viewer was closed, or hangs
         _exit_after(0)
 

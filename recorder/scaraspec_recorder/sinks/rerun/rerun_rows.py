@@ -10,7 +10,7 @@ import numpy as np
 import rerun as rr
 
 from scaraspec_recorder.sinks.rerun.arm_model import Box, Cylinder, Placement, Vector
-from scaraspec_recorder.sinks.text import Line
+from scaraspec_recorder.sinks.text import LogLine
 
 TIMELINES: Final = ("time", "elapsed", "exchange")
 _BATCH_ROWS: Final = 512
@@ -18,7 +18,7 @@ _BATCH_ROWS: Final = 512
 Columns = Callable[[list[Any]], Any]
 
 
-class Batches:
+class RowBatches:
     """Rows that wait to be sent, by entity.
 
     Args:
@@ -66,7 +66,7 @@ def states(values: list[str]) -> Any:
     return rr.StateChange.columns(state=values)
 
 
-def lines(values: list[Line]) -> Any:
+def lines(values: list[LogLine]) -> Any:
     """Lines of a log."""
     return rr.TextLog.columns(text=[v.text for v in values], level=[v.level for v in values])
 

@@ -16,14 +16,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import spectators
+import draw_processes
 from scaraspec.judge.judge import Judge
 from scaraspec.protocol.direction import A2C
 from scaraspec.traffic.wire import Kind, WireEvent
-from scaraspec_recorder.sinks.decoder import Deriver
+from scaraspec_recorder.sinks.decoder import Decoder
 from scaraspec_recorder.sinks.rerun import live
 from scaraspec_recorder.sinks.rerun.live import LiveSink, live_sink
-from scaraspec_recorder.sinks.sinks import Folder
+from scaraspec_recorder.sinks.sink import OutputFolder
 
 LARGE = WireEvent(1, "1", A2C, Kind.BYTES, bytes(60_000))
 
@@ -31,7 +31,7 @@ LARGE = WireEvent(1, "1", A2C, Kind.BYTES, bytes(60_000))
 def test_a_process_that_keeps_up_gets_everything(shift: list[WireEvent], tmp_path: Path) -> None:
     """All events, in order, across many batches; the sink is closed when all are drawn."""
     path = tmp_path / "drawn"
-    sink = LiveSink(spectators.collect, path)
+    sink = LiveSink(draw_processes.collect, path)
     for number, event in enumerate(shift):
         sink.write(event)
         if number % 7 == 0:
@@ -43,8 +43,8 @@ def test_a_process_that_keeps_up_gets_everything(shift: list[WireEvent], tmp_pat
 
 def test_a_process_that_hangs_costs_events_and_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """The queue is bounded, what does not fit is counted, and closing does not wait for ever."""
-    monkeypatch.setattr(live, "CLOSE_S", 0.1)
-    sink = LiveSink(spectators.hang, most_batches=3)
+    monkeypatch.setattr(live, "CLOSE_TIMEOUT_S", 0.1)
+    sink = LiveSink(draw_processes.hang, most_batches=3)
     for _ in range(1000):
         sink.write(LARGE)
     sink.close()
@@ -53,13 +53,13 @@ def test_a_process_that_hangs_costs_events_and_no_time(monkeypatch: pytest.Monke
 
 def test_a_process_that_dies_costs_nothing() -> None:
     """Writing, ticking and closing go on as if nothing were."""
-    sink = LiveSink(spectators.die)
+    sink = LiveSink(draw_processes.die)
     sink._process.join()
     for number in range(1000):
         sink.write(LARGE)
         sink.tick(number)
     sink.close()
-    sink._pump.join(live.CLOSE_S)  # it may still be saying so
+    sink._pump.join(live.CLOSE_TIMEOUT_S)  # it may still be saying so
     assert not sink._pump.is_alive()
 
 
@@ -67,12 +67,12 @@ def test_a_process_that_dies_costs_nothing() -> None:
 @given(dice=st.randoms(use_true_random=False))
 def test_whatever_is_dropped_is_no_defect(shift: list[WireEvent], dice: Any) -> None:
     """Events are dropped without regard to what they are: what follows is still decoded."""
-    deriver = Deriver([], Judge())
+    decoder = Decoder([], Judge())
     for event in shift:
         if dice.random() < 0.8:
-            deriver.write(event)
-    deriver.close()
-    assert "defect" not in deriver.summary()
+            decoder.write(event)
+    decoder.close()
+    assert "defect" not in decoder.summary()
 
 
 @contextlib.contextmanager
@@ -104,10 +104,10 @@ def test_a_viewer_gets_the_picture(
 ) -> None:
     """What a viewer receives over gRPC holds plots, states and the log."""
     pytest.importorskip("rerun")
-    monkeypatch.setattr(live, "CLOSE_S", 30)
+    monkeypatch.setattr(live, "CLOSE_TIMEOUT_S", 30)
     saved = tmp_path / "seen.rrd"
     with viewer(saved) as url:
-        sink = live_sink(Folder(tmp_path, []), url=url)
+        sink = live_sink(OutputFolder(tmp_path, []), url=url)
         for event in shift:
             sink.write(event)
         sink.tick(shift[-1].time_ns)

@@ -12,9 +12,9 @@ import rerun as rr
 import rerun_bindings
 from rerun.chunk import RrdReader
 
-from scaraspec_recorder.recordings.recovery import is_drawn
+from scaraspec_recorder.recordings.recovery import has_complete_rrd
 from scaraspec_recorder.sinks.rerun import blueprint, rerun_files
-from scaraspec_recorder.sinks.rerun.optimizing import optimize
+from scaraspec_recorder.sinks.rerun.optimizer import optimize
 from scaraspec_recorder.sinks.rerun.rerun_files import _Layout
 
 ROUNDS = 4
@@ -58,9 +58,9 @@ def test_a_footer_is_left_to_the_optimizing(tmp_path: Path, *, footer: bool) -> 
     file = rerun_files.RerunFile("test", path, blueprint.layout(), footer=footer)
     file.stream.log("value", rr.Scalars(1.0))
     file.close()
-    assert is_drawn(path) is footer
+    assert has_complete_rrd(path) is footer
     assert optimize(path)
-    assert is_drawn(path)
+    assert has_complete_rrd(path)
     assert len(RrdReader(path).blueprints()) == 1
 
 

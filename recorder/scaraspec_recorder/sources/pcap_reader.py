@@ -1,0 +1,270 @@
+"""A pcap or pcapng file in, wire events out.
+
+Law: only here is scapy met, and only for the records of the file; headers are read in `segment`,
+streams put together in `reassembly`. The file is streamed, never loaded. A file that is torn or
+damaged gives what stands before the damage, and a note; a traceback never.
+"""
+
+import gzip
+import logging
+import struct
+import zlib
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any, BinaryIO, Final, NamedTuple
+
+from scaraspec.protocol.port import DEFAULT_PORT
+from scaraspec.traffic.wire import WireEvent
+from scaraspec.user_message import UserMessage
+from scaraspec_recorder.errors import CaptureError
+from scaraspec_recorder.sources.reassembly import STEP_NS, Reassembler
+from scaraspec_recorder.tcp_segment import UnreadablePacket, dissect
+
+_PCAPNG_SECTION: Final = b"\x0a\x0d\x0d\x0a"
+_MAGICS: Final = {
+    _PCAPNG_SECTION,
+    b"\xa1\xb2\xc3\xd4",  # big endian, microseconds
+    b"\xd4\xc3\xb2\xa1",
+    b"\xa1\xb2\x3c\x4d",  # big endian, nanoseconds
+    b"\x4d\x3c\xb2\xa1",
+}
+_INTERFACE: Final = 1
+_TIME_OFFSET: Final = 14
+_PCAPNG_PACKET_BLOCKS: Final = {2, 3, 6}
+_GZIP_MAGIC: Final = b"\x1f\x8b"
+_MAX_RECORD_BYTES: Final = 16 << 20  # a length beyond it is damage, not a packet
+_LINK_TYPE_MASK: Final = 0xFFFF  # the upper half of pcap's field tells the length of a checksum
+_MAX_REASONS: Final = 8
+_MAX_TIME_NS: Final = (1 << 63) - 1
+_READING_ERRORS: Final = (EOFError, OSError, ValueError, OverflowError, struct.error, zlib.error)
+
+
+@dataclass(slots=True)
+class PcapSummary:
+    """What a capture held, and what of it could not be read.
+
+    Attributes:
+        packets: Packets in the file.
+        segments: TCP segments of the connections looked for.
+        connections: Connections found.
+        notes: One sentence for each kind of thing that is missing or odd.
+    """
+
+    packets: int = 0
+    segments: int = 0
+    connections: int = 0
+    notes: list[str] = field(default_factory=list)
+
+
+class PcapCapture:
+    """The wire events of a capture file, in the order of time. Each iteration reads it anew.
+
+    Attributes:
+        needs_login: What it holds passed over TCP.
+        path: The file.
+        port: TCP port of the controller; None for every connection.
+        summary: Complete when an iteration has ended.
+    """
+
+    needs_login: Final = True
+
+    def __init__(self, path: Path, port: int | None) -> None:
+        self.path = path
+        self.port = port
+        self.summary = PcapSummary()
+
+    def __iter__(self) -> Iterator[WireEvent]:
+        """Read the file.
+
+        Raises:
+            CaptureError: It cannot be opened, or is neither pcap nor pcapng.
+        """
+        self.summary = summary = PcapSummary()
+        reassembler = Reassembler(None if self.port is None else (self.port,))
+        oddities: Counter[str] = Counter()
+        latest_ns = 0
+        for record in _records(self.path, summary.notes):
+            summary.packets += 1
+            try:
+                segment = dissect(*record)
+            except UnreadablePacket as reason:
+                oddities[f"not read: {reason}"] += 1
+                continue
+            if segment is None or not reassembler.follows(segment):
+                continue
+            summary.segments += 1
+            if segment.cut_bytes:
+                oddities["cut short by the capture, the rest is a gap"] += 1
+            if latest_ns - segment.time_ns > STEP_NS:
+                latest_ns = segment.time_ns
+            elif segment.time_ns < latest_ns:
+                oddities["captured out of the order of time"] += 1
+            latest_ns = max(latest_ns, segment.time_ns)
+            yield from reassembler.receive(segment)
+        yield from reassembler.finish()
+        summary.connections = reassembler.connections
+        summary.notes += [
+            f"packets {oddity}: {count}" for oddity, count in oddities.most_common(_MAX_REASONS)
+        ]
+        if reassembler.clock_steps:
+            times = "once" if reassembler.clock_steps == 1 else f"{reassembler.clock_steps} times"
+            summary.notes.append(f"the capture's clock was set back: {times}")
+        if not summary.connections:
+            where = "" if self.port is None else f" on port {self.port}"
+            summary.notes.append(f"no TCP connection{where} among {summary.packets} packets")
+
+
+def read_pcap(path: Path, *, port: int | None = DEFAULT_PORT) -> PcapCapture:
+    """Open a capture: pcap or pcapng, plain or gzipped.
+
+    Args:
+        path: The file.
+        port: TCP port of the controller; connections without it are ignored. None for every
+            connection, whatever its ports.
+
+    Returns:
+        The events; see `PcapCapture`.
+
+    Raises:
+        CaptureError: The file cannot be opened, is neither pcap nor pcapng, or scapy is missing.
+    """
+    with _reader(path):
+        return PcapCapture(path, port)
+
+
+class _Record(NamedTuple):
+    """One packet of the file, as `dissect` takes it."""
+
+    time_ns: int
+    link_type: int
+    packet: bytes
+    wire_bytes: int
+
+
+class _Source:
+    """The file as scapy reads it: tells how far it got, and refuses a length no record has."""
+
+    def __init__(self, file: BinaryIO | gzip.GzipFile) -> None:
+        self.position = 0
+        self.first = b""  # what was read first since the last mark
+        self.ended = False  # the last read found the end of the file
+        self._file = file
+
+    def mark(self) -> int:
+        """A record begins here."""
+        self.first = b""
+        return self.position
+
+    def read(self, size: int) -> bytes:
+        data = self._file.read(size) if size <= _MAX_RECORD_BYTES else b""
+        self.position += len(data)
+        self.ended = not data
+        self.first = self.first or data
+        return data
+
+
+def _records(path: Path, notes: list[str]) -> Iterator[_Record]:
+    """The packets of the file, in its order; says in `notes` where it could not be read on."""
+    with _reader(path) as (reader, source):
+        read = _read_pcapng if hasattr(reader, "interfaces") else _read_pcap
+        while True:
+            begin = source.mark()
+            try:
+                record = read(reader, source)
+            except _READING_ERRORS:
+                if source.position > begin or not source.ended:
+                    notes.append(f"the file is torn or damaged at byte {begin}: read up to there")
+                return
+            if record is not None:
+                yield record
+
+
+class _Clock(int):
+    """Ticks a second of an interface; the seconds that are to be added to its times."""
+
+    offset_s = 0
+
+
+def _describe(reader: Any, block: bytes, size: int) -> None:
+    """An interface, with what scapy leaves out: its times' offset, and 0 for no snap length."""
+    reader._read_block_idb(block, size)  # noqa: SLF001 - see below
+    link_type, snap_bytes, options = reader.interfaces.pop()
+    clock = _Clock(options["tsresol"])
+    offset = reader._read_options(block[8:]).get(_TIME_OFFSET, b"")  # noqa: SLF001 - see below
+    if len(offset) == struct.calcsize("q"):
+        (clock.offset_s,) = struct.unpack(f"{reader.endian}q", offset)
+    options = {**options, "tsresol": clock}
+    reader.interfaces.append((link_type, snap_bytes or _MAX_RECORD_BYTES, options))
+
+
+# scapy names the two methods below as the way to raw records; iterating over its readers would cut
+# packets at 65,535 bytes, and they are larger where a network card splits them.
+
+
+def _read_pcap(reader: Any, _: _Source) -> _Record:
+    """The next record."""
+    packet, meta = reader._read_packet(_MAX_RECORD_BYTES)  # noqa: SLF001 - see above
+    if len(packet) < meta.caplen:
+        raise EOFError
+    time_ns = meta.sec * 10**9 + meta.usec * (1 if reader.nano else 1000)
+    return _Record(time_ns, reader.linktype & _LINK_TYPE_MASK, packet, meta.wirelen)
+
+
+def _read_pcapng(reader: Any, source: _Source) -> _Record | None:
+    """The next block: None where it holds no packet; time 0 where the packet has none."""
+    found = reader._read_block(_MAX_RECORD_BYTES)  # noqa: SLF001 - see above
+    if found is None:
+        if source.first == _PCAPNG_SECTION:
+            reader.interfaces.clear()  # scapy would go on counting from those of the last section
+        elif struct.unpack(f"{reader.endian}I", source.first)[0] in _PCAPNG_PACKET_BLOCKS:
+            raise ValueError("a packet of an interface that is not described")
+        return None
+    packet, meta = found
+    time_ns = 0
+    if meta.tshigh is not None:
+        ticks = meta.tshigh << 32 | meta.tslow
+        time_ns = ticks * 10**9 // meta.tsresol + meta.tsresol.offset_s * 10**9
+    time_ns = min(max(time_ns, 0), _MAX_TIME_NS)
+    return _Record(time_ns, meta.linktype, packet, meta.wirelen)
+
+
+@contextmanager
+def _reader(path: Path) -> Iterator[tuple[Any, _Source]]:
+    """Scapy's reader of the file, silent: what it would warn of becomes a note."""
+    try:
+        from scapy.error import Scapy_Exception, log_runtime  # noqa: PLC0415 - an optional extra
+        from scapy.utils import RawPcapReader  # noqa: PLC0415 - an optional extra
+    except ImportError:
+        sentence = "reading pcap files needs scapy: pip install 'scaraspec[pcap]'"
+        raise CaptureError(sentence) from None
+
+    def silence(_: logging.LogRecord) -> bool:
+        return False
+
+    log_runtime.addFilter(silence)
+    try:
+        with path.open("rb") as raw:
+            file = gzip.GzipFile(fileobj=raw) if raw.peek(2)[:2] == _GZIP_MAGIC else raw
+            if file.peek(4)[:4] not in _MAGICS:
+                raise CaptureError(
+                    UserMessage("{path} is no capture: neither MCAP, pcap nor pcapng", path=path)
+                )
+            source = _Source(file)
+            reader: Any = RawPcapReader(source)  # type: ignore[arg-type]  # open files serve as well
+            if hasattr(reader, "interfaces"):
+                reader.blocktypes[_INTERFACE] = partial(_describe, reader)
+            yield reader, source
+    except OSError as error:
+        raise CaptureError(
+            UserMessage("{path} cannot be read: {value}", path=path, value=error.strerror or error)
+        ) from None
+    except (EOFError, zlib.error, Scapy_Exception):
+        raise CaptureError(
+            UserMessage("{path} is torn or damaged in its first bytes", path=path)
+        ) from None
+    finally:
+        log_runtime.removeFilter(silence)

@@ -1,0 +1,202 @@
+"""Unspool: the records of a spool become the wire events of a recording.
+
+Law: per connection and direction, events leave no hole: what is missing between records, or before
+the count that the tap gives at the end, becomes a gap. No two connections bear one name, whatever
+died in between. Nothing in this file reads, writes or knows the time.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+from scaraspec.protocol.direction import A2C, Direction
+from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec_recorder.spool.forwarded_chunks import ForwardedChunk
+from scaraspec_recorder.spool.records import ControlRecord, Record, stream_number
+
+_HOLE: Final = "records are missing"
+_LATE: Final = "its beginning is not recorded"
+
+
+@dataclass(slots=True)
+class ByteCounts:
+    """What a recording holds of one direction, all connections together."""
+
+    recorded_bytes: int = 0
+    gap_bytes: int = 0
+    gaps: int = 0
+    unknown_gaps: int = 0  # of a length that nobody knows
+
+    @property
+    def received_bytes(self) -> int:
+        """What the tap received and forwarded: it is recorded, or lies in a gap."""
+        return self.recorded_bytes + self.gap_bytes
+
+
+@dataclass(slots=True)
+class _Stream:
+    """One direction of an open connection."""
+
+    name: str
+    direction: Direction
+    count: ByteCounts
+    next_bytes: int | None  # None until the first record, where the beginning is not known
+
+    def gap(self, time_ns: int, length_bytes: int, note: str) -> WireEvent:
+        """Account for bytes that passed unrecorded; -1 of them where nobody knows how many."""
+        begin_bytes = self.next_bytes or 0
+        self.count.gaps += 1
+        if length_bytes < 0:
+            self.count.unknown_gaps += 1
+        else:
+            self.count.gap_bytes += length_bytes
+            self.next_bytes = begin_bytes + length_bytes
+        return WireEvent(
+            time_ns, self.name, self.direction, Kind.GAP, b"", begin_bytes, length_bytes, note
+        )
+
+
+@dataclass(slots=True)
+class _Link:
+    """An open connection."""
+
+    number: int
+    opened: WireEvent
+    streams: dict[Direction, _Stream] = field(default_factory=dict)
+
+
+class EventBuilder:
+    """Takes records in order, and gives events.
+
+    Args:
+        counts: Counts on for each direction.
+        state: Where an earlier one was, see `state`; empty for a new recording.
+
+    Attributes:
+        connections: How many connections there were; their names count from 1.
+        time_ns: When the last record was made; None before the first.
+    """
+
+    def __init__(self, counts: Mapping[Direction, ByteCounts], state: Mapping[str, Any]) -> None:
+        self.connections: int = state.get("connections", 0)
+        self.time_ns: int | None = state.get("time_ns")
+        self._base: int = state.get("base", 0)  # how many there were before the last seam
+        self._counts = counts
+        self._links: dict[int, _Link] = {}
+        self._streams: dict[int, _Stream] = {}
+        for number, time_ns, note, next_bytes in state.get("links", ()):
+            self._open(number, time_ns, note, next_bytes)
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """Where it is, as JSON: enough for another to go on."""
+        return {
+            "connections": self.connections,
+            "time_ns": self.time_ns,
+            "base": self._base,
+            "links": [
+                (
+                    link.number,
+                    link.opened.time_ns,
+                    link.opened.note,
+                    [link.streams[direction].next_bytes for direction in Direction],
+                )
+                for link in self._links.values()
+            ],
+        }
+
+    def reopening_events(self, time_ns: int) -> Iterator[WireEvent]:
+        """How the connections that are open begin for a sink that is made at this time.
+
+        Behind each opening stands an empty piece of every direction in which something has passed:
+        what passed before is not missing, and a reader sees it at once.
+        """
+        for link in self._links.values():
+            ends = [(s.direction, s.next_bytes) for s in link.streams.values() if s.next_bytes]
+            name, offset_bytes = link.opened.connection, dict(ends).get(A2C, 0)
+            yield replace(link.opened, time_ns=time_ns, offset_bytes=offset_bytes)
+            for direction, end_bytes in ends:
+                yield WireEvent(time_ns, name, direction, Kind.BYTES, b"", end_bytes)
+
+    def take(self, records: Sequence[Record]) -> list[WireEvent]:
+        """Give what the next records tell."""
+        if records:
+            self.time_ns = records[-1].time_ns
+        events: list[WireEvent] = []
+        add, streams, bytes_kind = events.append, self._streams, Kind.BYTES
+        for record in records:
+            kind, number, time_ns, offset, payload, forwarded_ns, kernel_time = record
+            stream = streams.get(number)
+            if kind is bytes_kind and stream is not None and stream.next_bytes == offset:
+                size_bytes = len(payload)
+                stream.next_bytes = offset + size_bytes
+                stream.count.recorded_bytes += size_bytes
+                place = (time_ns, stream.name, stream.direction, bytes_kind, payload, offset)
+                if forwarded_ns or kernel_time:
+                    add(ForwardedChunk(*place, 0, "", forwarded_ns, kernel_time))
+                else:
+                    add(WireEvent(*place))
+            else:
+                events += self._take(record)
+        return events
+
+    def end_all(self, time_ns: int, reason: str) -> list[WireEvent]:
+        """End every open connection: what still happened on it, nobody knows."""
+        events: list[WireEvent] = []
+        for link in self._links.values():
+            events += [stream.gap(time_ns, -1, reason) for stream in link.streams.values()]
+            first = link.streams[A2C]
+            events.append(
+                WireEvent(
+                    time_ns, first.name, A2C, Kind.CLOSED, b"", first.next_bytes or 0, note=reason
+                )
+            )
+        self._links.clear()
+        self._streams.clear()
+        return events
+
+    def _take(self, record: Record) -> list[WireEvent]:
+        """Take a record of any kind."""
+        kind, number, time_ns, offset, *_ = record
+        if kind is ControlRecord.RESTART:
+            events = self.end_all(time_ns, record.note)
+            self._base = self.connections
+            return events
+        events = []
+        if number not in self._streams:
+            opening = kind is Kind.OPENED
+            note, begin_bytes = (record.note, 0) if opening else (_LATE, None)
+            link = self._open(record.connection, time_ns, note, [begin_bytes, begin_bytes])
+            events.append(link.opened)
+        stream = self._streams[number]
+        if stream.next_bytes is not None and stream.next_bytes < offset:
+            events.append(stream.gap(time_ns, offset - stream.next_bytes, _HOLE))
+        stream.next_bytes = offset
+        if kind is Kind.GAP:
+            events.append(stream.gap(time_ns, record.length_bytes, record.note))
+        elif kind is Kind.BYTES:
+            events += self.take((record,))
+        elif isinstance(kind, Kind) and kind is not Kind.OPENED:
+            name, direction = stream.name, stream.direction
+            events.append(WireEvent(time_ns, name, direction, kind, b"", offset, note=record.note))
+        if kind in (Kind.CLOSED, Kind.RESET):
+            self._close(record.connection)
+        return events
+
+    def _open(
+        self, number: int, time_ns: int, note: str, next_bytes: Iterable[int | None]
+    ) -> _Link:
+        """Begin a connection; `next_bytes` by direction."""
+        self.connections = max(self.connections, self._base + number)
+        name = str(self._base + number)
+        link = _Link(number, WireEvent(time_ns, name, A2C, Kind.OPENED, note=note))
+        for direction, offset in zip(Direction, next_bytes, strict=True):
+            stream = _Stream(name, direction, self._counts[direction], offset)
+            link.streams[direction] = self._streams[stream_number(number, direction)] = stream
+        self._links[number] = link
+        return link
+
+    def _close(self, number: int) -> None:
+        del self._links[number]
+        for direction in Direction:
+            del self._streams[stream_number(number, direction)]

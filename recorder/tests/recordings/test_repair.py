@@ -1,0 +1,206 @@
+"""Whatever becomes of the writer, its file is made whole again, and what was lost is told."""
+
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+
+from scaraspec.judge.judge import Judge
+from scaraspec.protocol.direction import A2C
+from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec_recorder.errors import CaptureError
+from scaraspec_recorder.recordings.repair import remove_if_empty, remove_temporary_files, repair
+from scaraspec_recorder.sinks.decoder import Decoder
+from scaraspec_recorder.sinks.mcap.mcap_sink import McapSink
+from scaraspec_recorder.sources.mcap_reader import read_mcap
+
+
+def record(path: Path, events: Iterable[WireEvent]) -> list[tuple[int, int]]:
+    """Record with a tick every fifth event; return size of the file and events at each tick."""
+    decoder = Decoder([McapSink(path.open("wb"))], Judge())
+    ticks = []
+    for count, event in enumerate(events, start=1):
+        decoder.write(event)
+        if count % 5 == 0:
+            decoder.tick(event.time_ns)
+            ticks.append((path.stat().st_size, count))
+    decoder.close()
+    return ticks
+
+
+def test_a_whole_file_is_left_alone(shift: list[WireEvent], tmp_path: Path) -> None:
+    """Nothing is written where nothing is to be repaired."""
+    path = tmp_path / "capture.mcap"
+    record(path, shift)
+    before, stamp = path.read_bytes(), path.stat().st_mtime_ns
+    report = repair(path)
+    assert (report.repaired, report.events, report.notes) == (False, len(shift), ())
+    assert (path.read_bytes(), path.stat().st_mtime_ns) == (before, stamp)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_file_cut_anywhere_keeps_every_tick(
+    shift: list[WireEvent], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Truncated and recovered: all that a tick promised is there, and it is whole."""
+    monkeypatch.setattr("os.fsync", lambda _: None)  # a thousand files that nobody keeps
+    path = tmp_path / "capture.mcap"
+    ticks = record(path, shift[:15])
+    data = path.read_bytes()
+    broken_off = 0
+    sizes = {*range(1, len(data), 41), *(size + d for size, _ in ticks for d in (-1, 0, 1))}
+    for size in sorted(sizes):
+        path.write_bytes(data[:size])
+        promised = max((count for at, count in ticks if at <= size), default=0)
+        try:
+            report = repair(path)
+        except CaptureError:
+            assert promised == 0
+            assert path.stat().st_size == size
+            broken_off += 1
+            continue
+        assert report.repaired
+        assert report.notes
+        assert report.events >= promised
+        back = read_mcap(path)
+        assert list(back) == shift[: report.events]
+        assert back.summary.whole
+    assert 0 < broken_off < len(sizes) - 10
+
+
+def test_the_repaired_file_satisfies_the_strict_reader(
+    shift: list[WireEvent], tmp_path: Path
+) -> None:
+    """Index, checksums and summary are there again, and so are attachments and accounts."""
+    path = tmp_path / "capture.mcap"
+    ticks = record(path, shift)
+    size, count = ticks[-2]
+    path.write_bytes(path.read_bytes()[: size + 30])
+    report = repair(path)
+    assert report.events == count
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        raw = [m for _, c, m in reader.iter_messages() if c.topic in ("/raw/a2c", "/raw/c2a")]
+        names = {record.name: record.metadata for record in reader.iter_metadata()}
+        (attachment,) = reader.iter_attachments()
+    assert len(raw) == sum(event.kind is Kind.BYTES for event in shift[:count])
+    assert attachment.name == "upload pick.rob"
+    assert set(names) == {"session", "stream/1/A2C", "stream/1/C2A", "recovered"}
+    sent = sum(len(e.data) for e in shift[:count] if e.direction is A2C)
+    assert names["stream/1/A2C"]["recorded_bytes"] == str(sent)
+    assert list(names["recovered"].values()) == list(report.notes)
+
+
+def test_recovering_twice_changes_nothing(shift: list[WireEvent], tmp_path: Path) -> None:
+    """The repaired file is whole; repairing it again leaves it alone."""
+    path = tmp_path / "capture.mcap"
+    record(path, shift)
+    path.write_bytes(path.read_bytes()[:-9])
+    assert repair(path).repaired
+    repaired = path.read_bytes()
+    assert not repair(path).repaired
+    assert path.read_bytes() == repaired
+
+
+def test_a_damaged_chunk_is_told(
+    shift: list[WireEvent], tmp_path: Path, damage_chunk: Callable[[Path, int], None]
+) -> None:
+    """A finished file with a hole in it is repaired too, and the hole is told in it."""
+    path = tmp_path / "capture.mcap"
+    record(path, shift)
+    damage_chunk(path, 3)
+    report = repair(path)
+    assert report.repaired
+    assert len(report.notes) == 2
+    assert report.events == len(shift) - 5
+
+
+def test_what_a_killed_process_had_in_the_making_is_swept_away(tmp_path: Path) -> None:
+    """And nothing else: hidden files of others have other names."""
+    for name in (".a.mcap.recovered", ".a.rrd.optimized", ".a.rrd.new"):
+        (tmp_path / name).touch()
+    others = {".profile.new", "a.mcap", "a.rrd"}
+    for name in others:
+        (tmp_path / name).touch()
+    remove_temporary_files(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == others
+
+
+def test_a_file_that_holds_nothing_is_no_recording(tmp_path: Path) -> None:
+    """Its recorder was killed between making it and writing into it."""
+    empty, torn = tmp_path / "capture.mcap", tmp_path / "capture-2.mcap"
+    empty.touch()
+    torn.write_bytes(b"\x89")
+    assert remove_if_empty(empty)
+    assert not remove_if_empty(torn)
+    assert list(tmp_path.iterdir()) == [torn]
+
+
+def test_what_is_no_recording_is_not_touched(tmp_path: Path) -> None:
+    """Another's file stays as it is, and no copy is left behind."""
+    path = tmp_path / "notes.mcap"
+    path.write_text("mine")
+    with pytest.raises(CaptureError, match="is no MCAP file"):
+        repair(path)
+    assert path.read_text() == "mine"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_disk_without_room_for_the_repair_keeps_the_damaged_file(
+    shift: list[WireEvent], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The damaged file is given up for the repaired one only when that is on the disk."""
+    path = tmp_path / "capture.mcap"
+    record(path, shift)
+    torn = path.read_bytes()[:-9]
+    path.write_bytes(torn)
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(OSError, match="No space"):
+        repair(path)
+    assert path.read_bytes() == torn
+    assert list(tmp_path.iterdir()) == [path]
+
+
+WRITER = """
+import sys
+from pathlib import Path
+from scaraspec.judge.judge import Judge
+from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec.protocol.direction import A2C
+from scaraspec_recorder.sinks.decoder import Decoder
+from scaraspec_recorder.sinks.mcap.mcap_sink import McapSink
+
+decoder = Decoder([McapSink(Path(sys.argv[1]).open("wb"))], Judge())
+frame = bytes.fromhex("AA 09 00 CC")
+for number in range(100_000):
+    decoder.write(WireEvent(number, "1", A2C, Kind.BYTES, frame, 4 * number))
+    if number % 7 == 0:
+        decoder.tick(number)
+        print(number + 1, flush=True)
+"""
+
+
+@pytest.mark.parametrize("ticks", [1, 2, 5, 20])
+def test_sigkill_loses_at_most_what_came_after_the_last_tick(tmp_path: Path, ticks: int) -> None:
+    """A writer killed in the middle of its work: what a tick had promised is in the file."""
+    path = tmp_path / "capture.mcap"
+    with subprocess.Popen(
+        [sys.executable, "-c", WRITER, path], stdout=subprocess.PIPE, text=True
+    ) as writer:
+        assert writer.stdout
+        promised = [int(writer.stdout.readline()) for _ in range(ticks)][-1]
+        writer.send_signal(signal.SIGKILL)
+    report = repair(path)
+    assert report.repaired
+    assert report.events >= promised
+    back = read_mcap(path)
+    assert [event.offset_bytes for event in back] == list(range(0, 4 * report.events, 4))
+    assert back.summary.whole

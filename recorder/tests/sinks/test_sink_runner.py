@@ -1,0 +1,459 @@
+"""The scribe: what the spool holds reaches the sinks, without hole, and once more after a crash."""
+
+import errno
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from scaraspec.protocol.direction import A2C, C2A
+from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec_recorder.sinks.sink import TICK_NS, OutputFolder, SinkFailed
+from scaraspec_recorder.sinks.sink_runner import MAX_LISTED_FILES, Progress, SinkRunner
+from scaraspec_recorder.spool.event_builder import ByteCounts
+from scaraspec_recorder.spool.records import ControlRecord, stream_number
+from scaraspec_recorder.spool.spool import (
+    SpoolReader,
+    SpoolWriter,
+    note_stall,
+    read_checkpoint,
+    stall_of,
+)
+
+STREAM = stream_number(1, A2C)
+OTHER = stream_number(1, C2A)
+
+
+class ExchangeHistory:
+    """A sink that remembers, and knows what would have survived a crash."""
+
+    def __init__(self) -> None:
+        self.events: list[WireEvent] = []
+        self.durable = 0
+        self.closed = False
+
+    def write(self, event: WireEvent) -> None:
+        self.events.append(event)
+
+    def tick(self, now_ns: int) -> None:
+        assert now_ns
+        self.durable = len(self.events)
+
+    def close(self) -> None:
+        self.closed = True
+
+    def told(self) -> list[tuple]:
+        return [
+            (e.connection, e.direction, e.kind, e.offset_bytes, e.data or e.length_bytes)
+            for e in self.events
+        ]
+
+
+class Failing(ExchangeHistory):
+    """A sink that raises in one of its methods."""
+
+    def __init__(self, method: str, error: Exception) -> None:
+        super().__init__()
+        self.calls: list[str] = []
+        self._method, self._error = method, error
+
+    def write(self, event: WireEvent) -> None:
+        self._call("write")
+        super().write(event)
+
+    def tick(self, now_ns: int) -> None:
+        self._call("tick")
+        super().tick(now_ns)
+
+    def close(self) -> None:
+        self._call("close")
+        super().close()
+
+    def _call(self, method: str) -> None:
+        self.calls.append(method)
+        if method == self._method:
+            raise self._error
+
+
+class Bench:
+    """A spool with its writer, and scribes that read it with a clock of the test's."""
+
+    def __init__(self, directory: Path) -> None:
+        self.spool = directory / "spool"
+        self.out_dir = directory
+        self.now_ns = 1_000
+        self.writer = self.new_writer()
+        self.readers: list[SpoolReader] = []
+
+    def new_writer(self) -> SpoolWriter:
+        return SpoolWriter(self.spool, lambda _delay, _callback: None, now_ns=lambda: self.now_ns)
+
+    def put(
+        self,
+        kind: Kind | ControlRecord,
+        stream: int = STREAM,
+        offset: int = 0,
+        payload: bytes = b"",
+    ) -> None:
+        self.writer.append(kind, stream, self.now_ns, offset, payload)
+        self.writer.flush()
+
+    def runner(self, *sinks: ExchangeHistory) -> SinkRunner:
+        """A new scribe; one before it is dead."""
+        for reader in self.readers:
+            reader.close()
+        self.readers = [SpoolReader(self.spool)]
+        makes = [lambda _folder, sink=sink: sink for sink in sinks]
+        return SinkRunner(self.readers[0], self.out_dir, makes, now_ns=lambda: self.now_ns)
+
+    def tick(self, runner: SinkRunner) -> None:
+        """Let the scribe take everything, a quarter of a second later."""
+        self.now_ns += TICK_NS
+        while runner.step():
+            pass
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    made = Bench(tmp_path)
+    yield made
+    made.writer.close()
+    for reader in made.readers:
+        reader.close()
+
+
+def test_a_connection_is_told_from_beginning_to_end(bench: Bench) -> None:
+    """Every field of every event, as the tap saw it."""
+    sink = ExchangeHistory()
+    bench.put(Kind.OPENED, payload=b"a > b")
+    bench.put(Kind.BYTES, payload=b"abc")
+    bench.put(Kind.BYTES, OTHER, 0, b"de")
+    bench.put(Kind.HALF_CLOSED, offset=3)
+    bench.put(ControlRecord.TOTAL, offset=3)
+    bench.put(ControlRecord.TOTAL, OTHER, 2)
+    bench.put(Kind.RESET, OTHER, 2, "断开".encode())
+    runner = bench.runner(sink)
+    while runner.step():
+        pass
+    assert sink.events == [
+        WireEvent(1_000, "1", A2C, Kind.OPENED, note="a > b"),
+        WireEvent(1_000, "1", A2C, Kind.BYTES, b"abc"),
+        WireEvent(1_000, "1", C2A, Kind.BYTES, b"de"),
+        WireEvent(1_000, "1", A2C, Kind.HALF_CLOSED, offset_bytes=3),
+        WireEvent(1_000, "1", C2A, Kind.RESET, offset_bytes=2, note="断开"),
+    ]
+    assert runner.progress == Progress(1, ByteCounts(3), ByteCounts(2))
+
+
+def test_a_robot_that_cannot_be_reached_is_known_until_something_comes_from_it(
+    bench: Bench,
+) -> None:
+    """To the next scribe, too."""
+    bench.put(Kind.OPENED, payload=b"a > b")
+    bench.put(Kind.RESET, OTHER, payload=b"no connection: No route to host")
+    bench.tick(bench.runner(ExchangeHistory()))
+    runner = bench.runner(ExchangeHistory())
+    client, robot = stream_number(2, A2C), stream_number(2, C2A)
+    bench.put(Kind.OPENED, client, payload=b"a > b")
+    bench.put(Kind.BYTES, client, payload=b"abc")
+    bench.tick(runner)
+    assert runner.progress.unreached == "No route to host"
+    bench.put(Kind.BYTES, robot, payload=b"de")
+    bench.tick(runner)
+    assert not runner.progress.unreached
+
+
+def test_the_sinks_tick_by_the_clock(bench: Bench) -> None:
+    """Every quarter of a second, with or without traffic; also when the clock was set back."""
+    sink = Failing("", ValueError())
+    runner = bench.runner(sink)
+    for step_ns, ticks in ((TICK_NS - 1, 0), (1, 1), (TICK_NS - 1, 1), (1, 2), (-5 * TICK_NS, 3)):
+        bench.now_ns += step_ns
+        runner.step()
+        assert sink.calls == ["tick"] * ticks
+
+
+def test_what_was_not_ticked_comes_again(bench: Bench) -> None:
+    """A scribe that dies between ticks costs nothing; what was ticked does not come twice."""
+    first, second = ExchangeHistory(), ExchangeHistory()
+    bench.put(Kind.OPENED, payload=b"a > b")
+    bench.put(Kind.BYTES, payload=b"abc")
+    runner = bench.runner(first)
+    bench.tick(runner)
+    bench.tick(runner)
+    bench.put(Kind.BYTES, offset=3, payload=b"de")
+    runner.step()
+    assert len(first.events) == first.durable + 1
+    bench.put(Kind.BYTES, offset=5, payload=b"f")
+    runner = bench.runner(second)
+    bench.tick(runner)
+    assert second.told() == [
+        ("1", A2C, Kind.OPENED, 3, 0),
+        ("1", A2C, Kind.BYTES, 3, 0),
+        ("1", A2C, Kind.BYTES, 3, b"de"),
+        ("1", A2C, Kind.BYTES, 5, b"f"),
+    ]
+    assert second.events[0].note == first.events[0].note
+    assert runner.progress == Progress(1, ByteCounts(6))
+
+
+@pytest.mark.parametrize("method", ["write", "tick", "close"])
+@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "full"), SinkFailed("full")])
+def test_a_failing_disk_ends_the_scribe_and_loses_nothing(
+    bench: Bench, method: str, error: Exception
+) -> None:
+    """All sinks are given up together, and their successors get everything again."""
+    bench.put(Kind.OPENED, payload=b"a > b")
+    bench.put(Kind.BYTES, payload=b"abc")
+    runner = bench.runner(ExchangeHistory(), Failing(method, error))
+
+    def work(runner: SinkRunner) -> None:
+        bench.now_ns += TICK_NS
+        while runner.step():
+            pass
+        runner.finish()
+
+    with pytest.raises(type(error)):
+        work(runner)
+    sink = ExchangeHistory()
+    bench.now_ns += TICK_NS
+    runner = bench.runner(sink)
+    work(runner)
+    assert (sink.events[0].kind, sink.events[0].note) == (Kind.OPENED, "a > b")
+    assert runner.progress.finished
+    assert runner.progress.a2c.recorded_bytes == 3
+
+
+@pytest.mark.parametrize("method", ["write", "tick", "close"])
+def test_a_defect_of_a_sink_costs_only_that_sink(bench: Bench, method: str) -> None:
+    """The others go on, and the defect is told."""
+    good, bad = ExchangeHistory(), Failing(method, ZeroDivisionError("no such axis"))
+    runner = bench.runner(bad, good)
+    bench.put(Kind.OPENED)
+    for offset in range(3):
+        bench.put(Kind.BYTES, offset=offset, payload=b"x")
+        bench.tick(runner)
+    runner.finish()
+    assert [e.data for e in good.events if e.kind is Kind.BYTES] == [b"x"] * 3
+    assert good.closed
+    assert bad.calls.count(method) == 1
+    assert bad.calls[-1] == method
+    assert runner.progress.problems == ["Failing is given up: no such axis"]
+
+
+def test_a_sink_that_cannot_be_made_costs_only_itself(bench: Bench) -> None:
+    """For example one whose package is not installed."""
+
+    def make(_folder: OutputFolder) -> ExchangeHistory:
+        raise ImportError("drawing needs rerun")
+
+    bench.writer.flush()
+    sink = ExchangeHistory()
+    bench.readers = [SpoolReader(bench.spool)]
+    runner = SinkRunner(bench.readers[0], bench.out_dir, [make, lambda _: sink])
+    bench.put(Kind.OPENED)
+    runner.step()
+    assert len(sink.events) == 1
+    assert runner.progress.problems == ["a sink is given up: drawing needs rerun"]
+
+
+def test_gaps_are_counted(bench: Bench) -> None:
+    """received = recorded + gaps, and a gap keeps its place, length, time and reason."""
+    bench.writer = SpoolWriter(
+        bench.spool, lambda _delay, _callback: None, limit_bytes=1_600, now_ns=lambda: 5
+    )
+    sink = ExchangeHistory()
+    bench.put(Kind.OPENED)
+    for offset in range(0, 4_000, 100):
+        bench.put(Kind.BYTES, offset=offset, payload=bytes(100))
+    bench.put(ControlRecord.TOTAL, offset=4_000)
+    bench.put(Kind.CLOSED, offset=4_000)
+    bench.writer.close()
+    runner = bench.runner(sink)
+    bench.tick(runner)
+    (gap,) = (e for e in sink.events if e.kind is Kind.GAP)
+    count = runner.progress.a2c
+    assert gap.length_bytes == count.gap_bytes > 0
+    assert gap.note == "the recording is 1600 bytes behind"
+    assert count.received_bytes == 4_000
+    assert (count.gaps, count.unknown_gaps) == (1, 0)
+
+
+@pytest.mark.parametrize("missing", ["in the middle", "at the end"])
+def test_missing_records_become_a_gap(bench: Bench, missing: str) -> None:
+    """Whatever the spool lost, offsets and the tap's own count bring it to light."""
+    sink = ExchangeHistory()
+    bench.put(Kind.OPENED)
+    bench.put(Kind.BYTES, payload=b"abc")
+    if missing == "in the middle":
+        bench.put(Kind.BYTES, offset=10, payload=b"klm")
+    bench.put(ControlRecord.TOTAL, offset=13)
+    bench.put(Kind.CLOSED, offset=13)
+    bench.tick(runner := bench.runner(sink))
+    gap = ("1", A2C, Kind.GAP, 3, 7 if missing == "in the middle" else 10)
+    assert gap in sink.told()
+    assert runner.progress.a2c.received_bytes == 13
+
+
+def test_a_seam_ends_what_was_open(bench: Bench) -> None:
+    """The tap died: what was open is closed behind gaps of unknown length, and names go on."""
+    sink = ExchangeHistory()
+    bench.put(Kind.OPENED)
+    bench.put(Kind.BYTES, payload=b"abc")
+    bench.writer.close()
+    bench.writer = bench.new_writer()
+    bench.put(Kind.OPENED)
+    bench.put(Kind.BYTES, payload=b"de")
+    runner = bench.runner(sink)
+    bench.tick(runner)
+    assert sink.told() == [
+        ("1", A2C, Kind.OPENED, 0, 0),
+        ("1", A2C, Kind.BYTES, 0, b"abc"),
+        ("1", A2C, Kind.GAP, 3, -1),
+        ("1", C2A, Kind.GAP, 0, -1),
+        ("1", A2C, Kind.CLOSED, 3, 0),
+        ("2", A2C, Kind.OPENED, 0, 0),
+        ("2", A2C, Kind.BYTES, 0, b"de"),
+    ]
+    assert sink.events[4].note == "the forwarding process started"
+    assert (runner.progress.a2c.unknown_gaps, runner.progress.connections) == (1, 2)
+
+
+def test_names_go_on_after_a_crash_and_a_seam(bench: Bench) -> None:
+    """No two connections of a recording bear one name, whichever process died in between."""
+    names: list[str] = []
+    for _ in range(3):
+        sink = ExchangeHistory()
+        bench.put(Kind.OPENED)
+        bench.tick(bench.runner(sink))
+        names += [e.connection for e in sink.events if e.kind is Kind.OPENED]
+        bench.put(Kind.CLOSED)
+        bench.tick(bench.runner(ExchangeHistory()))
+        bench.writer.close()
+        bench.writer = bench.new_writer()
+    assert names == ["1", "2", "3"]
+
+
+def test_a_connection_whose_opening_was_lost_is_opened(bench: Bench) -> None:
+    """Sinks may count on every connection to begin with OPENED."""
+    sink = ExchangeHistory()
+    bench.put(Kind.BYTES, offset=50, payload=b"abc")
+    bench.tick(bench.runner(sink))
+    assert sink.told() == [("1", A2C, Kind.OPENED, 0, 0), ("1", A2C, Kind.BYTES, 50, b"abc")]
+    assert sink.events[0].note == "its beginning is not recorded"
+
+
+def test_the_end_of_the_recording_ends_what_is_open(bench: Bench) -> None:
+    """The tap was killed and not started again: nobody knows how its connections ended."""
+    sink = ExchangeHistory()
+    bench.put(Kind.OPENED)
+    bench.put(Kind.BYTES, payload=b"abc")
+    runner = bench.runner(sink)
+    while runner.step():
+        pass
+    runner.finish()
+    assert [kind for _, _, kind, _, _ in sink.told()][2:] == [Kind.GAP, Kind.GAP, Kind.CLOSED]
+    assert sink.closed
+    kept = Progress.read(read_checkpoint(bench.spool)["state"])
+    assert kept == runner.progress
+    assert kept.finished
+
+
+def test_a_finished_recording_is_not_counted_again(bench: Bench) -> None:
+    """A recorder killed between the end and the tidying up: the next one counts from nothing."""
+    bench.put(Kind.OPENED)
+    runner = bench.runner(ExchangeHistory())
+    runner.step()
+    runner.finish()
+    assert bench.runner(ExchangeHistory()).progress == Progress()
+
+
+def test_ended_connections_are_forgotten(bench: Bench) -> None:
+    """Weeks of short connections leave nothing behind in memory or in the checkpoint."""
+    runner = bench.runner(ExchangeHistory())
+    for number in range(1, 200):
+        for kind in (Kind.OPENED, Kind.CLOSED):
+            bench.put(kind, stream_number(number, A2C))
+    bench.tick(runner)
+    bench.tick(runner)
+    assert list(runner._event_builder.reopening_events(0)) == []
+    assert len((bench.spool / "checkpoint.json").read_bytes()) < 1_000
+
+
+def test_no_file_is_overwritten(tmp_path: Path) -> None:
+    """Sinks of later lives get names of their own, and all are told."""
+    (tmp_path / "capture.mcap").write_text("earlier")
+    files: list[str] = []
+    folder = OutputFolder(tmp_path, files)
+    make: Callable[[], Path] = lambda: folder.new("capture.mcap")  # noqa: E731 - said once
+    assert [make().name, make().name] == files == ["capture-2.mcap", "capture-3.mcap"]
+    assert (tmp_path / "capture.mcap").read_text() == "earlier"
+
+
+def test_what_goes_on_goes_on_in_its_time(bench: Bench) -> None:
+    """However late the next scribe comes: its connections begin when what it gets next was."""
+    sink = ExchangeHistory()
+    bench.put(Kind.OPENED, payload=b"a > b")
+    bench.tick(bench.runner())
+    bench.now_ns += 1
+    bench.put(Kind.BYTES, payload=b"abc")
+    bench.now_ns += 3600 * 10**9
+    runner = bench.runner(sink)
+    bench.tick(runner)
+    times = [event.time_ns for event in sink.events]
+    assert times == sorted(times)
+
+
+def test_a_progress_names_the_latest_files_only(bench: Bench) -> None:
+    """And counts the others: it is written four times a second, for weeks."""
+    bench.put(Kind.OPENED, payload=b"a > b")
+    reader = SpoolReader(bench.spool)
+    folders: list[OutputFolder] = []
+
+    def make(folder: OutputFolder) -> ExchangeHistory:
+        folders.append(folder)
+        return ExchangeHistory()
+
+    runner = SinkRunner(reader, bench.out_dir, [make], now_ns=lambda: bench.now_ns)
+    for number in range(MAX_LISTED_FILES + 5):
+        folders[0].new(f"{number}.mcap")
+    bench.tick(runner)
+    reader.close()
+    progress = Progress.read(read_checkpoint(bench.spool)["state"])
+    assert progress.files == [f"{number}.mcap" for number in range(5, MAX_LISTED_FILES + 5)]
+    assert progress.earlier_files == 5
+
+
+def test_trouble_is_known_until_something_is_written(bench: Bench) -> None:
+    """To who watches, and to the file that comes after it; what lasts is news but once."""
+    bench.put(Kind.OPENED, payload=b"a > b")
+    bench.tick(bench.runner(ExchangeHistory()))
+    assert note_stall(bench.spool, 5_000_000_000, "full")
+    assert not note_stall(bench.spool, 6_000_000_000, "full")
+    assert note_stall(bench.spool, 7_000_000_000, "broken")
+    assert stall_of(read_checkpoint(bench.spool)) == (5_000_000_000, "broken")
+    bench.readers.pop().close()
+    reader = SpoolReader(bench.spool)
+    folders: list[OutputFolder] = []
+
+    def make(folder: OutputFolder) -> ExchangeHistory:
+        folders.append(folder)
+        return ExchangeHistory()
+
+    runner = SinkRunner(reader, bench.out_dir, [make], now_ns=lambda: bench.now_ns)
+    since = "nothing was written since 1970-01-01 00:00:05 UTC: broken"
+    assert folders[0].take_metadata() == {"interrupted": since}
+    assert folders[0].take_metadata() == {}
+    assert runner.progress.connections == 1, "what was acknowledged is kept"
+    bench.tick(runner)
+    reader.close()
+    assert stall_of(read_checkpoint(bench.spool)) is None
+
+
+def test_trouble_may_come_before_anything_else(tmp_path: Path) -> None:
+    """A folder that is read-only from the start: a scribe begins as in a new spool."""
+    SpoolReader(tmp_path).close()
+    assert note_stall(tmp_path, 1, "read-only")
+    reader = SpoolReader(tmp_path)
+    assert (reader.state, reader.stall) == ({}, (1, "read-only"))
+    reader.close()

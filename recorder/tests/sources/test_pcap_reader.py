@@ -1,0 +1,569 @@
+"""Captures of every link and file type give the same events; damaged ones give what is whole."""
+
+import gzip
+import io
+import logging
+import struct
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scapy.layers.inet import IP, TCP, UDP
+from scapy.layers.inet6 import IPv6, IPv6ExtHdrFragment, IPv6ExtHdrHopByHop
+from scapy.layers.l2 import CookedLinux, CookedLinuxV2, Dot1AD, Dot1Q, Ether, Loopback
+from scapy.packet import Packet, Raw
+
+from scaraspec.protocol.direction import A2C, C2A
+from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec_recorder.errors import CaptureError
+from scaraspec_recorder.sources.pcap_reader import _MAX_RECORD_BYTES, _Source, read_pcap
+
+CLIENT, CONTROLLER = "192.0.2.1", "192.0.2.2"
+CLIENT6, CONTROLLER6 = "2001:db8::1", "2001:db8::2"
+REQUEST = bytes.fromhex("aa0900cc")
+REPLY = bytes.fromhex("cc09023030aa")
+START_NS = 1_700_000_000_123_456_789
+STEP_NS = 1_000_000
+
+ETHERNET, RAW, RAW4, RAW6, NULL, LOOP, SLL, SLL2 = 1, 101, 228, 229, 0, 108, 113, 276
+
+
+def ip4(*, from_client: bool) -> Packet:
+    src, dst = (CLIENT, CONTROLLER) if from_client else (CONTROLLER, CLIENT)
+    return IP(src=src, dst=dst)
+
+
+def ip6(*, from_client: bool) -> Packet:
+    src, dst = (CLIENT6, CONTROLLER6) if from_client else (CONTROLLER6, CLIENT6)
+    return IPv6(src=src, dst=dst)
+
+
+def ether(payload: Packet) -> Packet:
+    return Ether(src="02:00:00:00:00:01", dst="02:00:00:00:00:02") / payload
+
+
+def tcp(*, from_client: bool, seq: int, ack: int, flags: str, port: int = 8877) -> Packet:
+    sport, dport = (50000, port) if from_client else (port, 50000)
+    return TCP(sport=sport, dport=dport, seq=seq, ack=ack, flags=flags)
+
+
+def conversation(network: Callable[..., Packet] = ip4, port: int = 8877) -> list[Packet]:
+    """A handshake, a request, its reply and the end, as network-layer packets."""
+    steps = [
+        (True, 100, 0, "S", b""),
+        (False, 900, 101, "SA", b""),
+        (True, 101, 901, "A", b""),
+        (True, 101, 901, "PA", REQUEST),
+        (False, 901, 105, "PA", REPLY),
+        (True, 105, 907, "FA", b""),
+        (False, 907, 106, "FA", b""),
+        (True, 106, 908, "A", b""),
+    ]
+    return [
+        network(from_client=sent)
+        / tcp(from_client=sent, seq=seq, ack=ack, flags=flags, port=port)
+        / data
+        for sent, seq, ack, flags, data in steps
+    ]
+
+
+def pcap(
+    packets: Iterable[bytes],
+    link_type: int = ETHERNET,
+    *,
+    order: str = "<",
+    per_second: int = 10**9,
+    cut_bytes: int = 1 << 16,
+) -> bytes:
+    magic = 0xA1B23C4D if per_second == 10**9 else 0xA1B2C3D4
+    records = [struct.pack(order + "IHHiIII", magic, 2, 4, 0, 0, cut_bytes, link_type)]
+    for number, packet in enumerate(packets):
+        second, ns = divmod(START_NS + number * STEP_NS, 10**9)
+        kept = packet[:cut_bytes]
+        lengths = len(kept), len(packet)
+        fraction = ns * per_second // 10**9
+        records.append(struct.pack(order + "IIII", second, fraction, *lengths) + kept)
+    return b"".join(records)
+
+
+def block(kind: int, body: bytes, order: str = "<") -> bytes:
+    body += bytes(-len(body) % 4)
+    length = struct.pack(order + "I", len(body) + 12)
+    return struct.pack(order + "I", kind) + length + body + length
+
+
+def option(code: int, value: bytes, order: str = "<") -> bytes:
+    return struct.pack(order + "HH", code, len(value)) + value + bytes(-len(value) % 4)
+
+
+def section(order: str = "<") -> bytes:
+    return block(0x0A0D0D0A, struct.pack(order + "IHHq", 0x1A2B3C4D, 1, 0, -1), order)
+
+
+def interface(link_type: int = ETHERNET, resolution: int = 9, order: str = "<") -> bytes:
+    options = option(2, b"eth0", order) + option(9, bytes([resolution]), order) + bytes(4)
+    return block(1, struct.pack(order + "HHI", link_type, 0, 0) + options, order)
+
+
+def enhanced_packet(
+    packet: bytes, number: int, *, per_second: int = 10**9, order: str = "<", options: bytes = b""
+) -> bytes:
+    ticks = (START_NS + number * STEP_NS) * per_second // 10**9
+    header = struct.pack(
+        order + "IIIII", 0, ticks >> 32, ticks & 0xFFFFFFFF, len(packet), len(packet)
+    )
+    return block(6, header + packet + bytes(-len(packet) % 4) + options, order)
+
+
+def pcapng(packets: Iterable[bytes], order: str = "<") -> bytes:
+    return section(order) + b"".join(
+        [
+            interface(order=order),
+            *(enhanced_packet(packet, at, order=order) for at, packet in enumerate(packets)),
+        ]
+    )
+
+
+def frames(packets: Iterable[Packet]) -> list[bytes]:
+    return [bytes(ether(packet)) for packet in packets]
+
+
+def events_of(path: Path, content: bytes) -> list[WireEvent]:
+    path.write_bytes(content)
+    return list(read_pcap(path))
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "capture"
+
+
+@pytest.fixture
+def scapy_says() -> Iterator[list[str]]:
+    """What scapy logs."""
+    said: list[str] = []
+    handler = logging.Handler()
+    handler.emit = lambda record: said.append(record.getMessage())  # type: ignore[method-assign]  # a handler of one line
+    logger = logging.getLogger("scapy")
+    logger.addHandler(handler)
+    yield said
+    logger.removeHandler(handler)
+
+
+def expected(addresses: str, resolution_ns: int = 1) -> list[WireEvent]:
+    """What every capture of `conversation` holds, with times cut to `resolution_ns`."""
+
+    def at(number: int) -> int:
+        return (START_NS + number * STEP_NS) // resolution_ns * resolution_ns
+
+    return [
+        WireEvent(at(0), "1", A2C, Kind.OPENED, note=addresses),
+        WireEvent(at(3), "1", A2C, Kind.BYTES, REQUEST),
+        WireEvent(at(4), "1", C2A, Kind.BYTES, REPLY),
+        WireEvent(at(5), "1", A2C, Kind.HALF_CLOSED),
+        WireEvent(at(6), "1", C2A, Kind.HALF_CLOSED),
+        WireEvent(at(6), "1", C2A, Kind.CLOSED),
+    ]
+
+
+OVER_IPV4 = expected("192.0.2.1:50000 → 192.0.2.2:8877")
+OVER_IPV6 = expected("[2001:db8::1]:50000 → [2001:db8::2]:8877")
+
+
+def ip6_with_extensions(*, from_client: bool) -> Packet:
+    whole = IPv6ExtHdrFragment(offset=0, m=0, res2=3, nh=51)
+    authentication = Raw(bytes([6, 4]) + bytes(22))  # then TCP; 24 bytes, counted as words less 2
+    return ip6(from_client=from_client) / IPv6ExtHdrHopByHop() / whole / authentication
+
+
+@pytest.mark.parametrize(
+    ("link_type", "wrap"),
+    [
+        (ETHERNET, ether),
+        (ETHERNET, lambda packet: ether(Dot1Q(vlan=7) / packet)),
+        (ETHERNET, lambda packet: ether(Dot1AD(vlan=7) / Dot1Q(vlan=8) / packet)),
+        (SLL, lambda packet: CookedLinux() / packet),
+        (SLL, lambda packet: CookedLinux() / Dot1Q(vlan=7) / packet),
+        (SLL2, lambda packet: CookedLinuxV2() / packet),
+        (NULL, lambda packet: Loopback(type=0x1E if IPv6 in packet else 2) / packet),
+        (LOOP, lambda packet: Loopback(type=0x18 if IPv6 in packet else 2) / packet),
+        (RAW, lambda packet: packet),
+    ],
+    ids=["ethernet", "vlan", "q-in-q", "sll", "sll vlan", "sll2", "null", "loop", "raw"],
+)
+def test_link_types(path: Path, link_type: int, wrap: Callable[[Packet], Packet]) -> None:
+    """Whatever the packets are wrapped in, the conversation is the same."""
+    for network, events in ((ip4, OVER_IPV4), (ip6, OVER_IPV6)):
+        packets = [bytes(wrap(packet)) for packet in conversation(network)]
+        assert events_of(path, pcap(packets, link_type)) == events
+
+
+def test_ipv6_extension_headers(path: Path) -> None:
+    """Extension headers, among them that of a packet in one fragment, are stepped over."""
+    assert events_of(path, pcap(frames(conversation(ip6_with_extensions)))) == OVER_IPV6
+
+
+@pytest.mark.parametrize("link_type", [RAW4, RAW6])
+def test_raw_ip_of_one_version(path: Path, link_type: int) -> None:
+    """The link types for one version of IP are read like that for both."""
+    network, events = (ip4, OVER_IPV4) if link_type == RAW4 else (ip6, OVER_IPV6)
+    packets = [bytes(packet) for packet in conversation(network)]
+    assert events_of(path, pcap(packets, link_type)) == events
+
+
+@pytest.mark.parametrize("compress", [bytes, gzip.compress], ids=["plain", "gzip"])
+@pytest.mark.parametrize("order", ["<", ">"], ids=["little", "big"])
+@pytest.mark.parametrize("per_second", [10**6, 10**9])
+def test_pcap_files(
+    path: Path, order: str, per_second: int, compress: Callable[[bytes], bytes]
+) -> None:
+    """Both byte orders and both resolutions of pcap, plain and compressed."""
+    content = pcap(frames(conversation()), order=order, per_second=per_second)
+    resolution_ns = 10**9 // per_second
+    addresses = OVER_IPV4[0].note
+    assert events_of(path, compress(content)) == expected(addresses, resolution_ns)
+
+
+@pytest.mark.parametrize("order", ["<", ">"], ids=["little", "big"])
+def test_pcapng_files(path: Path, order: str) -> None:
+    """Both byte orders of pcapng."""
+    assert events_of(path, pcapng(frames(conversation()), order)) == OVER_IPV4
+
+
+def test_pcapng_comments_and_foreign_blocks_are_passed_over(
+    path: Path, scapy_says: list[str]
+) -> None:
+    """Comments, statistics, names, secrets and blocks nobody knows take nothing away."""
+    comment = option(1, "a comment, 注释".encode()) + bytes(4)
+    foreign = [
+        block(4, bytes(8)),
+        block(5, struct.pack("<III", 0, 0, 0) + comment),
+        block(10, struct.pack("<II", 0x544C534B, 4) + b"none"),
+        block(0x0BAD, b"who?"),
+        block(0x80000001, struct.pack("<I", 77)),
+    ]
+    content = section() + interface()
+    for number, packet in enumerate(frames(conversation())):
+        content += foreign[number % len(foreign)]
+        content += enhanced_packet(packet, number, options=comment)
+    assert events_of(path, content) == OVER_IPV4
+    assert scapy_says == []
+
+
+def test_pcapng_sections_each_have_their_interfaces(path: Path) -> None:
+    """Captures joined end to end keep their own link types and time units."""
+    packets = frames(conversation())
+    content = section(">") + interface(SLL, 6, ">") + section() + interface()
+    content += b"".join(enhanced_packet(packet, at) for at, packet in enumerate(packets[:4]))
+    content += section() + interface(ETHERNET, 6)
+    content += b"".join(
+        enhanced_packet(packet, at, per_second=10**6) for at, packet in enumerate(packets[4:], 4)
+    )
+    addresses = OVER_IPV4[0].note
+    assert events_of(path, content) == [*OVER_IPV4[:2], *expected(addresses, 1000)[2:]]
+
+
+def test_pcapng_interfaces_each_have_their_offset_of_time(path: Path) -> None:
+    """What an interface adds to its times is added."""
+    packets, start_s = frames(conversation()), START_NS // 10**9
+    resolution, offset = option(9, b"\x09"), option(14, struct.pack("<q", start_s))
+    described = block(1, struct.pack("<HHI", ETHERNET, 0, 0) + resolution + offset + bytes(4))
+    content = section() + described
+    for number, packet in enumerate(packets):
+        ticks = START_NS % 10**9 + number * STEP_NS
+        size = len(packet)
+        content += block(6, struct.pack("<IIIII", 0, 0, ticks, size, size) + packet)
+    assert events_of(path, content) == OVER_IPV4
+
+
+def test_a_pcapng_packet_of_no_interface_is_damage(path: Path) -> None:
+    """Without its interface nobody knows the packet's link type: the file is read up to there."""
+    packets = [enhanced_packet(packet, at) for at, packet in enumerate(frames(conversation()))]
+    begin = section() + interface() + b"".join(packets) + section()
+    path.write_bytes(begin + packets[0])
+    capture = read_pcap(path)
+    assert list(capture) == OVER_IPV4
+    note = f"the file is torn or damaged at byte {len(begin)}: read up to there"
+    assert capture.summary.notes == [note]
+
+
+def test_pcapng_packets_without_time(path: Path) -> None:
+    """A Simple Packet Block has no time: its events take that of what was told before."""
+    first, *others = frames(conversation())
+    simple = [block(3, struct.pack("<I", len(packet)) + packet) for packet in others]
+    described = block(1, struct.pack("<HHI", ETHERNET, 0, 0))  # without a limit of their length
+    content = section() + described + enhanced_packet(first, 0, per_second=10**6) + b"".join(simple)
+    events = events_of(path, content)
+    assert [event.kind for event in events] == [event.kind for event in OVER_IPV4]
+    assert {event.time_ns for event in events} == {START_NS // 1000 * 1000}
+
+
+def test_padding_is_no_data(path: Path) -> None:
+    """Short Ethernet frames are filled up to 60 bytes; the filling is not TCP's."""
+    packets = [frame.ljust(60, b"\xee") for frame in frames(conversation())]
+    assert events_of(path, pcap(packets)) == OVER_IPV4
+
+
+def test_packets_larger_than_the_length_field(path: Path) -> None:
+    """Before a network card splits it, a packet may be larger than IP can say: its length is 0."""
+    data = bytes(range(256)) * 300
+    packets = conversation()[:3]
+    large = IP(src=CLIENT, dst=CONTROLLER, len=0) / tcp(
+        from_client=True, seq=101, ack=901, flags="A"
+    )
+    content = pcap([*frames(packets), bytes(ether(large)) + data], cut_bytes=1 << 18)
+    assert events_of(path, content)[1:] == [
+        WireEvent(START_NS + 3 * STEP_NS, "1", A2C, Kind.BYTES, data)
+    ]
+
+
+def test_a_short_snap_length_leaves_gaps(path: Path) -> None:
+    """Bytes that the capture cut off are gaps of exactly their number, and noted."""
+    path.write_bytes(pcap(frames(conversation()), cut_bytes=14 + 20 + 20 + 1))
+    capture = read_pcap(path)
+    told = [(event.kind, event.data, event.length_bytes) for event in capture]
+    assert told[1:5] == [
+        (Kind.BYTES, REQUEST[:1], 0),
+        (Kind.GAP, b"", 3),
+        (Kind.BYTES, REPLY[:1], 0),
+        (Kind.GAP, b"", 5),
+    ]
+    assert capture.summary.notes == ["packets cut short by the capture, the rest is a gap: 2"]
+
+
+def test_a_lost_length_on_the_wire_leaves_gaps(path: Path) -> None:
+    """Where a tool forgot how long a packet was, the length that IP states tells what is cut."""
+    cut = [frame[: 14 + 20 + 20 + 1] for frame in frames(conversation())]
+    gaps = [event for event in events_of(path, pcap(cut)) if event.kind is Kind.GAP]
+    assert [event.length_bytes for event in gaps] == [3, 5]
+
+
+def test_checksums_of_the_link_are_no_data(path: Path) -> None:
+    """The upper bits of pcap's link type tell of a checksum behind each packet: no data."""
+    packets = [frame + b"\xaa\xcc\xaa\xcc" for frame in frames(conversation())]
+    assert events_of(path, pcap(packets, 0x2400_0000 | ETHERNET)) == OVER_IPV4
+
+
+def test_times_beyond_any_clock(path: Path) -> None:
+    """A time stamp that no clock shows still fits the 64 bits that others keep times in."""
+    content = section() + interface(resolution=0)
+    content += enhanced_packet(frames(conversation())[0], 0)  # nanoseconds, told as seconds
+    (event,) = events_of(path, content)
+    assert event.time_ns == 2**63 - 1
+
+
+def test_headers_cut_off_are_noted(path: Path) -> None:
+    """Where not even the TCP header was kept, the note says so."""
+    path.write_bytes(pcap(frames(conversation()), cut_bytes=14 + 20 + 19))
+    capture = read_pcap(path)
+    assert list(capture) == []
+    assert capture.summary.notes[0] == "packets not read: headers are cut off: 8"
+
+
+@pytest.mark.parametrize("version", [4, 6])
+def test_fragments_are_gaps(path: Path, version: int) -> None:
+    """IP fragments are not put together: what they carried is a gap once it is acknowledged."""
+    packets = conversation(ip4 if version == 4 else ip6)
+    request = packets[3][TCP]
+    if version == 4:
+        first: Packet = IP(src=CLIENT, dst=CONTROLLER, flags="MF") / request
+        second: Packet = IP(src=CLIENT, dst=CONTROLLER, proto=6, frag=3) / b"\0\xcc"
+    else:
+        first = ip6(from_client=True) / IPv6ExtHdrFragment(m=1) / request
+        second = ip6(from_client=True) / IPv6ExtHdrFragment(offset=3, nh=6) / b"\0\xcc"
+    path.write_bytes(pcap(frames([*packets[:3], first, second, *packets[4:]])))
+    capture = read_pcap(path)
+    (gap,) = [event for event in capture if event.kind is Kind.GAP]
+    assert (gap.direction, gap.offset_bytes, gap.length_bytes) == (A2C, 0, 4)
+    assert capture.summary.notes == ["packets not read: IP fragments are not put together: 2"]
+
+
+def test_impossible_headers_are_noted(path: Path) -> None:
+    """Lengths that contradict each other are not followed."""
+    short_ip, short_tcp, long_tcp = (bytearray(frame) for frame in frames(conversation()[3:4] * 3))
+    short_ip[14] = 0x44  # an IP header of 16 bytes
+    short_tcp[14 + 20 + 12] = 0x40  # a TCP header of 16 bytes
+    long_tcp[14 + 20 + 12] = 0xF0  # a TCP header beyond the packet
+    path.write_bytes(pcap(map(bytes, [short_ip, short_tcp, long_tcp])))
+    capture = read_pcap(path)
+    assert list(capture) == []
+    assert capture.summary.notes[0] == "packets not read: headers contradict each other: 3"
+
+
+def test_other_traffic_is_passed_over(path: Path) -> None:
+    """What is no TCP takes no part: ARP, UDP, other protocols over IPv6, IP of no version."""
+    others = [
+        ether(Packet()) / b"?",
+        ether(IP(src=CLIENT, dst=CONTROLLER) / UDP(sport=8877, dport=8877)),
+        ether(IPv6(src=CLIENT6, dst=CONTROLLER6) / UDP(sport=8877, dport=8877)),
+    ]
+    arp = bytes(12) + b"\x08\x06" + bytes(28)
+    no_version = bytes(12) + b"\x08\x00" + bytes(28)
+    packets = [*(bytes(other) for other in others), arp, no_version]
+    path.write_bytes(pcap([*packets, *frames(conversation())]))
+    capture = read_pcap(path)
+    assert [event.kind for event in capture] == [event.kind for event in OVER_IPV4]
+    assert capture.summary.packets == 13
+    assert capture.summary.segments == 8
+    assert capture.summary.notes == []
+
+
+def test_unknown_link_types_are_noted(path: Path) -> None:
+    """A capture of another network says which link type was not read."""
+    path.write_bytes(pcap(frames(conversation()), link_type=147))
+    capture = read_pcap(path)
+    assert list(capture) == []
+    assert capture.summary.notes == [
+        "packets not read: link type 147 is not supported: 8",
+        "no TCP connection on port 8877 among 8 packets",
+    ]
+
+
+def test_the_port_selects(path: Path) -> None:
+    """Connections without the port are ignored, and that nothing remains is noted."""
+    path.write_bytes(pcap(frames(conversation(port=9000))))
+    capture = read_pcap(path)
+    assert list(capture) == []
+    assert capture.summary.notes == ["no TCP connection on port 8877 among 8 packets"]
+    for port in (9000, None):
+        assert len(list(read_pcap(path, port=port))) == len(OVER_IPV4)
+
+
+def test_packets_out_of_order_are_noted(path: Path) -> None:
+    """Swapped packets change nothing but the note."""
+    packets = frames(conversation())
+    blocks = [enhanced_packet(packet, at) for at, packet in enumerate(packets)]
+    blocks[3], blocks[4] = blocks[4], blocks[3]
+    path.write_bytes(section() + interface() + b"".join(blocks))
+    capture = read_pcap(path)
+    assert list(capture) == OVER_IPV4
+    assert capture.summary.notes == ["packets captured out of the order of time: 1"]
+
+
+def test_a_clock_set_back_is_noted(path: Path) -> None:
+    """The packets behind it are in their order, and the file says what happened to its times."""
+    packets = frames(conversation())
+    hour = 3600 * 10**9 // STEP_NS
+    blocks = [enhanced_packet(packet, at - hour * (at > 4)) for at, packet in enumerate(packets)]
+    path.write_bytes(section() + interface() + b"".join(blocks))
+    capture = read_pcap(path)
+    bytes_of = [event.data for event in capture if event.data]
+    assert bytes_of == [event.data for event in OVER_IPV4 if event.data]
+    assert capture.summary.notes == ["the capture's clock was set back: once"]
+
+
+def test_each_iteration_reads_anew(path: Path) -> None:
+    """A capture can be gone through twice, and its summary is of the last time."""
+    path.write_bytes(pcap(frames(conversation())))
+    capture = read_pcap(path)
+    assert list(capture) == list(capture) == OVER_IPV4
+    assert (capture.summary.packets, capture.summary.connections) == (8, 1)
+
+
+@pytest.mark.parametrize("write", [pcap, pcapng])
+def test_a_torn_file_gives_what_is_whole(
+    path: Path, write: Callable[[list[bytes]], bytes], scapy_says: list[str]
+) -> None:
+    """Torn at any byte: the events of the whole records before it, and a note where it tore."""
+    packets = frames(conversation())
+    ends = [len(write(packets[:count])) for count in range(len(packets) + 1)]
+    content = write(packets)
+    for length in range(ends[0], len(content) + 1):
+        path.write_bytes(content[:length])
+        capture = read_pcap(path)
+        list(capture)
+        whole = sum(end <= length for end in ends) - 1
+        assert capture.summary.packets == whole
+        note = f"the file is torn or damaged at byte {ends[whole]}: read up to there"
+        assert (note in capture.summary.notes) == (length not in ends)
+    assert scapy_says == []
+
+
+def test_a_torn_compressed_file_gives_what_is_whole(path: Path) -> None:
+    """A gzipped capture that stops early is noted like a plain one."""
+    path.write_bytes(gzip.compress(pcap(frames(conversation())), mtime=0)[:-20])
+    capture = read_pcap(path)
+    list(capture)
+    assert "torn or damaged" in capture.summary.notes[0]
+
+
+def test_a_giant_length_is_damage(path: Path) -> None:
+    """A record that claims gigabytes is not read into memory."""
+    packets = frames(conversation())
+    giants = [
+        (pcap(packets), struct.pack("<IIII", 0, 0, 0xFFFFFFF0, 0xFFFFFFF0)),
+        (pcapng(packets), struct.pack("<II", 6, 0xFFFFFFF0)),
+    ]
+    for content, giant in giants:
+        path.write_bytes(content + giant + bytes(64))
+        capture = read_pcap(path)
+        assert list(capture) == OVER_IPV4
+        assert "torn or damaged" in capture.summary.notes[0]
+    source = _Source(io.BytesIO(b"?"))
+    assert source.read(_MAX_RECORD_BYTES + 1) == b""
+    assert source.read(_MAX_RECORD_BYTES) == b"?"
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"", "is no capture: neither MCAP, pcap nor pcapng"),
+        (b"\x0a\x0d", "is no capture: neither MCAP, pcap nor pcapng"),
+        (b"an mcap file, say", "is no capture: neither MCAP, pcap nor pcapng"),
+        (
+            gzip.compress(gzip.compress(b"?", mtime=0), mtime=0),
+            "is no capture: neither MCAP, pcap nor pcapng",
+        ),
+        (pcap([])[:23], "is torn or damaged in its first bytes"),
+        (pcapng([])[:12], "is torn or damaged in its first bytes"),
+        (b"\x1f\x8b\x08", "is torn or damaged in its first bytes"),
+    ],
+)
+def test_no_capture(path: Path, content: bytes, reason: str) -> None:
+    """A file that is no capture is refused in one sentence with its name."""
+    path.write_bytes(content)
+    with pytest.raises(CaptureError) as refusal:
+        read_pcap(path)
+    assert str(refusal.value) == f"{path} {reason}"
+
+
+def test_a_missing_file(path: Path) -> None:
+    """A file that cannot be opened is named with the system's reason."""
+    with pytest.raises(CaptureError, match="cannot be read: No such file or directory"):
+        read_pcap(path)
+
+
+def test_without_scapy(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The missing extra is named with the command that installs it."""
+    monkeypatch.setitem(sys.modules, "scapy.utils", None)
+    with pytest.raises(CaptureError) as refusal:
+        read_pcap(path)
+    assert str(refusal.value) == "reading pcap files needs scapy: pip install 'scaraspec[pcap]'"
+
+
+WHOLE_FILES = [pcap(frames(conversation())), pcapng(frames(conversation()))]
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])  # the file is overwritten
+@given(
+    whole=st.sampled_from(WHOLE_FILES),
+    damage=st.lists(st.tuples(st.integers(0, 1000), st.binary(max_size=4)), min_size=1, max_size=5),
+    port=st.sampled_from([8877, None]),
+)
+def test_a_damaged_file_is_no_traceback(
+    path: Path, whole: bytes, damage: list[tuple[int, bytes]], port: int | None
+) -> None:
+    """Whatever bytes are wrong, a file is read as far as it goes or refused in a sentence."""
+    content = bytearray(whole)
+    for at, replacement in damage:
+        content[at : at + 4] = replacement
+    path.write_bytes(content)
+    try:
+        capture = read_pcap(path, port=port)
+    except CaptureError:
+        return
+    times = [event.time_ns for event in capture]
+    assert times == sorted(times)

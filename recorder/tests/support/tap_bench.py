@@ -1,0 +1,129 @@
+"""A tap on the present event loop between two sockets of the test, and what it tells."""
+
+import asyncio
+import socket
+from collections.abc import Awaitable, Callable
+from typing import Any, Self
+
+from scaraspec.protocol.direction import Direction
+from scaraspec.traffic.wire import Kind
+from scaraspec_recorder.spool.records import ControlRecord, Record
+from scaraspec_recorder.tap import tap as tap_module
+from scaraspec_recorder.tap import tcp
+from scaraspec_recorder.tap.routes import Upstream
+from scaraspec_recorder.tap.tap import Connect, Tap
+
+TIMEOUT_S = 20
+
+
+class Bench:
+    """A tap on the present event loop, a server behind it, and all that the tap tells."""
+
+    kernel_time = False
+
+    def __init__(self, route: Any = None, connect: Connect | None = None) -> None:
+        self.records: list[Record] = []
+        self.told = asyncio.Event()
+        self.server = tcp.listen("127.0.0.1", 0)
+        self.server.settimeout(0)
+        listener = tcp.listen("127.0.0.1", 0)
+        self.address = listener.getsockname()
+        self._listener = listener
+        self.tap = Tap(
+            route or Upstream(*self.server.getsockname()),
+            self.take,
+            connect,
+            kernel_time=self.kernel_time,
+            now_ns=lambda: 7,
+        )
+        self._sockets = [self.server]
+        self._stopped = False
+
+    async def __aenter__(self) -> Self:
+        await self.tap.start(self._listener)
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.stop()
+        for sock in self._sockets:
+            sock.close()
+
+    async def stop(self) -> None:
+        if not self._stopped:
+            self._stopped = True
+            await self.tap.stop()
+            self._listener.close()
+
+    def take(self, *fields: Any) -> None:
+        self.records.append(Record(*fields))
+        self.told.set()
+
+    async def client(self) -> socket.socket:
+        """A client that is connected to the tap."""
+        sock = socket.socket()
+        sock.settimeout(0)
+        self._sockets.append(sock)
+        await asyncio.get_running_loop().sock_connect(sock, self.address)
+        return sock
+
+    async def accept(self) -> socket.socket:
+        """The server's socket of the tap's connection."""
+        sock, _ = await asyncio.get_running_loop().sock_accept(self.server)
+        self._sockets.append(sock)
+        return sock
+
+    async def pair(self) -> tuple[socket.socket, socket.socket]:
+        client = await self.client()
+        return client, await self.accept()
+
+    async def until(self, kind: Kind) -> Record:
+        """The first record of this kind."""
+        while True:
+            for record in self.records:
+                if record.kind is kind:
+                    return record
+            self.told.clear()
+            await self.told.wait()
+
+    def stream(self, direction: Direction) -> bytes:
+        """The bytes told of a direction; they follow each other without hole."""
+        data = b""
+        for record in self.records:
+            if record.kind is Kind.BYTES and record.direction is direction:
+                assert record.offset_bytes == len(data)
+                data += record.payload
+        return data
+
+    def story(self) -> list[tuple[Kind | ControlRecord, Direction]]:
+        """What was told beside bytes."""
+        return [(r.kind, r.direction) for r in self.records if r.kind is not Kind.BYTES]
+
+
+def run_on(loop: str, test: Callable[[], Awaitable[None]]) -> None:
+    """Run a test's coroutine on an event loop of this name, for a bounded time."""
+    factory = tap_module.new_event_loop if loop == "uvloop" else asyncio.new_event_loop
+    with asyncio.Runner(loop_factory=factory) as runner:
+        runner.run(asyncio.wait_for(test(), TIMEOUT_S))
+
+
+async def turn() -> None:
+    """Let the tap have its turn: it runs on the same event loop."""
+    await asyncio.sleep(0)
+
+
+async def send(sock: socket.socket, data: bytes) -> None:
+    await asyncio.get_running_loop().sock_sendall(sock, data)
+    await turn()
+
+
+async def receive(sock: socket.socket, size_bytes: int) -> bytes:
+    data = b""
+    while len(data) < size_bytes:
+        more = await asyncio.get_running_loop().sock_recv(sock, size_bytes - len(data))
+        assert more, "the stream ended early"
+        data += more
+    return data
+
+
+async def at_end(sock: socket.socket) -> bool:
+    return await asyncio.get_running_loop().sock_recv(sock, 1) == b""

@@ -1,0 +1,384 @@
+"""Serial lines as sides of the tap, on ptys: bytes unchanged, hang-up, and who has the line."""
+
+import asyncio
+import os
+import random
+import select
+import socket
+import struct
+import sys
+import tty
+from asyncio import StreamReader, StreamWriter, open_connection, to_thread
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Self
+
+import pytest
+
+from journal import Journal, lines
+from scaraspec.protocol.direction import A2C, C2A, Direction
+from scaraspec.traffic.wire import Kind
+from scaraspec_recorder.recording import record
+from scaraspec_recorder.spool.records import Record
+from scaraspec_recorder.tap import serial_relay, tcp
+from scaraspec_recorder.tap.serial_relay import (
+    RfcommChannel,
+    SerialPort,
+    SerialRoute,
+    relay_serial_client,
+)
+from scaraspec_recorder.tap.tap import Tap
+
+pytest.importorskip("serial")
+
+TIMEOUT_S = 20
+EVERY_BYTE = bytes(range(256))  # with all that a terminal would swallow, echo or translate
+
+
+class Pty:
+    """A serial cable, of which this is one end; the other is a device that `name` leads to."""
+
+    def __init__(self, name: Path) -> None:
+        self.descriptor, self._device = os.openpty()
+        tty.setraw(self._device)  # from the beginning, as a cable is
+        name.unlink(missing_ok=True)
+        name.symlink_to(os.ttyname(self._device))
+        self.end = SerialPort(str(name), 115_200)
+
+    def close(self) -> None:
+        """Pull the cable."""
+        if self.descriptor >= 0:
+            os.close(self.descriptor)
+            os.close(self._device)
+            self.descriptor = -1
+
+    def send(self, data: bytes) -> None:
+        while data:
+            data = data[os.write(self.descriptor, data) :]
+
+    def receive(self, size_bytes: int) -> bytes:
+        data = bytearray()
+        while len(data) < size_bytes:
+            assert select.select([self.descriptor], [], [], TIMEOUT_S)[0], "nothing comes"
+            data += os.read(self.descriptor, size_bytes - len(data))
+        return bytes(data)
+
+
+@pytest.fixture
+def cable(tmp_path: Path) -> Iterator[Callable[[str], Pty]]:
+    """Lays cables, by name; one of the same name takes the place of the one before."""
+    cables: list[Pty] = []
+
+    def lay(name: str) -> Pty:
+        cables.append(Pty(tmp_path / name))
+        return cables[-1]
+
+    yield lay
+    for each in cables:
+        each.close()
+
+
+class Bench:
+    """A tap that leads clients to a serial line, and all that it tells."""
+
+    def __init__(self, route: Any) -> None:
+        self.records: list[Record] = []
+        self._told = asyncio.Event()
+        self._listener = route.listen("127.0.0.1", 0)
+        self._writers: list[StreamWriter] = []
+        self._tap = Tap(route, self._take)
+
+    async def __aenter__(self) -> Self:
+        await self._tap.start(self._listener)
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        for writer in self._writers:
+            writer.close()
+            with suppress(ConnectionError):  # a test or the tap has cut it off
+                await writer.wait_closed()
+        await self._tap.stop()
+
+    def _take(self, *fields: Any) -> None:
+        self.records.append(Record(*fields))
+        self._told.set()
+
+    async def connect(self) -> tuple[StreamReader, StreamWriter]:
+        reader, writer = await open_connection(*self._listener.getsockname())
+        self._writers.append(writer)
+        return reader, writer
+
+    async def until(self, kind: Kind) -> Record:
+        while True:
+            for each in self.records:
+                if each.kind is kind:
+                    return each
+            self._told.clear()
+            await self._told.wait()
+
+    def stream(self, direction: Direction) -> bytes:
+        pieces = [
+            r.payload for r in self.records if (r.kind, r.direction) == (Kind.BYTES, direction)
+        ]
+        return b"".join(pieces)
+
+
+def run(test: Callable[[], Awaitable[None]]) -> None:
+    asyncio.run(asyncio.wait_for(test(), TIMEOUT_S))
+
+
+async def until(condition: Callable[[], Any]) -> None:
+    """Wait for what another process does; the test's time-out bounds it."""
+    while not condition():
+        await to_thread(select.select, [], [], [], 0.01)
+
+
+async def write(writer: StreamWriter, data: bytes) -> None:
+    writer.write(data)
+    await writer.drain()
+
+
+def reset(writer: StreamWriter) -> None:
+    """Cut a connection."""
+    sock = writer.get_extra_info("socket")
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    writer.transport.abort()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_bytes_pass_unchanged_and_are_all_recorded(cable: Any, seed: int) -> None:
+    """Both directions at once, in random pieces, every value of a byte: nothing is translated."""
+    dice = random.Random(seed)
+    up, down = EVERY_BYTE + dice.randbytes(60_000), EVERY_BYTE[::-1] + dice.randbytes(60_000)
+
+    def pieces(data: bytes) -> Iterator[bytes]:
+        while data:
+            size = dice.choice((1, 4, 212, 5000))
+            yield data[:size]
+            data = data[size:]
+
+    async def test() -> None:
+        controller = cable("controller")
+        async with Bench(SerialRoute(controller.end)) as bench:
+            reader, writer = await bench.connect()
+
+            await write(writer, up[:1])  # what comes before the device is open, nobody hears
+            first = await to_thread(controller.receive, 1)
+
+            async def send_up() -> None:
+                for piece in pieces(up[1:]):
+                    await write(writer, piece)
+
+            def send_down() -> None:
+                for piece in pieces(down):
+                    controller.send(piece)
+
+            _, _, arrived_up, arrived_down = await asyncio.gather(
+                send_up(),
+                to_thread(send_down),
+                to_thread(controller.receive, len(up) - 1),
+                reader.readexactly(len(down)),
+            )
+            assert (first + arrived_up, arrived_down) == (up, down)
+            assert bench.records[0].note.endswith(f" > {controller.end}")
+        assert (bench.stream(A2C), bench.stream(C2A)) == (up, down)
+
+    run(test)
+
+
+def test_a_hang_up_reaches_the_client_as_a_reset_behind_the_data(cable: Any) -> None:
+    """What the controller said before the line was cut still arrives."""
+
+    async def test() -> None:
+        controller = cable("controller")
+        async with Bench(SerialRoute(controller.end)) as bench:
+            reader, writer = await bench.connect()
+            await write(writer, b"hello")
+            assert await to_thread(controller.receive, 5) == b"hello"
+            controller.send(EVERY_BYTE)
+            assert await reader.readexactly(256) == EVERY_BYTE
+            controller.close()
+            with pytest.raises(ConnectionResetError):
+                await reader.read(1)
+            assert (await bench.until(Kind.RESET)).direction is C2A
+
+    run(test)
+
+
+def test_a_line_that_is_not_there_refuses_the_client(tmp_path: Path) -> None:
+    """The client is cut off, and the record says why."""
+
+    async def test() -> None:
+        async with Bench(SerialRoute(SerialPort(str(tmp_path / "nothing"), 9600))) as bench:
+            reader, _ = await bench.connect()
+            with pytest.raises(ConnectionResetError):
+                await reader.read(1)
+            note = (await bench.until(Kind.RESET)).note
+            assert note == "no connection: No such file or directory"
+
+    run(test)
+
+
+def test_a_client_that_is_cut_off_frees_the_line(cable: Any) -> None:
+    """After its reset the next client has the line."""
+
+    async def test() -> None:
+        controller = cable("controller")
+        async with Bench(SerialRoute(controller.end)) as bench:
+            for _ in range(3):
+                _, writer = await bench.connect()
+                await write(writer, b"hello")
+                assert await to_thread(controller.receive, 5) == b"hello"
+                reset(writer)
+
+    run(test)
+
+
+def test_who_has_finished_still_gets_answers_until_the_next_client_comes(cable: Any) -> None:
+    """A half-close keeps the line open; the next client takes it, and the first ends in order."""
+
+    async def test() -> None:
+        controller = cable("controller")
+        async with Bench(SerialRoute(controller.end)) as bench:
+            first, first_writer = await bench.connect()
+            await write(first_writer, b"last")
+            first_writer.write_eof()
+            assert await to_thread(controller.receive, 4) == b"last"
+            controller.send(b"answer")
+            assert await first.readexactly(6) == b"answer"
+            second, second_writer = await bench.connect()
+            await write(second_writer, b"next")
+            assert await to_thread(controller.receive, 4) == b"next"
+            assert await first.read() == b""
+            controller.send(b"yours")
+            assert await second.readexactly(5) == b"yours"
+            assert (await bench.until(Kind.CLOSED)).direction is C2A
+
+    run(test)
+
+
+def test_a_second_client_does_not_disturb_the_first(
+    cable: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is refused as long as the first has not finished."""
+    monkeypatch.setattr(serial_relay, "LINE_WAIT_S", 0.0)
+
+    async def test() -> None:
+        controller = cable("controller")
+        async with Bench(SerialRoute(controller.end)) as bench:
+            first, first_writer = await bench.connect()
+            await write(first_writer, b"mine")
+            assert await to_thread(controller.receive, 4) == b"mine"
+            second, _ = await bench.connect()
+            with pytest.raises(ConnectionResetError):
+                await second.read(1)
+            note = (await bench.until(Kind.RESET)).note
+            assert note == "no connection: another client has the line"
+            controller.send(b"yours")
+            assert await first.readexactly(5) == b"yours"
+
+    run(test)
+
+
+def test_a_controller_that_takes_nothing_blocks_the_client(cable: Any) -> None:
+    """Back-pressure reaches the client, and nothing is lost to it."""
+
+    async def test() -> None:
+        controller = cable("controller")
+        block, sent = random.Random(4).randbytes(1 << 16), bytearray()
+
+        async def send_much(writer: StreamWriter) -> None:
+            while len(sent) < 64 << 20:
+                sent.extend(block)
+                await write(writer, block)
+
+        async with Bench(SerialRoute(controller.end)) as bench:
+            _, writer = await bench.connect()
+            with pytest.raises(TimeoutError):
+                await asyncio.wait_for(send_much(writer), 0.3)  # silence that long means blocked
+            assert await to_thread(controller.receive, len(sent)) == sent
+
+    run(test)
+
+
+def test_a_client_on_a_line_of_its_own(cable: Any, tmp_path: Path) -> None:
+    """Line to line, all processes: bytes unchanged, a hang-up ends the session, another begins."""
+
+    def exchange(client: Pty, controller: Pty) -> None:
+        client.send(EVERY_BYTE)
+        assert controller.receive(256) == EVERY_BYTE
+        controller.send(EVERY_BYTE)
+        assert client.receive(256) == EVERY_BYTE
+
+    async def test() -> None:
+        controller = cable("controller")
+        way, inside = SerialRoute(controller.end), ("127.0.0.1", 0)
+        async with record(way, inside, tmp_path / "out", [Journal]) as recording:
+            client = cable("client")
+            async with relay_serial_client(client.end, recording.address):
+                await until(lambda: recording.progress.connections == 1)
+                await to_thread(exchange, client, controller)
+                client.close()
+                client = cable("client")
+                await until(lambda: recording.progress.connections == 2)
+                await to_thread(exchange, client, controller)
+        assert recording.progress.finished
+        assert recording.progress.a2c.recorded_bytes == 512
+        assert recording.progress.c2a.recorded_bytes == 512
+
+    run(test)
+    kinds = {(name, kind) for name, _, kind, *_ in lines(tmp_path / "out")}
+    assert {("1", "opened"), ("1", "reset"), ("2", "opened"), ("2", "closed")} <= kinds
+
+
+def test_a_clients_line_hangs_up_where_the_controller_ends(cable: Any) -> None:
+    """All that came is written first; then the line is opened and connected anew."""
+
+    def talk(client: Pty, server: socket.socket) -> None:
+        with server.accept()[0] as controller:
+            client.send(EVERY_BYTE)
+            assert controller.recv(256, socket.MSG_WAITALL) == EVERY_BYTE
+            controller.sendall(EVERY_BYTE)
+        assert client.receive(256) == EVERY_BYTE
+
+    async def test() -> None:
+        client = cable("client")
+        with tcp.listen("127.0.0.1", 0) as server:
+            async with relay_serial_client(client.end, server.getsockname()):
+                for _ in range(2):
+                    await to_thread(talk, client, server)
+
+    run(test)
+
+
+def test_an_rfcomm_channel_is_a_device() -> None:
+    """It reads, writes, hangs up and is cancelled as a port is."""
+    near, far = socket.socketpair()
+    with far:
+        device = serial_relay._Channel(near)
+        device.write(EVERY_BYTE)
+        assert far.recv(1000) == EVERY_BYTE
+        far.sendall(EVERY_BYTE)
+        assert device.read() == EVERY_BYTE
+        far.close()
+        with pytest.raises(OSError, match="hung up"):
+            device.read()
+        device.cancel()
+        device.close()
+
+
+def test_a_system_without_such_lines_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before anything is recorded, in one sentence with the way out."""
+    monkeypatch.delattr(socket, "AF_BLUETOOTH", raising=False)
+    with pytest.raises(OSError, match="rfcomm bind"):
+        SerialRoute(RfcommChannel("AA:BB:CC:DD:EE:FF", 1)).listen("127.0.0.1", 0)
+    monkeypatch.setitem(sys.modules, "serial", None)
+    with pytest.raises(OSError, match=r"pip install 'scaraspec\[serial\]'"):
+        SerialRoute(SerialPort("COM3", 9600)).listen("127.0.0.1", 0)
+
+
+def test_ends_are_written_as_users_write_them() -> None:
+    """The recording names a line by its URL."""
+    assert str(SerialPort("/dev/ttyUSB0", 115_200)) == "serial:///dev/ttyUSB0?baud=115200"
+    assert str(RfcommChannel("AA:BB:CC:DD:EE:FF", 1)) == "rfcomm://AA:BB:CC:DD:EE:FF/1"
