@@ -84,10 +84,11 @@ def _steps(driver: Driver, timeout_s: float) -> Iterator[str]:
             if link.recv(1):
                 raise DriverError("disconnect sends data instead of closing the connection")
             yield "disconnect closes the connection"
-    if driver.strays:
+    if driver.unmatched_lines:
         raise DriverError(
             UserMessage(
-                "a line on stdout is no answer to a request: {strays}", strays=driver.strays[0]
+                "a line on stdout is no answer to a request: {strays}",
+                strays=driver.unmatched_lines[0],
             )
         )
 

@@ -38,16 +38,16 @@ class MemoryClient:
     """
 
     attended = False
-    answer_s = 10.0
+    answer_timeout_s = 10.0
     host, port = LOOPBACK, _PORT
-    dialled_port = _PORT
+    connected_port = _PORT
     complaints = ""
 
     def __init__(self, make: type[AsyncClient], dialect: Dialect) -> None:
         self._make, self._dialect = make, dialect
         self._scratch = tempfile.TemporaryDirectory(prefix="scaraspec-")
         self.folder = Path(self._scratch.name)
-        self.strays: list[str] = []
+        self.unmatched_lines: list[str] = []
         self._calls: dict[int, Call] = {}
         self._loop = SimulatedLoop(_EPOCH_NS)
         self._loop.ports = {_PORT}
@@ -82,7 +82,7 @@ class MemoryClient:
         """The next connection."""
         link = self._loop.accept(deadline_s)
         if link is not None:
-            self.dialled_port = link.port
+            self.connected_port = link.port
         return link
 
     def listen_at_default(self) -> bool:
@@ -90,7 +90,7 @@ class MemoryClient:
         self._loop.ports.add(DEFAULT_PORT)
         return True
 
-    def ask(self, sentence: str) -> Call | None:  # noqa: ARG002 - a driver says it by itself
+    def ask_operator(self, sentence: str) -> Call | None:  # noqa: ARG002 - a driver says it by itself
         """Nobody is asked."""
         return None
 

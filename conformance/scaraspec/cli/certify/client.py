@@ -130,7 +130,7 @@ def _access(
         raise Problem("no client: name its driver, such as --driver 'scaraspec client-driver'")
     where = split_host_port(listen, lowest_port=0)
     try:
-        access = Attended(*where, click.echo, answer_s=answer_s or _OPERATOR_S)
+        access = Attended(*where, click.echo, answer_timeout_s=answer_s or _OPERATOR_S)
     except OSError as error:
         raise Problem(
             UserMessage(

@@ -40,7 +40,7 @@ class OperationRefused(CaseFailed):
     """An order that a client refuses by itself, sending nothing of it.
 
     Values that only the register's silence allows, such as a pose out of reach, a case may order
-    `at_will`; the document's own examples, and what is as ordinary, it must not.
+    `allow_refusal`; the document's own examples, and what is as ordinary, it must not.
 
     Attributes:
         after_s: How long it took.

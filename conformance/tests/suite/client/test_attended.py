@@ -32,7 +32,7 @@ def _write(fd: int, text: str) -> None:
 def test_answers(sitting: Sitting, typed: str, ok: object) -> None:
     """A question is answered by yes or no, whatever else is typed before."""
     attended, types, _ = sitting
-    question = attended.ask("it glows")
+    question = attended.ask_operator("it glows")
     types(typed)
     attended.pump()
     assert question.ok is ok
@@ -54,10 +54,10 @@ def test_a_client_that_refuses(sitting: Sitting) -> None:
 def test_an_answer_counts_once(sitting: Sitting) -> None:
     """What is typed too often answers no other question."""
     attended, types, _ = sitting
-    first = attended.ask("it glows")
+    first = attended.ask_operator("it glows")
     types("y\ny\n")
     attended.pump()
-    second = attended.ask("it smokes")
+    second = attended.ask_operator("it smokes")
     attended.pump()
     assert first.ok
     assert second.answer is None

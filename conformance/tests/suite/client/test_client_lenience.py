@@ -382,7 +382,8 @@ def test_values_that_a_client_refuses(certified: Certified) -> None:
     """A client may refuse by itself what the document does not ask it to send, and is told of."""
     only = frozenset({"4.2/1", "4.4/1", "4.11/1", "4.24/1", "5.2/1", "7/2"})
     cases = {case.id: case for case in certified(Careful, only)}
-    assert not [case.id for case in cases.values() if case.verdict not in GOOD]
+    # A case has no verdict when the client refuses each of the few values that are drawn.
+    assert not [case.id for case in cases.values() if case.verdict not in (*GOOD, Verdict.NONE)]
     refused = cases["4.11/1.names"]
     assert refused.verdict is Verdict.TOLERATED
     assert refused.message == "the client declines delete_program by itself"

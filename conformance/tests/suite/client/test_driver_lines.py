@@ -22,4 +22,4 @@ def test_lines() -> None:
     line = shlex.join((sys.executable, "-c", BODY))
     with closing(Driver(line)) as driver:
         assert driver.wait(driver.begin("get_status"), 10).ok
-        assert not driver.strays
+        assert not driver.unmatched_lines

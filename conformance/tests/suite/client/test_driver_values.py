@@ -7,7 +7,7 @@ import pytest
 
 from scaraspec.protocol.commands import JointValues, Network, RunningProgram
 from scaraspec.protocol.payloads import NameListPart
-from scaraspec.suite.client.harness.driver_values import same, spoken
+from scaraspec.suite.client.harness.driver_values import expected_value, matches
 
 POINT = {"x": 1.5, "y": -2, "z": 0}
 NOON = datetime(2014, 12, 22, 12, 0)  # noqa: DTZ001 - the document names no zone
@@ -36,7 +36,7 @@ RUN_TIME = timedelta(days=1, seconds=3661)
 )
 def test_what_is_the_same(said: Any, expected: Any) -> None:
     """Records by name or in order, numbers of either type, times in either notation."""
-    assert same(said, expected)
+    assert matches(said, expected)
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_what_is_the_same(said: Any, expected: Any) -> None:
 )
 def test_what_is_not_the_same(said: Any, expected: Any) -> None:
     """Other values, other orders, and other types."""
-    assert not same(said, expected)
+    assert not matches(said, expected)
 
 
 @pytest.mark.parametrize(
@@ -86,6 +86,6 @@ def test_what_is_not_the_same(said: Any, expected: Any) -> None:
 )
 def test_how_a_value_is_said(value: Any, said: Any) -> None:
     """A value of the table becomes JSON, but for durations, which are said in two ways."""
-    assert spoken(value) == said
+    assert expected_value(value) == said
     if said is not None:
-        assert same(said if not isinstance(value, RunningProgram) else ["a.rob", 90061], said)
+        assert matches(said if not isinstance(value, RunningProgram) else ["a.rob", 90061], said)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from scaraspec.suite.client.harness.request_checks import plain
+from scaraspec.suite.client.harness.request_checks import to_decimal_text
 
 
 @pytest.mark.parametrize(
@@ -18,4 +18,4 @@ from scaraspec.suite.client.harness.request_checks import plain
 )
 def test_no_exponent_is_wanted(number: float, text: str) -> None:
     """What is expected is written as it is to be sent: an exponent is what fails."""
-    assert plain(number) == text
+    assert to_decimal_text(number) == text

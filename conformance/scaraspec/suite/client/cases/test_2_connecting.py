@@ -12,17 +12,17 @@ def test_it_dials_anew(subject: ClientUnderTest) -> None:
     """The controller cuts the connection off, and the client opens another one when told to."""
     line = subject.open()
     line.reset()
-    subject.settled(subject.begin("disconnect"))
+    subject.wait_for_answer(subject.begin("disconnect"))
     subject.open()
 
 
 @client_case("2/1", name="unanswered")
 def test_it_dials_after_a_login_in_vain(subject: ClientUnderTest) -> None:
     """The controller hangs up in place of answering the login; the client can dial anew."""
-    line, call = subject.dial()
+    line, call = subject.begin_connect()
     line.request("login", call)
     line.close()
-    subject.fails(call)
+    subject.expect_failure(call)
     subject.open()
 
 
@@ -35,31 +35,33 @@ def test_port(subject: ClientUnderTest) -> None:
                 "port {default_port} of this computer cannot be had", default_port=DEFAULT_PORT
             )
         )
-    line, call = subject.dial(port=DEFAULT_PORT)
-    expect_equal(subject.access.dialled_port, DEFAULT_PORT, "the port that was named was not taken")
+    line, call = subject.begin_connect(port=DEFAULT_PORT)
+    expect_equal(
+        subject.access.connected_port, DEFAULT_PORT, "the port that was named was not taken"
+    )
     line.log_in(call)
-    subject.done(call)
-    subject.settled(subject.begin("disconnect"))
+    subject.expect_done(call)
+    subject.wait_for_answer(subject.begin("disconnect"))
     try:
-        line, call = subject.dial(port=None)
+        line, call = subject.begin_connect(port=None)
     except CaseFailed:  # a driver may want to be told the port
         return
-    expect_equal(subject.access.dialled_port, DEFAULT_PORT, "no port was named, and it dialled")
+    expect_equal(subject.access.connected_port, DEFAULT_PORT, "no port was named, and it dialled")
     line.log_in(call)
-    subject.done(call)
+    subject.expect_done(call)
 
 
 @client_case("2/10")
 def test_login_comes_first(subject: ClientUnderTest) -> None:
     """On one connection after the other, the login comes before anything else."""
     for _ in range(2):
-        line, call = subject.dial()
-        first = line.awaited(lambda _: True, subject.answer_s, "no login was sent")
+        line, call = subject.begin_connect()
+        first = line.awaited(lambda _: True, subject.answer_timeout_s, "no login was sent")
         expect_equal(first.seen.name, "login", "the first request")
         line.reply("login")
-        subject.done(call)
+        subject.expect_done(call)
         status = subject.begin("get_status")
         line.serve(status, "00")
-        subject.gives(status, "00")
+        subject.expect_result(status, "00")
         line.close()
-        subject.settled(subject.begin("disconnect"))
+        subject.wait_for_answer(subject.begin("disconnect"))

@@ -6,17 +6,22 @@ from scaraspec.protocol.commands import BY_NAME, COMMANDS
 from scaraspec.protocol.frames import Frame
 from scaraspec.suite.client.harness.auto_responder import REPLIES
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.executing import RUN, executing, finished, goes_beside
-from scaraspec.suite.client.harness.files import serve, take
+from scaraspec.suite.client.harness.files import receive_upload, send_download
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.lists import fetches_parts, list_of, serve_list
 from scaraspec.suite.client.harness.operations import (
-    accomplished,
-    answer,
-    awaited,
-    expect_told,
-    of_each,
-    order,
+    answer_request,
+    await_request,
+    begin_operation,
+    expect_completed,
+    expect_reply_reported,
+    for_each_supported,
+)
+from scaraspec.suite.client.harness.program_lists import fetches_parts, list_parts, serve_list
+from scaraspec.suite.client.harness.two_stage import (
+    RUN,
+    begin_and_accept,
+    expect_finished,
+    require_while_executing,
 )
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
@@ -53,9 +58,9 @@ def test_reply_cut_anywhere(subject: ClientUnderTest, line: IncomingConnection) 
     data = _reply(line, "get_motor_temperatures")
     for cut in examples(range(1, len(data))):
         call = subject.begin("get_motor_temperatures")
-        awaited(line, call.name, call)
+        await_request(line, call.name, call)
         _send_cut(line, data, cut)
-        subject.gives(call, {"inner_arm": 20, "outer_arm": 38, "wrist": 34, "rotation": 22})
+        subject.expect_result(call, {"inner_arm": 20, "outer_arm": 38, "wrist": 34, "rotation": 22})
 
 
 @client_case("2/5", name="result")
@@ -63,21 +68,23 @@ def test_result_cut_anywhere(subject: ClientUnderTest, line: IncomingConnection)
     """A final result comes in two segments, cut at every byte in turn."""
     data = line.result_frame("run_program").encode()
     for cut in examples(range(1, len(data))):
-        call = order(subject, "run_program")
+        call = begin_operation(subject, "run_program")
         line.serve(call, data=b"1")
         line.wait(_CUT_S)
         _send_cut(line, data, cut)
-        accomplished(subject, call)
+        expect_completed(subject, call)
 
 
 @client_case("2/5", name="bytes")
 def test_single_bytes(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A long reply comes byte by byte."""
     call = subject.begin("get_network")
-    awaited(line, call.name, call)
+    await_request(line, call.name, call)
     data = _reply(line, "get_network")
     _send_cut(line, data, *range(1, len(data)), pause_s=_CUT_S / 5)
-    subject.gives(call, {"ip": "192.168.1.2", "mask": "255.255.255.0", "gateway": "192.168.1.1"})
+    subject.expect_result(
+        call, {"ip": "192.168.1.2", "mask": "255.255.255.0", "gateway": "192.168.1.1"}
+    )
 
 
 @client_case("2/5", name="slow")
@@ -87,22 +94,22 @@ def test_slow_pieces(subject: ClientUnderTest, line: IncomingConnection) -> None
     A client may lose patience with a reply as a whole (A-3-15), and not with a final result.
     """
     call = subject.begin("get_status")
-    awaited(line, "get_status", call)
+    await_request(line, "get_status", call)
     _send_cut(line, _reply(line, "get_status"), 4, pause_s=_SLOW_S)
-    subject.gives(call, "00")
-    call = order(subject, "run_program")
+    subject.expect_result(call, "00")
+    call = begin_operation(subject, "run_program")
     line.serve(call, data=b"1")
     _send_cut(line, line.result_frame("run_program").encode(), 2, 5, pause_s=_SLOW_S)
-    accomplished(subject, call)
+    expect_completed(subject, call)
 
 
 @client_case("2/5", name="all")
 def test_all_in_pieces(subject: ClientUnderTest) -> None:
     """Whatever is sent comes in pieces: the login, a list, a setting, results, both transfers."""
-    line, call = subject.dial()
-    line.cut_s = _CUT_S
+    line, call = subject.begin_connect()
+    line.fragment_pause_s = _CUT_S
     line.log_in(call)
-    subject.done(call)
+    subject.expect_done(call)
 
     def each(name: str) -> None:
         try:
@@ -111,45 +118,47 @@ def test_all_in_pieces(subject: ClientUnderTest) -> None:
             error.requirement = "2/5"
             raise
 
-    of_each((*_OF_EACH_KIND, "upload", "download"), each)
+    for_each_supported((*_OF_EACH_KIND, "upload", "download"), each)
 
 
 def _served(subject: ClientUnderTest, line: IncomingConnection, name: str) -> None:
     """Order an operation of this name, and see it to its good end."""
     match name:
         case "upload":
-            take(subject, line, _FILE)
+            receive_upload(subject, line, _FILE)
         case "download":
-            serve(subject, line, _FILE)
+            send_download(subject, line, _FILE)
         case "list_programs":
             names = [f"pro{number:03}.rob" for number in range(3 * _FULL_PART)]
             call = subject.begin(name)
-            serve_list(subject, line, call, list_of(*names, per_part=_FULL_PART))
-            subject.gives(call, names)
+            serve_list(subject, line, call, list_parts(*names, per_part=_FULL_PART))
+            subject.expect_result(call, names)
         case _:
-            call = order(subject, name)
+            call = begin_operation(subject, name)
             line.serve(call, data=b"1")
             if BY_NAME[name].two_stage:
                 line.result(name)
-            accomplished(subject, call)
+            expect_completed(subject, call)
 
 
 @client_case("2/5", name="interrupted")
 def test_request_within_a_reply(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Half a reply has come when the client sends another request; then comes the rest."""
-    subject.concurrent(line)
+    subject.require_concurrency(line)
     for name in examples(("get_version", "set_digital_output", "emergency_stop")):
         query = subject.begin("get_joint_angles")
-        awaited(line, query.name, query)
+        await_request(line, query.name, query)
         data = _reply(line, query.name)
         line.send_bytes(data[: len(data) // 2])
-        other = order(subject, name)
-        line.hears(subject.answer_s)  # the request, or a query that the client makes before it
+        other = begin_operation(subject, name)
+        line.hears(
+            subject.answer_timeout_s
+        )  # the request, or a query that the client makes before it
         line.send_bytes(data[len(data) // 2 :])
         request = line.request(name, other)
-        expect_told(subject, query, query.name, REPLIES[query.name])
-        answer(line, name, request)
-        subject.settled(other)
+        expect_reply_reported(subject, query, query.name, REPLIES[query.name])
+        answer_request(line, name, request)
+        subject.wait_for_answer(other)
 
 
 # ---------------------------------------------------------------------- joined
@@ -158,11 +167,11 @@ def test_request_within_a_reply(subject: ClientUnderTest, line: IncomingConnecti
 @client_case("2/6", attended=True)
 def test_result_with_its_reply(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The first reply and the final result of a command come in one segment."""
-    call = order(subject, "run_program")
-    awaited(line, call.name, call)
+    call = begin_operation(subject, "run_program")
+    await_request(line, call.name, call)
     reply = line.frame("run_program", data=b"1").encode()
     line.send_bytes(reply + line.result_frame("run_program").encode())
-    accomplished(subject, call)
+    expect_completed(subject, call)
 
 
 @client_case("2/6", name="list")
@@ -171,43 +180,43 @@ def test_parts_of_a_list(subject: ClientUnderTest, line: IncomingConnection) -> 
     if subject.dialect["list_cont"] == "request" or fetches_parts(subject, line):
         raise CaseSkipped("the client fetches each part of a list")
     names = [f"pro{number:03}.rob" for number in range(8 * _FULL_PART)]
-    parts = list_of(*names, per_part=_FULL_PART)
+    parts = list_parts(*names, per_part=_FULL_PART)
     frames = [line.frame("list_programs", data=part) for part in parts]
     call = subject.begin("list_programs")
-    awaited(line, call.name, call)
+    await_request(line, call.name, call)
     line.send_bytes(b"".join(map(Frame.encode, frames)))
-    subject.gives(call, names)
+    subject.expect_result(call, names)
 
 
 @client_case("2/6", name="two-replies")
 def test_two_replies(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The replies to two requests come in one segment, and so do their requests perhaps."""
-    subject.concurrent(line)
-    names = subject.unpolled("get_status", "get_version", "get_time")
+    subject.require_concurrency(line)
+    names = subject.prefer_unpolled("get_status", "get_version", "get_time")
     calls = [subject.begin(name) for name in names]
     for call in calls:
-        awaited(line, call.name, call)
+        await_request(line, call.name, call)
     line.send_bytes(b"".join(_reply(line, call.name) for call in calls))
     for call in calls:
-        subject.gives(call, REPLIES[call.name].decode())
+        subject.expect_result(call, REPLIES[call.name].decode())
 
 
 @client_case("2/6", name="first-replies")
 def test_first_reply_behind_another(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The first reply of each two-stage command comes in one segment with one to a query."""
-    subject.concurrent(line)
+    subject.require_concurrency(line)
 
     def each(name: str) -> None:
         query = subject.begin("get_version")
-        awaited(line, query.name, query)
-        call = order(subject, name)
-        awaited(line, name, call)
+        await_request(line, query.name, query)
+        call = begin_operation(subject, name)
+        await_request(line, name, call)
         line.send_bytes(_reply(line, query.name) + line.frame(name, data=b"1").encode())
         line.result(name)
-        subject.gives(query, REPLIES[query.name].decode())
-        accomplished(subject, call)
+        subject.expect_result(query, REPLIES[query.name].decode())
+        expect_completed(subject, call)
 
-    of_each([each.name for each in COMMANDS if each.two_stage], each)
+    for_each_supported([each.name for each in COMMANDS if each.two_stage], each)
 
 
 @client_case("2/6", name="among-others")
@@ -216,15 +225,15 @@ def test_result_among_others(subject: ClientUnderTest, line: IncomingConnection)
     ending = line.result_frame(RUN.name).encode()
 
     def each(name: str) -> None:
-        goes_beside(subject, line, name)
+        require_while_executing(subject, line, name)
         for place in examples(range(_FRAMES)):
-            run = executing(subject, line, RUN)
+            run = begin_and_accept(subject, line, RUN)
             line.wait(_CUT_S)
-            with subject.at_will(), line.joining(ending, behind=place):
+            with subject.allow_refusal(), line.append_to_frame(ending, after_frames=place):
                 _served(subject, line, name)
-            finished(subject, run, requirement="2/6")
+            expect_finished(subject, run, requirement="2/6")
 
-    of_each(("list_programs", "set_digital_output", "upload", "download"), each)
+    for_each_supported(("list_programs", "set_digital_output", "upload", "download"), each)
 
 
 @client_case("2/6", name="behind-others")
@@ -232,7 +241,7 @@ def test_reply_behind_others(subject: ClientUnderTest, line: IncomingConnection)
     """Frames that nobody waits for come ahead of a reply, in one segment with it."""
     for count in examples((1, 2, 9)):
         call = subject.begin("get_version")
-        awaited(line, call.name, call)
+        await_request(line, call.name, call)
         late = line.result_frame("reset").encode() * count
         line.send_bytes(late + _reply(line, "get_version"))
-        subject.gives(call, "1.0.0")
+        subject.expect_result(call, "1.0.0")

@@ -11,18 +11,23 @@ from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.client.harness.auto_responder import REPLIES
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.executing import RUN, executing, finished, goes_beside
-from scaraspec.suite.client.harness.files import Upload, fetch, serve
+from scaraspec.suite.client.harness.files import Upload, begin_download, send_download
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import (
-    accomplished,
-    answer,
-    ask,
-    awaited,
-    expect_told,
-    of_each,
-    order,
-    sent_or_settled,
+    answer_request,
+    await_request,
+    begin_operation,
+    expect_completed,
+    expect_reply_reported,
+    for_each_supported,
+    request_operation,
+    sent_or_answered,
+)
+from scaraspec.suite.client.harness.two_stage import (
+    RUN,
+    begin_and_accept,
+    expect_finished,
+    require_while_executing,
 )
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
@@ -64,33 +69,33 @@ def test_marks_in_data(subject: ClientUnderTest, line: IncomingConnection) -> No
     The last chunk comes in two segments: data may look like frames while its frame is not whole.
     """
     for content in examples(_MARKS):
-        local = subject.no_file()
+        local = subject.missing_file()
         call = subject.begin("download", remote="marks.rob", local=local)
         line.request("download_name", call)
         line.reply("download_name")
         *chunks, last = chunks_of(content)
         for chunk in chunks:
-            line.chunk(chunk)
+            line.send_chunk(chunk)
             line.request("download_chunk")
         data = line.chunk_frame(last).encode()
         line.send_bytes(data[: len(data) // 2])
         line.wait(_SHORT_S / 3)
         line.send_bytes(data[len(data) // 2 :])
         line.request("download_chunk")
-        subject.done(call)
+        subject.expect_done(call)
         expect_equal(Path(local).read_bytes(), content, "the file that was downloaded")
 
 
 @client_case("3/9", name="results-in-files")
 def test_results_in_data(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A file full of final results is downloaded while a program runs, which goes on."""
-    goes_beside(subject, line, "download")
-    run = executing(subject, line, RUN)
+    require_while_executing(subject, line, "download")
+    run = begin_and_accept(subject, line, RUN)
     ending = line.result_frame(RUN.name).encode()
-    serve(subject, line, ending * 50)
-    subject.undone(run, "data of a chunk were taken for a final result", requirement="3/9")
+    send_download(subject, line, ending * 50)
+    subject.expect_pending(run, "data of a chunk were taken for a final result", requirement="3/9")
     line.result(RUN.name)
-    finished(subject, run)
+    expect_finished(subject, run)
 
 
 @client_case("3/9", name="within-strays")
@@ -99,11 +104,11 @@ def test_replies_in_data(subject: ClientUnderTest, line: IncomingConnection) -> 
     within = Frame(C2A, 0x09, b"01").encode()
     for stray in examples((Frame(C2A, 0x08, within), Frame(C2A, 0x30, within, tagged=True))):
         call = subject.begin("get_status")
-        awaited(line, "get_status", call)
+        await_request(line, "get_status", call)
         why = "the data of another frame were taken for the reply"
         if _ignored(subject, line, call, stray, why=why):
             line.reply("get_status", "00")
-            subject.gives(call, "00")
+            subject.expect_result(call, "00")
         else:
             line = _given_up(subject, line, "3/9")
 
@@ -117,7 +122,7 @@ def test_marks_as_lengths(subject: ClientUnderTest, line: IncomingConnection) ->
         names[-1] = "z" * (size_bytes - len(data)) + names[-1]
         call = subject.begin("list_programs")
         line.serve(call, data="|".join(["0", *names]).encode())
-        subject.gives(call, names)
+        subject.expect_result(call, names)
 
 
 # ---------------------------------------------------------------------- the tag
@@ -128,13 +133,13 @@ def test_tag(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The final result of each two-stage command has the tag, and is read as what it is."""
 
     def each(name: str) -> None:
-        call = order(subject, name)
-        awaited(line, name, call)
+        call = begin_operation(subject, name)
+        await_request(line, name, call)
         line.reply(name, data=b"1")
         line.result(name)
-        accomplished(subject, call)
+        expect_completed(subject, call)
 
-    of_each(_TWO_STAGE, each)
+    for_each_supported(_TWO_STAGE, each)
 
 
 @client_case("3/13", name="cut")
@@ -143,15 +148,15 @@ def test_cut_at_the_tag(subject: ClientUnderTest, line: IncomingConnection) -> N
 
     def each(name: str) -> None:
         for cut in examples((1, 2, 3, 4)):
-            call = order(subject, name)
+            call = begin_operation(subject, name)
             line.serve(call, data=b"1")
             data = line.result_frame(name).encode()
             line.send_bytes(data[:cut])
             line.wait(_SHORT_S / 3)
             line.send_bytes(data[cut:])
-            accomplished(subject, call)
+            expect_completed(subject, call)
 
-    of_each(("run_program", "emergency_stop", "jog"), each)
+    for_each_supported(("run_program", "emergency_stop", "jog"), each)
 
 
 @client_case("3/13", name="next")
@@ -161,11 +166,11 @@ def test_frame_behind_a_tagged_one(subject: ClientUnderTest, line: IncomingConne
     reply = line.frame("get_status", data=b"04").encode()
     for cut in examples(range(len(result) + 1)):
         call = subject.begin("get_status")
-        awaited(line, "get_status", call)
+        await_request(line, "get_status", call)
         line.send_bytes(result[:cut])
         line.wait(_SHORT_S / 3)
         line.send_bytes(result[cut:] + reply)
-        subject.gives(call, "04")
+        subject.expect_result(call, "04")
 
 
 # ---------------------------------------------------------------------- what nobody has defined
@@ -186,7 +191,7 @@ def _ignored(
         line.send_bytes(b"".join(map(Frame.encode, frames)))
         line.wait(_SHORT_S)
     if line.over:
-        subject.settled(call)
+        subject.wait_for_answer(call)
     if call.answer is None:
         return True
     expect(not call.ok, why, expected="no answer yet, or an error", observed=f"{call}")
@@ -200,7 +205,7 @@ def _given_up(
     subject.tolerate(requirement, "A-3-9", "close", "the client gave its order up")
     if not line.over:
         return line
-    subject.settled(subject.begin("disconnect"))
+    subject.wait_for_answer(subject.begin("disconnect"))
     return subject.open()
 
 
@@ -209,14 +214,14 @@ def test_undefined_opcodes(subject: ClientUnderTest, line: IncomingConnection) -
     """Frames with every undefined opcode come ahead of a reply; the client takes the reply."""
     for data in examples((b"", b"1", b"00", b"0|a.rob")):
         call = subject.begin("get_status")
-        awaited(line, "get_status", call)
+        await_request(line, "get_status", call)
         frames = [Frame(C2A, opcode, data) for opcode in _UNDEFINED]
         why = "a frame with an undefined opcode was taken for a reply"
         if not _ignored(subject, line, call, *frames, why=why):
             line = _given_up(subject, line, "3/22")
             continue
         line.reply("get_status", "00")
-        subject.gives(call, "00")
+        subject.expect_result(call, "00")
 
 
 @client_case("3/22", name="idle")
@@ -227,15 +232,15 @@ def test_undefined_while_idle(subject: ClientUnderTest, line: IncomingConnection
             with suppress(NoReply):  # it has closed already
                 line.send_frame(Frame(C2A, opcode, b"11", tagged))
     call = subject.begin("get_status")
-    if sent_or_settled(subject, line, call) is not None:
+    if sent_or_answered(subject, line, call) is not None:
         with suppress(NoReply):  # it may look at them only now, and close
             line.reply("get_status", "00")
-        subject.settled(call)
+        subject.wait_for_answer(call)
     if not call.ok:
         line = _given_up(subject, line, "3/22")
         call = subject.begin("get_status")
         line.serve(call, "00")
-    subject.gives(call, "00")
+    subject.expect_result(call, "00")
 
 
 # ---------------------------------------------------------------------- late, in pieces, overtaken
@@ -245,13 +250,13 @@ def test_undefined_while_idle(subject: ClientUnderTest, line: IncomingConnection
 def test_late_reply(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A reply is late, and then comes in two pieces with a pause between them."""
     call = subject.begin("get_version")
-    awaited(line, "get_version", call)
+    await_request(line, "get_version", call)
     line.wait(_LATE_S)
     data = line.frame("get_version", data=REPLIES["get_version"]).encode()
     line.send_bytes(data[:_FRAMING])
     line.wait(_LATE_S)
     line.send_bytes(data[_FRAMING:])
-    subject.gives(call, "1.0.0")
+    subject.expect_result(call, "1.0.0")
 
 
 @client_case("3/27", name="result-of-nobody")
@@ -259,39 +264,39 @@ def test_overtaken_by_an_old_result(subject: ClientUnderTest, line: IncomingConn
     """The final result of a command of before comes ahead of each reply, and in the midst of it."""
     for name in examples(_TWO_STAGE):
         call = subject.begin("get_version")
-        awaited(line, "get_version", call)
+        await_request(line, "get_version", call)
         line.result(name)
         line.reply("get_version", data=REPLIES["get_version"])
-        subject.gives(call, "1.0.0")
+        subject.expect_result(call, "1.0.0")
 
 
 @client_case("3/27", name="overtaken")
 def test_overtaken(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The final result of a command that executes overtakes the reply to a query."""
-    goes_beside(subject, line, "get_time")
-    run = order(subject, "run_program")
+    require_while_executing(subject, line, "get_time")
+    run = begin_operation(subject, "run_program")
     line.serve(run, data=b"1")
     query = subject.begin("get_time")
-    awaited(line, "get_time", query)
+    await_request(line, "get_time", query)
     line.result("run_program")
-    accomplished(subject, run)
+    expect_completed(subject, run)
     line.reply("get_time", data=REPLIES["get_time"])
-    subject.done(query)
+    subject.expect_done(query)
 
 
 @client_case("3/27", name="meanwhile")
 def test_replies_meanwhile(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Queries are answered while a command executes; its final result comes after them."""
-    goes_beside(subject, line, "get_status")
-    run = order(subject, "run_program")
+    require_while_executing(subject, line, "get_status")
+    run = begin_operation(subject, "run_program")
     line.serve(run, data=b"1")
     for status in ("01", "02", "01"):
         query = subject.begin("get_status")
         line.serve(query, status)
-        subject.gives(query, status)
-    subject.undone(run, "run_program is over, and its final result has not come")
+        subject.expect_result(query, status)
+    subject.expect_pending(run, "run_program is over, and its final result has not come")
     line.result("run_program")
-    accomplished(subject, run)
+    expect_completed(subject, run)
 
 
 @client_case("3/27", name="among-others")
@@ -299,36 +304,36 @@ def test_result_among_others(subject: ClientUnderTest, line: IncomingConnection)
     """A final result comes while other requests, and both transfers, wait for an answer."""
 
     def each(name: str) -> None:
-        goes_beside(subject, line, name)
-        run = executing(subject, line, RUN)
+        require_while_executing(subject, line, name)
+        run = begin_and_accept(subject, line, RUN)
         line.wait(_SHORT_S)
         match name:
             case "upload":
                 upload = Upload(subject, line, _SMALL)
-                upload.accept()
+                upload.accept_name()
                 chunk = upload.next_chunk()
                 _ends(subject, line, run)
-                upload.take(chunk.length)
+                upload.accept_chunk(chunk.length)
                 upload.finish()
             case "download":
                 first, last = chunks_of(_SMALL)
-                download = fetch(subject, line)
-                download.give(first)
+                download = begin_download(subject, line)
+                download.send_chunk(first)
                 _ends(subject, line, run)
-                download.give(last)
+                download.send_chunk(last)
                 download.expect_done()
             case _:
-                call, request = ask(subject, line, name)
+                call, request = request_operation(subject, line, name)
                 _ends(subject, line, run)
-                answer(line, name, request)
-                subject.settled(call)
+                answer_request(line, name, request)
+                subject.wait_for_answer(call)
 
-    of_each((*_PENDING, "upload", "download"), each)
+    for_each_supported((*_PENDING, "upload", "download"), each)
 
 
 def _ends(subject: ClientUnderTest, line: IncomingConnection, run: Call) -> None:
     line.result(RUN.name)
-    finished(subject, run, requirement="3/27")
+    expect_finished(subject, run, requirement="3/27")
 
 
 # ---------------------------------------------------------------------- whose reply it is
@@ -350,13 +355,13 @@ def test_reply_of_another(subject: ClientUnderTest, line: IncomingConnection) ->
     """Frames of other commands, and tagged ones, come ahead of the reply to get_status."""
     for frame in examples(_OTHERS):
         call = subject.begin("get_status")
-        awaited(line, "get_status", call)
+        await_request(line, "get_status", call)
         why = UserMessage("the client took {frame} for the reply to 09", frame=frame)
         if not _ignored(subject, line, call, frame, why=why):
             line = _given_up(subject, line, "3/33")
             continue
         line.reply("get_status", "00")
-        subject.gives(call, "00")
+        subject.expect_result(call, "00")
 
 
 _OTHERWISE: Final = {
@@ -384,7 +389,7 @@ def test_reply_of_another_query(subject: ClientUnderTest, line: IncomingConnecti
 
     def each(name: str) -> None:
         nonlocal line
-        call, request = ask(subject, line, name)
+        call, request = request_operation(subject, line, name)
         others = [BY_NAME[other].opcode for other in _OTHERWISE if other != name]
         frames = [Frame(C2A, opcode, _OTHERWISE[name]) for opcode in others]
         why = UserMessage(
@@ -393,10 +398,10 @@ def test_reply_of_another_query(subject: ClientUnderTest, line: IncomingConnecti
         if not _ignored(subject, line, call, *frames, why=why):
             line = _given_up(subject, line, "3/33")
             return
-        answer(line, name, request)
-        expect_told(subject, call, name, REPLIES[name])
+        answer_request(line, name, request)
+        expect_reply_reported(subject, call, name, REPLIES[name])
 
-    of_each(_OTHERWISE, each)
+    for_each_supported(_OTHERWISE, each)
 
 
 _YES_TO_OTHERS: Final = {
@@ -415,21 +420,21 @@ def test_flag_of_another(subject: ClientUnderTest, line: IncomingConnection) -> 
     def each(name: str) -> None:
         nonlocal line
         for opcode in examples(_YES_TO_OTHERS[name]):
-            call = order(subject, name)
-            awaited(line, name, call)
+            call = begin_operation(subject, name)
+            await_request(line, name, call)
             why = "the client took the reply to another command for its own"
             if not _ignored(subject, line, call, Frame(C2A, opcode, b"1"), why=why):
                 line = _given_up(subject, line, "3/33")
                 continue
             line.reply(name, data=b"0")
-            subject.fails(call)
-        call = order(subject, name)
-        awaited(line, name, call)
+            subject.expect_failure(call)
+        call = begin_operation(subject, name)
+        await_request(line, name, call)
         line.close()
-        subject.fails(call)
+        subject.expect_failure(call)
         line = subject.open()
 
-    of_each(_YES_TO_OTHERS, each)
+    for_each_supported(_YES_TO_OTHERS, each)
 
 
 @client_case("3/33", name="result-first")
@@ -438,12 +443,12 @@ def test_result_ahead_of_its_reply(subject: ClientUnderTest, line: IncomingConne
 
     def each(name: str) -> None:
         nonlocal line
-        call, request = ask(subject, line, name)
+        call, request = request_operation(subject, line, name)
         why = "the client took a tagged frame for the first reply"
         if not _ignored(subject, line, call, line.result_frame(name), why=why):
             line = _given_up(subject, line, "3/33")
             return
-        answer(line, name, request)
-        subject.fails(call)
+        answer_request(line, name, request)
+        subject.expect_failure(call)
 
-    of_each(_TWO_STAGE, each)
+    for_each_supported(_TWO_STAGE, each)

@@ -9,13 +9,13 @@ from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import (
     VALUES,
-    answer,
-    ask,
-    blame,
-    of_each,
-    order,
-    refuses,
-    sent_or_settled,
+    answer_request,
+    begin_operation,
+    expect_local_refusal,
+    expect_valid_bytes,
+    for_each_supported,
+    request_operation,
+    sent_or_answered,
 )
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
@@ -44,12 +44,12 @@ def test_every_request(subject: ClientUnderTest, line: IncomingConnection) -> No
     """Every operation with the document's example; its request is a frame, and the right one."""
 
     def each(name: str) -> None:
-        call, request = ask(subject, line, name)
-        answer(line, name, request)
-        subject.settled(call)
-        blame(line)
+        call, request = request_operation(subject, line, name)
+        answer_request(line, name, request)
+        subject.wait_for_answer(call)
+        expect_valid_bytes(line)
 
-    of_each(_OPERATIONS, each)
+    for_each_supported(_OPERATIONS, each)
 
 
 @client_case("3/8")
@@ -57,12 +57,12 @@ def test_requests_without_data(subject: ClientUnderTest, line: IncomingConnectio
     """Every operation that takes nothing; behind the length 0 the end byte follows at once."""
 
     def each(name: str) -> None:
-        call, request = ask(subject, line, name)
-        answer(line, name, request)
-        subject.settled(call)
-        blame(line)
+        call, request = request_operation(subject, line, name)
+        answer_request(line, name, request)
+        subject.wait_for_answer(call)
+        expect_valid_bytes(line)
 
-    of_each(_WITHOUT_DATA, each)
+    for_each_supported(_WITHOUT_DATA, each)
 
 
 @client_case("3/6", "3/7", "3/1")
@@ -71,17 +71,17 @@ def test_lengths(subject: ClientUnderTest, line: IncomingConnection) -> None:
     for size_bytes in examples(_LENGTHS_BYTES):
         old = b"o" * ((size_bytes - 1) // 2)
         pair = PasswordChange(old, b"n" * (size_bytes - 1 - len(old)))
-        call = order(subject, "set_password", pair)
-        if sent_or_settled(subject, line, call) is None:
+        call = begin_operation(subject, "set_password", pair)
+        if sent_or_answered(subject, line, call) is None:
             continue  # it has a lower limit of its own
         _expect_frame(line, call, BY_NAME["set_password"].request.encode(pair))
         line.reply("set_password", data=b"0")
-        subject.settled(call)
+        subject.wait_for_answer(call)
 
 
 def _expect_frame(line: IncomingConnection, call: Call, data: bytes) -> None:
     """What an order has brought about has to be one frame with this data."""
-    blame(line, of_length="3/6" if len(data) > _SIGNED else "3/7")
+    expect_valid_bytes(line, length_requirement="3/6" if len(data) > _SIGNED else "3/7")
     frame = line.request(call.name, call).frame
     expect(
         frame.data.rstrip(b"|\0") == data,
@@ -98,10 +98,10 @@ def test_too_long(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
     def each(name: str) -> None:
         for size_bytes in examples(_TOO_LONG_BYTES):
-            refuses(subject, line, name, b"x" * size_bytes)
-        refuses(subject, line, name, _WIDE)
+            expect_local_refusal(subject, line, name, b"x" * size_bytes)
+        expect_local_refusal(subject, line, name, _WIDE)
 
-    of_each(("delete_program", "set_default_program", "run_program", "login"), each)
+    for_each_supported(("delete_program", "set_default_program", "run_program", "login"), each)
 
 
 # ---------------------------------------------------------------------- between the frames
@@ -111,21 +111,21 @@ def test_too_long(subject: ClientUnderTest, line: IncomingConnection) -> None:
 def test_idle(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The client is left alone for a moment, between its requests and with one unanswered."""
     line.wait(_PAUSE_S)
-    blame(line)
+    expect_valid_bytes(line)
     call = subject.begin("get_version")
     line.request("get_version", call)
     line.wait(_PAUSE_S)
-    blame(line)
+    expect_valid_bytes(line)
     line.reply("get_version", data=REPLIES["get_version"])
-    subject.gives(call, "1.0.0")
+    subject.expect_result(call, "1.0.0")
 
 
 @client_case("3/10", "3/32", name="farewell")
 def test_farewell(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The client hangs up, and sends nothing that nobody has defined by way of farewell."""
-    subject.settled(subject.begin("disconnect"))
+    subject.wait_for_answer(subject.begin("disconnect"))
     line.pump()
-    blame(line)
+    expect_valid_bytes(line)
 
 
 # ---------------------------------------------------------------------- one at a time
@@ -134,8 +134,8 @@ def test_farewell(subject: ClientUnderTest, line: IncomingConnection) -> None:
 @client_case("3/25")
 def test_one_at_a_time(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The same is asked for twice at once; each answer goes to who asked for it."""
-    subject.concurrent(line)
-    name, _ = subject.unpolled(*_TWICE)
+    subject.require_concurrency(line)
+    name, _ = subject.prefer_unpolled(*_TWICE)
     if subject.has_polled(name):
         raise CaseSkipped(
             UserMessage("the client asks by itself for all of {twice}", twice=", ".join(_TWICE))
@@ -153,10 +153,10 @@ def test_one_at_a_time(subject: ClientUnderTest, line: IncomingConnection) -> No
             UserMessage("{name} is sent twice at once", name=name),
         )
     line.reply(name, one)
-    if sent_or_settled(subject, line, second) is None:
-        subject.gives(second, one)  # it was content with the answer to the first
+    if sent_or_answered(subject, line, second) is None:
+        subject.expect_result(second, one)  # it was content with the answer to the first
     else:
         line.request(name, second)
         line.reply(name, other)
-        subject.gives(second, other)
-    subject.gives(first, one)
+        subject.expect_result(second, other)
+    subject.expect_result(first, one)

@@ -11,9 +11,14 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.executing import RUN, executing, fails_in_the_end, renewed
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.operations import awaited
+from scaraspec.suite.client.harness.operations import await_request
+from scaraspec.suite.client.harness.two_stage import (
+    RUN,
+    begin_and_accept,
+    expect_final_failure,
+    reopen,
+)
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply
@@ -68,7 +73,7 @@ def _recovers(
         CaseFailed: The client takes something else for the reply, or stalls.
     """
     call = subject.begin("get_status")
-    awaited(line, "get_status", call)
+    await_request(line, "get_status", call)
     with suppress(NoReply):
         for segment in segments:
             line.send_bytes(segment)
@@ -85,12 +90,12 @@ def _recovers(
                 requirement=requirement,
             )
     if not line.over and (call.answer is None or call.ok):
-        subject.gives(call, "00", requirement=requirement)
+        subject.expect_result(call, "00", requirement=requirement)
         return line
-    subject.fails(call, requirement=requirement)
+    subject.expect_failure(call, requirement=requirement)
     subject.tolerate(requirement, "resync", "close", "the client gave up what it was doing")
     line.close()
-    subject.settled(subject.begin("disconnect"))
+    subject.wait_for_answer(subject.begin("disconnect"))
     return subject.open(judged=False)
 
 
@@ -123,7 +128,7 @@ def test_wrong_end_of_a_result(subject: ClientUnderTest) -> None:
     """A final result with a wrong end byte tells of success; the right one behind it does not."""
     line = subject.open(judged=False)
     for end in examples((0x00, 0xAB)):
-        call = executing(subject, line, RUN)
+        call = begin_and_accept(subject, line, RUN)
         line.wait(_TURN_S)
         spoilt = line.result_frame(RUN.name).encode()[:-1] + bytes((end,))
         with suppress(NoReply):
@@ -132,8 +137,8 @@ def test_wrong_end_of_a_result(subject: ClientUnderTest) -> None:
             for _ in range(2):  # a client may drop what came with bad bytes
                 if not _settles(line, call, _PATIENCE_S):
                     line.result(RUN.name, "12")
-        fails_in_the_end(subject, call, "a final result with a wrong end byte was taken")
-        line = renewed(subject, line)
+        expect_final_failure(subject, call, "a final result with a wrong end byte was taken")
+        line = reopen(subject, line)
 
 
 @client_case("3/29")
@@ -142,18 +147,18 @@ def test_half_a_frame(subject: ClientUnderTest) -> None:
     for number, half in examples(enumerate(_HALVES)):
         line = subject.open(judged=False)
         call = subject.begin("get_status")
-        awaited(line, "get_status", call)
+        await_request(line, "get_status", call)
         line.send_bytes(half)
         line.wait(_TURN_S)
         line.close() if number % 2 else line.reset()
-        subject.fails(call)
-        subject.settled(subject.begin("disconnect"))
+        subject.expect_failure(call)
+        subject.wait_for_answer(subject.begin("disconnect"))
         line = subject.open()
         call = subject.begin("get_status")
         line.serve(call, "00")
-        subject.gives(call, "00")
+        subject.expect_result(call, "00")
         line.close()
-        subject.settled(subject.begin("disconnect"))
+        subject.wait_for_answer(subject.begin("disconnect"))
 
 
 @client_case("3/29", name="silence")
@@ -161,7 +166,7 @@ def test_silence_behind_half_a_frame(subject: ClientUnderTest) -> None:
     """A reply stops half-way and nothing follows; the client can hang up and connect again."""
     for half in examples(_HALVES):
         line = subject.open(judged=False)
-        subject.concurrent(line)
+        subject.require_concurrency(line)
         call = subject.begin("get_status")
         line.request("get_status", call)
         line.send_bytes(half)

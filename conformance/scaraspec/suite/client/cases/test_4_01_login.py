@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import (
-    awaited,
+    await_request,
+    begin_operation,
     expect_carries,
-    order,
-    sent_or_settled,
+    sent_or_answered,
 )
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
@@ -44,14 +44,14 @@ _NO_YES: Final = (
 def test_connect_logs_in(subject: ClientUnderTest) -> None:
     """Several passwords are connected with, and each is sent as it is."""
     for password in examples(("password", "PassWord", "p")):
-        with subject.at_will():
-            line, call = subject.dial(password=password)
-            request = awaited(line, "login", call)
+        with subject.allow_refusal():
+            line, call = subject.begin_connect(password=password)
+            request = await_request(line, "login", call)
             expect_carries(subject, request, "login", password.encode())
             line.reply("login")
-            subject.done(call)
+            subject.expect_done(call)
             line.close()
-        subject.settled(subject.begin("disconnect"))
+        subject.wait_for_answer(subject.begin("disconnect"))
 
 
 @client_case("4.1/1", name="passwords")
@@ -76,21 +76,21 @@ def test_long_passwords(subject: ClientUnderTest, line: IncomingConnection) -> N
 
 
 def _log_in(subject: ClientUnderTest, line: IncomingConnection, password: bytes) -> None:
-    call = order(subject, "login", password)
-    if sent_or_settled(subject, line, call) is None:
+    call = begin_operation(subject, "login", password)
+    if sent_or_answered(subject, line, call) is None:
         return  # refused
-    request = awaited(line, "login", call)
+    request = await_request(line, "login", call)
     line.reply("login")
     expect_carries(subject, request, "login", password)
-    subject.done(call)
+    subject.expect_done(call)
 
 
 @client_case("4.1/5", attended=True)
 def test_refused_login(subject: ClientUnderTest) -> None:
     """The login is answered with 0; the client says so, and sends nothing but another login."""
-    line, call = subject.dial()
+    line, call = subject.begin_connect()
     line.log_in(call, reply=b"0")
-    subject.fails(call, requirement="4.1/8")
+    subject.expect_failure(call, requirement="4.1/8")
     line.wait(_MOMENT_S)
     _expect_logins(line)
 
@@ -101,10 +101,10 @@ def test_told_to_go_on(subject: ClientUnderTest) -> None:
 
     Nor is a password that nobody has given, in place of the refused one.
     """
-    line, call = subject.dial(password=_REFUSED)
-    awaited(line, "login", call)
+    line, call = subject.begin_connect(password=_REFUSED)
+    await_request(line, "login", call)
     line.reply("login", data=b"0")
-    subject.fails(call, requirement="4.1/8")
+    subject.expect_failure(call, requirement="4.1/8")
     again = line.auto_responder.refused("login")
     expect(
         again is None or again.text == _REFUSED.encode(),
@@ -114,9 +114,9 @@ def test_told_to_go_on(subject: ClientUnderTest) -> None:
     for name in examples(
         ("get_status", "get_version", "list_programs", "delete_program", "emergency_stop")
     ):
-        call = order(subject, name)
-        if line.over or sent_or_settled(subject, line, call) is None:
-            subject.fails(call)
+        call = begin_operation(subject, name)
+        if line.over or sent_or_answered(subject, line, call) is None:
+            subject.expect_failure(call)
         _expect_logins(line)
 
 
@@ -140,18 +140,18 @@ def _expect_logins(line: IncomingConnection) -> None:
 def test_anything_but_a_yes(subject: ClientUnderTest) -> None:
     """The login is answered with everything but 1, and the client takes it for failed."""
     for reply in examples(_NO_YES):
-        line, call = subject.dial()
+        line, call = subject.begin_connect()
         line.log_in(call, reply=reply)
-        subject.fails(call)
+        subject.expect_failure(call)
         line.close()
-        subject.settled(subject.begin("disconnect"))
+        subject.wait_for_answer(subject.begin("disconnect"))
 
 
 @client_case("4.1/8", name="unanswered")
 def test_hung_up(subject: ClientUnderTest) -> None:
     """The connection ends in place of an answer to the login, which has failed then."""
     for cut in examples((False, True)):
-        line, call = subject.dial()
-        awaited(line, "login", call)
+        line, call = subject.begin_connect()
+        await_request(line, "login", call)
         line.reset() if cut else line.close()
-        subject.fails(call)
+        subject.expect_failure(call)

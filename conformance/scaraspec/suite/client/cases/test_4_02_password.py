@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scaraspec.protocol.commands import PasswordChange
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.operations import ask, refuses
+from scaraspec.suite.client.harness.operations import expect_local_refusal, request_operation
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
 
@@ -28,12 +28,12 @@ _WIDE: Final = PasswordChange(("旧" * 60).encode(), ("新" * 70).encode())
 @client_case("4.2/1", attended=True)
 def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The password is set, and that is refused; then it is set."""
-    call, _ = ask(subject, line, "set_password")
+    call, _ = request_operation(subject, line, "set_password")
     line.reply("set_password", data=b"0")
-    subject.fails(call)
-    call, _ = ask(subject, line, "set_password")
+    subject.expect_failure(call)
+    call, _ = request_operation(subject, line, "set_password")
     line.reply("set_password", data=b"1")
-    subject.done(call)
+    subject.expect_done(call)
 
 
 @client_case("4.2/1", name="pairs")
@@ -46,10 +46,10 @@ def test_pairs(subject: ClientUnderTest, line: IncomingConnection) -> None:
     @example(b" old word ", b" new word ")
     @given(_passwords, _passwords)
     def each(old: bytes, new: bytes) -> None:
-        with subject.at_will():
-            call, _ = ask(subject, line, "set_password", PasswordChange(old, new))
+        with subject.allow_refusal():
+            call, _ = request_operation(subject, line, "set_password", PasswordChange(old, new))
             line.reply("set_password", data=b"1")
-            subject.done(call)
+            subject.expect_done(call)
 
     each()
 
@@ -58,12 +58,12 @@ def test_pairs(subject: ClientUnderTest, line: IncomingConnection) -> None:
 def test_bars(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A password with a bar in it is ordered, old or new; the client refuses it."""
     for pair in examples(_BARRED):
-        refuses(subject, line, "set_password", pair)
+        expect_local_refusal(subject, line, "set_password", pair)
 
 
 @client_case("4.2/7", name="long")
 def test_too_long(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Pairs of more than 255 bytes are ordered, one of fewer characters; the client refuses."""
     for old, new in examples(_TOO_LONG_BYTES):
-        refuses(subject, line, "set_password", PasswordChange(b"o" * old, b"n" * new))
-    refuses(subject, line, "set_password", _WIDE)
+        expect_local_refusal(subject, line, "set_password", PasswordChange(b"o" * old, b"n" * new))
+    expect_local_refusal(subject, line, "set_password", _WIDE)

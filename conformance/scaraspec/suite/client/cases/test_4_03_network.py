@@ -6,9 +6,9 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.driver_values import same
+from scaraspec.suite.client.harness.driver_values import matches
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.operations import ask, tells
+from scaraspec.suite.client.harness.operations import expect_reported, request_operation
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
 
@@ -20,7 +20,7 @@ _UNPADDED: Final = {"ip": "192.168.10.20", "mask": "255.255.255.0", "gateway": "
 @client_case("4.3/1", attended=True)
 def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """get_network is asked for without data, and answered."""
-    tells(subject, line, "get_network", requirement="4.3/5")
+    expect_reported(subject, line, "get_network", requirement="4.3/5")
 
 
 @client_case("4.3/5")
@@ -33,7 +33,7 @@ def test_lengths(subject: ClientUnderTest, line: IncomingConnection) -> None:
     @example("192.168.100.200", "255.0.0.0", "9.9.9.9")
     @given(_addresses, _addresses, _addresses)
     def each(ip: str, mask: str, gateway: str) -> None:
-        tells(subject, line, "get_network", f"{ip}|{mask}|{gateway}".encode())
+        expect_reported(subject, line, "get_network", f"{ip}|{mask}|{gateway}".encode())
 
     each()
 
@@ -41,12 +41,12 @@ def test_lengths(subject: ClientUnderTest, line: IncomingConnection) -> None:
 @client_case("4.3/5", name="padded")
 def test_padded(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Addresses are padded with zeros; the client says the same addresses, or that it will not."""
-    call, _ = ask(subject, line, "get_network")
+    call, _ = request_operation(subject, line, "get_network")
     line.reply("get_network", data=_PADDED)
-    subject.settled(call)
+    subject.wait_for_answer(call)
     if not call.ok:
         subject.tolerate("4.3/5", "A-4.3-2", "unpadded", "padded addresses are not taken")
         return
     as_sent = dict(zip(_UNPADDED, _PADDED.decode().split("|"), strict=True))
-    if not same(call.result, as_sent):
-        subject.gives(call, _UNPADDED)
+    if not matches(call.result, as_sent):
+        subject.expect_result(call, _UNPADDED)

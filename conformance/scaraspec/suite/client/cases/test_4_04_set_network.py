@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scaraspec.protocol.commands import Network
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.operations import ask
+from scaraspec.suite.client.harness.operations import request_operation
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
 
@@ -24,9 +24,9 @@ _READ_S: Final = 1.0
 @client_case("4.4/1")
 def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The network is set to the document's example, and that is refused."""
-    call, _ = ask(subject, line, "set_network")
+    call, _ = request_operation(subject, line, "set_network")
     line.reply("set_network", data=b"0")
-    subject.fails(call)
+    subject.expect_failure(call)
 
 
 @client_case("4.4/1", name="addresses")
@@ -36,13 +36,13 @@ def test_addresses(subject: ClientUnderTest, line: IncomingConnection) -> None:
     @example("1.1.1.1", "255.255.255.252", "2.2.2.2")
     @given(_addresses, st.sampled_from(_MASKS), _addresses)
     def each(ip: str, mask: str, gateway: str) -> None:
-        with subject.at_will():
+        with subject.allow_refusal():
             sent(Network(ip, mask, gateway))
 
     def sent(network: Network) -> None:
-        call, _ = ask(subject, line, "set_network", network)
+        call, _ = request_operation(subject, line, "set_network", network)
         line.reply("set_network", data=b"0")
-        subject.fails(call)
+        subject.expect_failure(call)
 
     sent(_OTHER)
     each()
@@ -56,15 +56,15 @@ def test_link_ends_behind_the_yes(subject: ClientUnderTest, line: IncomingConnec
 
 
 def _lose(subject: ClientUnderTest, line: IncomingConnection, *, cut: bool) -> None:
-    call, _ = ask(subject, line, "set_network")
+    call, _ = request_operation(subject, line, "set_network")
     line.reply("set_network", data=b"1")
     if cut:
-        subject.speaks(call, _READ_S)  # a cut takes with it what has not been read
+        subject.answers_within(call, _READ_S)  # a cut takes with it what has not been read
         line.reset()
     else:
         line.close()
-    subject.done(call)
-    subject.settled(subject.begin("disconnect"))
+    subject.expect_done(call)
+    subject.wait_for_answer(subject.begin("disconnect"))
 
 
 @pytest.mark.parametrize("cut", [False, True], ids=["closed", "cut-off"])
@@ -73,6 +73,6 @@ def test_link_is_lost_before_the_answer(
     subject: ClientUnderTest, line: IncomingConnection, *, cut: bool
 ) -> None:
     """The link ends in place of an answer to the new network, which nobody has accepted then."""
-    call, _ = ask(subject, line, "set_network")
+    call, _ = request_operation(subject, line, "set_network")
     line.reset() if cut else line.close()
-    subject.fails(call)
+    subject.expect_failure(call)

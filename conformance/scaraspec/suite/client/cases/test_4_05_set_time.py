@@ -9,7 +9,11 @@ from hypothesis import strategies as st
 from scaraspec.protocol.fields import Clock, Diagnostics
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.operations import ask, blame, sent_or_settled
+from scaraspec.suite.client.harness.operations import (
+    expect_valid_bytes,
+    request_operation,
+    sent_or_answered,
+)
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect
@@ -55,12 +59,12 @@ _CLOCK: Final = Clock("time")
 @client_case("4.5/1", attended=True)
 def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The time is set to the document's example; that is done, and then refused."""
-    call, _ = ask(subject, line, "set_time")
+    call, _ = request_operation(subject, line, "set_time")
     line.reply("set_time", data=b"1")
-    subject.done(call)
-    call, _ = ask(subject, line, "set_time")
+    subject.expect_done(call)
+    call, _ = request_operation(subject, line, "set_time")
     line.reply("set_time", data=b"0")
-    subject.fails(call)
+    subject.expect_failure(call)
 
 
 @client_case("4.5/1", name="times")
@@ -73,10 +77,10 @@ def test_times(subject: ClientUnderTest, line: IncomingConnection) -> None:
     @example(datetime(2099, 12, 31, 23, 59, 59))  # noqa: DTZ001 - the document names no zone
     @given(_TIMES)
     def each(time: datetime) -> None:
-        with subject.at_will():
-            call, _ = ask(subject, line, "set_time", time.replace(microsecond=0))
+        with subject.allow_refusal():
+            call, _ = request_operation(subject, line, "set_time", time.replace(microsecond=0))
             line.reply("set_time", data=b"1")
-            subject.done(call)
+            subject.expect_done(call)
 
     each()
 
@@ -85,9 +89,9 @@ def test_times(subject: ClientUnderTest, line: IncomingConnection) -> None:
 def test_edges_of_the_calendar(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The first and last times of years, months and days are sent as they are."""
     for time in examples(_EDGES):
-        call, _ = ask(subject, line, "set_time", time)
+        call, _ = request_operation(subject, line, "set_time", time)
         line.reply("set_time", data=b"1")
-        subject.done(call)
+        subject.expect_done(call)
 
 
 @client_case("4.5/2", "4.5/1")
@@ -95,10 +99,10 @@ def test_impossible_times(subject: ClientUnderTest, line: IncomingConnection) ->
     """Times that no calendar has, or of no 14 digits, are ordered; the client sends none."""
     for text in examples(_IMPOSSIBLE):
         call = subject.begin("set_time", time=text)
-        if sent_or_settled(subject, line, call) is None:
-            subject.fails(call)
+        if sent_or_answered(subject, line, call) is None:
+            subject.expect_failure(call)
             continue
-        blame(line)
+        expect_valid_bytes(line)
         request = line.request("set_time", call)
         notes = Diagnostics()
         _CLOCK.read(request.frame.data, notes)
@@ -109,4 +113,4 @@ def test_impossible_times(subject: ClientUnderTest, line: IncomingConnection) ->
             observed=f"{request}",
         )
         line.reply("set_time", data=b"0")
-        subject.settled(call)
+        subject.wait_for_answer(call)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.operations import tells
+from scaraspec.suite.client.harness.operations import expect_reported
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
 
@@ -21,7 +21,7 @@ _TIMES: Final = st.datetimes(datetime(2000, 1, 1), datetime(2099, 12, 31, 23, 59
 @client_case("4.6/1", attended=True)
 def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """get_time is asked for without data, and answered."""
-    tells(subject, line, "get_time", requirement="T/9")
+    expect_reported(subject, line, "get_time", requirement="T/9")
 
 
 @client_case("T/9", name="time")
@@ -34,8 +34,8 @@ def test_times(subject: ClientUnderTest, line: IncomingConnection) -> None:
     @example(datetime(2099, 12, 31, 23, 59, 59))  # noqa: DTZ001 - the document names no zone
     @given(_TIMES)
     def each(time: datetime) -> None:
-        tells(subject, line, "get_time", f"{time:%Y%m%d%H%M%S}".encode())
+        expect_reported(subject, line, "get_time", f"{time:%Y%m%d%H%M%S}".encode())
 
     each()
     for time in examples(_ONE_AFTER_ANOTHER):
-        tells(subject, line, "get_time", time)
+        expect_reported(subject, line, "get_time", time)

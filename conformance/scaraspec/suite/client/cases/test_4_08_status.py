@@ -5,7 +5,7 @@ from typing import Any, Final
 from scaraspec.protocol.errors import TABLE_8_1, Code, Kind
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.operations import ask
+from scaraspec.suite.client.harness.operations import request_operation
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import expect, expect_in
@@ -21,9 +21,9 @@ _UNKNOWN: Final = (b"21", b"2f", b"0A", b"99", b"FF", b"zz", b"  ", b"1G", b"-1"
 @client_case("4.8/1", attended=True)
 def test_the_request_carries_no_data(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """get_status is asked for without data, and answered."""
-    call, _ = ask(subject, line, "get_status")
+    call, _ = request_operation(subject, line, "get_status")
     line.reply("get_status", "00")
-    subject.gives(call, "00", requirement="4.8/11")
+    subject.expect_result(call, "00", requirement="4.8/11")
 
 
 @client_case("4.8/11", "T/9")
@@ -34,18 +34,18 @@ def test_every_code(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """
     for code in TABLE_8_1.values():
         for text in examples(dict.fromkeys((code.text, code.text.lower()))):
-            call, _ = ask(subject, line, "get_status")
+            call, _ = request_operation(subject, line, "get_status")
             line.reply("get_status", data=text.encode())
-            odd = _ENTRIES.get(code.kind, "" if text == code.text else "A-T-7")
-            if odd and not subject.settled(call).ok:
+            tolerated_as = _ENTRIES.get(code.kind, "" if text == code.text else "A-T-7")
+            if tolerated_as and not subject.wait_for_answer(call).ok:
                 subject.tolerate(
                     "4.8/11",
-                    odd,
+                    tolerated_as,
                     text,
                     UserMessage("the status {text} is told as an error", text=text),
                 )
                 continue
-            result = subject.done(call)
+            result = subject.expect_done(call)
             expect_in(_code_in(result), {code.text, code.text.lower()}, "the code that is told")
             _expect_state(result, code)
 
@@ -70,24 +70,24 @@ def _expect_state(result: Any, code: Code) -> None:
 def test_states(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The robot is idle, runs a program, and has a fault of all its motors."""
     for text in examples(("00", "01", "1F")):
-        call, _ = ask(subject, line, "get_status")
+        call, _ = request_operation(subject, line, "get_status")
         line.reply("get_status", text)
-        subject.gives(call, text)
+        subject.expect_result(call, text)
 
 
 @client_case("4.8/11", name="unknown")
 def test_unknown_codes(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Codes that table 8-1 lacks are the status; the client survives them, as idle or not."""
     for data in examples(_UNKNOWN):
-        call, _ = ask(subject, line, "get_status")
+        call, _ = request_operation(subject, line, "get_status")
         line.reply("get_status", data=data)
-        subject.settled(call)
+        subject.wait_for_answer(call)
         expect(
             not call.ok or _code_in(call.result) not in ("00", "01"),
             "a code that nobody knows is told as one of the table",
             expected=f"{data.decode()}, or an error",
             observed=f"{call}",
         )
-        call, _ = ask(subject, line, "get_status")
+        call, _ = request_operation(subject, line, "get_status")
         line.reply("get_status", "05")
-        subject.gives(call, "05")
+        subject.expect_result(call, "05")

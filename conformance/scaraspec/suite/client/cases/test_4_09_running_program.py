@@ -9,9 +9,9 @@ from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.fields import NAME_MAX_BYTES, RunTime
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.driver_values import spoken
+from scaraspec.suite.client.harness.driver_values import expected_value
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.operations import ask, tells
+from scaraspec.suite.client.harness.operations import expect_reported, request_operation
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.strategies import names
@@ -30,14 +30,14 @@ def _tells(
     subject: ClientUnderTest, line: IncomingConnection, name: bytes, run_time_s: int
 ) -> None:
     data = b"1|" + name + b"|" + _RUN_TIME.write(run_time_s, DEFAULT)
-    odd = ("A-4.9-5", "30") if len(name) > NAME_MAX_BYTES else None
-    tells(subject, line, "get_running_program", data, odd=odd)
+    tolerated_as = ("A-4.9-5", "30") if len(name) > NAME_MAX_BYTES else None
+    expect_reported(subject, line, "get_running_program", data, tolerated_as=tolerated_as)
 
 
 @client_case("4.9/1", attended=True)
 def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """get_running_program is asked for without data, and answered."""
-    tells(subject, line, "get_running_program", requirement="T/9")
+    expect_reported(subject, line, "get_running_program", requirement="T/9")
 
 
 @client_case("T/9", name="running-program")
@@ -69,15 +69,15 @@ def test_long_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
 @client_case("T/9", name="nothing-runs")
 def test_nothing_runs(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """No program runs, which is told by the flag alone."""
-    call, _ = ask(subject, line, "get_running_program")
+    call, _ = request_operation(subject, line, "get_running_program")
     line.reply("get_running_program", data=b"0")
-    subject.gives(call, None)
+    subject.expect_result(call, None)
 
 
 @client_case("T/9", name="running-readings")
 def test_readings(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """No program runs, with empty fields behind the flag; and a flag is a binary byte (A-T-1)."""
-    running = spoken(RunningProgram(b"pro1.rob", 3661))
+    running = expected_value(RunningProgram(b"pro1.rob", 3661))
     for data, said, reading in examples(
         (
             (b"0||", None, ("runinfo_none", "0")),
@@ -85,10 +85,10 @@ def test_readings(subject: ClientUnderTest, line: IncomingConnection) -> None:
             (b"\x01|pro1.rob|00010101", running, ("runinfo_binary", "ascii")),
         )
     ):
-        call, _ = ask(subject, line, "get_running_program")
+        call, _ = request_operation(subject, line, "get_running_program")
         line.reply("get_running_program", data=data)
-        subject.settled(call)
+        subject.wait_for_answer(call)
         if call.ok:
-            subject.gives(call, said)
+            subject.expect_result(call, said)
         else:
             subject.tolerate("T/9", *reading, "the client takes the drawn form only")

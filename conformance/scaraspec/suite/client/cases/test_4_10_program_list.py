@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from scaraspec.protocol.fields import show
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.lists import list_of, serve_list
-from scaraspec.suite.client.harness.operations import ask, tells
+from scaraspec.suite.client.harness.operations import expect_reported, request_operation
+from scaraspec.suite.client.harness.program_lists import list_parts, serve_list
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.strategies import names
@@ -28,14 +28,14 @@ def _lists(
     subject: ClientUnderTest, line: IncomingConnection, names: list[str], per_part: int, **how: Any
 ) -> None:
     call = subject.begin("list_programs")
-    serve_list(subject, line, call, list_of(*names, per_part=per_part), **how)
-    subject.gives(call, names)
+    serve_list(subject, line, call, list_parts(*names, per_part=per_part), **how)
+    subject.expect_result(call, names)
 
 
 @client_case("4.10/1", attended=True)
 def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """list_programs is asked for without data, and answered."""
-    tells(subject, line, "list_programs", requirement="4.10/10")
+    expect_reported(subject, line, "list_programs", requirement="4.10/10")
 
 
 @client_case("4.10/10")
@@ -57,12 +57,12 @@ def test_parts(subject: ClientUnderTest, line: IncomingConnection) -> None:
 def test_late_parts(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Three parts come, with a pause and the result of an old command ahead of each (3/27)."""
 
-    def ahead() -> None:
+    def before_part() -> None:
         line.wait(_LATE_S)
         line.result("reset")
 
     listed = [f"pro{number}.rob" for number in range(6)]
-    _lists(subject, line, listed, per_part=2, ahead=ahead)
+    _lists(subject, line, listed, per_part=2, before_part=before_part)
 
 
 @client_case("4.10/10", name="many")
@@ -72,9 +72,9 @@ def test_many(subject: ClientUnderTest, line: IncomingConnection) -> None:
     for per_part in examples((22, 10)):  # of 11 bytes each
         _lists(subject, line, listed, per_part=per_part)
     call = subject.begin("list_programs")
-    serve_list(subject, line, call, list_of(*listed, per_part=22)[:-1])
+    serve_list(subject, line, call, list_parts(*listed, per_part=22)[:-1])
     line.close()
-    subject.fails(call, requirement="T/9")
+    subject.expect_failure(call, requirement="T/9")
 
 
 @client_case("4.10/10", "T/9", name="order")
@@ -93,10 +93,10 @@ def test_no_bar_behind_the_flag(subject: ClientUnderTest, line: IncomingConnecti
     for per_part in examples((3, 1)):
         call = subject.begin("list_programs")
         listed = ["pro1.rob", "2.rob", "0.rob"]
-        serve_list(subject, line, call, list_of(*listed, per_part=per_part, bar=b""))
-        subject.settled(call)
+        serve_list(subject, line, call, list_parts(*listed, per_part=per_part, separator=b""))
+        subject.wait_for_answer(call)
         if call.ok:
-            subject.gives(call, listed)
+            subject.expect_result(call, listed)
         else:
             subject.tolerate("4.10/10", "list_prefix_sep", "0|a", "a list without that bar fails")
 
@@ -104,20 +104,20 @@ def test_no_bar_behind_the_flag(subject: ClientUnderTest, line: IncomingConnecti
 @client_case("4.10/12", attended=True)
 def test_empty(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """There are no programs, which is told by the flag alone."""
-    call, _ = ask(subject, line, "list_programs")
+    call, _ = request_operation(subject, line, "list_programs")
     line.reply("list_programs", data=b"0")
-    subject.gives(call, [])
+    subject.expect_result(call, [])
 
 
 @client_case("4.10/12", name="readings")
 def test_empty_otherwise(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """There are no programs, which is told by a flag and a bar, or by no data (A-4.10-4)."""
     for data, option in examples(((b"0|", "0|"), (b"", "empty"))):
-        call, _ = ask(subject, line, "list_programs")
+        call, _ = request_operation(subject, line, "list_programs")
         line.reply("list_programs", data=data)
-        subject.settled(call)
+        subject.wait_for_answer(call)
         if call.ok:
-            subject.gives(call, [])
+            subject.expect_result(call, [])
         else:
             told = UserMessage(
                 "the client fails at an empty list that is written {data!r}", data=show(data)

@@ -6,7 +6,7 @@ from hypothesis import example
 
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.operations import ask
+from scaraspec.suite.client.harness.operations import request_operation
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
 from scaraspec.suite.engine.strategies import names
@@ -20,12 +20,12 @@ _NAMES: Final = (
 @client_case("4.11/1", attended=True)
 def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A program is deleted, and then another deletion is refused."""
-    call, _ = ask(subject, line, "delete_program")
+    call, _ = request_operation(subject, line, "delete_program")
     line.reply("delete_program", data=b"1")
-    subject.done(call)
-    call, _ = ask(subject, line, "delete_program")
+    subject.expect_done(call)
+    call, _ = request_operation(subject, line, "delete_program")
     line.reply("delete_program", data=b"0")
-    subject.fails(call)
+    subject.expect_failure(call)
 
 
 @client_case("4.11/1", name="names")
@@ -34,10 +34,10 @@ def test_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
     @given(names)
     def each(name: bytes) -> None:
-        with subject.at_will():
-            call, _ = ask(subject, line, "delete_program", name)
+        with subject.allow_refusal():
+            call, _ = request_operation(subject, line, "delete_program", name)
             line.reply("delete_program", data=b"1")
-            subject.done(call)
+            subject.expect_done(call)
 
     for name in _NAMES:
         each = example(name)(each)

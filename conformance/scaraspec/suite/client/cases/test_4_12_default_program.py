@@ -9,7 +9,7 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.fields import NAME_MAX_BYTES
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.operations import ask
+from scaraspec.suite.client.harness.operations import request_operation
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import NoReply, expect
@@ -25,7 +25,7 @@ def _tells(
     subject: ClientUnderTest, line: IncomingConnection, data: bytes, said: str | None
 ) -> None:
     """Answer with the opcode that was asked with."""
-    call, request = ask(subject, line, _NAME)
+    call, request = request_operation(subject, line, _NAME)
     if request.frame.opcode != BY_NAME[_NAME].opcode:
         told = "the default program is asked for as the rows print it"
         subject.tolerate(
@@ -35,7 +35,7 @@ def _tells(
             told,
         )
     line.send_frame(line.frame(_NAME, data=data)._replace(opcode=request.frame.opcode))
-    if len(data) > NAME_MAX_BYTES and not subject.settled(call).ok:
+    if len(data) > NAME_MAX_BYTES and not subject.wait_for_answer(call).ok:
         subject.tolerate(
             "T/9",
             "A-5-20",
@@ -43,7 +43,7 @@ def _tells(
             UserMessage("a name of {data_count} bytes is not taken", data_count=len(data)),
         )
         return
-    subject.gives(call, said, requirement="T/9")
+    subject.expect_result(call, said, requirement="T/9")
 
 
 @client_case("4.12/1", "T/9", attended=True)
@@ -55,14 +55,16 @@ def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
 @client_case("4.12/1", name="unanswered")
 def test_unanswered(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A request under one opcode stays unanswered for a moment; another is answered as it comes."""
-    call, first = ask(subject, line, _NAME)
+    call, first = request_operation(subject, line, _NAME)
     claims_both = subject.dialect["op_get_default"] == "both"
     with suppress(NoReply):
-        again = line.request(_NAME, call, within_s=subject.answer_s if claims_both else _MOMENT_S)
+        again = line.request(
+            _NAME, call, within_s=subject.answer_timeout_s if claims_both else _MOMENT_S
+        )
         expect(not again.frame.data, "the request carries data", observed=f"{again}")
         first = again
     line.send_frame(line.frame(_NAME, data=b"pro1.txt")._replace(opcode=first.frame.opcode))
-    subject.gives(call, "pro1.txt")
+    subject.expect_result(call, "pro1.txt")
 
 
 @client_case("T/9", "4.12/1", name="default-program")
@@ -89,10 +91,10 @@ def test_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
 @client_case("T/9", "4.12/1", name="no-default-program")
 def test_none_otherwise(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """No default program is set, which is told by a 0 (A-4.12-2)."""
-    call, request = ask(subject, line, _NAME)
+    call, request = request_operation(subject, line, _NAME)
     line.send_frame(line.frame(_NAME, data=b"0")._replace(opcode=request.frame.opcode))
-    subject.settled(call)
+    subject.wait_for_answer(call)
     if not call.ok or call.result == "0":
         subject.tolerate("T/9", "default_none", "empty", "a 0 is taken for a name, or for nothing")
     else:
-        subject.gives(call, None)
+        subject.expect_result(call, None)

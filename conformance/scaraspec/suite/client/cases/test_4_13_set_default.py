@@ -6,7 +6,7 @@ from hypothesis import example
 
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.operations import ask
+from scaraspec.suite.client.harness.operations import request_operation
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
 from scaraspec.suite.engine.strategies import names
@@ -17,12 +17,12 @@ _NAMES: Final = (b"a", b"PRO1.TXT", b"pro1", b"my program.rob", b"pro1.2.txt", b
 @client_case("4.13/1", attended=True)
 def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The default program is set, and then that is refused."""
-    call, _ = ask(subject, line, "set_default_program")
+    call, _ = request_operation(subject, line, "set_default_program")
     line.reply("set_default_program", data=b"1")
-    subject.done(call)
-    call, _ = ask(subject, line, "set_default_program")
+    subject.expect_done(call)
+    call, _ = request_operation(subject, line, "set_default_program")
     line.reply("set_default_program", data=b"0")
-    subject.fails(call)
+    subject.expect_failure(call)
 
 
 @client_case("4.13/1", name="names")
@@ -31,10 +31,10 @@ def test_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
     @given(names)
     def each(name: bytes) -> None:
-        with subject.at_will():
-            call, _ = ask(subject, line, "set_default_program", name)
+        with subject.allow_refusal():
+            call, _ = request_operation(subject, line, "set_default_program", name)
             line.reply("set_default_program", data=b"1")
-            subject.done(call)
+            subject.expect_done(call)
 
     for name in _NAMES:
         each = example(name)(each)

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.driver_values import same
+from scaraspec.suite.client.harness.driver_values import matches
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.operations import ask, tells
+from scaraspec.suite.client.harness.operations import expect_reported, request_operation
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect
@@ -30,13 +30,13 @@ _texts: Final = st.integers(-400, 1500).map(lambda tenths: f"{tenths / 10:g}") |
 @client_case("4.14/1", attended=True)
 def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """get_motor_temperatures is asked for without data, and answered."""
-    tells(subject, line, _NAME, requirement="T/9")
+    expect_reported(subject, line, _NAME, requirement="T/9")
 
 
 def _is_whole(told: Any, due: dict[str, float]) -> bool:
     """Whether temperatures are told in whole degrees, rounded in whichever way."""
     return isinstance(told, dict) and any(
-        same(told, dict(zip(due, whole, strict=True)))
+        matches(told, dict(zip(due, whole, strict=True)))
         for whole in product(*((math.floor(value), math.ceil(value)) for value in due.values()))
     )
 
@@ -49,15 +49,15 @@ def test_temperatures(subject: ClientUnderTest, line: IncomingConnection) -> Non
     @example(("1", "2", "3", "4"))
     @given(st.tuples(*[_texts] * 4))
     def each(texts: tuple[str, ...]) -> None:
-        call, _ = ask(subject, line, _NAME)
+        call, _ = request_operation(subject, line, _NAME)
         line.reply(_NAME, data="|".join(texts).encode())
         due = dict(zip(_SAID, map(float, texts), strict=True))
-        if subject.settled(call).ok and not _is_whole(call.result, due):
-            subject.gives(call, due)
+        if subject.wait_for_answer(call).ok and not _is_whole(call.result, due):
+            subject.expect_result(call, due)
         elif any("." in text for text in texts):
             subject.tolerate("T/9", "A-4.14-2", "integers", "decimals of temperatures are not told")
         else:
-            subject.done(call)
+            subject.expect_done(call)
 
     each()
 
@@ -65,7 +65,7 @@ def test_temperatures(subject: ClientUnderTest, line: IncomingConnection) -> Non
 @client_case("4.14/4")
 def test_as_printed(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The temperatures come under 0x0E; a client that does not take them gets them under 0x0F."""
-    call, _ = ask(subject, line, _NAME)
+    call, _ = request_operation(subject, line, _NAME)
     line.send_frame(_AS_PRINTED)
     line.wait(_SHORT_S)
     if call.answer is not None and not call.ok:
@@ -74,13 +74,13 @@ def test_as_printed(subject: ClientUnderTest, line: IncomingConnection) -> None:
     if call.answer is None:
         subject.tolerate("4.14/4", "op_temp_reply", "0x0F", "temperatures under 0x0E are ignored")
         line.send_frame(_AS_PRINTED._replace(opcode=0x0F))
-    subject.gives(call, _SAID)
+    subject.expect_result(call, _SAID)
 
 
 @client_case("4.14/4", name="mistaken")
 def test_not_mistaken(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Temperatures under 0x0E come while the default program is set; that is not their reply."""
-    call, _ = ask(subject, line, "set_default_program")
+    call, _ = request_operation(subject, line, "set_default_program")
     line.send_frame(_AS_PRINTED)
     line.wait(_SHORT_S)
     expect(
@@ -91,7 +91,7 @@ def test_not_mistaken(subject: ClientUnderTest, line: IncomingConnection) -> Non
     )
     if call.answer is None:
         line.reply("set_default_program", data=b"0")
-        subject.fails(call)
+        subject.expect_failure(call)
 
 
 @client_case("4.14/4", name="both")
@@ -100,9 +100,9 @@ def test_both(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
     Either comes first, and either is answered first.
     """
-    subject.concurrent(line)
+    subject.require_concurrency(line)
     for names, swapped in examples(product(((_NAME, _SETTING), (_SETTING, _NAME)), (False, True))):
-        calls = {name: ask(subject, line, name)[0] for name in names}
+        calls = {name: request_operation(subject, line, name)[0] for name in names}
         asking, setting = calls[_NAME], calls[_SETTING]
         frames = [_AS_PRINTED, Frame(C2A, 0x0E, b"1")]
         for frame in reversed(frames) if swapped else frames:
@@ -112,5 +112,5 @@ def test_both(subject: ClientUnderTest, line: IncomingConnection) -> None:
             told = "temperatures under 0x0E are ignored"
             subject.tolerate("4.14/4", "op_temp_reply", "0x0F", told)
             line.send_frame(_AS_PRINTED._replace(opcode=0x0F))
-        subject.gives(asking, _SAID)
-        subject.done(setting)
+        subject.expect_result(asking, _SAID)
+        subject.expect_done(setting)

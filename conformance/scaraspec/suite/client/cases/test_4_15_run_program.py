@@ -3,8 +3,14 @@
 from hypothesis import example
 
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.executing import Order, failed, finished, refused, run_at_will
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
+from scaraspec.suite.client.harness.two_stage import (
+    Operation,
+    expect_execution_failed,
+    expect_finished,
+    expect_refused,
+    run_unless_refused,
+)
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
 from scaraspec.suite.engine.strategies import names
@@ -16,7 +22,7 @@ def test_run(subject: ClientUnderTest, line: IncomingConnection) -> None:
     call = subject.begin("run_program", name="pro1.txt")
     line.serve(call, data=b"1", sent=b"pro1.txt")
     line.result("run_program")
-    finished(subject, call)
+    expect_finished(subject, call)
 
 
 @client_case("4.15/1", name="names")
@@ -29,7 +35,7 @@ def test_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
     @example(b"my program (2).txt")
     @given(names)
     def each(name: bytes) -> None:
-        run_at_will(subject, line, Order("run_program", {"name": name.decode()}))
+        run_unless_refused(subject, line, Operation("run_program", {"name": name.decode()}))
 
     each()
 
@@ -39,8 +45,8 @@ def test_missing(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A missing program is told as such, whether it is found missing at once or late (A-4.15-1)."""
     call = subject.begin("run_program", name="none.rob")
     line.serve(call, data=b"0|20", sent=b"none.rob")
-    refused(subject, call, "20")
+    expect_refused(subject, call, "20")
     call = subject.begin("run_program", name="none.rob")
     line.serve(call, data=b"1", sent=b"none.rob")
     line.result("run_program", "20")
-    failed(subject, call, "20")
+    expect_execution_failed(subject, call, "20")

@@ -3,8 +3,8 @@
 from hypothesis import example
 
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.executing import Order, finished, run_at_will
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
+from scaraspec.suite.client.harness.two_stage import Operation, expect_finished, run_unless_refused
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
 from scaraspec.suite.engine.strategies import names
@@ -16,7 +16,7 @@ def test_simulate(subject: ClientUnderTest, line: IncomingConnection) -> None:
     call = subject.begin("simulate_program", name="pro1.txt")
     line.serve(call, data=b"1", sent=b"pro1.txt")
     line.result("simulate_program")
-    finished(subject, call)
+    expect_finished(subject, call)
 
 
 @client_case("4.16/1", name="names")
@@ -27,10 +27,10 @@ def test_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
     @example(b"a")
     @given(names)
     def each(name: bytes) -> None:
-        run_at_will(subject, line, Order("simulate_program", {"name": name.decode()}))
+        run_unless_refused(subject, line, Operation("simulate_program", {"name": name.decode()}))
 
     call = subject.begin("run_program", name="former.rob")
     line.serve(call, data=b"1")
     line.result("run_program")
-    finished(subject, call)
+    expect_finished(subject, call)
     each()

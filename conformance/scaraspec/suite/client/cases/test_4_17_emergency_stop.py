@@ -4,23 +4,23 @@ import pytest
 
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.executing import (
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
+from scaraspec.suite.client.harness.request_checks import request_unless_refused
+from scaraspec.suite.client.harness.two_stage import (
     INTERRUPTIBLE,
     JOG,
     LOCK,
     MOVE,
     RUN,
     STOP,
-    Order,
-    beside,
-    executing,
-    failed,
-    finished,
-    ordered,
-    refused,
+    Operation,
+    begin_and_accept,
+    begin_and_request,
+    expect_execution_failed,
+    expect_finished,
+    expect_refused,
+    require_query_while_executing,
 )
-from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.request_checks import request_unless_refused
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseSkipped, expect, expect_equal
@@ -40,54 +40,56 @@ def test_stop(subject: ClientUnderTest, line: IncomingConnection) -> None:
     call = subject.begin(STOP.name)
     line.serve(call, data=b"1", sent=b"")
     line.result(STOP.name)
-    finished(subject, call)
+    expect_finished(subject, call)
     call = subject.begin(STOP.name)
     line.serve(call, data=b"0", sent=b"")
-    refused(subject, call)
+    expect_refused(subject, call)
 
 
 @client_case("4.17/1", name="behind-others")
 def test_stop_behind_others(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The stop carries no data behind requests that carried some."""
-    for order in examples(INTERRUPTIBLE):
-        call = executing(subject, line, order)
-        line.result(order.name)
-        finished(subject, call)
+    for operation in examples(INTERRUPTIBLE):
+        call = begin_and_accept(subject, line, operation)
+        line.result(operation.name)
+        expect_finished(subject, call)
         call = subject.begin(STOP.name)
         request = line.serve(call, data=b"0")
         expect_equal(
             request.frame.data,
             b"",
-            UserMessage("what the stop carries behind {order}", order=order.name),
+            UserMessage("what the stop carries behind {operation}", operation=operation.name),
         )
-        refused(subject, call)
+        expect_refused(subject, call)
 
 
 @client_case("4.17/9", name="of-a-former")
 def test_result_of_a_former_command(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The stop ends what nobody here has begun: its result comes first, after, or never."""
-    for order in INTERRUPTIBLE:
+    for operation in INTERRUPTIBLE:
         for fate in examples(_FATES):
-            call = executing(subject, line, STOP)
-            _end(line, order, fate)
-            finished(subject, call, requirement="4.17/9")
+            call = begin_and_accept(subject, line, STOP)
+            _end(line, operation, fate)
+            expect_finished(subject, call, requirement="4.17/9")
     _still_works(subject, line, RUN)
 
 
-@pytest.mark.parametrize("order", INTERRUPTIBLE, ids=lambda order: order.name)
+@pytest.mark.parametrize("operation", INTERRUPTIBLE, ids=lambda operation: operation.name)
 @client_case("4.17/9")
-def test_interrupted(subject: ClientUnderTest, line: IncomingConnection, order: Order) -> None:
+def test_interrupted(
+    subject: ClientUnderTest, line: IncomingConnection, operation: Operation
+) -> None:
     """The result of the stopped command comes before that of the stop, with it, after it, never."""
-    beside(subject, line)
+    require_query_while_executing(subject, line)
     for fate in examples(_FATES):
-        call = executing(subject, line, order)
+        call = begin_and_accept(subject, line, operation)
         stop = _begun(subject, line)
-        _end(line, order, fate)
-        finished(subject, stop, requirement="4.17/9")
+        _end(line, operation, fate)
+        expect_finished(subject, stop, requirement="4.17/9")
         if fate == "none":
             _not_done(call)
         else:
-            failed(subject, call, "00", requirement="4.17/9")
+            expect_execution_failed(subject, call, "00", requirement="4.17/9")
         line.inbox.clear()
         _still_works(subject, line, LOCK)
 
@@ -95,41 +97,43 @@ def test_interrupted(subject: ClientUnderTest, line: IncomingConnection, order: 
 @client_case("4.17/9", name="of-a-later")
 def test_later_command(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """What is ordered behind a stop takes a while, and is done: the stop was not for that."""
-    beside(subject, line)
-    call = executing(subject, line, RUN)
+    require_query_while_executing(subject, line)
+    call = begin_and_accept(subject, line, RUN)
     stop = _begun(subject, line)
     _end(line, RUN, "first")
-    finished(subject, stop)
-    failed(subject, call, "00")
-    call = executing(subject, line, MOVE)
+    expect_finished(subject, stop)
+    expect_execution_failed(subject, call, "00")
+    call = begin_and_accept(subject, line, MOVE)
     line.wait(_WHILE_S)
     line.result(MOVE.name)
-    finished(subject, call)
+    expect_finished(subject, call)
 
 
 @client_case("4.17/9", name="failed")
 def test_stop_fails(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The stop is refused, and fails; what it was to stop goes on to its end each time."""
-    beside(subject, line)
+    require_query_while_executing(subject, line)
     for accepted in examples((False, True)):
-        call = executing(subject, line, RUN)
+        call = begin_and_accept(subject, line, RUN)
         if accepted:
             stop = _begun(subject, line)
             line.result(STOP.name, "12")
-            failed(subject, stop, "12")
+            expect_execution_failed(subject, stop, "12")
         else:
-            stop = ordered(subject, line, STOP)
+            stop = begin_and_request(subject, line, STOP)
             line.reply(STOP.name, data=b"0")
-            refused(subject, stop)
-        subject.undone(call, "a stop that was not made was taken for the end of what goes on")
+            expect_refused(subject, stop)
+        subject.expect_pending(
+            call, "a stop that was not made was taken for the end of what goes on"
+        )
         line.result(RUN.name)
-        finished(subject, call)
+        expect_finished(subject, call)
 
 
 @client_case("4.17/10")
 def test_stop_beside_a_query(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The stop is sent while the reply to a query is outstanding."""
-    subject.concurrent(line)
+    subject.require_concurrency(line)
     for name in examples(("get_version", "get_tool_coordinates", "list_programs")):
         query = subject.begin(name)
         line.request(name, query)
@@ -137,42 +141,42 @@ def test_stop_beside_a_query(subject: ClientUnderTest, line: IncomingConnection)
         line.request(STOP.name, stop)
         line.reply(STOP.name, data=b"0")
         line.reply(name, data=_REPLIES[name])  # who looks where the arm is may wait for it
-        refused(subject, stop)
-        subject.done(query)
+        expect_refused(subject, stop)
+        subject.expect_done(query)
 
 
 @client_case("4.17/10", name="unaccepted")
 def test_stop_beside_an_order(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The stop is sent while the first reply to a move is outstanding."""
-    subject.concurrent(line)
-    for order in examples((RUN, MOVE, JOG)):
-        call = ordered(subject, line, order)
+    subject.require_concurrency(line)
+    for operation in examples((RUN, MOVE, JOG)):
+        call = begin_and_request(subject, line, operation)
         stop = subject.begin(STOP.name)
         line.request(STOP.name, stop)
         line.reply(STOP.name, data=b"0")
-        refused(subject, stop)
-        line.reply(order.name, data=b"1")
-        line.result(order.name)
-        finished(subject, call)
+        expect_refused(subject, stop)
+        line.reply(operation.name, data=b"1")
+        line.result(operation.name)
+        expect_finished(subject, call)
 
 
 @client_case("4.17/10", name="executing")
 def test_stop_beside_an_execution(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The stop is sent while a command executes; a client that takes no order then is told."""
     try:
-        beside(subject, line)
+        require_query_while_executing(subject, line)
     except CaseSkipped as why:
         subject.tolerate(
             "4.17/10", "A-4-3", "one at a time", UserMessage("{why}: no stop either", why=why)
         )
         return
-    for order in examples(INTERRUPTIBLE):
-        call = executing(subject, line, order)
+    for operation in examples(INTERRUPTIBLE):
+        call = begin_and_accept(subject, line, operation)
         stop = _begun(subject, line)
-        line.result(order.name, "00")
+        line.result(operation.name, "00")
         line.result(STOP.name)
-        finished(subject, stop)
-        failed(subject, call)
+        expect_finished(subject, stop)
+        expect_execution_failed(subject, call)
 
 
 _REPLIES = {
@@ -182,9 +186,9 @@ _REPLIES = {
 }
 
 
-def _end(line: IncomingConnection, order: Order, fate: str) -> None:
+def _end(line: IncomingConnection, operation: Operation, fate: str) -> None:
     """End the stop, and with it a command that it stops."""
-    own, of_stop = line.result_frame(order.name, "00"), line.result_frame(STOP.name)
+    own, of_stop = line.result_frame(operation.name, "00"), line.result_frame(STOP.name)
     frames = {"first": [own, of_stop], "after": [of_stop, own], "none": [of_stop]}
     if fate == "together":
         line.send_bytes(own.encode() + of_stop.encode())
@@ -204,18 +208,18 @@ def _not_done(call: Call) -> None:
 
 def _begun(subject: ClientUnderTest, line: IncomingConnection) -> Call:
     """A stop that is accepted; what it stops shows in the status as long as it goes on."""
-    stop = ordered(subject, line, STOP)
+    stop = begin_and_request(subject, line, STOP)
     line.reply(STOP.name, data=b"1")
     return stop
 
 
-def _still_works(subject: ClientUnderTest, line: IncomingConnection, other: Order) -> None:
+def _still_works(subject: ClientUnderTest, line: IncomingConnection, other: Operation) -> None:
     """A query is answered, and so is another order, unless the client still counts on the first."""
     query = subject.begin("get_version")
     line.serve(query, "1.0.0")
-    subject.gives(query, "1.0.0", requirement="4.17/9")
+    subject.expect_result(query, "1.0.0", requirement="4.17/9")
     call = subject.begin(other.name, **other.values)
     if request_unless_refused(line, call):
         line.reply(other.name, data=b"1")
         line.result(other.name)
-        finished(subject, call, requirement="4.17/9")
+        expect_finished(subject, call, requirement="4.17/9")

@@ -1,8 +1,12 @@
 """4.18: the reset (0x33, L385-419)."""
 
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.executing import failed, finished, refused
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
+from scaraspec.suite.client.harness.two_stage import (
+    expect_execution_failed,
+    expect_finished,
+    expect_refused,
+)
 from scaraspec.suite.engine.case import client_case
 
 
@@ -12,7 +16,7 @@ def test_reset(subject: ClientUnderTest, line: IncomingConnection) -> None:
     call = subject.begin("reset")
     line.serve(call, data=b"1", sent=b"")
     line.result("reset")
-    finished(subject, call)
+    expect_finished(subject, call)
 
 
 @client_case("4.18/1", "4/13", name="as-drawn")
@@ -20,8 +24,8 @@ def test_as_drawn(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The refusal and the failure that the document draws are told; the next reset is empty too."""
     call = subject.begin("reset")
     line.serve(call, data=b"0|01", sent=b"")
-    refused(subject, call, "01")
+    expect_refused(subject, call, "01")
     call = subject.begin("reset")
     line.serve(call, data=b"1", sent=b"")
     line.result("reset", data=b"00|11")
-    failed(subject, call, "11")
+    expect_execution_failed(subject, call, "11")

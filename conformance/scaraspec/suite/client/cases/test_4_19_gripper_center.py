@@ -19,7 +19,7 @@ def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The gripper centre is asked for without data, and told."""
     call = subject.begin("get_gripper_center")
     line.serve(call, Point(200, 300, 456), sent=b"")
-    subject.gives(call, {"x": 200, "y": 300, "z": 456})
+    subject.expect_result(call, {"x": 200, "y": 300, "z": 456})
 
 
 @client_case("4.19/1", "T/9", name="values")
@@ -32,9 +32,9 @@ def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
     def each(told: Point) -> None:
         call = subject.begin("get_gripper_center")
         line.serve(call, data=_REPLY.encode(told), sent=b"")
-        subject.gives(call, told._asdict(), requirement="T/9")
+        subject.expect_result(call, told._asdict(), requirement="T/9")
 
     call = subject.begin("set_gripper_center", x=1.5, y=-2.5, z=100)
     line.serve(call)
-    subject.done(call)
+    subject.expect_done(call)
     each()

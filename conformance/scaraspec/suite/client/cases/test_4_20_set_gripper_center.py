@@ -18,10 +18,10 @@ def test_set(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The gripper centre is set, and once refused."""
     call = subject.begin("set_gripper_center", x=200, y=300, z=456)
     expect_numbers(line.serve(call), (200, 300, 456))
-    subject.done(call)
+    subject.expect_done(call)
     call = subject.begin("set_gripper_center", x=1, y=2, z=3)
     expect_numbers(line.serve(call, value=False), (1, 2, 3))
-    subject.fails(call)
+    subject.expect_failure(call)
 
 
 @client_case("4.20/1", name="numbers")
@@ -36,8 +36,8 @@ def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
     @given(st.builds(Point, _tenths, _tenths, _tenths))
     def each(wanted: Point) -> None:
         call = subject.begin("set_gripper_center", **wanted._asdict())
-        with subject.at_will():
+        with subject.allow_refusal():
             expect_numbers(line.serve(call), wanted)
-            subject.done(call)
+            subject.expect_done(call)
 
     each()

@@ -20,11 +20,11 @@ def test_set(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The initial tool position is set, and once refused."""
     call = subject.begin("set_initial_tool_position", **_DRAWN._asdict())
     expect_pose(subject, line.serve(call), _DRAWN)
-    subject.done(call)
+    subject.expect_done(call)
     other = Pose(300, 200, 225, 4, 0, 0)
     call = subject.begin("set_initial_tool_position", **other._asdict())
     expect_pose(subject, line.serve(call, value=False), other)
-    subject.fails(call)
+    subject.expect_failure(call)
 
 
 @client_case("4.21/1", "7/2", name="numbers")
@@ -37,9 +37,9 @@ def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
     @given(st.builds(Pose, *[_tenths] * 6))
     def each(wanted: Pose) -> None:
         call = subject.begin("set_initial_tool_position", **wanted._asdict())
-        with subject.at_will():
+        with subject.allow_refusal():
             expect_pose(subject, line.serve(call), wanted)
-            subject.done(call)
+            subject.expect_done(call)
 
     each()
 
@@ -51,9 +51,9 @@ def test_length(subject: ClientUnderTest, line: IncomingConnection) -> None:
         (_DRAWN, Pose(0, 0, 0, 0, 0, 0), Pose(-123.4, -234.5, 345.6, -178.9, -90.5, 0.5))
     ):
         call = subject.begin("set_initial_tool_position", **wanted._asdict())
-        with subject.at_will():
+        with subject.allow_refusal():
             request = line.serve(call)
-            subject.done(call)
+            subject.expect_done(call)
             expect_equal(line.invalid_bytes, [], "bytes that are no frame beside the request")
             line.pump()
             expect_pose(subject, request, wanted)

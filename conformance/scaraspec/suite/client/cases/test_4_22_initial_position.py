@@ -7,7 +7,7 @@ from hypothesis import example
 from scaraspec.protocol.commands import BY_NAME, Pose
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.poses import gives_pose
+from scaraspec.suite.client.harness.poses import expect_pose_reported
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
 from scaraspec.suite.engine.strategies import payload_values
@@ -21,7 +21,7 @@ def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
     call = subject.begin("get_initial_tool_position")
     line.serve(call, Pose(200, 300, 324, 34.6, 0, 0), sent=b"")
     useful = {"x": 200, "y": 300, "z": 324, "theta_x": 34.6}
-    subject.gives(call, {**useful, "theta_y": 0, "theta_z": 0})
+    subject.expect_result(call, {**useful, "theta_y": 0, "theta_z": 0})
 
 
 @client_case("4.22/1", "T/9", name="values")
@@ -33,9 +33,9 @@ def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
     def each(told: Pose) -> None:
         call = subject.begin("get_initial_tool_position")
         line.serve(call, data=_REPLY.encode(told), sent=b"")
-        gives_pose(subject, call, told, requirement="T/9")
+        expect_pose_reported(subject, call, told, requirement="T/9")
 
     call = subject.begin("set_initial_tool_position", **Pose(190, 280, 317, 6, 5, 4)._asdict())
     line.serve(call)
-    subject.done(call)
+    subject.expect_done(call)
     each()

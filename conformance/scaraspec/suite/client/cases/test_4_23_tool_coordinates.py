@@ -6,9 +6,9 @@ from hypothesis import example
 
 from scaraspec.protocol.commands import BY_NAME, Pose
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.executing import MOVE, executing, finished
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.poses import gives_pose
+from scaraspec.suite.client.harness.poses import expect_pose_reported
+from scaraspec.suite.client.harness.two_stage import MOVE, begin_and_accept, expect_finished
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.strategies import payload_values
@@ -22,7 +22,7 @@ def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
     call = subject.begin("get_tool_coordinates")
     line.serve(call, Pose(200, 300, 324, 34.6, 0, 0), sent=b"")
     useful = {"x": 200, "y": 300, "z": 324, "theta_x": 34.6}
-    subject.gives(call, {**useful, "theta_y": 0, "theta_z": 0})
+    subject.expect_result(call, {**useful, "theta_y": 0, "theta_z": 0})
 
 
 @client_case("4.23/1", "T/9", name="values")
@@ -34,11 +34,11 @@ def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
     def each(told: Pose) -> None:
         call = subject.begin("get_tool_coordinates")
         line.serve(call, data=_REPLY.encode(told), sent=b"")
-        gives_pose(subject, call, told, requirement="T/9")
+        expect_pose_reported(subject, call, told, requirement="T/9")
 
-    call = executing(subject, line, MOVE)
+    call = begin_and_accept(subject, line, MOVE)
     line.result(MOVE.name)
-    finished(subject, call)
+    expect_finished(subject, call)
     each()
 
 
@@ -52,4 +52,4 @@ def test_useless_angles(subject: ClientUnderTest, line: IncomingConnection) -> N
             told = Pose(200, -300, 324.5, -34.6, *useless)
             call = subject.begin(name)
             line.serve(call, data=_REPLY.encode(told))
-            gives_pose(subject, call, told)
+            expect_pose_reported(subject, call, told)

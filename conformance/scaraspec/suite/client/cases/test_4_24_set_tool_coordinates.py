@@ -5,10 +5,16 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Pose
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.executing import MOVE, executing, failed, finished, refused
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.poses import expect_pose
 from scaraspec.suite.client.harness.request_checks import request_unless_refused
+from scaraspec.suite.client.harness.two_stage import (
+    MOVE,
+    begin_and_accept,
+    expect_execution_failed,
+    expect_finished,
+    expect_refused,
+)
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given
@@ -35,9 +41,9 @@ def test_move(subject: ClientUnderTest, line: IncomingConnection) -> None:
         line.reply(_MOVE, data=b"1")
         line.result(_MOVE, code)
         if code:
-            failed(subject, call)
+            expect_execution_failed(subject, call)
         else:
-            finished(subject, call)
+            expect_finished(subject, call)
 
 
 @client_case("4.24/1", "7/2", name="numbers")
@@ -49,11 +55,11 @@ def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
     @given(st.integers(1, 100), _poses)
     def each(speed: int, wanted: Pose) -> None:
         call = subject.begin(_MOVE, speed=speed, **wanted._asdict())
-        with subject.at_will():
+        with subject.allow_refusal():
             request = line.serve(call, data=b"1")
             line.result(_MOVE)
             expect_pose(subject, request, wanted, speed=speed)
-            finished(subject, call)
+            expect_finished(subject, call)
 
     each()
 
@@ -66,7 +72,7 @@ def test_every_speed(subject: ClientUnderTest, line: IncomingConnection) -> None
         sent = line.request(_MOVE, call)
         expect_equal(_speed_of(sent), speed, UserMessage("the speed of {sent}", sent=sent))
         line.reply(_MOVE, data=b"0|05")
-        refused(subject, call)
+        expect_refused(subject, call)
 
 
 @client_case("4.24/2", name="beyond")
@@ -82,10 +88,10 @@ def test_no_speed(subject: ClientUnderTest, line: IncomingConnection) -> None:
                 UserMessage("the speed that was sent for {speed}", speed=speed),
             )
             line.reply(_MOVE, data=b"0|05")
-            refused(subject, call)
-    call = executing(subject, line, MOVE)  # what was refused leaves nothing behind
+            expect_refused(subject, call)
+    call = begin_and_accept(subject, line, MOVE)  # what was refused leaves nothing behind
     line.result(_MOVE)
-    finished(subject, call)
+    expect_finished(subject, call)
 
 
 def _speed_of(sent: ReceivedFrame) -> int | None:

@@ -1,8 +1,8 @@
 """4.25: releasing the joints (0x3A, L518-549)."""
 
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.executing import failed, finished
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
+from scaraspec.suite.client.harness.two_stage import expect_execution_failed, expect_finished
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 
@@ -15,6 +15,6 @@ def test_release(subject: ClientUnderTest, line: IncomingConnection) -> None:
         line.serve(call, data=b"1", sent=b"")
         line.result("release_joints", code)
         if code:
-            failed(subject, call)
+            expect_execution_failed(subject, call)
         else:
-            finished(subject, call)
+            expect_finished(subject, call)

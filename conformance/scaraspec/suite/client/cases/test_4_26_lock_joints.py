@@ -1,8 +1,13 @@
 """4.26: locking the joints (0x3B, L551-582)."""
 
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.executing import RELEASE, executing, finished, refused
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
+from scaraspec.suite.client.harness.two_stage import (
+    RELEASE,
+    begin_and_accept,
+    expect_finished,
+    expect_refused,
+)
 from scaraspec.suite.engine.case import client_case
 
 
@@ -12,20 +17,20 @@ def test_lock(subject: ClientUnderTest, line: IncomingConnection) -> None:
     call = subject.begin("lock_joints")
     line.serve(call, data=b"1", sent=b"")
     line.result("lock_joints")
-    finished(subject, call)
+    expect_finished(subject, call)
     call = subject.begin("lock_joints")
     line.serve(call, data=b"0|12", sent=b"")
-    refused(subject, call)
+    expect_refused(subject, call)
 
 
 @client_case("4.26/1", name="in-turn")
 def test_in_turn(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Joints that were released are locked, and so several times."""
     for _ in range(3):
-        call = executing(subject, line, RELEASE)
+        call = begin_and_accept(subject, line, RELEASE)
         line.result(RELEASE.name)
-        finished(subject, call)
+        expect_finished(subject, call)
         call = subject.begin("lock_joints")
         line.serve(call, data=b"1", sent=b"")
         line.result("lock_joints")
-        finished(subject, call)
+        expect_finished(subject, call)

@@ -19,7 +19,7 @@ def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The joint angles are asked for without data, and told."""
     call = subject.begin("get_joint_angles")
     line.serve(call, JointValues(20.4, 30.5, 38, 0), sent=b"")
-    subject.gives(call, {"inner_arm": 20.4, "outer_arm": 30.5, "wrist": 38, "rotation": 0})
+    subject.expect_result(call, {"inner_arm": 20.4, "outer_arm": 30.5, "wrist": 38, "rotation": 0})
 
 
 @client_case("4.27/1", "T/9", name="values")
@@ -32,6 +32,6 @@ def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
     def each(told: JointValues) -> None:
         call = subject.begin("get_joint_angles")
         line.serve(call, data=_REPLY.encode(told), sent=b"")
-        subject.gives(call, told._asdict(), requirement="T/9")
+        subject.expect_result(call, told._asdict(), requirement="T/9")
 
     each()

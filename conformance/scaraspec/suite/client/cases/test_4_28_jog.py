@@ -4,8 +4,14 @@ from typing import Final
 
 from scaraspec.protocol import payloads
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.executing import RUN, executing, failed, finished, refused
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
+from scaraspec.suite.client.harness.two_stage import (
+    RUN,
+    begin_and_accept,
+    expect_execution_failed,
+    expect_finished,
+    expect_refused,
+)
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import expect, expect_equal, told
@@ -34,7 +40,7 @@ def test_jog(subject: ClientUnderTest, line: IncomingConnection) -> None:
         _expect_direction(line.request(_JOG, call).frame.data, number)
         line.reply(_JOG, data=b"1")
         line.result(_JOG)
-        finished(subject, call)
+        expect_finished(subject, call)
 
 
 @client_case("4.28/3", "4.28/1", name="refused")
@@ -44,12 +50,12 @@ def test_refused(subject: ClientUnderTest, line: IncomingConnection) -> None:
         call = subject.begin(_JOG, direction=direction)
         _expect_direction(line.request(_JOG, call).frame.data, number)
         line.reply(_JOG, data=b"0|06")
-        refused(subject, call, "06")
+        expect_refused(subject, call, "06")
         call = subject.begin(_JOG, direction=direction)
         _expect_direction(line.request(_JOG, call).frame.data, number)
         line.reply(_JOG, data=b"1")
         line.result(_JOG, "05")
-        failed(subject, call, "05")
+        expect_execution_failed(subject, call, "05")
 
 
 @client_case("4.28/2")
@@ -69,10 +75,10 @@ def test_byte(subject: ClientUnderTest, line: IncomingConnection) -> None:
         forms.add(dict(read.readings)["jog_byte"])
         line.reply(_JOG, data=b"1")
         line.result(_JOG)
-        finished(subject, call)
-        call = executing(subject, line, RUN)
+        expect_finished(subject, call)
+        call = begin_and_accept(subject, line, RUN)
         line.result(RUN.name)
-        finished(subject, call)
+        expect_finished(subject, call)
     form = forms.pop()
     expect(not forms, "the byte of a jog", expected=f"always {form}", observed="now so, now so")
     subject.found["jog_byte"] = form

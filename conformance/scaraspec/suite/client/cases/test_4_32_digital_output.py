@@ -4,7 +4,7 @@ from typing import Final
 
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.request_checks import numbers_of, request_unless_refused
+from scaraspec.suite.client.harness.request_checks import numbers_in, request_unless_refused
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples
@@ -22,7 +22,7 @@ _NO_VALUES: Final = (2, -1, 10, 255, 256, 0.5)
 def _expect_setting(sent: ReceivedFrame, port: int, value: int) -> None:
     text = sent.seen.text
     expect(
-        numbers_of(sent) == [port, value] and b"." not in text,
+        numbers_in(sent) == [port, value] and b"." not in text,
         "the request to set an output",
         expected=f"{port}|{value}",
         observed=told(text),
@@ -35,10 +35,10 @@ def test_set(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """An output is set, and once refused."""
     call = subject.begin(_SET, port=8, value=1)
     _expect_setting(line.serve(call), 8, 1)
-    subject.done(call)
+    subject.expect_done(call)
     call = subject.begin(_SET, port=8, value=0)
     _expect_setting(line.serve(call, value=False), 8, 0)
-    subject.fails(call)
+    subject.expect_failure(call)
 
 
 @client_case("4.32/1", "4.32/2", name="each")
@@ -51,13 +51,13 @@ def test_each_port(subject: ClientUnderTest, line: IncomingConnection) -> None:
         for port in examples(_PORTS):
             call = subject.begin(_SET, port=port, value=value)
             _expect_setting(line.serve(call), port, value)
-            subject.done(call)
+            subject.expect_done(call)
     for port in examples(_NO_PORTS):
         call = subject.begin(_SET, port=port, value=1)
         sent = request_unless_refused(line, call)
         if sent is not None:
             line.reply(_SET, value=False)
-            subject.settled(call)
+            subject.wait_for_answer(call)
             _expect_setting(sent, port, 1)
 
 
@@ -73,4 +73,4 @@ def test_other_values(subject: ClientUnderTest, line: IncomingConnection) -> Non
                 text, (b"0", b"1"), UserMessage("the value that was sent for {value}", value=value)
             )
             line.reply(_SET, value=False)
-            subject.fails(call)
+            subject.expect_failure(call)

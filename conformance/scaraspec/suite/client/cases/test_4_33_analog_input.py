@@ -27,7 +27,7 @@ def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The port is asked for in two characters, as 08, and its value is told."""
     call = subject.begin(_GET, port=8)
     line.serve(call, 100, sent=b"08")
-    subject.gives(call, 100)
+    subject.expect_result(call, 100)
 
 
 @client_case("4.33/1", name="each")
@@ -36,12 +36,12 @@ def test_each_port(subject: ClientUnderTest, line: IncomingConnection) -> None:
     for port in examples(_SURE_PORTS):
         call = subject.begin(_GET, port=port)
         line.serve(call, port, sent=b"%02d" % port)
-        subject.gives(call, port)
+        subject.expect_result(call, port)
     for port in examples(_ALL_PORTS):  # a client may know of eight (A-4.32-2)
         call = subject.begin(_GET, port=port)
-        with subject.at_will():
+        with subject.allow_refusal():
             line.serve(call, port, sent=b"%02d" % port)
-            subject.gives(call, port)
+            subject.expect_result(call, port)
 
 
 @client_case("4.33/1", name="beyond")
@@ -67,7 +67,7 @@ def test_zero(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The value 0 and the error are told apart."""
     call = subject.begin(_GET, port=1)
     line.serve(call, data=b"1|0")
-    subject.gives(call, 0)
+    subject.expect_result(call, 0)
     call = subject.begin(_GET, port=1)
     line.serve(call, data=b"0")
     expect_no_value(subject, call)
@@ -87,7 +87,7 @@ def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
     def each(value: float) -> None:
         call = subject.begin(_GET, port=2)
         line.serve(call, data=_REPLY.encode(value))
-        subject.gives(call, value, requirement="4.33/4")
+        subject.expect_result(call, value, requirement="4.33/4")
         call = subject.begin(_GET, port=2)
         line.serve(call, data=b"0")
         expect_no_value(subject, call)
@@ -101,4 +101,4 @@ def test_forms(subject: ClientUnderTest, line: IncomingConnection) -> None:
     for form in examples((b"1|0", b"1|0.0", b"1|0.000", b"1|-0", b"1|00")):
         call = subject.begin(_GET, port=3)
         line.serve(call, data=form)
-        subject.gives(call, 0)
+        subject.expect_result(call, 0)

@@ -29,7 +29,7 @@ def test_error(subject: ClientUnderTest, line: IncomingConnection) -> None:
     for port in examples((8, 16)):
         call = subject.begin("set_digital_output", port=port, value=0)
         line.serve(call)
-        subject.done(call)
+        subject.expect_done(call)
         call = subject.begin(_GET)
         line.serve(call, data=b"0", sent=b"")
         expect_no_value(subject, call)

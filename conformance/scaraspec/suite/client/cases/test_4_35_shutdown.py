@@ -3,8 +3,8 @@
 import pytest
 
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.executing import MOVE, executing, finished
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
+from scaraspec.suite.client.harness.two_stage import MOVE, begin_and_accept, expect_finished
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import expect
@@ -18,22 +18,22 @@ def test_refused(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A shutdown without data is refused while a program runs, and the link goes on."""
     call = subject.begin(_OFF)
     line.serve(call, data=b"0|01", sent=b"")
-    subject.fails(call)
+    subject.expect_failure(call)
     call = subject.begin("get_status")
     line.serve(call, "01")
-    subject.gives(call, "01")
+    subject.expect_result(call, "01")
 
 
 @client_case("4.35/1", name="behind-others")
 def test_behind_others(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The request carries no data behind one that carried some; its refusals are told."""
     for code in examples(("01", "03", "12", "1F")):
-        call = executing(subject, line, MOVE)
+        call = begin_and_accept(subject, line, MOVE)
         line.result(MOVE.name)
-        finished(subject, call)
+        expect_finished(subject, call)
         call = subject.begin(_OFF)
         line.serve(call, data=b"0|" + code.encode(), sent=b"")
-        subject.fails(call)
+        subject.expect_failure(call)
 
 
 @client_case("4.35/6", attended=True)
@@ -41,7 +41,7 @@ def test_done(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The shutdown is accepted, which is all that comes of it, and the link ends."""
     call = subject.begin(_OFF)
     line.serve(call, data=b"1", sent=b"")
-    subject.done(call)
+    subject.expect_done(call)
     line.close()
 
 
@@ -54,7 +54,7 @@ def test_link_is_lost_before_the_answer(
     call = subject.begin(_OFF)
     line.request(_OFF, call)
     line.reset() if cut else line.close()
-    subject.fails(call)
+    subject.expect_failure(call)
 
 
 @pytest.mark.parametrize("loss", ["closed", "closed-at-once", "reset", "pending"])
@@ -62,21 +62,21 @@ def test_link_is_lost_before_the_answer(
 def test_link_is_lost(subject: ClientUnderTest, line: IncomingConnection, loss: str) -> None:
     """The link is closed or cut off behind the 1, also with other things under way."""
     if loss == "pending":
-        subject.concurrent(line)
+        subject.require_concurrency(line)
         other = subject.begin("get_joint_angles")
         line.request("get_joint_angles", other)
     call = subject.begin(_OFF)
     line.serve(call, data=b"1", sent=b"")
     if loss != "closed-at-once":
-        subject.speaks(call, _READ_S)  # a cut takes with it what has not been read
+        subject.answers_within(call, _READ_S)  # a cut takes with it what has not been read
     if loss == "reset":
         line.reset()
     else:
         line.close()
-    subject.done(call, requirement="4.35/6")
+    subject.expect_done(call, requirement="4.35/6")
     if loss == "pending":
         expect(
-            not subject.settled(other).ok,
+            not subject.wait_for_answer(other).ok,
             "a query whose reply was lost with the link is said to have been answered",
             expected="an error",
             observed=f"{other}",
@@ -84,4 +84,4 @@ def test_link_is_lost(subject: ClientUnderTest, line: IncomingConnection, loss: 
     again = subject.open()
     query = subject.begin("get_version")
     again.serve(query, "1.0.0")
-    subject.gives(query, "1.0.0")
+    subject.expect_result(query, "1.0.0")

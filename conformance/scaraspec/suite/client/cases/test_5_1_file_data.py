@@ -15,11 +15,11 @@ from scaraspec.protocol.transfer import (
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.files import (
     Upload,
-    cut,
-    expect_failed,
-    expect_no_transfer,
-    fetch,
-    serving,
+    begin_download,
+    expect_no_transfer_frames,
+    expect_served,
+    expect_transfer_failed,
+    split_content,
 )
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.engine.case import client_case
@@ -47,8 +47,8 @@ def _frames(
 ) -> Iterator[ReceivedFrame]:
     """What the client sends of a file, right or wrong."""
     upload = Upload(subject, line, content)
-    upload.accept()
-    yield from upload.frames()
+    upload.accept_name()
+    yield from upload.chunk_frames()
     upload.expect_done()
 
 
@@ -123,12 +123,14 @@ def test_end_of_an_upload(subject: ClientUnderTest, line: IncomingConnection) ->
     """With the answer to its last chunk, and not before, an upload is done; another may begin."""
     for size in examples((1, 200, 201)):
         upload = Upload(subject, line, content_of(size))
-        upload.accept()
+        upload.accept_name()
         while upload.received_bytes < size:
             chunk = upload.next_chunk()
             line.wait(_SHORT_S if chunk.last else 0)
-            subject.undone(upload.call, "an upload was over before its last chunk was answered")
-            upload.take(chunk.length)
+            subject.expect_pending(
+                upload.call, "an upload was over before its last chunk was answered"
+            )
+            upload.accept_chunk(chunk.length)
         upload.expect_done()
 
 
@@ -147,13 +149,15 @@ def test_ascending(subject: ClientUnderTest, line: IncomingConnection, size: int
 @client_case("5.1/9")
 def test_one_byte_order(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Chunks of all uploads of a session are in one byte order."""
-    orders = set()
+    byte_orders = set()
     for size in examples((1, 450, 70)):
         for frame in _frames(subject, line, content_of(size)):
             parsed = frame.seen.parsed
-            orders |= {v for k, v in parsed.decoded.readings if k == "endian"} if parsed else set()
-            expect(len(orders) <= 1, "the byte order changes", expected="one", observed="both")
-    if "big" in orders:
+            byte_orders |= (
+                {v for k, v in parsed.decoded.readings if k == "endian"} if parsed else set()
+            )
+            expect(len(byte_orders) <= 1, "the byte order changes", expected="one", observed="both")
+    if "big" in byte_orders:
         subject.tolerate("5.1/9", "endian", "big", "file data is big-endian")
 
 
@@ -163,8 +167,8 @@ def test_name_first(subject: ClientUnderTest, line: IncomingConnection) -> None:
     for _ in range(2):
         upload = Upload(subject, line, _WHOLE)
         message = "content was sent before the name was answered"
-        expect_no_transfer(line, message, "5.1/11", _SHORT_S)
-        upload.accept()
+        expect_no_transfer_frames(line, message, "5.1/11", _SHORT_S)
+        upload.accept_name()
         upload.finish()
 
 
@@ -176,29 +180,31 @@ def test_torn_structure(subject: ClientUnderTest, line: IncomingConnection) -> N
     """A chunk that says 200 bytes and holds fewer, or not even its numbers, is not taken."""
     chunk = Chunk(200, 0, BUFFER_BYTES, content_of(200))
     for size in examples((HEAD_BYTES + 50, HEAD_BYTES + 199, HEAD_BYTES, HEAD_BYTES - 1, 1)):
-        download = fetch(subject, line)
-        taken = download.offer(chunk, data=download.frame(chunk).data[:size])
+        download = begin_download(subject, line)
+        taken = download.offer_chunk(chunk, data=download.chunk_frame(chunk).data[:size])
         message = UserMessage("{size} bytes were taken as a fileData", size=size)
         expect(not taken, message, expected="0", observed="1")
         download.expect_failed("5.1/1")
-        line = serving(subject, line, "a chunk that was cut off")
+        line = expect_served(subject, line, "a chunk that was cut off")
 
 
 @client_case("5.1/2", name="truncated")
 def test_truncated_last_chunk(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A last chunk of a download that is cut off behind its content is taken, or refused."""
     for size in examples((1, 237, 450)):
-        download = fetch(subject, line)
+        download = begin_download(subject, line)
         *full, last = chunks_of(content_of(size))
         for chunk in full:
-            download.give(chunk)
-        if download.offer(last, data=download.frame(last).data[: HEAD_BYTES + last.length]):
+            download.send_chunk(chunk)
+        if download.offer_chunk(
+            last, data=download.chunk_frame(last).data[: HEAD_BYTES + last.length]
+        ):
             download.expect_done("5.1/2")
             continue
         download.expect_failed("5.1/2")
         message = "a chunk that is cut off behind its content is refused"
         subject.tolerate("5.1/2", "chunk_trunc", "full", message)
-        line = serving(subject, line, "a chunk that was cut off")
+        line = expect_served(subject, line, "a chunk that was cut off")
 
 
 @client_case("5.1/4", name="download")
@@ -207,9 +213,9 @@ def test_positions_taken(
     subject: ClientUnderTest, line: IncomingConnection, lengths: Sequence[int]
 ) -> None:
     """What a chunk of a download holds gets to the byte offset that it tells."""
-    download = fetch(subject, line)
-    for chunk in cut(content_of(sum(lengths)), lengths):
-        download.give(chunk, "5.1/4")
+    download = begin_download(subject, line)
+    for chunk in split_content(content_of(sum(lengths)), lengths):
+        download.send_chunk(chunk, "5.1/4")
     download.expect_done("5.1/4")
 
 
@@ -217,27 +223,32 @@ def test_positions_taken(
 def test_end_of_a_download(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """With its last chunk, and not before, a download is done; another may begin at once."""
     for size in examples((1, 200, 201)):
-        download = fetch(subject, line)
+        download = begin_download(subject, line)
         for chunk in chunks_of(content_of(size)):
             line.wait(_SHORT_S if chunk.last else 0)
-            subject.undone(download.call, "a download was over before its last chunk came")
-            download.give(chunk)
+            subject.expect_pending(download.call, "a download was over before its last chunk came")
+            download.send_chunk(chunk)
         download.expect_done("5.1/7")
 
 
 @client_case("5.1/9", name="big-endian")
 def test_other_byte_order(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A download in the other byte order is understood, or fails."""
-    order = "little" if subject.dialect["endian"] == "big" else "big"
+    byte_order = "little" if subject.dialect["endian"] == "big" else "big"
     for size in examples((1, 256, 450)):
-        download = fetch(subject, line)
-        if all(download.offer(chunk, order=order) for chunk in chunks_of(content_of(size))):
+        download = begin_download(subject, line)
+        if all(
+            download.offer_chunk(chunk, byte_order=byte_order)
+            for chunk in chunks_of(content_of(size))
+        ):
             download.expect_done("5.1/9")
             continue
         download.expect_failed("5.1/9")
-        message = UserMessage("file data is not understood when it is {order}-endian", order=order)
+        message = UserMessage(
+            "file data is not understood when it is {byte_order}-endian", byte_order=byte_order
+        )
         subject.tolerate("5.1/9", "endian", subject.dialect["endian"], message)
-        line = serving(subject, line, "a download in the other byte order")
+        line = expect_served(subject, line, "a download in the other byte order")
 
 
 @client_case("5.1/12")
@@ -249,9 +260,9 @@ def test_rest_of_the_buffer(
     subject: ClientUnderTest, line: IncomingConnection, lengths: list[int], filler: bytes
 ) -> None:
     """Of chunks of any length the valid bytes are stored, whatever stands behind them."""
-    download = fetch(subject, line)
-    for chunk in cut(content_of(sum(lengths)), lengths):
-        download.give(_filled(chunk, filler), "5.1/12")
+    download = begin_download(subject, line)
+    for chunk in split_content(content_of(sum(lengths)), lengths):
+        download.send_chunk(_filled(chunk, filler), "5.1/12")
     download.expect_done("5.1/12")
 
 
@@ -271,15 +282,15 @@ def _not_complete(
     A client may refuse them (A-5-8). One that takes them has to wait for what is missing; that it
     takes the file for complete is seen in what it says.
     """
-    download = fetch(subject, line)
-    taken = all(download.offer(chunk) for chunk in sent)
+    download = begin_download(subject, line)
+    taken = all(download.offer_chunk(chunk) for chunk in sent)
     line.wait(_SHORT_S)
     if (
         not taken
         or download.call.answer is not None
-        or not all(download.offer(chunk) for chunk in missing)
+        or not all(download.offer_chunk(chunk) for chunk in missing)
     ):
-        expect_failed(subject, download.call, "5.1/13")
+        expect_transfer_failed(subject, download.call, "5.1/13")
         return
     download.received = _LONG
     download.expect_done("5.1/13")
@@ -318,11 +329,11 @@ def test_overlap(subject: ClientUnderTest, line: IncomingConnection) -> None:
 @client_case("5.1/13", name="larger-size")
 def test_file_size_grows(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A download whose second chunk tells a larger size is refused, or has that size in the end."""
-    download = fetch(subject, line)
+    download = begin_download(subject, line)
     sizes = (450, 600, 600)
     chunks = (c._replace(file_size=s) for c, s in zip(chunks_of(_LONG), sizes, strict=True))
-    if not all(download.offer(chunk) for chunk in chunks):
-        expect_failed(subject, download.call, "5.1/13")
+    if not all(download.offer_chunk(chunk) for chunk in chunks):
+        expect_transfer_failed(subject, download.call, "5.1/13")
         return
     download.expect_done("5.1/13")
     subject.tolerate("5.1/13", "A-5-7", "last", "the file size may change on the way")
@@ -331,11 +342,11 @@ def test_file_size_grows(subject: ClientUnderTest, line: IncomingConnection) -> 
 @client_case("5.1/13", name="smaller-size")
 def test_file_size_shrinks(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A download whose later chunk tells a smaller size is refused, or ends there, whole."""
-    download = fetch(subject, line)
-    download.give(_FIRST)
-    taken = download.offer(Chunk(250, 200, 50, _LONG[200:250]))
-    if not taken or not subject.speaks(download.call, _TOLD_S) or not download.call.ok:
-        expect_failed(subject, download.call, "5.1/13")
+    download = begin_download(subject, line)
+    download.send_chunk(_FIRST)
+    taken = download.offer_chunk(Chunk(250, 200, 50, _LONG[200:250]))
+    if not taken or not subject.answers_within(download.call, _TOLD_S) or not download.call.ok:
+        expect_transfer_failed(subject, download.call, "5.1/13")
         return
     download.expect_done("5.1/13")
     message = "the file size of the last chunk is the one that counts"

@@ -23,19 +23,23 @@ from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.files import (
     Download,
     Upload,
-    expect_done,
-    expect_failed,
-    expect_no_transfer,
-    fetch,
-    give_back,
-    gives_up,
-    reaction,
-    serve,
-    serving,
-    take,
+    begin_download,
+    expect_no_transfer_frames,
+    expect_served,
+    expect_transfer_done,
+    expect_transfer_failed,
+    is_abort_signal,
+    receive_upload,
+    request_or_none,
+    send_download,
+    serve_read_back,
 )
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.silences import given_up, given_up_meanwhile, survived
+from scaraspec.suite.client.harness.transfer_silence import (
+    expect_given_up,
+    expect_given_up_despite_queries,
+    expect_survives_silence,
+)
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.chunks import chunk_of
 from scaraspec.suite.engine.examples import examples, given
@@ -57,12 +61,12 @@ _ANSWERS = tuple(BY_NAME[name].opcode for name in ("upload_name", "upload_chunk"
 def _up_to(subject: ClientUnderTest, line: IncomingConnection, number: int) -> tuple[Upload, Chunk]:
     """An upload up to its chunk of this number, or its last, which is not answered yet."""
     upload = Upload(subject, line, _WHOLE)
-    upload.accept()
+    upload.accept_name()
     while True:
         chunk = upload.next_chunk()
         if not number or chunk.last:
             return upload, chunk
-        upload.take(chunk.length)
+        upload.accept_chunk(chunk.length)
         number -= 1
 
 
@@ -71,8 +75,8 @@ def _take_one_byte(subject: ClientUnderTest, line: IncomingConnection, call: Cal
     line.reply("upload_name")
     chunk_of(line.request("upload_chunk", call))
     line.reply("upload_chunk")
-    give_back(subject, line, call, b"!")
-    expect_done(subject, call)
+    serve_read_back(subject, line, call, b"!")
+    expect_transfer_done(subject, call)
 
 
 # The name
@@ -81,7 +85,7 @@ def _take_one_byte(subject: ClientUnderTest, line: IncomingConnection, call: Cal
 @client_case("5.2/1", attended=True)
 def test_upload(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A file is uploaded, its name first."""
-    take(subject, line, _WHOLE)
+    receive_upload(subject, line, _WHOLE)
 
 
 @client_case("5.2/1", name="drawn")
@@ -91,18 +95,18 @@ def test_upload(subject: ClientUnderTest, line: IncomingConnection) -> None:
 @example(name="a" * 26 + ".rob")
 def test_names(subject: ClientUnderTest, line: IncomingConnection, name: str) -> None:
     """An upload begins with its name, whatever the file is called at home."""
-    with subject.at_will():
-        take(subject, line, b"!", name)
+    with subject.allow_refusal():
+        receive_upload(subject, line, b"!", name)
 
 
 @client_case("5.2/1", name="chinese")
 def test_chinese_name(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A Chinese name is sent whole in UTF-8 or GB18030, or the client refuses it (A-T-2)."""
     name = "程序一.rob"
-    call = subject.begin("upload", local=subject.file(b"!"), remote=name)
-    asked = reaction(subject, line, call, "upload_name")
+    call = subject.begin("upload", local=subject.make_file(b"!"), remote=name)
+    asked = request_or_none(subject, line, call, "upload_name")
     if asked is None:
-        expect_failed(subject, call, "5.2/1")
+        expect_transfer_failed(subject, call, "5.2/1")
         return
     message = "a Chinese name was sent as"
     expect_in(
@@ -116,12 +120,12 @@ def test_long_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A name of 30 bytes is sent; a longer one is refused by the client, or sent whole."""
     for size in examples((29, 30, 31, 60, 255, 256, 300)):
         name = "n" * (size - 4) + ".rob"
-        call = subject.begin("upload", local=subject.file(b"!"), remote=name)
-        asked = reaction(subject, line, call, "upload_name")
+        call = subject.begin("upload", local=subject.make_file(b"!"), remote=name)
+        asked = request_or_none(subject, line, call, "upload_name")
         if asked is None:
             message = UserMessage("a name of {size} bytes was refused by the client", size=size)
             expect(size > NAME_MAX_BYTES, message, expected="a request", observed=f"{call}")
-            expect_failed(subject, call, "5.2/18")
+            expect_transfer_failed(subject, call, "5.2/18")
             continue
         message = UserMessage("a name of {size} bytes was sent as", size=size)
         expect_equal(asked.frame.data.removesuffix(b"\0"), name.encode(), message)
@@ -136,8 +140,8 @@ def test_existing_file(subject: ClientUnderTest, line: IncomingConnection) -> No
     """A file that exists on the controller is uploaded in vain: no content is sent."""
     upload = Upload(subject, line, _WHOLE)
     line.reply("upload_name", value=False)
-    subject.fails(upload.call, requirement="5.2/19")
-    expect_no_transfer(line, "content was sent although the name had been refused", "5.2/4")
+    subject.expect_failure(upload.call, requirement="5.2/19")
+    expect_no_transfer_frames(line, "content was sent although the name had been refused", "5.2/4")
 
 
 @client_case("5.2/4", name="between-others")
@@ -145,14 +149,14 @@ def test_existing_file_between_others(subject: ClientUnderTest, line: IncomingCo
     """A name that was accepted before and is refused now ends that upload alone."""
     name = "zs-again.rob"
     for _ in range(2):
-        take(subject, line, _WHOLE, name)
+        receive_upload(subject, line, _WHOLE, name)
         upload = Upload(subject, line, _WHOLE, name)
         line.reply("upload_name", value=False)
         upload.expect_failed()
         message = "content was sent although the name had been refused"
-        line = serving(subject, line, "a name that was refused")
-        expect_no_transfer(line, message, "5.2/4")
-    take(subject, line, _WHOLE, name)
+        line = expect_served(subject, line, "a name that was refused")
+        expect_no_transfer_frames(line, message, "5.2/4")
+    receive_upload(subject, line, _WHOLE, name)
 
 
 # The content
@@ -164,8 +168,8 @@ def test_one_structure_a_frame(subject: ClientUnderTest, line: IncomingConnectio
     frame = Frame(C2A, BY_NAME["upload_chunk"].opcode, b"1").encode()
     for content in examples((frame * 100, frame[::-1] * 100, b"\xcc\xaa" * 137)):
         upload = Upload(subject, line, content)
-        upload.accept()
-        for answer in upload.frames():
+        upload.accept_name()
+        for answer in upload.chunk_frames():
             chunk_of(answer)
         upload.expect_done()
 
@@ -174,12 +178,12 @@ def test_one_structure_a_frame(subject: ClientUnderTest, line: IncomingConnectio
 def test_one_chunk_at_a_time(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Each chunk is held back until the one before it has been answered."""
     upload = Upload(subject, line, _WHOLE)
-    upload.accept()
+    upload.accept_name()
     while upload.received_bytes < len(_WHOLE):
         chunk = upload.next_chunk()
         message = "a chunk was sent before the one before it was answered"
-        expect_no_transfer(line, message, "5.2/7", _SHORT_S)
-        upload.take(chunk.length)
+        expect_no_transfer_frames(line, message, "5.2/7", _SHORT_S)
+        upload.accept_chunk(chunk.length)
     upload.expect_done()
 
 
@@ -188,44 +192,44 @@ def test_refused_chunk(subject: ClientUnderTest, line: IncomingConnection) -> No
     """An upload of which a chunk is refused, whichever it is, stops there and has failed."""
     for number in range(_LAST):
         upload, chunk = _up_to(subject, line, number)
-        upload.refuse(chunk)
-        line = serving(subject, line, "a refused chunk")
+        upload.refuse_chunk(chunk)
+        line = expect_served(subject, line, "a refused chunk")
         message = "content was sent although a chunk had been refused"
-        expect_no_transfer(line, message, "5.2/8")
+        expect_no_transfer_frames(line, message, "5.2/8")
         if chunk.last:
             break
-    take(subject, line, _WHOLE)
+    receive_upload(subject, line, _WHOLE)
 
 
 @client_case("5.2/13")
 def test_nothing_after_the_end(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """After the answer to the last chunk nothing more of the upload is sent."""
     for size in examples((1, 199, 200, 201, 400, 600)):
-        take(subject, line, content_of(size))
-        line = serving(subject, line, "an upload")
+        receive_upload(subject, line, content_of(size))
+        line = expect_served(subject, line, "an upload")
         message = UserMessage(
             "something was sent after an upload of {size} bytes was complete", size=size
         )
-        expect_no_transfer(line, message, "5.2/13")
+        expect_no_transfer_frames(line, message, "5.2/13")
 
 
 @client_case("5.2/17")
 def test_empty_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A file of no bytes is refused by the client, or sent as its name, or as an empty chunk."""
-    call = subject.begin("upload", local=subject.file(b""), remote="zs-empty.rob")
-    if reaction(subject, line, call, "upload_name") is None:
-        expect_failed(subject, call, "5.2/17")
+    call = subject.begin("upload", local=subject.make_file(b""), remote="zs-empty.rob")
+    if request_or_none(subject, line, call, "upload_name") is None:
+        expect_transfer_failed(subject, call, "5.2/17")
         return
     line.reply("upload_name")
     option, said = "name-only", "as its name alone"
-    frame = reaction(subject, line, call, "upload_chunk")
+    frame = request_or_none(subject, line, call, "upload_chunk")
     if frame is not None:
         chunk = chunk_of(frame)
         message = "an empty file was sent as a chunk of"
         expect_equal((chunk.file_size, chunk.position, chunk.length), (0, 0, 0), message)
         line.reply("upload_chunk")
         option, said = "chunk", "as a chunk of length 0"
-    if subject.settled(call).ok:
+    if subject.wait_for_answer(call).ok:
         subject.tolerate(
             "5.2/17", "empty_file", option, UserMessage("an empty file is sent {said}", said=said)
         )
@@ -234,13 +238,13 @@ def test_empty_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
 @client_case("5.2/19", name="no-file")
 def test_no_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A file is to be uploaded that does not exist, which the client tells; then one that does."""
-    call = subject.begin("upload", local=subject.no_file(), remote="zs-none.rob")
-    sent = reaction(subject, line, call, "upload_name") is not None
+    call = subject.begin("upload", local=subject.missing_file(), remote="zs-none.rob")
+    sent = request_or_none(subject, line, call, "upload_name") is not None
     if sent:
         line.reply("upload_name")
-    subject.fails(call)
+    subject.expect_failure(call)
     if not sent:
-        take(subject, line, _WHOLE)
+        receive_upload(subject, line, _WHOLE)
 
 
 @client_case("5.2/17", name="full-chunks")
@@ -250,11 +254,11 @@ def test_no_empty_chunk_behind_full_ones(
     """A file that fills its last chunk ends with that, not with a chunk of length 0."""
     for size in examples((200, 400, 600)):
         upload = Upload(subject, line, content_of(size))
-        upload.accept()
-        for frame in upload.frames():
+        upload.accept_name()
+        for frame in upload.chunk_frames():
             message = "a chunk of length 0 was sent of a file that has content"
             expect(chunk_of(frame).length, message, expected="1 to 200", observed="0")
-        again = reaction(subject, line, upload.call, "upload_chunk", _SHORT_S)
+        again = request_or_none(subject, line, upload.call, "upload_chunk", _SHORT_S)
         message = UserMessage(
             "a chunk follows on {size} full ones that are the whole file", size=size // BUFFER_BYTES
         )
@@ -274,17 +278,17 @@ def test_late_and_missing_answers(subject: ClientUnderTest, line: IncomingConnec
     upload = Upload(subject, line, _WHOLE)
 
     def answer_name() -> None:
-        upload.accept()
+        upload.accept_name()
         upload.received_bytes += upload.next_chunk().length
 
     def answer_chunk() -> None:
         line.reply("upload_chunk")
         upload.received_bytes += upload.next_chunk().length
 
-    survived(subject, upload.call, "5.2/9", answer_name)
-    survived(subject, upload.call, "5.2/9", answer_chunk)
-    survived(subject, upload.call, "5.2/9", answer_chunk, _REST_OF_A_LIMIT)
-    given_up(subject, upload.call, "5.2/9")
+    expect_survives_silence(subject, upload.call, "5.2/9", answer_name)
+    expect_survives_silence(subject, upload.call, "5.2/9", answer_chunk)
+    expect_survives_silence(subject, upload.call, "5.2/9", answer_chunk, _REST_OF_A_LIMIT)
+    expect_given_up(subject, upload.call, "5.2/9")
     _stays_ended(subject, line, "upload_chunk")
 
 
@@ -295,7 +299,7 @@ def test_answer_is_missing_amid_others(subject: ClientUnderTest, line: IncomingC
     The answer to the last chunk never comes, so the next one belongs to the next upload.
     """
     upload, _ = _up_to(subject, line, _LAST)
-    given_up_meanwhile(subject, line, upload.call, "5.2/9")
+    expect_given_up_despite_queries(subject, line, upload.call, "5.2/9")
     _another_works(subject, line)
 
 
@@ -303,7 +307,7 @@ def test_answer_is_missing_amid_others(subject: ClientUnderTest, line: IncomingC
 def test_name_is_not_answered(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """An upload whose name is not answered is given up, and not begun by a late answer."""
     upload = Upload(subject, line, _WHOLE)
-    given_up(subject, upload.call, "5.2/9")
+    expect_given_up(subject, upload.call, "5.2/9")
     _stays_ended(subject, line, "upload_name")
 
 
@@ -315,10 +319,10 @@ def _stays_ended(subject: ClientUnderTest, line: IncomingConnection, command: st
 
 
 def _another_works(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    line = serving(subject, line, "a silence")
+    line = expect_served(subject, line, "a silence")
     message = "an upload that was given up goes on"
-    expect_no_transfer(line, message, "5.2/9", but=gives_up)
-    take(subject, line, _WHOLE)
+    expect_no_transfer_frames(line, message, "5.2/9", allowed=is_abort_signal)
+    receive_upload(subject, line, _WHOLE)
 
 
 # Sizes and contents
@@ -328,8 +332,8 @@ _FILLINGS = (b"\xaa", b"\xcc", b"\x00", b"\x7c")
 
 
 def _there_and_back(subject: ClientUnderTest, line: IncomingConnection, content: bytes) -> None:
-    take(subject, line, content)
-    serve(subject, line, content, "5.2/16")
+    receive_upload(subject, line, content)
+    send_download(subject, line, content, "5.2/16")
 
 
 @client_case("5.2/16")
@@ -364,8 +368,8 @@ def test_large_files(
 def test_content(subject: ClientUnderTest, line: IncomingConnection, content: bytes) -> None:
     """The chunks of an upload, joined together, are the file."""
     upload = Upload(subject, line, content)
-    upload.accept()
-    sent = b"".join(chunk_of(frame).data for frame in upload.frames())
+    upload.accept_name()
+    sent = b"".join(chunk_of(frame).data for frame in upload.chunk_frames())
     expect_equal(sent, content, "the chunks hold another file")
     upload.expect_done()
 
@@ -380,9 +384,9 @@ def test_refusals_are_failures(subject: ClientUnderTest, line: IncomingConnectio
     line.reply("upload_name", value=False)
     upload.expect_failed()
     for number in examples((0, 1, _LAST)):
-        line = serving(subject, line, "a refused upload")
+        line = expect_served(subject, line, "a refused upload")
         upload, chunk = _up_to(subject, line, number)
-        upload.refuse(chunk)
+        upload.refuse_chunk(chunk)
 
 
 @client_case("5.2/19", name="download-refused", attended=True)
@@ -390,7 +394,7 @@ def test_refused_download(subject: ClientUnderTest, line: IncomingConnection) ->
     """A download of a file that the controller has not got is not told as done."""
     download = Download(subject, line)
     line.reply("download_name", value=False)
-    subject.fails(download.call)
+    subject.expect_failure(download.call)
 
 
 @client_case("5.2/19", name="download-refused-then-sent")
@@ -400,26 +404,26 @@ def test_file_of_a_refused_download(subject: ClientUnderTest, line: IncomingConn
     download = Download(subject, line, "zs-again.rob")
     line.reply("download_name", value=False)
     download.expect_failed()
-    line = serving(subject, line, "a refused download")
+    line = expect_served(subject, line, "a refused download")
     download = Download(subject, line, "zs-again.rob")
-    download.promise()
+    download.accept_name()
     for chunk in chunks_of(_WHOLE):
-        download.give(chunk)
+        download.send_chunk(chunk)
     download.expect_done("5.2/19")
 
 
 def _fetched_to_nowhere(subject: ClientUnderTest, line: IncomingConnection) -> IncomingConnection:
     """Order a file into a folder that cannot be; the connection afterwards."""
-    local = Path(subject.file(b"no folder")) / "zs-again.rob"
+    local = Path(subject.make_file(b"no folder")) / "zs-again.rob"
     call = subject.begin("download", remote="zs-again.rob", local=str(local))
-    if reaction(subject, line, call, "download_name") is not None:
+    if request_or_none(subject, line, call, "download_name") is not None:
         line.reply("download_name")
-        line.chunk(Chunk(1, 0, 1, b"!"))
-        reaction(subject, line, call, "download_chunk", subject.silence_s)
-    subject.settled(call, within_s=limits_of(subject).over_s)
+        line.send_chunk(Chunk(1, 0, 1, b"!"))
+        request_or_none(subject, line, call, "download_chunk", subject.silence_s)
+    subject.wait_for_answer(call, within_s=limits_of(subject).over_s)
     message = "a download is told as done, and there is no file"
     expect(not call.ok or local.exists(), message, expected="an error", observed=f"{call}")
-    return serving(subject, line, "a file that cannot be written")
+    return expect_served(subject, line, "a file that cannot be written")
 
 
 _ODD = (b"", b"2", b"00", b"0|16", b"\x00", b"10", b"01", b"", b"01", b"10", b"\x01")
@@ -438,7 +442,9 @@ def test_odd_answers(subject: ClientUnderTest) -> None:
             (upload, chunk), command = _up_to(subject, line, number), "upload_chunk"
         line.reply(command, data=data)
         message = UserMessage("the answer {data!r} was taken for a yes", data=data)
-        expect_no_transfer(line, message, "5.2/19", _SHORT_S, but=partial(_takes_for_no, chunk))
+        expect_no_transfer_frames(
+            line, message, "5.2/19", _SHORT_S, allowed=partial(_takes_for_no, chunk)
+        )
         line.close()
         upload.expect_failed()
 
@@ -446,7 +452,7 @@ def test_odd_answers(subject: ClientUnderTest) -> None:
 def _takes_for_no(chunk: Chunk | None, seen: FrameSeen) -> bool:
     """Whether this may follow a no: the signal that ends the upload, or the same chunk again."""
     again = chunk and isinstance(seen.value, Chunk) and seen.value.position == chunk.position
-    return gives_up(seen) or bool(again)
+    return is_abort_signal(seen) or bool(again)
 
 
 @client_case("5.2/19", "3/33", name="wrong-opcode")
@@ -455,11 +461,11 @@ def test_answers_of_the_wrong_opcode(subject: ClientUnderTest, line: IncomingCon
     upload = Upload(subject, line, _WHOLE)
     _offer_wrong(line, "upload_name")
     if _goes_on(upload, line):
-        upload.accept()
+        upload.accept_name()
         chunk = upload.next_chunk()
         _offer_wrong(line, "upload_chunk")
         if not line.over:
-            upload.take(chunk.length)
+            upload.accept_chunk(chunk.length)
     if _goes_on(upload, line):
         upload.finish()
     else:
@@ -480,7 +486,7 @@ def _offer_wrong(line: IncomingConnection, command: str) -> None:
     message = UserMessage(
         "a 1 of another opcode was taken for the answer to {command}", command=command
     )
-    expect_no_transfer(line, message, "5.2/19", _SHORT_S)
+    expect_no_transfer_frames(line, message, "5.2/19", _SHORT_S)
 
 
 def _lost(subject: ClientUnderTest, end: Callable[[IncomingConnection], None]) -> None:
@@ -518,8 +524,8 @@ def test_link_lost_in_a_download(subject: ClientUnderTest) -> None:
         chunks = tuple(chunks_of(_WHOLE))
         for count in examples(range(len(chunks))):
             line = subject.open()
-            download = fetch(subject, line)
+            download = begin_download(subject, line)
             for chunk in chunks[:count]:
-                download.give(chunk)
+                download.send_chunk(chunk)
             end(line)
             download.expect_failed()

@@ -9,18 +9,18 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import BUFFER_BYTES, HEAD_BYTES, Chunk, chunks_of
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.executing import renewed
 from scaraspec.suite.client.harness.files import (
     Download,
-    cut,
-    expect_failed,
-    expect_no_transfer,
-    fetch,
-    reaction,
-    serve,
-    serving,
+    begin_download,
+    expect_no_transfer_frames,
+    expect_served,
+    expect_transfer_failed,
+    request_or_none,
+    send_download,
+    split_content,
 )
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
+from scaraspec.suite.client.harness.two_stage import reopen
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect, expect_equal
@@ -36,9 +36,9 @@ _LARGE_BYTES = 65_936  # 400 to whoever counts in 16 bits, and a chunk ends ther
 
 def _sent(subject: ClientUnderTest, line: IncomingConnection, count: int) -> Download:
     """A download of which so many chunks have been taken."""
-    download = fetch(subject, line)
+    download = begin_download(subject, line)
     for chunk in _CHUNKS[:count]:
-        download.give(chunk)
+        download.send_chunk(chunk)
     return download
 
 
@@ -52,10 +52,10 @@ def _sent(subject: ClientUnderTest, line: IncomingConnection, count: int) -> Dow
 @example(name="a" * 26 + ".rob")
 def test_names(subject: ClientUnderTest, line: IncomingConnection, name: str) -> None:
     """A download asks for the name in its real length, wherever the file is to be put."""
-    with subject.at_will():
+    with subject.allow_refusal():
         download = Download(subject, line, name)
-        download.promise()
-        download.give(Chunk(1, 0, 1, b"!"))
+        download.accept_name()
+        download.send_chunk(Chunk(1, 0, 1, b"!"))
         download.expect_done()
 
 
@@ -65,18 +65,18 @@ def test_names(subject: ClientUnderTest, line: IncomingConnection, name: str) ->
 @client_case("5.3/5", attended=True)
 def test_download(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A file is downloaded, each chunk of which is answered 1."""
-    serve(subject, line, _WHOLE)
+    send_download(subject, line, _WHOLE)
 
 
 @client_case("5.3/5", name="once")
 def test_one_answer_each(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Each chunk gets one answer and no second, the first and the last one too."""
-    download = fetch(subject, line)
+    download = begin_download(subject, line)
     message = "a chunk was answered before it came"
-    expect_no_transfer(line, message, "5.3/5", _SHORT_S)
+    expect_no_transfer_frames(line, message, "5.3/5", _SHORT_S)
     for chunk in _CHUNKS:
-        download.give(chunk)
-        expect_no_transfer(line, "a chunk was answered twice", "5.3/5", _SHORT_S)
+        download.send_chunk(chunk)
+        expect_no_transfer_frames(line, "a chunk was answered twice", "5.3/5", _SHORT_S)
     download.expect_done()
 
 
@@ -86,10 +86,10 @@ def test_chunk_behind_its_promise(subject: ClientUnderTest, line: IncomingConnec
     for size in examples((1, 200, 450)):
         download = Download(subject, line)
         first, *rest = chunks_of(content_of(size))
-        line.send_bytes(line.frame("download_name").encode() + download.frame(first).encode())
+        line.send_bytes(line.frame("download_name").encode() + download.chunk_frame(first).encode())
         download.expect_taken(first)
         for chunk in rest:
-            download.give(chunk)
+            download.send_chunk(chunk)
         download.expect_done()
 
 
@@ -98,13 +98,13 @@ def test_chunk_in_pieces(subject: ClientUnderTest, line: IncomingConnection) -> 
     """A chunk whose frame comes in two or three pieces, split anywhere, is answered once."""
     chunk = Chunk(200, 0, BUFFER_BYTES, content_of(200))
     for at in examples((*range(1, HEAD_BYTES + 4), 100, 213, 214, 215)):
-        download = fetch(subject, line)
-        data = download.frame(chunk).encode()
+        download = begin_download(subject, line)
+        data = download.chunk_frame(chunk).encode()
         for piece in (data[:at], data[at : at + 1], data[at + 1 :]):
             line.send_bytes(piece)
             line.wait(0.005)
         download.expect_taken(chunk)
-        expect_no_transfer(line, "a chunk in pieces was answered twice", "5.3/5")
+        expect_no_transfer_frames(line, "a chunk in pieces was answered twice", "5.3/5")
         download.expect_done()
 
 
@@ -113,7 +113,7 @@ def test_refusal_is_an_answer(subject: ClientUnderTest, line: IncomingConnection
     """A chunk that cannot be taken is answered 0, unless the client ends the connection."""
     for count in examples(range(3)):
         download = _sent(subject, line, count)
-        answered = download.offer(Chunk(650, 200 * count, 201, bytes(200)))
+        answered = download.offer_chunk(Chunk(650, 200 * count, 201, bytes(200)))
         expect(
             answered is False or (answered is None and line.over),
             "a chunk that cannot be taken was not answered 0",
@@ -121,8 +121,8 @@ def test_refusal_is_an_answer(subject: ClientUnderTest, line: IncomingConnection
             observed="1" if answered else "silence",
         )
         download.expect_failed()
-        line = serving(subject, line, "a chunk that was refused")
-        expect_no_transfer(line, "a chunk was answered twice", "5.3/5")
+        line = expect_served(subject, line, "a chunk that was refused")
+        expect_no_transfer_frames(line, "a chunk was answered twice", "5.3/5")
 
 
 @client_case("5.3/5", name="unasked")
@@ -131,7 +131,7 @@ def test_unasked_chunk(subject: ClientUnderTest, line: IncomingConnection) -> No
     download = Download(subject, line)
     line.reply("download_name", value=False)
     download.expect_failed()
-    line = serving(subject, line, "a refused download")
+    line = expect_served(subject, line, "a refused download")
     for _ in range(2):
         line = _refuses_stray(subject, line, download)
         download = _sent(subject, line, len(_CHUNKS))
@@ -143,8 +143,8 @@ def _refuses_stray(
     subject: ClientUnderTest, line: IncomingConnection, download: Download
 ) -> IncomingConnection:
     """Send a chunk of no download, which must not be answered 1; the connection afterwards."""
-    line.send_frame(download.frame(_CHUNKS[0]))
-    line = serving(subject, line, "a chunk of no download")
+    line.send_frame(download.chunk_frame(_CHUNKS[0]))
+    line = expect_served(subject, line, "a chunk of no download")
     taken = [s for s in line.inbox if s.name == "download_chunk" and s.value is True]
     message = "a chunk that nobody had asked for was taken"
     expect(not taken, message, expected="0 or silence", observed="1")
@@ -158,9 +158,9 @@ def _refuses_stray(
 @client_case("5.3/8", attended=True)
 def test_error_signal(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A chunk frame without data ends a download, which has failed."""
-    download = fetch(subject, line)
+    download = begin_download(subject, line)
     line.reply("download_chunk", data=b"")
-    subject.fails(download.call)
+    subject.expect_failure(download.call)
 
 
 @client_case("5.3/8")
@@ -173,25 +173,25 @@ def test_error_signals(subject: ClientUnderTest, line: IncomingConnection, signa
     for count in examples(range(4)):
         download = _sent(subject, line, count)
         chunk = Chunk(650, 650 if count % 2 else 200 * count, 0, b"")
-        whole = download.frame(chunk).data
+        whole = download.chunk_frame(chunk).data
         data = {"no-data": b"", "length-0": whole, "numbers-only": whole[:HEAD_BYTES]}[signal]
-        taken = download.offer(chunk, data=data)
+        taken = download.offer_chunk(chunk, data=data)
         expect(not taken, "the error signal was taken for content", expected="0", observed="1")
         if not line.over:
-            again = download.offer(_CHUNKS[count])
+            again = download.offer_chunk(_CHUNKS[count])
             message = "a download goes on behind the error signal"
             expect(not again, message, expected="0 or silence", observed="1")
         download.expect_failed("5.3/8")
-        line = serving(subject, line, "the error signal")
+        line = expect_served(subject, line, "the error signal")
         line.inbox.clear()
 
 
 @client_case("5.3/8", name="empty-file")
 def test_empty_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A chunk of length 0 of a file of size 0 ends the download: failed, or an empty file."""
-    download = fetch(subject, line)
-    taken = download.offer(Chunk(0, 0, 0, b""))
-    if taken or subject.settled(download.call).ok:
+    download = begin_download(subject, line)
+    taken = download.offer_chunk(Chunk(0, 0, 0, b""))
+    if taken or subject.wait_for_answer(download.call).ok:
         download.expect_done("5.3/8")
         message = "an empty file is downloaded as a chunk of length 0"
         subject.tolerate("5.3/8", "empty_file", "chunk", message)
@@ -211,9 +211,9 @@ def test_whole_file(
     subject: ClientUnderTest, line: IncomingConnection, lengths: Sequence[int]
 ) -> None:
     """A download in chunks of any lengths is on the disk then, byte for byte."""
-    download = fetch(subject, line)
-    for chunk in cut(content_of(sum(lengths)), lengths):
-        download.give(chunk)
+    download = begin_download(subject, line)
+    for chunk in split_content(content_of(sum(lengths)), lengths):
+        download.send_chunk(chunk)
     download.expect_done()
 
 
@@ -226,15 +226,15 @@ def test_whole_file(
 @example(content="控制层".encode("gb18030") * 50)
 def test_content(subject: ClientUnderTest, line: IncomingConnection, content: bytes) -> None:
     """Whatever a file contains, it is on the disk then, byte for byte."""
-    serve(subject, line, content)
+    send_download(subject, line, content)
 
 
 @client_case("5.3/11", name="large")
 def test_large_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A file of more bytes than 16 bits count is on the disk then, unless it is refused at once."""
-    download = fetch(subject, line)
+    download = begin_download(subject, line)
     first, *rest = chunks_of(content_of(_LARGE_BYTES))
-    if not download.offer(first):
+    if not download.offer_chunk(first):
         download.expect_failed()
         message = UserMessage(
             "a file of {large_bytes} bytes is too large for the client", large_bytes=_LARGE_BYTES
@@ -242,7 +242,7 @@ def test_large_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
         subject.tolerate("5.3/11", "A-5-25", "limit", message)
         return
     for chunk in rest:
-        download.give(chunk, "5.3/11")
+        download.send_chunk(chunk, "5.3/11")
     download.expect_done()
 
 
@@ -250,37 +250,37 @@ def test_large_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
 def test_one_after_another(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A short file that comes after a long one has nothing of that, be it called the same."""
     for size in examples((650, 10, 400, 1)):
-        serve(subject, line, content_of(size, size), remote="zs-each-time.rob")
+        send_download(subject, line, content_of(size, size), remote="zs-each-time.rob")
 
 
 @client_case("5.3/12", attended=True)
 def test_existing_local_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A file that exists on the client's disk is not overwritten."""
-    local = subject.file(b"mine")
+    local = subject.make_file(b"mine")
     call = subject.begin("download", remote="zs-theirs.rob", local=local)
-    sent = reaction(subject, line, call, "download_name") is not None
+    sent = request_or_none(subject, line, call, "download_name") is not None
     if sent:
         line.reply("download_name")
-        line.chunk(Chunk(6, 0, 6, b"theirs"))
-    subject.fails(call)
+        line.send_chunk(Chunk(6, 0, 6, b"theirs"))
+    subject.expect_failure(call)
     expect_equal(Path(local).read_bytes(), b"mine", "a local file was overwritten")
-    line = renewed(subject, line) if sent else line
-    serve(subject, line, _WHOLE)
+    line = reopen(subject, line) if sent else line
+    send_download(subject, line, _WHOLE)
 
 
 @client_case("5.3/12", name="kept")
 @pytest.mark.parametrize("mine", [b"", b"mine", _WHOLE, _WHOLE + b"more"], ids=len)
 def test_local_file_stays(subject: ClientUnderTest, line: IncomingConnection, mine: bytes) -> None:
     """A local file of any size, empty or equal, stays as it is, and the download fails."""
-    local = subject.file(mine)
+    local = subject.make_file(mine)
     call = subject.begin("download", remote="zs-theirs.rob", local=local)
-    if reaction(subject, line, call, "download_name") is not None:
+    if request_or_none(subject, line, call, "download_name") is not None:
         line.reply("download_name")
         for chunk in _CHUNKS:
-            line.chunk(chunk)
-            if reaction(subject, line, call, "download_chunk", subject.silence_s) is None:
+            line.send_chunk(chunk)
+            if request_or_none(subject, line, call, "download_chunk", subject.silence_s) is None:
                 break
-    expect_failed(subject, call, "5.3/12")
+    expect_transfer_failed(subject, call, "5.3/12")
     expect(
         Path(local).exists() and Path(local).read_bytes() == mine,
         "a local file that existed was changed by a download",
@@ -313,7 +313,7 @@ def test_first_chunk_out_of_bounds(
     subject: ClientUnderTest, line: IncomingConnection, chunk: Chunk
 ) -> None:
     """A first chunk that is out of bounds in this way is rejected, and the download fails."""
-    download = fetch(subject, line)
+    download = begin_download(subject, line)
     _rejected(download, chunk)
 
 
@@ -326,11 +326,11 @@ def test_later_chunk_out_of_bounds(subject: ClientUnderTest, line: IncomingConne
         download = _sent(subject, line, count)
         position = 200 * count
         _rejected(download, Chunk(size, position, length, content_of(max(length, 200))))
-        line = serving(subject, line, "a chunk out of bounds")
+        line = expect_served(subject, line, "a chunk out of bounds")
 
 
 def _rejected(download: Download, chunk: Chunk) -> None:
-    taken = download.offer(chunk)
+    taken = download.offer_chunk(chunk)
     expect(
         not taken,
         UserMessage(

@@ -10,15 +10,19 @@ from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.files import (
     Download,
     Upload,
-    cut,
-    expect_failed,
-    fetch,
-    serve,
-    serving,
-    take,
+    begin_download,
+    expect_served,
+    expect_transfer_failed,
+    receive_upload,
+    send_download,
+    split_content,
 )
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.silences import given_up, given_up_meanwhile, survived
+from scaraspec.suite.client.harness.transfer_silence import (
+    expect_given_up,
+    expect_given_up_despite_queries,
+    expect_survives_silence,
+)
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.chunks import chunk_of
 from scaraspec.suite.engine.examples import examples, given
@@ -34,8 +38,8 @@ def test_buffer_is_not_exceeded(subject: ClientUnderTest, line: IncomingConnecti
     """No chunk of an upload holds more than 200 bytes."""
     for size in examples((200, 201, 243, 255, 256, 400, 1000)):
         upload = Upload(subject, line, content_of(size))
-        upload.accept()
-        for frame in upload.frames():
+        upload.accept_name()
+        for frame in upload.chunk_frames():
             length = chunk_of(frame).length
             message = "a chunk holds more than the buffer"
             expect(length <= BUFFER_BYTES, message, expected="at most 200", observed=f"{length}")
@@ -49,7 +53,7 @@ def test_buffer_is_not_exceeded(subject: ClientUnderTest, line: IncomingConnecti
 def test_end_is_found(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """With its last chunk a download is done, whatever its size, and its file is there."""
     for size in examples((1, 199, 200, 201, 400, 401)):
-        serve(subject, line, content_of(size), "5.4/4")
+        send_download(subject, line, content_of(size), "5.4/4")
 
 
 @client_case("5.4/4", name="short-chunks")
@@ -60,10 +64,10 @@ def test_end_behind_short_chunks(
     subject: ClientUnderTest, line: IncomingConnection, lengths: Sequence[int]
 ) -> None:
     """A download in chunks of any lengths ends where position + length is fileSize, not before."""
-    download = fetch(subject, line)
-    for chunk in cut(content_of(sum(lengths)), lengths):
-        subject.undone(download.call, "the end of a download was found too early")
-        download.give(chunk, "5.4/4")
+    download = begin_download(subject, line)
+    for chunk in split_content(content_of(sum(lengths)), lengths):
+        subject.expect_pending(download.call, "the end of a download was found too early")
+        download.send_chunk(chunk, "5.4/4")
     download.expect_done("5.4/4")
 
 
@@ -73,33 +77,33 @@ def test_end_behind_short_chunks(
 @client_case("5.4/5")
 def test_late_and_missing_chunks(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A download survives 25 s of silence, twice, and is over after 60 s; the link serves on."""
-    download = fetch(subject, line)
+    download = begin_download(subject, line)
 
     def first() -> None:
-        download.give(_CHUNKS[0])
+        download.send_chunk(_CHUNKS[0])
 
     def second() -> None:
-        download.give(_CHUNKS[1])
+        download.send_chunk(_CHUNKS[1])
 
-    survived(subject, download.call, "5.4/5", first)
-    survived(subject, download.call, "5.4/5", second)
-    given_up(subject, download.call, "5.4/5")
+    expect_survives_silence(subject, download.call, "5.4/5", first)
+    expect_survives_silence(subject, download.call, "5.4/5", second)
+    expect_given_up(subject, download.call, "5.4/5")
     _recovered(subject, line, download, 2)
 
 
 @client_case("5.4/5", name="meanwhile")
 def test_chunk_is_missing_amid_others(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The silence of a download ends it, whatever else is asked and answered meanwhile."""
-    download = fetch(subject, line)
-    download.give(_CHUNKS[0])
-    given_up_meanwhile(subject, line, download.call, "5.4/5")
+    download = begin_download(subject, line)
+    download.send_chunk(_CHUNKS[0])
+    expect_given_up_despite_queries(subject, line, download.call, "5.4/5")
 
 
 @client_case("5.4/5", name="promised")
 def test_no_chunk_comes(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A download of which not even the first chunk comes is given up; the link serves on."""
-    download = fetch(subject, line)
-    given_up(subject, download.call, "5.4/5")
+    download = begin_download(subject, line)
+    expect_given_up(subject, download.call, "5.4/5")
     _recovered(subject, line, download, 0)
 
 
@@ -107,7 +111,7 @@ def test_no_chunk_comes(subject: ClientUnderTest, line: IncomingConnection) -> N
 def test_name_is_not_answered(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A download whose name is not answered is given up; the link serves on."""
     download = Download(subject, line)
-    given_up(subject, download.call, "5.4/5")
+    expect_given_up(subject, download.call, "5.4/5")
     if line.ending is None:
         line.reply("download_name")
     _recovered(subject, line, download, 0)
@@ -119,13 +123,13 @@ def _recovered(
     """A chunk that comes too late is not taken, and another transfer works."""
     download.expect_failed("5.4/5")
     if line.ending is None:
-        line.send_frame(download.frame(_CHUNKS[count]))
-    line = serving(subject, line, "a silence")
+        line.send_frame(download.chunk_frame(_CHUNKS[count]))
+    line = expect_served(subject, line, "a silence")
     late = [seen for seen in line.inbox if seen.name == "download_chunk" and seen.value is True]
     message = "a chunk was taken that came after the download had been given up"
     expect(not late, message, expected="0 or silence", observed="1", requirement="5.4/5")
     line.inbox.clear()
-    serve(subject, line, _WHOLE, "5.4/6")
+    send_download(subject, line, _WHOLE, "5.4/6")
 
 
 # What a broken transfer leaves
@@ -144,10 +148,10 @@ def test_served_after_a_broken_upload(subject: ClientUnderTest, line: IncomingCo
             line.reply("upload_name", value=False)
             upload.expect_failed()
         else:
-            upload.accept()
+            upload.accept_name()
             for _ in range(count):
-                upload.take(upload.next_chunk().length)
-            upload.refuse(upload.next_chunk())
+                upload.accept_chunk(upload.next_chunk().length)
+            upload.refuse_chunk(upload.next_chunk())
         line = _next_transfers(subject, line, "a refused upload", sent=name)
 
 
@@ -159,13 +163,13 @@ def test_served_after_a_broken_download(subject: ClientUnderTest, line: Incoming
     """
     download = Download(subject, line)
     line.reply("download_name", value=False)
-    expect_failed(subject, download.call)
+    expect_transfer_failed(subject, download.call)
     line = _next_transfers(subject, line, "a refused download")
     for bad in examples((Chunk(650, 200, 0, b""), Chunk(650, 200, 201, bytes(200)), _CHUNKS[3])):
-        download = fetch(subject, line, "again.rob")
-        download.give(_CHUNKS[0])
-        download.offer(bad)
-        expect_failed(subject, download.call)
+        download = begin_download(subject, line, "again.rob")
+        download.send_chunk(_CHUNKS[0])
+        download.offer_chunk(bad)
+        expect_transfer_failed(subject, download.call)
         line = _next_transfers(subject, line, "a broken download", fetched="again.rob")
 
 
@@ -178,7 +182,7 @@ def _next_transfers(
     fetched: str = "",
 ) -> IncomingConnection:
     """The connection, once it has served a status, an upload and a download, by these names."""
-    line = serving(subject, line, what)
-    take(subject, line, _WHOLE, sent)
-    serve(subject, line, _WHOLE, "5.4/6", fetched)
+    line = expect_served(subject, line, what)
+    receive_upload(subject, line, _WHOLE, sent)
+    send_download(subject, line, _WHOLE, "5.4/6", fetched)
     return line

@@ -2,9 +2,9 @@
 
 from scaraspec.protocol.commands import Pose
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.executing import finished
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.poses import expect_pose, gives_pose
+from scaraspec.suite.client.harness.poses import expect_pose, expect_pose_reported
+from scaraspec.suite.client.harness.two_stage import expect_finished
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 
@@ -21,17 +21,17 @@ def test_four_of_six(subject: ClientUnderTest, line: IncomingConnection) -> None
     """What is meant by a pose goes out, and comes in, as x, y, z and thetaX."""
     for pose in examples(_POSES):
         call = subject.begin("set_initial_tool_position", **pose._asdict())
-        with subject.at_will():
+        with subject.allow_refusal():
             expect_pose(subject, line.serve(call), pose)
-            subject.done(call)
+            subject.expect_done(call)
         call = subject.begin("get_initial_tool_position")
         line.serve(call, pose)
-        gives_pose(subject, call, pose)
+        expect_pose_reported(subject, call, pose)
         call = subject.begin("set_tool_coordinates", speed=50, **pose._asdict())
-        with subject.at_will():
+        with subject.allow_refusal():
             expect_pose(subject, line.serve(call, data=b"1"), pose, speed=50)
             line.result("set_tool_coordinates")
-            finished(subject, call)
+            expect_finished(subject, call)
         call = subject.begin("get_tool_coordinates")
         line.serve(call, pose)
-        gives_pose(subject, call, pose)
+        expect_pose_reported(subject, call, pose)

@@ -4,16 +4,16 @@ from itertools import cycle
 from typing import Final
 
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.executing import (
-    REASONED,
-    code_of,
-    executing,
-    failed,
-    is_idle,
-    ordered,
-    refused,
-)
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
+from scaraspec.suite.client.harness.two_stage import (
+    REFUSED_WITH_CODE,
+    begin_and_accept,
+    begin_and_request,
+    expect_execution_failed,
+    expect_refused,
+    report_idle,
+    reported_code,
+)
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import expect_equal, expect_in
@@ -29,35 +29,35 @@ def test_joints(subject: ClientUnderTest, line: IncomingConnection) -> None:
     for code in examples(("11", "12", "14", "18", "1F")):
         call = subject.begin("get_status")
         line.serve(call, code)
-        subject.gives(call, code)
+        subject.expect_result(call, code)
 
 
 @client_case("8/4", name="all")
 def test_every_mask(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Each set of faulty joints is told, as the status, in a refusal and in a failure."""
-    for order, code in examples(zip(cycle(REASONED), _MOTORS, strict=False)):
+    for operation, code in examples(zip(cycle(REFUSED_WITH_CODE), _MOTORS, strict=False)):
         call = subject.begin("get_status")
         line.serve(call, code)
-        said = f"{subject.done(call)}"
+        said = f"{subject.expect_done(call)}"
         expect_equal(said.upper(), code, "the status that the client tells")
-        is_idle(subject, line)
-        call = ordered(subject, line, order)
-        line.reply(order.name, data=b"0|" + code.encode())
-        refused(subject, call, code)
-        call = executing(subject, line, order)
-        line.result(order.name, code)
-        failed(subject, call, code)
+        report_idle(subject, line)
+        call = begin_and_request(subject, line, operation)
+        line.reply(operation.name, data=b"0|" + code.encode())
+        expect_refused(subject, call, code)
+        call = begin_and_accept(subject, line, operation)
+        line.result(operation.name, code)
+        expect_execution_failed(subject, call, code)
 
 
 @client_case("8/6")
 def test_small_letters(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Codes in small letters are taken for those in capitals: for no other one, and for no yes."""
     unknown = ""
-    for order, code in examples(zip(cycle(REASONED), _LETTERS, strict=False)):
+    for operation, code in examples(zip(cycle(REFUSED_WITH_CODE), _LETTERS, strict=False)):
         sent = code.lower()
         call = subject.begin("get_status")
         line.serve(call, data=sent.encode())
-        if subject.settled(call).ok:
+        if subject.wait_for_answer(call).ok:
             expect_in(
                 f"{call.result}".upper(),
                 (code,),
@@ -65,14 +65,14 @@ def test_small_letters(subject: ClientUnderTest, line: IncomingConnection) -> No
             )
         else:
             unknown = unknown or sent
-        is_idle(subject, line)
-        call = ordered(subject, line, order)
-        line.reply(order.name, data=b"0|" + sent.encode())
-        refused(subject, call, code)
-        call = executing(subject, line, order)
-        line.result(order.name, data=b"00|" + sent.encode())
-        failed(subject, call, code)
-        if not unknown and call.ok and code_of(call) is None:
+        report_idle(subject, line)
+        call = begin_and_request(subject, line, operation)
+        line.reply(operation.name, data=b"0|" + sent.encode())
+        expect_refused(subject, call, code)
+        call = begin_and_accept(subject, line, operation)
+        line.result(operation.name, data=b"00|" + sent.encode())
+        expect_execution_failed(subject, call, code)
+        if not unknown and call.ok and reported_code(call) is None:
             unknown = sent
     if unknown:
         subject.tolerate(

@@ -15,7 +15,7 @@ from typing import Any, Final, Protocol
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.driver import Driver
-from scaraspec.suite.client.harness.waiting import WatchedLink
+from scaraspec.suite.client.harness.watched_link import WatchedLink
 from scaraspec.transports.clock import now_ns
 from scaraspec.transports.link import Link
 from scaraspec.transports.tcp import wait_readable
@@ -38,9 +38,9 @@ class Access(Protocol):
     attended: bool
     host: str
     port: int
-    dialled_port: int
+    connected_port: int
     folder: Path
-    answer_s: float
+    answer_timeout_s: float
 
     @property
     def now_ns(self) -> int:
@@ -51,7 +51,7 @@ class Access(Protocol):
         """The present instant of the clock that deadlines refer to."""
 
     @property
-    def strays(self) -> Sequence[str]:
+    def unmatched_lines(self) -> Sequence[str]:
         """What was said that answers no order."""
 
     @property
@@ -81,7 +81,7 @@ class Access(Protocol):
     def listen_at_default(self) -> bool:
         """Also listen at port 8877 (2/3); whether that can be done."""
 
-    def ask(self, sentence: str) -> Call | None:
+    def ask_operator(self, sentence: str) -> Call | None:
         """Ask whoever watches it whether this is so; None where nobody does."""
 
     def restart(self) -> None:
@@ -106,14 +106,14 @@ class DriverAccess:
 
     attended = False
 
-    def __init__(self, command: str, answer_s: float = 10.0) -> None:
-        self.answer_s = answer_s
+    def __init__(self, command: str, answer_timeout_s: float = 10.0) -> None:
+        self.answer_timeout_s = answer_timeout_s
         self._driver = Driver(command)
         self._scratch = tempfile.TemporaryDirectory(prefix="scaraspec-")
         self.folder = Path(self._scratch.name)
         self._listeners = [socket.create_server((LOOPBACK, 0))]
         self.host, self.port = LOOPBACK, self._listeners[0].getsockname()[1]
-        self.dialled_port = self.port
+        self.connected_port = self.port
 
     @property
     def now_ns(self) -> int:
@@ -126,9 +126,9 @@ class DriverAccess:
         return time.monotonic()
 
     @property
-    def strays(self) -> Sequence[str]:
+    def unmatched_lines(self) -> Sequence[str]:
         """Lines of its stdout that answer nothing."""
-        return self._driver.strays
+        return self._driver.unmatched_lines
 
     @property
     def complaints(self) -> str:
@@ -153,7 +153,7 @@ class DriverAccess:
         for listener in self._listeners:
             if listener in ready:
                 connected, _ = listener.accept()
-                self.dialled_port = listener.getsockname()[1]
+                self.connected_port = listener.getsockname()[1]
                 return WatchedLink(connected, self._driver)
         return None
 
@@ -163,7 +163,7 @@ class DriverAccess:
             self._listeners.append(socket.create_server((LOOPBACK, DEFAULT_PORT)))
         return len(self._listeners) > 1
 
-    def ask(self, sentence: str) -> Call | None:  # noqa: ARG002 - a driver says it by itself
+    def ask_operator(self, sentence: str) -> Call | None:  # noqa: ARG002 - a driver says it by itself
         """Nobody is asked."""
         return None
 

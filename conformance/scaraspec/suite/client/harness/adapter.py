@@ -47,7 +47,7 @@ class ClientAdapter:
             CaseFailed: It is not there.
         """
         subject.settle()
-        return {"honest": self.access.attended or subject.lacks(_MADE_UP)}
+        return {"honest": self.access.attended or subject.lacks_operation(_MADE_UP)}
 
     def probe(self, subject: ClientUnderTest) -> None:
         """Nothing: what a client takes shows by itself."""
@@ -65,8 +65,10 @@ class ClientAdapter:
             problems.append(
                 f"the driver does not say of {_MADE_UP}, which nobody has, that it lacks it"
             )
-        if subject.access.strays:
-            problems.append(f"the driver says what answers no order: {subject.access.strays[0]}")
+        if subject.access.unmatched_lines:
+            problems.append(
+                f"the driver says what answers no order: {subject.access.unmatched_lines[0]}"
+            )
         return problems
 
     def finish(self, subject: ClientUnderTest, state: Mapping[str, Any]) -> list[str]:

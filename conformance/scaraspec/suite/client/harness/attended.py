@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.client.harness.waiting import WatchedLink
+from scaraspec.suite.client.harness.watched_link import WatchedLink
 from scaraspec.suite.engine.expectations import CaseSkipped
 from scaraspec.transports.clock import now_ns
 from scaraspec.transports.link import Link
@@ -43,7 +43,7 @@ class Attended:
     """
 
     attended = True
-    strays: Sequence[str] = ()
+    unmatched_lines: Sequence[str] = ()
     complaints = ""
 
     def __init__(
@@ -52,13 +52,13 @@ class Attended:
         port: int,
         say: Callable[[str], None],
         *,
-        answer_s: float = 600.0,
+        answer_timeout_s: float = 600.0,
         input_fd: int = 0,
     ) -> None:
         self._listener = socket.create_server((host, port))
         self.host, self.port = self._listener.getsockname()[:2]
-        self.dialled_port = self.port
-        self.answer_s = answer_s
+        self.connected_port = self.port
+        self.answer_timeout_s = answer_timeout_s
         self._scratch = tempfile.TemporaryDirectory(prefix="scaraspec-")
         self.folder = Path(self._scratch.name)
         self._say, self._input_fd = say, input_fd
@@ -114,7 +114,7 @@ class Attended:
         """The operator has been told where to connect."""
         return False
 
-    def ask(self, sentence: str) -> Call | None:
+    def ask_operator(self, sentence: str) -> Call | None:
         """Ask him whether the client shows this; he says so when he has seen it."""
         self._asked = question = Call(0, "", {})
         self._tell(f"does the client show that {sentence}? [y/n]")

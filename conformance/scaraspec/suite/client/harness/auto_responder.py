@@ -44,7 +44,7 @@ _TELLS: Final = {
 }
 """What sets something, and the query that is answered with the same text from then on."""
 
-FETCHES: Final = "fetches parts"
+FETCHES_PARTS: Final = "fetches parts"
 """Under which name it is known whether the client asks for each part of a list (A-4.10-3)."""
 _SET_OUTPUT: Final = "set_digital_output"
 _OUTPUTS: Final = "get_digital_outputs"

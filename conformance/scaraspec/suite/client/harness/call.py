@@ -25,7 +25,7 @@ class Call:
     def __init__(self, number: int, name: str, values: "Mapping[str, Any]") -> None:
         self.number, self.name, self.values = number, name, values
         self.answer: Mapping[str, Any] | None = None
-        self.came = False
+        self.request_seen = False
         self.begun_ns = 0
 
     @property

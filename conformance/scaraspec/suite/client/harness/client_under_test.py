@@ -15,7 +15,7 @@ from scaraspec.suite.client.harness.access import Access
 from scaraspec.suite.client.harness.auto_responder import REPLIES
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.driver import DriverEndedError, DriverError
-from scaraspec.suite.client.harness.driver_values import same, shown
+from scaraspec.suite.client.harness.driver_values import matches, to_display_text
 from scaraspec.suite.client.harness.incoming_connection import PASSWORD, IncomingConnection
 from scaraspec.suite.engine.connection import Connection, pump
 from scaraspec.suite.engine.expectations import (
@@ -43,8 +43,8 @@ _DECLINED: Final = "declined"
 _TRANSFERS: Final = frozenset({"upload", "download"})
 _TWICE: Final = 2
 _IDLE: Final = "00"
-_VAIN_S: Final = 1.0
-_AT_ONCE_S: Final = 4.0  # who waits for a reply in vain gives up after 5 s (A-3-15)
+_SHORT_WAIT_S: Final = 1.0
+_IMMEDIATE_S: Final = 4.0  # who waits for a reply in vain gives up after 5 s (A-3-15)
 
 
 class ClientUnderTest:
@@ -71,8 +71,8 @@ class ClientUnderTest:
         self.dialect = ics.dialect
         self.tolerated: list[tuple[str, str, str, str]] = []
         self.found: dict[str, str] = {}
-        self.known: dict[str, Any] = {}
-        self.idle: Any = None
+        self.discoveries: dict[str, Any] = {}
+        self.idle_status: Any = None
         self.polled: set[Frame] = set()
         self.survival = ""
         self.off = False
@@ -83,7 +83,7 @@ class ClientUnderTest:
         self._files = itertools.count(1)
         self._expected: Call | None = None
         self._was_connected = False
-        self._orders: list[Call] = []
+        self._calls: list[Call] = []
         self._silences: Counter[str] = Counter()
 
     # ------------------------------------------------------------------ time
@@ -99,9 +99,9 @@ class ClientUnderTest:
         return self.access.complaints
 
     @property
-    def answer_s(self) -> float:
+    def answer_timeout_s(self) -> float:
         """For how long it may think about an order."""
-        return self.access.answer_s
+        return self.access.answer_timeout_s
 
     @property
     def silence_s(self) -> float:
@@ -116,12 +116,12 @@ class ClientUnderTest:
     def pause(self, for_s: float) -> None:
         """Let time pass, listening to everything."""
         deadline_s = self.access.now_s + for_s
-        while (left_s := deadline_s - self.access.now_s) > 0:
+        while (remaining_s := deadline_s - self.access.now_s) > 0:
             line = self._open_line()
             if line is None:
                 self._wait(deadline_s)
             else:
-                line.wait(left_s)
+                line.wait(remaining_s)
 
     # ------------------------------------------------------------------ connections
 
@@ -143,7 +143,7 @@ class ClientUnderTest:
                 kept.auto_responder.renew()
                 return kept
             self.close_lines()  # a case was skipped in the midst of something
-        line, call = self.dial(judged=judged)
+        line, call = self.begin_connect(judged=judged)
         try:
             line.log_in(call)
         except NoReply:
@@ -152,14 +152,16 @@ class ClientUnderTest:
             line = other
             line.log_in(call)
         try:
-            self.done(call, requirement=requirement)
+            self.expect_done(call, requirement=requirement)
         except CaseFailed:
-            self.alone()
+            self.require_single_connection()
             raise
-        self._orders.remove(call)  # it is none of the case
+        self._calls.remove(call)  # it is none of the case
         return line
 
-    def dial(self, *, judged: bool = True, **values: Any) -> tuple[IncomingConnection, Call]:
+    def begin_connect(
+        self, *, judged: bool = True, **values: Any
+    ) -> tuple[IncomingConnection, Call]:
         """Let it connect, up to the connection itself.
 
         Args:
@@ -174,17 +176,17 @@ class ClientUnderTest:
             CaseSkipped: It cannot.
         """
         if self._was_connected:  # it need not know yet that we have ended the one before
-            self._hang_up()
-        while self._send_away(self.access.now_s):
+            self._disconnect()
+        while self._close_extra_connection(self.access.now_s):
             pass
-        ordered = {
+        arguments = {
             "host": self.access.host,
             "port": self.access.port,
             "password": PASSWORD.decode(),
         }
-        ordered = {k: v for k, v in (ordered | values).items() if v is not None}
-        call = self.begin("connect", **ordered)
-        deadline_s = self.access.now_s + self.answer_s
+        arguments = {k: v for k, v in (arguments | values).items() if v is not None}
+        call = self.begin("connect", **arguments)
+        deadline_s = self.access.now_s + self.answer_timeout_s
         with self.expecting(call):
             while (link := self.access.accept(self._slice(deadline_s))) is None:
                 self._pump_all()
@@ -192,8 +194,8 @@ class ClientUnderTest:
                     if self.access.attended:
                         raise CaseSkipped(
                             UserMessage(
-                                "the operator did not do it in {answer_s:g} s",
-                                answer_s=self.answer_s,
+                                "the operator did not do it in {answer_timeout_s:g} s",
+                                answer_timeout_s=self.answer_timeout_s,
                             )
                         )
                     raise NoReply("connect was ordered, and no connection came")
@@ -207,16 +209,16 @@ class ClientUnderTest:
     def _next(self, line: IncomingConnection, *, judged: bool) -> IncomingConnection | None:
         """Another connection, if one follows on one that was only to show that somebody listens."""
         silent = line.over and not (line.inbox or line.invalid_bytes)
-        link = self.access.accept(self.access.now_s + _VAIN_S) if silent else None
+        link = self.access.accept(self.access.now_s + _SHORT_WAIT_S) if silent else None
         return None if link is None else self._connected(link, judged=judged)
 
-    def alone(self) -> None:
+    def require_single_connection(self) -> None:
         """Go on only where it has opened no further connection: but one is served (A-2-2).
 
         Raises:
             CaseInconclusive: What is missing may be there.
         """
-        if self._send_away(self.access.now_s):
+        if self._close_extra_connection(self.access.now_s):
             raise CaseInconclusive(
                 "the client has opened a further connection; one is served (A-2-2)"
             )
@@ -244,21 +246,21 @@ class ClientUnderTest:
             CaseFailed: The client has crashed.
             CaseInconclusive: Its driver does not keep to its protocol.
         """
-        with _told():
+        with _driver_errors():
             call = self.access.begin(name, **values)
         call.begun_ns = self.now_ns
         if name in ("connect", "disconnect"):
             self._was_connected = name == "connect"
-        self._orders.append(call)
+        self._calls.append(call)
         return call
 
     @contextmanager
-    def at_will(self) -> Iterator[None]:
+    def allow_refusal(self) -> Iterator[None]:
         """Order what it may decline by itself, at once: the rest is left out, and that is told."""
         try:
             yield
         except OperationRefused as refusal:
-            if refusal.after_s > _AT_ONCE_S and not self.access.attended:
+            if refusal.after_s > _IMMEDIATE_S and not self.access.attended:
                 raise
             self.tolerate("", _DECLINED, refusal.observed, str(refusal))
 
@@ -287,7 +289,7 @@ class ClientUnderTest:
     def untried(self) -> str:
         """Why the running case has found out nothing: whatever it ordered was declined."""
         declined = any(key == _DECLINED for _, key, _, _ in self.tolerated)
-        if not declined or any(order.came for order in self._orders):
+        if not declined or any(call.request_seen for call in self._calls):
             return ""
         return "the client declines by itself whatever is ordered here"
 
@@ -295,42 +297,42 @@ class ClientUnderTest:
     def programs(self) -> dict[bytes, bool]:
         """The programs that orders in hand are about, and whether the controller has them."""
         had = {}
-        for order in self._orders:
-            name = order.values.get("remote") or order.values.get("name")
-            if name and order.answer is None:
-                brought = order.came or order.name != "upload"
-                deleted = order.came and order.name == "delete_program"
+        for call in self._calls:
+            name = call.values.get("remote") or call.values.get("name")
+            if name and call.answer is None:
+                brought = call.request_seen or call.name != "upload"
+                deleted = call.request_seen and call.name == "delete_program"
                 had[name.encode(errors="surrogateescape")] = brought and not deleted
         return had
 
-    def awaits(self, seen: FrameSeen) -> bool:
+    def is_expected(self, seen: FrameSeen) -> bool:
         """Whether this may be the request of an order whose own has not come yet."""
         return any(
-            order.name == seen.name
-            and not order.came
-            and not order.failed
-            and not self.repeats(seen, order)
-            for order in self._orders
+            call.name == seen.name
+            and not call.request_seen
+            and not call.failed
+            and not self.is_repeated_poll(seen, call)
+            for call in self._calls
         )
 
-    def repeats(self, seen: FrameSeen, order: Call | None) -> bool:
+    def is_repeated_poll(self, seen: FrameSeen, call: Call | None) -> bool:
         """Whether this asks what the client has asked by itself before, and not what was ordered.
 
         Such are polls of one port while another one is ordered.
         """
         return (
-            order is not None
-            and bool(order.values)
+            call is not None
+            and bool(call.values)
             and seen.frame in self.polled
-            and seen.value not in order.values.values()
+            and seen.value not in call.values.values()
         )
 
-    def came(self, name: str, order: Call | None) -> None:
+    def note_request(self, name: str, call: Call | None) -> None:
         """The request of this order has come, or else of the oldest one of this name."""
-        waiting = (each for each in self._orders if each.name == name and not each.came)
-        order = order or next(waiting, None)
-        if order is not None:
-            order.came = True
+        waiting = (each for each in self._calls if each.name == name and not each.request_seen)
+        call = call or next(waiting, None)
+        if call is not None:
+            call.request_seen = True
 
     @contextmanager
     def expecting(self, call: Call | None) -> Iterator[None]:
@@ -341,7 +343,7 @@ class ClientUnderTest:
         finally:
             self._expected = None
 
-    def settled(self, call: Call, *, within_s: float | None = None) -> Call:
+    def wait_for_answer(self, call: Call, *, within_s: float | None = None) -> Call:
         """Wait for what it says of an order.
 
         Where it was silent twice in a row about such orders it is not waited for so long again.
@@ -350,11 +352,11 @@ class ClientUnderTest:
             CaseFailed: It says nothing, or has crashed.
             CaseSkipped: It lacks the operation.
         """
-        limit_s = full_s = self.answer_s if within_s is None else within_s
+        limit_s = full_s = self.answer_timeout_s if within_s is None else within_s
         if self._silences[call.name] >= _TWICE and not self.access.attended:
-            limit_s = min(full_s, _VAIN_S)
-        if not self.speaks(call, limit_s):
-            self._silences[call.name] += full_s >= self.answer_s
+            limit_s = min(full_s, _SHORT_WAIT_S)
+        if not self.answers_within(call, limit_s):
+            self._silences[call.name] += full_s >= self.answer_timeout_s
             raise CaseFailed(
                 UserMessage(
                     "the client does not say in {limit_s:g} s what came of {call}",
@@ -362,36 +364,38 @@ class ClientUnderTest:
                     call=call.name,
                 ),
                 expected="an answer of its driver",
-                observed=self._silence(),
+                observed=self._describe_silence(),
             )
         if call.ok:
             self._silences[call.name] = 0
-        _not_lacking(call)
+        _require_implemented(call)
         return call
 
-    def _silence(self) -> str:
+    def _describe_silence(self) -> str:
         """What there is in place of an answer, and what it may wait for that nobody ordered."""
         unserved = (seen for line in self._lines for seen in line.inbox)
         sent = dict.fromkeys(seen.name or f"{seen.frame}" for seen in unserved)
         return f"silence; it has sent by itself {', '.join(sent)}" if sent else "silence"
 
-    def speaks(self, call: Call, within_s: float) -> bool:
+    def answers_within(self, call: Call, within_s: float) -> bool:
         """Wait for what it says of an order; whether it says anything.
 
         Raises:
             CaseFailed: It has crashed.
         """
         deadline_s = self.access.now_s + within_s
-        while not self._heard(call):
+        while not self._answered(call):
             if self.access.now_s >= deadline_s:
                 return False
             if call.name == "disconnect":
-                self._send_away(deadline_s)  # who connects by himself first would wait there
+                self._close_extra_connection(
+                    deadline_s
+                )  # who connects by himself first would wait there
             else:
                 self._wait(deadline_s)
         return True
 
-    def _heard(self, call: Call) -> bool:
+    def _answered(self, call: Call) -> bool:
         """Take what has come; whether the order has been answered."""
         self._pump_all()
         return call.answer is not None
@@ -402,7 +406,7 @@ class ClientUnderTest:
         self._pump()
 
     def _wait(self, deadline_s: float) -> None:
-        with _told():
+        with _driver_errors():
             self.access.wait(self._slice(deadline_s))
         self._pump()
 
@@ -413,23 +417,23 @@ class ClientUnderTest:
         return min(deadline_s, self.access.now_s + _SLICE_S)
 
     def _pump(self) -> None:
-        with _told():
+        with _driver_errors():
             self.access.pump()
         call = self._expected
         if call is not None and call.answer is not None:
-            _not_lacking(call)
-            if call.failed and not call.came:
+            _require_implemented(call)
+            if call.failed and not call.request_seen:
                 message = UserMessage("the client declines {call} by itself", call=call.name)
                 raise OperationRefused(message, expected="it is sent", observed=f"{call}")
             if call.failed:
-                self.has_been_in_time(call)
+                self.require_timely(call)
             raise CaseFailed(
                 UserMessage("the client says that {call} is over before it can be", call=call.name),
                 expected="the operation goes on",
                 observed=f"{call}",
             )
 
-    def has_been_in_time(self, call: Call) -> None:
+    def require_timely(self, call: Call) -> None:
         """Hold no transfer against it that was given up because this machine was too slow.
 
         Raises:
@@ -437,11 +441,11 @@ class ClientUnderTest:
         """
         if call.name in _TRANSFERS:
             for line in self._lines:
-                line.has_been_in_time(call.begun_ns)
+                line.require_timely(call.begun_ns)
 
     # ------------------------------------------------------------------ what it says
 
-    def confirmed(self, sentence: str, call: Call | None = None) -> bool | None:
+    def confirm_with_operator(self, sentence: str, call: Call | None = None) -> bool | None:
         """Whether an operator says that the client shows this; None where nobody is asked.
 
         Args:
@@ -450,24 +454,26 @@ class ClientUnderTest:
         """
         if call is not None and call.answer is not None:
             return None
-        question = self.access.ask(sentence)
+        question = self.access.ask_operator(sentence)
         if question is None:
             return None
-        while not self.speaks(question, self.answer_s):
+        while not self.answers_within(question, self.answer_timeout_s):
             pass  # he may be away
         return question.ok
 
-    def done(self, call: Call, *, requirement: str = "", within_s: float | None = None) -> Any:
+    def expect_done(
+        self, call: Call, *, requirement: str = "", within_s: float | None = None
+    ) -> Any:
         """What came of an order, which has to have been done.
 
         Raises:
             CaseFailed: The client says that it was not, or says nothing.
         """
-        confirmed = self.confirmed(UserMessage("{call} was done", call=call.name), call)
+        confirmed = self.confirm_with_operator(UserMessage("{call} was done", call=call.name), call)
         if confirmed is None:
-            confirmed = self.settled(call, within_s=within_s).ok
+            confirmed = self.wait_for_answer(call, within_s=within_s).ok
         if not confirmed:
-            self.has_been_in_time(call)
+            self.require_timely(call)
             raise CaseFailed(
                 UserMessage(
                     "{call} was answered well, and the client says that it failed", call=call.name
@@ -478,20 +484,23 @@ class ClientUnderTest:
             )
         return call.result
 
-    def gives(self, call: Call, expected: Any, *, requirement: str = "") -> None:
+    def expect_result(self, call: Call, expected: Any, *, requirement: str = "") -> None:
         """What came of an order has to be this.
 
         Raises:
             CaseFailed: It is something else.
         """
-        confirmed = self.confirmed(
-            UserMessage("{call} gave {expected}", call=call.name, expected=shown(expected)), call
+        confirmed = self.confirm_with_operator(
+            UserMessage(
+                "{call} gave {expected}", call=call.name, expected=to_display_text(expected)
+            ),
+            call,
         )
         if confirmed is None:
-            result = self.done(call, requirement=requirement)
-            known = self.idle is not None and (call.name, expected) == ("get_status", _IDLE)
+            result = self.expect_done(call, requirement=requirement)
+            known = self.idle_status is not None and (call.name, expected) == ("get_status", _IDLE)
             expect(
-                same(result, expected) or (known and same(result, self.idle)),
+                matches(result, expected) or (known and matches(result, self.idle_status)),
                 UserMessage("what the client says of {call}", call=call.name),
                 expected=f"{expected}",
                 observed=f"{result}",
@@ -505,15 +514,17 @@ class ClientUnderTest:
                 requirement=requirement,
             )
 
-    def fails(self, call: Call, *, requirement: str = "", within_s: float | None = None) -> None:
+    def expect_failure(
+        self, call: Call, *, requirement: str = "", within_s: float | None = None
+    ) -> None:
         """An order has to have failed; of a two-stage one a refusal or a bad outcome will do.
 
         Raises:
             CaseFailed: The client says that it was done, or says nothing.
         """
-        failed = self.confirmed(UserMessage("{call} failed", call=call.name), call)
+        failed = self.confirm_with_operator(UserMessage("{call} failed", call=call.name), call)
         if failed is None:
-            self.settled(call, within_s=within_s)
+            self.wait_for_answer(call, within_s=within_s)
             failed = call.failed
         if not failed:
             raise CaseFailed(
@@ -523,7 +534,7 @@ class ClientUnderTest:
                 requirement=requirement,
             )
 
-    def undone(self, call: Call, message: str, *, requirement: str = "") -> None:
+    def expect_pending(self, call: Call, message: str, *, requirement: str = "") -> None:
         """An order must not be over yet.
 
         Raises:
@@ -531,7 +542,7 @@ class ClientUnderTest:
         """
         self._pump()
         if call.answer is not None:
-            _not_lacking(call)
+            _require_implemented(call)
             raise CaseFailed(
                 message, expected="no answer yet", observed=f"{call}", requirement=requirement
             )
@@ -542,14 +553,16 @@ class ClientUnderTest:
 
     # ------------------------------------------------------------------ what it can do
 
-    def concurrent(self, line: IncomingConnection) -> None:
+    def require_concurrency(self, line: IncomingConnection) -> None:
         """Go on only where it does a second thing while a first one lasts.
 
         Raises:
             CaseSkipped: It, or its driver, does one thing at a time.
         """
-        if "concurrent" not in self.known:
-            one, other = self.unpolled("get_version", "get_status", "get_time", "get_joint_angles")
+        if "concurrent" not in self.discoveries:
+            one, other = self.prefer_unpolled(
+                "get_version", "get_status", "get_time", "get_joint_angles"
+            )
             first = self.begin(one)
             line.request(one, first)
             second, came = self.begin(other), False
@@ -560,13 +573,15 @@ class ClientUnderTest:
             if not came:
                 line.request(other, second)
             line.reply(other, data=REPLIES[other])
-            self.settled(first)
-            self.settled(second)
-            self.known["concurrent"] = came and first.ok  # or it came as the first was given up
-        if not self.known["concurrent"]:
+            self.wait_for_answer(first)
+            self.wait_for_answer(second)
+            self.discoveries["concurrent"] = (
+                came and first.ok
+            )  # or it came as the first was given up
+        if not self.discoveries["concurrent"]:
             raise CaseSkipped("the client does one thing at a time")
 
-    def unpolled(self, *names: str) -> tuple[str, str]:
+    def prefer_unpolled(self, *names: str) -> tuple[str, str]:
         """The first two of these queries that it does not make by itself, if there are any."""
         one, other, *_ = sorted(names, key=self.has_polled)
         return one, other
@@ -575,20 +590,20 @@ class ClientUnderTest:
         """Whether it has made this query by itself."""
         return any(frame.opcode == BY_NAME[name].opcode for frame in self.polled)
 
-    def lacks(self, name: str) -> bool:
+    def lacks_operation(self, name: str) -> bool:
         """Whether it says that it lacks this operation."""
         call = self.begin(name)
         with suppress(CaseSkipped):
-            self.settled(call)
+            self.wait_for_answer(call)
         return call.unimplemented
 
-    def file(self, content: bytes) -> str:
+    def make_file(self, content: bytes) -> str:
         """Make a file for it to send; its path."""
         path = self.access.folder / f"zs{next(self._files)}.rob"
         path.write_bytes(content)
         return str(path)
 
-    def no_file(self) -> str:
+    def missing_file(self) -> str:
         """The path of a file that does not exist."""
         return str(self.access.folder / f"zs{next(self._files)}.rob")
 
@@ -601,28 +616,30 @@ class ClientUnderTest:
             CaseFailed: It is not.
             CaseInconclusive: Its driver does not keep to its protocol.
         """
-        self._orders.clear()
+        self._calls.clear()
         if self.access.attended:
             return  # he would be asked to do the same over and over
         self.close_lines()
-        self._hang_up()
+        self._disconnect()
         line = self.open(requirement="T/9")
         call = self.begin("get_status")
         line.serve(call, "00")
         try:
-            self.gives(call, _IDLE, requirement="4.8/11")
+            self.expect_result(call, _IDLE, requirement="4.8/11")
         finally:
-            self.idle = call.result if self.idle is None and call.ok else self.idle
-        self._hang_up()
+            self.idle_status = (
+                call.result if self.idle_status is None and call.ok else self.idle_status
+            )
+        self._disconnect()
         self.close_lines()
         for file in self.access.folder.iterdir():
             file.unlink()
-        self._orders.clear()  # these were none of a case's
+        self._calls.clear()  # these were none of a case's
 
-    def _hang_up(self) -> None:
-        self.settled(self.begin("disconnect"))
+    def _disconnect(self) -> None:
+        self.wait_for_answer(self.begin("disconnect"))
 
-    def _send_away(self, deadline_s: float) -> bool:
+    def _close_extra_connection(self, deadline_s: float) -> bool:
         """End the next connection that it opens of its own accord; whether one came by then."""
         link = self.access.accept(self._slice(deadline_s))
         if link is not None:
@@ -642,13 +659,13 @@ class ClientUnderTest:
             raise CaseInconclusive(str(error)) from None
 
 
-def _not_lacking(call: Call) -> None:
+def _require_implemented(call: Call) -> None:
     if call.unimplemented:
         raise CaseSkipped(UserMessage("the client lacks the operation {call}", call=call.name))
 
 
 @contextmanager
-def _told() -> Iterator[None]:
+def _driver_errors() -> Iterator[None]:
     """Tell what is wrong with a driver in the words of the suite."""
     try:
         yield

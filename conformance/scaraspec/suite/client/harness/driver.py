@@ -57,7 +57,7 @@ class Driver:
         self._held = b""
         self._said_bytes = 0
         self._selector: selectors.BaseSelector
-        self.strays: deque[str] = deque(maxlen=_STRAY_LINES)
+        self.unmatched_lines: deque[str] = deque(maxlen=_STRAY_LINES)
         """Lines that answer nothing, the latest last."""
         self._start()
 
@@ -128,7 +128,7 @@ class Driver:
             answer = json.loads(line)
             call = self._calls.pop(answer["id"])
         except (ValueError, KeyError, TypeError, RecursionError):
-            self.strays.append(show(line))
+            self.unmatched_lines.append(show(line))
             return
         self._said_bytes = 0
         call.answer = answer

@@ -22,7 +22,7 @@ _EXACT: Final = 1e-6
 _RUN_TIME: Final = RunTime("run_time_s")
 
 
-def spoken(value: Any) -> Any:
+def expected_value(value: Any) -> Any:
     """The value of a reply as a client is to say it.
 
     Args:
@@ -34,29 +34,32 @@ def spoken(value: Any) -> Any:
     if isinstance(value, bytes):
         return value.decode("utf-8", "surrogateescape") or None
     if isinstance(value, NameListPart):
-        return spoken(value.names)
+        return expected_value(value.names)
     if isinstance(value, RunningProgram):
-        return {"name": spoken(value.name), "run_time_s": timedelta(seconds=value.run_time_s)}
+        return {
+            "name": expected_value(value.name),
+            "run_time_s": timedelta(seconds=value.run_time_s),
+        }
     if isinstance(value, tuple) and hasattr(value, "_asdict"):
-        return {key: spoken(item) for key, item in value._asdict().items()}
+        return {key: expected_value(item) for key, item in value._asdict().items()}
     if isinstance(value, tuple):
-        return [spoken(item) for item in value]
+        return [expected_value(item) for item in value]
     return value
 
 
-def shown(value: Any) -> str:
+def to_display_text(value: Any) -> str:
     """What `spoken` gives, in words for whoever looks at a client's window."""
     match value:
         case dict():
-            return ", ".join(f"{key} = {shown(item)}" for key, item in value.items())
+            return ", ".join(f"{key} = {to_display_text(item)}" for key, item in value.items())
         case list():
-            return ", ".join(map(shown, value)) or "nothing"
+            return ", ".join(map(to_display_text, value)) or "nothing"
         case float():
             return f"{value:.15g}"
     return "nothing" if value is None else f"{value}"
 
 
-def same(said: Any, expected: Any) -> bool:
+def matches(said: Any, expected: Any) -> bool:
     """Whether a client said what was expected of it."""
     match expected:
         case None:
@@ -77,17 +80,19 @@ def _same_time(said: Any, expected: datetime | timedelta) -> bool:
     if isinstance(expected, datetime):
         return isinstance(said, str) and re.sub(r"\D", "", said) == f"{expected:%Y%m%d%H%M%S}"
     seconds = expected.total_seconds()
-    return same(said, seconds) or same(said, _RUN_TIME.write(int(seconds), DEFAULT).decode())
+    return matches(said, seconds) or matches(said, _RUN_TIME.write(int(seconds), DEFAULT).decode())
 
 
 def _same_items(said: Any, expected: list[Any] | dict[str, Any]) -> bool:
     if isinstance(expected, dict):
         if isinstance(said, Mapping):
             if expected.keys() <= said.keys():
-                return all(same(said[key], value) for key, value in expected.items())
+                return all(matches(said[key], value) for key, value in expected.items())
             said = list(said.values())
         expected = list(expected.values())
-    return isinstance(said, list) and len(said) == len(expected) and all(map(same, said, expected))
+    return (
+        isinstance(said, list) and len(said) == len(expected) and all(map(matches, said, expected))
+    )
 
 
 def _nothing(said: Any) -> bool:

@@ -32,7 +32,7 @@ _GRACE_S: Final = 0.5  # until what it has given up is told
 # ---------------------------------------------------------------------- either way
 
 
-def reaction(
+def request_or_none(
     subject: ClientUnderTest,
     line: IncomingConnection,
     call: Call,
@@ -43,7 +43,7 @@ def reaction(
 
     The network may still carry the rest of what the client sent before it said so.
     """
-    left_s = subject.answer_s if within_s is None else within_s
+    left_s = subject.answer_timeout_s if within_s is None else within_s
     while True:
         told = call.answer is not None
         if told:
@@ -64,30 +64,32 @@ def _settled(subject: ClientUnderTest, call: Call, within_s: float, requirement:
     """
     if not subject.access.attended:
         try:
-            subject.settled(call, within_s=within_s)
+            subject.wait_for_answer(call, within_s=within_s)
         except CaseFailed as error:
             error.requirement = requirement
             raise
 
 
-def expect_done(subject: ClientUnderTest, call: Call) -> None:
+def expect_transfer_done(subject: ClientUnderTest, call: Call) -> None:
     """A transfer of which everything has come has to be over, and done.
 
     Raises:
         CaseFailed: It is not.
     """
-    _settled(subject, call, subject.answer_s, "5.1/7")  # to the client it is never over
-    subject.done(call, requirement="5.2/19")
+    _settled(subject, call, subject.answer_timeout_s, "5.1/7")  # to the client it is never over
+    subject.expect_done(call, requirement="5.2/19")
 
 
-def expect_failed(subject: ClientUnderTest, call: Call, requirement: str = "5.2/19") -> None:
+def expect_transfer_failed(
+    subject: ClientUnderTest, call: Call, requirement: str = "5.2/19"
+) -> None:
     """A transfer has to fail, at once or when the client has waited in vain (A-5-14).
 
     Raises:
         CaseFailed: It does not.
     """
     _settled(subject, call, limits_of(subject).over_s + _GRACE_S, requirement)
-    subject.fails(call, requirement=requirement)
+    subject.expect_failure(call, requirement=requirement)
 
 
 def transfer_frames(line: IncomingConnection) -> list[FrameSeen]:
@@ -95,20 +97,20 @@ def transfer_frames(line: IncomingConnection) -> list[FrameSeen]:
     return [seen for seen in line.inbox if seen.frame.opcode in _TRANSFER]
 
 
-def gives_up(seen: FrameSeen | ReceivedFrame) -> bool:
+def is_abort_signal(seen: FrameSeen | ReceivedFrame) -> bool:
     """Whether this is the signal that ends an upload, which wants no answer (L787; A-5-10)."""
     if seen.frame.opcode != BY_NAME["upload_chunk"].opcode:
         return False
     return not seen.frame.data or (isinstance(seen.value, Chunk) and not seen.value.length)
 
 
-def expect_no_transfer(
+def expect_no_transfer_frames(
     line: IncomingConnection,
     message: str,
     requirement: str,
     for_s: float = 0.0,
     *,
-    but: Callable[[FrameSeen], bool] | None = None,
+    allowed: Callable[[FrameSeen], bool] | None = None,
 ) -> None:
     """Fail the client if it has sent, or sends in this time, any frame of a transfer.
 
@@ -117,14 +119,14 @@ def expect_no_transfer(
         message: What it has done then.
         requirement: What it violates.
         for_s: How long it is listened to.
-        but: Tells the frames that it may send; they are taken.
+        allowed: Returns True for a frame that the client may send. Such frames are removed.
 
     Raises:
         CaseFailed: It has.
     """
     line.wait(for_s)
     came = transfer_frames(line)
-    for seen in filter(but, came.copy()) if but else ():
+    for seen in filter(allowed, came.copy()) if allowed else ():
         came.remove(seen)
         line.inbox.remove(seen)
     expect(
@@ -136,7 +138,9 @@ def expect_no_transfer(
     )
 
 
-def serving(subject: ClientUnderTest, line: IncomingConnection, what: str) -> IncomingConnection:
+def expect_served(
+    subject: ClientUnderTest, line: IncomingConnection, what: str
+) -> IncomingConnection:
     """The connection, once it has served another command; a new one where only that does (A-5-26).
 
     Raises:
@@ -160,8 +164,8 @@ def serving(subject: ClientUnderTest, line: IncomingConnection, what: str) -> In
 def _ask_status(subject: ClientUnderTest, line: IncomingConnection) -> None:
     call = subject.begin("get_status")
     line.serve(call, "00")
-    _settled(subject, call, subject.answer_s, "5.4/6")
-    subject.gives(call, "00")
+    _settled(subject, call, subject.answer_timeout_s, "5.4/6")
+    subject.expect_result(call, "00")
 
 
 def _expect_named(line: IncomingConnection, call: Call, remote: str, requirement: str) -> None:
@@ -195,17 +199,17 @@ class Upload:
     ) -> None:
         self._subject, self._line, self._content = subject, line, content
         self.received_bytes = 0
-        local = subject.file(content)
+        local = subject.make_file(content)
         remote = remote or Path(local).name
         self.call = subject.begin("upload", local=local, remote=remote)
         _expect_named(line, self.call, remote, "5.2/1")
-        line.inbox[:] = [seen for seen in line.inbox if not gives_up(seen)]  # one before it
+        line.inbox[:] = [seen for seen in line.inbox if not is_abort_signal(seen)]  # one before it
 
-    def accept(self) -> None:
+    def accept_name(self) -> None:
         """Answer the name: the file has been created."""
         self._line.reply("upload_name")
 
-    def frames(self) -> Iterator[ReceivedFrame]:
+    def chunk_frames(self) -> Iterator[ReceivedFrame]:
         """The chunk frames, right or wrong; each is answered 1 when the next one is wanted.
 
         They end where a sound client has sent the whole content.
@@ -216,9 +220,9 @@ class Upload:
         while self.received_bytes < len(self._content):
             frame = self._frame("5.2/20")
             yield frame
-            self.take(frame.value.length if isinstance(frame.value, Chunk) else 0)
+            self.accept_chunk(frame.value.length if isinstance(frame.value, Chunk) else 0)
 
-    def take(self, length: int) -> None:
+    def accept_chunk(self, length: int) -> None:
         """Answer a chunk of this length 1."""
         self._line.reply("upload_chunk")
         self.received_bytes += length or BUFFER_BYTES
@@ -231,7 +235,7 @@ class Upload:
         """
         return self._right(self._frame("5.2/19"))
 
-    def refuse(self, chunk: Chunk) -> None:
+    def refuse_chunk(self, chunk: Chunk) -> None:
         """Answer a chunk 0: the upload has failed, though the client may try that one again.
 
         Raises:
@@ -239,10 +243,10 @@ class Upload:
         """
         self._line.reply("upload_chunk", value=False)
         for _ in range(_RETRIES):
-            again = reaction(self._subject, self._line, self.call, "upload_chunk")
+            again = request_or_none(self._subject, self._line, self.call, "upload_chunk")
             if again is None:
                 break
-            if gives_up(again):
+            if is_abort_signal(again):
                 continue
             expect(
                 chunk_of(again).position == chunk.position,
@@ -265,18 +269,18 @@ class Upload:
         Raises:
             CaseFailed: It does not, or sends something else.
         """
-        for frame in self.frames():
+        for frame in self.chunk_frames():
             self._right(frame)
         self.expect_done()
 
     def expect_done(self) -> None:
         """The upload has to be over, and done; see `expect_done`."""
-        give_back(self._subject, self._line, self.call, self._content)
-        expect_done(self._subject, self.call)
+        serve_read_back(self._subject, self._line, self.call, self._content)
+        expect_transfer_done(self._subject, self.call)
 
     def expect_failed(self, requirement: str = "5.2/19") -> None:
         """The upload has to fail; see `expect_failed`."""
-        expect_failed(self._subject, self.call, requirement)
+        expect_transfer_failed(self._subject, self.call, requirement)
 
     def _frame(self, requirement: str) -> ReceivedFrame:
         try:
@@ -300,23 +304,23 @@ class Upload:
         return chunk
 
 
-def give_back(
+def serve_read_back(
     subject: ClientUnderTest, line: IncomingConnection, call: Call, content: bytes
 ) -> None:
     """Serve a client that fetches what it has just sent, to compare it (A-5-21)."""
-    deadline_s = subject.access.now_s + subject.answer_s
-    while not (subject.access.attended or line.over or subject.speaks(call, _SLICE_S)):
+    deadline_s = subject.access.now_s + subject.answer_timeout_s
+    while not (subject.access.attended or line.over or subject.answers_within(call, _SLICE_S)):
         if subject.access.now_s >= deadline_s:
             break
         if any(seen.name == "download_name" for seen in line.inbox):
             line.request("download_name")
             line.reply("download_name")
             for chunk in chunks_of(content):
-                line.chunk(chunk)
+                line.send_chunk(chunk)
                 line.request("download_chunk")
 
 
-def take(
+def receive_upload(
     subject: ClientUnderTest, line: IncomingConnection, content: bytes, remote: str = ""
 ) -> None:
     """Let the client upload a file, and take all of it.
@@ -325,14 +329,14 @@ def take(
         CaseFailed: It is not sent as it should be, or the client does not say that it was done.
     """
     upload = Upload(subject, line, content, remote)
-    upload.accept()
+    upload.accept_name()
     upload.finish()
 
 
 # ---------------------------------------------------------------------- download
 
 
-def cut(content: bytes, lengths: Iterable[int]) -> Iterator[Chunk]:
+def split_content(content: bytes, lengths: Iterable[int]) -> Iterator[Chunk]:
     """Cut a file into chunks of these lengths."""
     position = 0
     for length in lengths:
@@ -361,7 +365,7 @@ class Download:
         self, subject: ClientUnderTest, line: IncomingConnection, remote: str = ""
     ) -> None:
         self._subject, self._line = subject, line
-        self.local = Path(subject.no_file())
+        self.local = Path(subject.missing_file())
         self.received = b""
         remote = remote or self.local.name
         self.call = subject.begin("download", remote=remote, local=str(self.local))
@@ -372,39 +376,41 @@ class Download:
         """What is on the client's disk; None where there is no such file."""
         return self.local.read_bytes() if self.local.exists() else None
 
-    def promise(self) -> None:
+    def accept_name(self) -> None:
         """Answer the name: the file can be sent."""
         self._line.reply("download_name")
 
-    def frame(self, chunk: Chunk, order: str = "") -> Frame:
+    def chunk_frame(self, chunk: Chunk, byte_order: str = "") -> Frame:
         """The frame of a chunk; its buffer may hold more than there is room for in a fileData."""
         dialect = self._subject.dialect
-        spoken = dialect.replace(endian=order) if order else dialect
+        spoken = dialect.replace(endian=byte_order) if byte_order else dialect
         data = FILE_DATA.encode(chunk._replace(buffer=chunk.buffer[:BUFFER_BYTES]), spoken)
         opcode = BY_NAME["download_chunk"].opcode
         return Frame(C2A, opcode, data + chunk.buffer[BUFFER_BYTES:])
 
-    def offer(self, chunk: Chunk, *, data: bytes | None = None, order: str = "") -> bool | None:
+    def offer_chunk(
+        self, chunk: Chunk, *, data: bytes | None = None, byte_order: str = ""
+    ) -> bool | None:
         """Send a chunk, or other data in its place; whether it is taken, None without an answer."""
-        frame = self.frame(chunk, order)
+        frame = self.chunk_frame(chunk, byte_order)
         self._line.send_frame(frame if data is None else frame._replace(data=data))
-        taken = self.answer()
+        taken = self.await_answer()
         self.received += chunk.data if taken else b""
         return taken
 
-    def answer(self) -> bool | None:
+    def await_answer(self) -> bool | None:
         """Whether what was sent is taken; None where the client does not say."""
         patience_s = self._subject.silence_s
-        answer = reaction(self._subject, self._line, self.call, "download_chunk", patience_s)
+        answer = request_or_none(self._subject, self._line, self.call, "download_chunk", patience_s)
         return answer.accepted if answer else None
 
-    def give(self, chunk: Chunk, requirement: str = "5.3/5") -> None:
+    def send_chunk(self, chunk: Chunk, requirement: str = "5.3/5") -> None:
         """Send a chunk that the client has to take.
 
         Raises:
             CaseFailed: It does not.
         """
-        self._line.send_frame(self.frame(chunk))
+        self._line.send_frame(self.chunk_frame(chunk))
         self.expect_taken(chunk, requirement)
 
     def expect_taken(self, chunk: Chunk, requirement: str = "5.3/5") -> None:
@@ -414,9 +420,9 @@ class Download:
             CaseFailed: It does not take it, or does not answer.
         """
         which = f"the chunk at {chunk.position} of a file of {chunk.file_size} bytes"
-        answer = reaction(self._subject, self._line, self.call, "download_chunk")
+        answer = request_or_none(self._subject, self._line, self.call, "download_chunk")
         if answer is None or not answer.accepted:
-            self._subject.has_been_in_time(self.call)
+            self._subject.require_timely(self.call)
         if answer is None:
             error = self._line.no_answer(f"{which} was not answered")
             error.requirement = "5.3/5"
@@ -438,9 +444,9 @@ class Download:
         Raises:
             CaseFailed: It is not.
         """
-        expect_done(self._subject, self.call)
+        expect_transfer_done(self._subject, self.call)
         size_bytes, content = len(self.received), self.received
-        confirmed = self._subject.confirmed(
+        confirmed = self._subject.confirm_with_operator(
             UserMessage("{local} holds {size_bytes} bytes", local=self.local, size_bytes=size_bytes)
         )
         stored = self.stored
@@ -466,7 +472,7 @@ class Download:
         Raises:
             CaseFailed: It does not, or something else is there.
         """
-        expect_failed(self._subject, self.call, requirement)
+        expect_transfer_failed(self._subject, self.call, requirement)
         stored, received = self.stored, self.received
         if stored is None:
             return
@@ -482,18 +488,20 @@ class Download:
         self._subject.tolerate("5.3/11", "A-5-12", "keep", message)
 
 
-def fetch(subject: ClientUnderTest, line: IncomingConnection, remote: str = "") -> Download:
+def begin_download(
+    subject: ClientUnderTest, line: IncomingConnection, remote: str = ""
+) -> Download:
     """Order a download, and promise the file.
 
     Raises:
         CaseFailed: Its name does not come.
     """
     download = Download(subject, line, remote)
-    download.promise()
+    download.accept_name()
     return download
 
 
-def serve(
+def send_download(
     subject: ClientUnderTest,
     line: IncomingConnection,
     content: bytes,
@@ -505,7 +513,7 @@ def serve(
     Raises:
         CaseFailed: It has not got it.
     """
-    download = fetch(subject, line, remote)
+    download = begin_download(subject, line, remote)
     for chunk in chunks_of(content):
-        download.give(chunk)
+        download.send_chunk(chunk)
     download.expect_done(requirement)

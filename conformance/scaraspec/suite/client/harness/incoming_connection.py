@@ -13,7 +13,7 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import Chunk
-from scaraspec.suite.client.harness.auto_responder import FETCHES, REPLIES, AutoResponder
+from scaraspec.suite.client.harness.auto_responder import FETCHES_PARTS, REPLIES, AutoResponder
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.engine.connection import Connection, ReceivedFrame
 from scaraspec.suite.engine.expectations import (
@@ -57,9 +57,9 @@ class IncomingConnection(Connection):
     """
 
     def __init__(self, name: str, link: Link, subject: "ClientUnderTest", *, judged: bool) -> None:
-        self.auto_responder = AutoResponder(subject.awaits)
-        self.cut_s = 0.0
-        self._behind: list[bytes] = []
+        self.auto_responder = AutoResponder(subject.is_expected)
+        self.fragment_pause_s = 0.0
+        self._appended: list[bytes] = []
         self._subject = subject
         self._answering = False
         self._wanted: Callable[[FrameSeen], bool] = _nothing
@@ -86,10 +86,10 @@ class IncomingConnection(Connection):
         """
         command = BY_NAME[name]
         opcodes = {command.opcode, command.alternate_opcode} - {None}
-        patience_s = self._subject.answer_s if within_s is None else within_s
+        patience_s = self._subject.answer_timeout_s if within_s is None else within_s
 
         def wanted(seen: FrameSeen) -> bool:
-            return seen.frame.opcode in opcodes and not self._subject.repeats(seen, call)
+            return seen.frame.opcode in opcodes and not self._subject.is_repeated_poll(seen, call)
 
         self._wanted = wanted
         begun_s = self._subject.access.now_s
@@ -102,7 +102,7 @@ class IncomingConnection(Connection):
                 raise self.no_answer(f"{refusal}") from None
             refusal.after_s = self._subject.access.now_s - begun_s
             if refusal.after_s > _ALONE_S:
-                self._subject.alone()
+                self._subject.require_single_connection()
             raise
         except NoReply:
             if self._subject.access.attended and within_s is None and not self.over:
@@ -112,12 +112,12 @@ class IncomingConnection(Connection):
                     )
                 ) from None
             if within_s is None and not self.over:
-                self._subject.alone()
+                self._subject.require_single_connection()
             raise
         finally:
             self._wanted = _nothing
         self.auto_responder.taken(request.seen)
-        self._subject.came(name, call)
+        self._subject.note_request(name, call)
         return request
 
     def _receive(self, deadline_s: float, others: Sequence[Link] = ()) -> bool:
@@ -145,7 +145,7 @@ class IncomingConnection(Connection):
                 self.inbox.remove(poll)
                 if poll.name in REPLIES:
                     self._subject.polled.add(poll.frame)
-                fetched = bool(self._subject.known.get(FETCHES))
+                fetched = bool(self._subject.discoveries.get(FETCHES_PARTS))
                 frames = self.auto_responder.answer(poll, self._subject.programs, fetched=fetched)
                 with suppress(NoReply):  # it asks, and hangs up
                     for frame in frames:
@@ -157,7 +157,7 @@ class IncomingConnection(Connection):
         self._sent_ns.append(seen.place.time_ns)
         self.auto_responder.sent(seen)
 
-    def has_been_in_time(self, since_ns: int) -> None:
+    def require_timely(self, since_ns: int) -> None:
         """Go on only where since then no silence of ours was as long as to end a transfer.
 
         Raises:
@@ -181,25 +181,29 @@ class IncomingConnection(Connection):
 
     def send_frame(self, frame: Frame) -> None:
         """Send one frame, in pieces where `cut_s` says so, and with what is to be behind it."""
-        data = frame.encode() + (self._behind.pop(0) if self._behind else b"")
-        cuts = sorted({0, *_CUTS, len(data) // 2, len(data) - 1, len(data)}) if self.cut_s else ()
+        data = frame.encode() + (self._appended.pop(0) if self._appended else b"")
+        cuts = (
+            sorted({0, *_CUTS, len(data) // 2, len(data) - 1, len(data)})
+            if self.fragment_pause_s
+            else ()
+        )
         for begin, end in pairwise(cuts or (0, len(data))):
             self.send_bytes(data[begin:end])
             if end < len(data):
-                self.wait(self.cut_s)
+                self.wait(self.fragment_pause_s)
 
     @contextmanager
-    def joining(self, data: bytes, *, behind: int) -> Iterator[None]:
+    def append_to_frame(self, data: bytes, *, after_frames: int) -> Iterator[None]:
         """Send bytes in one segment with the next frame, or the one so many frames behind it.
 
         Where no such frame is sent they are sent at the end.
         """
-        self._behind = [b""] * behind + [data]
+        self._appended = [b""] * after_frames + [data]
         try:
             yield
         finally:
-            left = b"".join(self._behind)
-            self._behind.clear()
+            left = b"".join(self._appended)
+            self._appended.clear()
             self.send_bytes(left)
 
     def frame(self, name: str, value: Any = YES, *, data: bytes | None = None) -> Frame:
@@ -226,7 +230,7 @@ class IncomingConnection(Connection):
         payload = (f"00|{code}" if code else _DONE).encode() if data is None else data
         return Frame(C2A, BY_NAME[name].opcode, payload, tagged=True)
 
-    def chunk(self, chunk: Chunk) -> None:
+    def send_chunk(self, chunk: Chunk) -> None:
         """Send a chunk of a download."""
         self.send_frame(self.chunk_frame(chunk))
 

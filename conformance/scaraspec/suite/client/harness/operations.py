@@ -27,9 +27,9 @@ from scaraspec.protocol.fields import Defect, Number, show
 from scaraspec.protocol.payloads import FirstReply, Jog, JogDirection, Record
 from scaraspec.suite.client.harness.auto_responder import REPLIES
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.client.harness.driver_values import spoken
+from scaraspec.suite.client.harness.driver_values import expected_value
 from scaraspec.suite.client.harness.incoming_connection import PASSWORD, IncomingConnection
-from scaraspec.suite.client.harness.poses import gives_pose
+from scaraspec.suite.client.harness.poses import expect_pose_reported
 from scaraspec.suite.engine.connection import ReceivedFrame as Request
 from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, NoReply
 from scaraspec.traffic.events import InvalidBytes
@@ -94,7 +94,7 @@ _HALF_OF_IT: Final = 0.501  # of the last decimal
 _TURN_S: Final = 0.005
 
 
-def arguments(name: str, value: Any) -> dict[str, Any]:
+def operation_arguments(name: str, value: Any) -> dict[str, Any]:
     """A value of the table as an order gives it: by name, in the types of JSON."""
     request = BY_NAME[name].request
     if isinstance(request, Jog):
@@ -111,12 +111,14 @@ def _json(value: Any) -> Any:
     return f"{value:%Y%m%d%H%M%S}" if isinstance(value, datetime) else value
 
 
-def order(subject: "ClientUnderTest", name: str, value: Any = None) -> Call:
+def begin_operation(subject: "ClientUnderTest", name: str, value: Any = None) -> Call:
     """Order an operation; without a value, with that of the document's example."""
-    return subject.begin(name, **arguments(name, VALUES.get(name) if value is None else value))
+    return subject.begin(
+        name, **operation_arguments(name, VALUES.get(name) if value is None else value)
+    )
 
 
-def ask(
+def request_operation(
     subject: "ClientUnderTest",
     line: IncomingConnection,
     name: str,
@@ -142,19 +144,19 @@ def ask(
         CaseFailed: No request came, or another one.
         CaseSkipped: The client lacks the operation.
     """
-    call = order(subject, name, value)
-    request = awaited(line, name, call)
+    call = begin_operation(subject, name, value)
+    request = await_request(line, name, call)
     wanted = VALUES.get(name) if value is None else value
     try:
         expect_carries(subject, request, name, wanted, requirement=requirement)
     except CaseFailed:
         with suppress(NoReply):  # it has closed already
-            answer(line, name, request)
+            answer_request(line, name, request)
         raise
     return call, request
 
 
-def awaited(line: IncomingConnection, name: str, call: Call) -> Request:
+def await_request(line: IncomingConnection, name: str, call: Call) -> Request:
     """The request of an operation; bytes that are none are blamed for what is wrong with them.
 
     Raises:
@@ -165,16 +167,16 @@ def awaited(line: IncomingConnection, name: str, call: Call) -> Request:
         return line.request(name, call)
     except CaseFailed:
         line.finish()
-        blame(line)
+        expect_valid_bytes(line)
         raise
 
 
-def blame(line: IncomingConnection, *, of_length: str = "3/7") -> None:
+def expect_valid_bytes(line: IncomingConnection, *, length_requirement: str = "3/7") -> None:
     """Fail the client for the first bytes that are no frame, or for an undefined opcode.
 
     Args:
         line: Where they came.
-        of_length: What a wrong length violates.
+        length_requirement: The requirement that a wrong length violates.
 
     Raises:
         CaseFailed: There are some.
@@ -188,7 +190,7 @@ def blame(line: IncomingConnection, *, of_length: str = "3/7") -> None:
             ),
             expected=diagnosis.expected or "start, opcode, length, data, end",
             observed=f"{show(noise.data)} ({noise.data[:20].hex(' ').upper()})",
-            requirement=_violated(noise, diagnosis, of_length),
+            requirement=_violated(noise, diagnosis, length_requirement),
         )
     for seen in line.inbox:
         if seen.frame.opcode not in BY_OPCODE:
@@ -200,14 +202,14 @@ def blame(line: IncomingConnection, *, of_length: str = "3/7") -> None:
             )
 
 
-def _violated(noise: InvalidBytes, diagnosis: Diagnosis, of_length: str) -> str:
+def _violated(noise: InvalidBytes, diagnosis: Diagnosis, length_requirement: str) -> str:
     """The requirement that bytes which are no frame violate."""
     match diagnosis.fault:
         case Fault.LENGTH:
             wraps = not diagnosis.surplus_bytes % 256
-            return "3/8" if diagnosis.observed == "0" else "3/28" if wraps else of_length
+            return "3/8" if diagnosis.observed == "0" else "3/28" if wraps else length_requirement
         case Fault.NONE if len(noise.data) >= _SHORTEST_BYTES:  # it announces more than there is
-            return of_length
+            return length_requirement
     return _OF_LAYOUT.get(diagnosis.fault, "3/1")
 
 
@@ -291,7 +293,7 @@ def _fixed_decimals(command: Command, data: bytes, value: Any) -> int:
     return counts.pop() if len(counts) == 1 else 0
 
 
-def answer(line: IncomingConnection, name: str, request: Request) -> None:
+def answer_request(line: IncomingConnection, name: str, request: Request) -> None:
     """Answer a request so that it is over: a query with its example, anything else with a no."""
     command = BY_NAME[name]
     if name in REPLIES:
@@ -302,14 +304,14 @@ def answer(line: IncomingConnection, name: str, request: Request) -> None:
         line.reply(name, data=b"1" if name == "login" else b"0")
 
 
-def tells(  # noqa: PLR0913 - an answer, and what is thought of it
+def expect_reported(  # noqa: PLR0913 - an answer, and what is thought of it
     subject: "ClientUnderTest",
     line: IncomingConnection,
     name: str,
     data: bytes | None = None,
     *,
     requirement: str = "",
-    odd: tuple[str, str] | None = None,
+    tolerated_as: tuple[str, str] | None = None,
 ) -> None:
     """Order a query and answer it; the client has to say what the answer says.
 
@@ -319,23 +321,23 @@ def tells(  # noqa: PLR0913 - an answer, and what is thought of it
         name: The query.
         data: The answer's data; by default the document's example.
         requirement: What a client that says something else violates; empty for the case's own.
-        odd: The register's entry, and the reading, by which a client may fail at such an answer.
+        tolerated_as: The register entry and the reading that allow an error for this reply.
 
     Raises:
         CaseFailed: It says something else, or asks wrongly.
         CaseSkipped: It lacks the operation.
     """
-    call, request = ask(subject, line, name)
+    call, request = request_operation(subject, line, name)
     data = REPLIES[name] if data is None else data
     line.send_frame(line.frame(name, data=data)._replace(opcode=request.frame.opcode))
-    if odd and not subject.settled(call).ok:
+    if tolerated_as and not subject.wait_for_answer(call).ok:
         message = UserMessage("{name}: {data} is told as an error", name=name, data=show(data))
-        subject.tolerate(requirement or "T/9", *odd, message)
+        subject.tolerate(requirement or "T/9", *tolerated_as, message)
         return
-    expect_told(subject, call, name, data, requirement=requirement)
+    expect_reply_reported(subject, call, name, data, requirement=requirement)
 
 
-def expect_told(
+def expect_reply_reported(
     subject: "ClientUnderTest", call: Call, name: str, data: bytes, *, requirement: str = ""
 ) -> None:
     """A query that was answered with these data has to be told with what they say.
@@ -345,18 +347,18 @@ def expect_told(
     """
     value = BY_NAME[name].reply.decode(data).value
     if isinstance(value, Pose):
-        gives_pose(subject, call, value, requirement=requirement)
+        expect_pose_reported(subject, call, value, requirement=requirement)
     else:
-        subject.gives(call, spoken(value), requirement=requirement)
+        subject.expect_result(call, expected_value(value), requirement=requirement)
 
 
-def accomplished(subject: "ClientUnderTest", call: Call, *, requirement: str = "") -> None:
+def expect_completed(subject: "ClientUnderTest", call: Call, *, requirement: str = "") -> None:
     """A two-stage operation has to have been done, in both of its stages.
 
     Raises:
         CaseFailed: The client says otherwise.
     """
-    result = subject.done(call, requirement=requirement)
+    result = subject.expect_done(call, requirement=requirement)
     if isinstance(result, Mapping):
         refused = result.get("accepted") is False or result.get("outcome", _DONE) != _DONE
         if refused:
@@ -368,7 +370,7 @@ def accomplished(subject: "ClientUnderTest", call: Call, *, requirement: str = "
             )
 
 
-def refuses(
+def expect_local_refusal(
     subject: "ClientUnderTest",
     line: IncomingConnection,
     name: str,
@@ -382,16 +384,21 @@ def refuses(
         CaseFailed: It sends something, or says that it was done.
         CaseSkipped: It lacks the operation.
     """
-    refused(subject, line, subject.begin(name, **arguments(name, value)), requirement=requirement)
+    expect_not_sent(
+        subject,
+        line,
+        subject.begin(name, **operation_arguments(name, value)),
+        requirement=requirement,
+    )
 
 
-def refused(
+def expect_not_sent(
     subject: "ClientUnderTest", line: IncomingConnection, call: Call, *, requirement: str = ""
 ) -> None:
     """An order that was given must fail without anything being sent; see `refuses`."""
-    sent = sent_or_settled(subject, line, call)
+    sent = sent_or_answered(subject, line, call)
     if sent is None:
-        subject.fails(call, requirement=requirement)
+        subject.expect_failure(call, requirement=requirement)
         return
     raise CaseFailed(
         UserMessage("the client sends what it has to refuse: {call}", call=call.name),
@@ -401,7 +408,9 @@ def refused(
     )
 
 
-def sent_or_settled(subject: "ClientUnderTest", line: IncomingConnection, call: Call) -> str | None:
+def sent_or_answered(
+    subject: "ClientUnderTest", line: IncomingConnection, call: Call
+) -> str | None:
     """Wait until an order is answered or brings its request about; that, or None for an answer.
 
     What else the client may ask meanwhile is left alone.
@@ -410,7 +419,7 @@ def sent_or_settled(subject: "ClientUnderTest", line: IncomingConnection, call: 
         CaseFailed: Neither comes.
         CaseSkipped: The client lacks the operation.
     """
-    deadline_s = subject.access.now_s + subject.answer_s
+    deadline_s = subject.access.now_s + subject.answer_timeout_s
     while call.answer is None and not _brought_about(line, call) and not line.over:
         if subject.access.now_s >= deadline_s:
             break
@@ -419,7 +428,7 @@ def sent_or_settled(subject: "ClientUnderTest", line: IncomingConnection, call: 
     line.pump()
     if brought := _brought_about(line, call):
         return "; ".join(brought)
-    subject.settled(call)
+    subject.wait_for_answer(call)
     return None
 
 
@@ -434,7 +443,7 @@ def _brought_about(line: IncomingConnection, call: Call) -> list[str]:
     return due + [show(noise.data) for noise in line.invalid_bytes]
 
 
-def of_each(names: Collection[str], try_one: Callable[[str], None]) -> None:
+def for_each_supported(names: Collection[str], try_one: Callable[[str], None]) -> None:
     """Try something with each of these operations that the client has.
 
     Raises:

@@ -23,7 +23,7 @@ def expect_ports(
     """
     call = subject.begin(name)
     line.serve(call, bits, sent=b"")
-    subject.gives(call, bits, requirement=requirement)
+    subject.expect_result(call, bits, requirement=requirement)
 
 
 def expect_each_port(

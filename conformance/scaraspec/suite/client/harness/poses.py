@@ -10,55 +10,64 @@ from typing import Any, Final
 from scaraspec.protocol.commands import Pose
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.driver_values import same
-from scaraspec.suite.client.harness.request_checks import near, numbers_of
+from scaraspec.suite.client.harness.driver_values import matches
+from scaraspec.suite.client.harness.request_checks import is_near, numbers_in
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import expect, told
 from scaraspec.user_message import UserMessage
 
-USEFUL: Final = ("x", "y", "z", "theta_x")
+MEANINGFUL: Final = ("x", "y", "z", "theta_x")
 """What means something."""
 
 
 def expect_pose(
-    subject: ClientUnderTest, answer: ReceivedFrame, ordered: Pose, *, speed: int | None = None
+    subject: ClientUnderTest,
+    answer: ReceivedFrame,
+    expected: Pose,
+    *,
+    speed: int | None = None,
 ) -> None:
     """Fail the client unless a request carries this pose, behind this speed if there is one.
 
     Raises:
         CaseFailed: It carries something else.
     """
-    ahead = () if speed is None else (float(speed),)
-    wanted = (*ahead, *ordered)
-    sent = numbers_of(answer)
-    meant = len(ahead) + len(USEFUL)
+    leading = () if speed is None else (float(speed),)
+    wanted = (*leading, *expected)
+    sent = numbers_in(answer)
+    meant = len(leading) + len(MEANINGFUL)
     expect(
         sent is not None
         and len(sent) == len(wanted)
-        and all(map(near, sent[:meant], wanted))
-        and all(near(number, due) or not number for number, due in zip(sent, wanted, strict=True)),
+        and all(map(is_near, sent[:meant], wanted))
+        and all(
+            is_near(number, due) or not number for number, due in zip(sent, wanted, strict=True)
+        ),
         UserMessage("what {seen} carries", seen=answer.seen.name),
         expected="|".join(f"{number:.15g}" for number in wanted),
         observed=told(answer.frame.data),
     )
     assert sent is not None
-    if not all(map(near, sent, wanted)):
+    if not all(map(is_near, sent, wanted)):
         message = "thetaY and thetaZ are sent as 0, whatever was ordered"
         subject.tolerate("7/2", "A-4.21-3", "0", message)
 
 
-def gives_pose(subject: ClientUnderTest, call: Call, due: Pose, *, requirement: str = "") -> None:
+def expect_pose_reported(
+    subject: ClientUnderTest, call: Call, due: Pose, *, requirement: str = ""
+) -> None:
     """The pose that a client tells has to be this one, whatever it tells of thetaY and thetaZ.
 
     Raises:
         CaseFailed: It is another one, or none.
     """
-    result = subject.done(call, requirement=requirement)
+    result = subject.expect_done(call, requirement=requirement)
     values = _by_name(result)
-    right = all(same(values.get(name), getattr(due, name)) for name in USEFUL)
-    useless = {name: values.get(name) or 0 for name in Pose._fields[len(USEFUL) :]}
+    right = all(matches(values.get(name), getattr(due, name)) for name in MEANINGFUL)
+    useless = {name: values.get(name) or 0 for name in Pose._fields[len(MEANINGFUL) :]}
     expect(
-        right and all(same(v, 0) or same(v, getattr(due, name)) for name, v in useless.items()),
+        right
+        and all(matches(v, 0) or matches(v, getattr(due, name)) for name, v in useless.items()),
         UserMessage("what the client says of {call}", call=call.name),
         expected=f"{due._asdict()}",
         observed=f"{result}",

@@ -22,7 +22,7 @@ _NEAR: Final = 5e-4  # nobody need write more than three decimals (A-T-5)
 _SINGLE: Final = 1e-7  # the relative error of 32 bits
 
 
-def numbers_of(answer: ReceivedFrame) -> list[float] | None:
+def numbers_in(answer: ReceivedFrame) -> list[float] | None:
     """The numbers between the bars of a request; None where one of them is none."""
     texts = answer.seen.text.removesuffix(b"|").split(b"|")  # a bar may end them (A-T-4)
     if not all(_DECIMAL.fullmatch(text) for text in texts):
@@ -30,29 +30,29 @@ def numbers_of(answer: ReceivedFrame) -> list[float] | None:
     return [float(text) for text in texts]
 
 
-def near(sent: float, ordered: float) -> bool:
+def is_near(sent: float, expected: float) -> bool:
     """Whether a number was sent for another one."""
-    return math.isclose(sent, ordered, rel_tol=_SINGLE, abs_tol=_NEAR)
+    return math.isclose(sent, expected, rel_tol=_SINGLE, abs_tol=_NEAR)
 
 
-def plain(number: float) -> str:
+def to_decimal_text(number: float) -> str:
     """A number without an exponent (T/5), in as many digits as it was meant to have."""
     return f"{Decimal(f'{number:.15g}'):f}"
 
 
 def expect_numbers(
-    answer: ReceivedFrame, ordered: Sequence[float], *, requirement: str = ""
+    answer: ReceivedFrame, expected: Sequence[float], *, requirement: str = ""
 ) -> None:
     """Fail the client unless a request carries these numbers, in this order.
 
     Raises:
         CaseFailed: It carries something else.
     """
-    sent = numbers_of(answer)
+    sent = numbers_in(answer)
     expect(
-        sent is not None and len(sent) == len(ordered) and all(map(near, sent, ordered)),
+        sent is not None and len(sent) == len(expected) and all(map(is_near, sent, expected)),
         UserMessage("what {seen} carries", seen=answer.seen.name),
-        expected="|".join(map(plain, ordered)),
+        expected="|".join(map(to_decimal_text, expected)),
         observed=told(answer.frame.data),
         requirement=requirement,
     )
@@ -84,6 +84,6 @@ def expect_no_value(subject: ClientUnderTest, call: Call, *, requirement: str = 
     Raises:
         CaseFailed: It gives one.
     """
-    if not subject.access.attended and subject.settled(call).ok and call.result is None:
+    if not subject.access.attended and subject.wait_for_answer(call).ok and call.result is None:
         return
-    subject.fails(call, requirement=requirement)
+    subject.expect_failure(call, requirement=requirement)

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Final
 
-from scaraspec.suite.client.harness.auto_responder import FETCHES
+from scaraspec.suite.client.harness.auto_responder import FETCHES_PARTS
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
@@ -12,18 +12,18 @@ from scaraspec.suite.engine.expectations import NoReply
 _FETCH_S: Final = 1.0
 
 
-def list_of(*names: str | bytes, per_part: int, bar: bytes = b"|") -> list[bytes]:
+def list_parts(*names: str | bytes, per_part: int, separator: bytes = b"|") -> list[bytes]:
     """The data of the parts of a list.
 
     Args:
         names: Its names.
         per_part: How many of them stand in each part.
-        bar: What stands between the flag and the first name (A-4.10-2).
+        separator: The bytes between the flag and the first name (A-4.10-2).
     """
     encoded = [name if isinstance(name, bytes) else name.encode() for name in names]
     parts = [encoded[i : i + per_part] for i in range(0, len(encoded), per_part)]
     flags = [b"1"] * (len(parts) - 1) + [b"0"]
-    return [flag + bar + b"|".join(part) for flag, part in zip(flags, parts, strict=True)]
+    return [flag + separator + b"|".join(part) for flag, part in zip(flags, parts, strict=True)]
 
 
 def serve_list(
@@ -31,7 +31,7 @@ def serve_list(
     line: IncomingConnection,
     call: Call,
     parts: list[bytes],
-    ahead: Callable[[], None] = lambda: None,
+    before_part: Callable[[], None] = lambda: None,
 ) -> None:
     """Answer a request for the program list part by part.
 
@@ -43,7 +43,7 @@ def serve_list(
         line: Its connection.
         call: Its order.
         parts: The data of the parts.
-        ahead: Done ahead of each further part.
+        before_part: Called before each further part.
 
     Raises:
         CaseFailed: No request came.
@@ -52,27 +52,27 @@ def serve_list(
     line.reply("list_programs", data=parts[0])
     for part in parts[1:]:
         _await_fetching(subject, line)
-        ahead()
+        before_part()
         line.reply("list_programs", data=part)
 
 
 def fetches_parts(subject: ClientUnderTest, line: IncomingConnection) -> bool:
     """Whether a client asks for each part of a list by itself; found out once, by a list of two."""
-    if FETCHES not in subject.known:
+    if FETCHES_PARTS not in subject.discoveries:
         call = subject.begin("list_programs")
-        serve_list(subject, line, call, list_of("a.rob", "b.rob", per_part=1))
-        subject.settled(call)
-    return bool(subject.known[FETCHES])
+        serve_list(subject, line, call, list_parts("a.rob", "b.rob", per_part=1))
+        subject.wait_for_answer(call)
+    return bool(subject.discoveries[FETCHES_PARTS])
 
 
 def _await_fetching(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Await that the next part is asked for; whether a client does is found out once."""
-    patience_s = {None: _FETCH_S, False: 0.0, True: subject.answer_s}
-    known = subject.known.get(FETCHES)
+    patience_s = {None: _FETCH_S, False: 0.0, True: subject.answer_timeout_s}
+    known = subject.discoveries.get(FETCHES_PARTS)
     try:
         line.request("list_programs", within_s=patience_s[known])
     except NoReply:
-        subject.known[FETCHES] = False
+        subject.discoveries[FETCHES_PARTS] = False
     else:
-        subject.known[FETCHES] = True
+        subject.discoveries[FETCHES_PARTS] = True
         subject.found["list_cont"] = "request"

@@ -7,16 +7,22 @@ from scaraspec.protocol.commands import BY_NAME, COMMANDS, JointValues
 from scaraspec.protocol.payloads import FLAG, NameListPart
 from scaraspec.suite.client.harness.auto_responder import REPLIES
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.executing import RUN, executing, finished, goes_beside, still
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import (
-    accomplished,
-    ask,
-    of_each,
-    sent_or_settled,
-    tells,
+    expect_completed,
+    expect_reported,
+    for_each_supported,
+    request_operation,
+    sent_or_answered,
 )
 from scaraspec.suite.client.harness.request_checks import expect_no_value
+from scaraspec.suite.client.harness.two_stage import (
+    RUN,
+    begin_and_accept,
+    ensure_open,
+    expect_finished,
+    require_while_executing,
+)
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect, expect_in
@@ -69,18 +75,18 @@ def test_queries(subject: ClientUnderTest, line: IncomingConnection) -> None:
                 value = JointValues(*map(round, value))
             elif value is None and name in _PORTS:
                 value = payload.decode(REPLIES[name]).value  # that there is none is said below
-            tells(subject, line, name, payload.encode(value, subject.dialect))
+            expect_reported(subject, line, name, payload.encode(value, subject.dialect))
 
         hand_on()
 
-    of_each(REPLIES, each)
+    for_each_supported(REPLIES, each)
 
 
 @client_case("T/9", "T/5", name="numbers")
 def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Numbers come with as many decimals as the controller likes, or none (A-T-5)."""
     for data in examples(_NUMBERS):
-        tells(subject, line, "get_gripper_center", data)
+        expect_reported(subject, line, "get_gripper_center", data)
 
 
 @client_case("T/5", name="decimals-received")
@@ -89,7 +95,7 @@ def test_decimals(subject: ClientUnderTest, line: IncomingConnection) -> None:
     for data in examples(
         (REPLIES["get_joint_angles"], b"-20.4|0|-38.0|-0.5", b"20.125|30.250|38.000|0.001")
     ):
-        tells(subject, line, "get_joint_angles", data)
+        expect_reported(subject, line, "get_joint_angles", data)
 
 
 @client_case("T/9", name="each-bit")
@@ -99,9 +105,11 @@ def test_each_bit(subject: ClientUnderTest, line: IncomingConnection) -> None:
     def each(name: str) -> None:
         count = len(REPLIES[name]) - 2
         for port in range(count):
-            tells(subject, line, name, b"1|" + b"0" * port + b"1" + b"0" * (count - port - 1))
+            expect_reported(
+                subject, line, name, b"1|" + b"0" * port + b"1" + b"0" * (count - port - 1)
+            )
 
-    of_each(("get_digital_inputs", "get_digital_outputs"), each)
+    for_each_supported(("get_digital_inputs", "get_digital_outputs"), each)
 
 
 @client_case("T/9", name="no-value")
@@ -109,11 +117,11 @@ def test_no_value(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Inputs and outputs cannot be read, which is told by a 0 alone; the client says so."""
 
     def each(name: str) -> None:
-        call, _ = ask(subject, line, name)
+        call, _ = request_operation(subject, line, name)
         line.reply(name, data=b"0")
         expect_no_value(subject, call)
 
-    of_each(_PORTS, each)
+    for_each_supported(_PORTS, each)
 
 
 # ---------------------------------------------------------------------- outcomes
@@ -125,14 +133,14 @@ def test_flags(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
     def each(name: str) -> None:
         for flag in (b"0", b"1", b"1"):
-            call, _ = ask(subject, line, name)
+            call, _ = request_operation(subject, line, name)
             line.reply(name, data=flag)
             if flag == b"1":
-                subject.done(call)
+                subject.expect_done(call)
             else:
-                subject.fails(call)
+                subject.expect_failure(call)
 
-    of_each(tuple(name for name in _SETTINGS if name not in _OWN_CASES), each)
+    for_each_supported(tuple(name for name in _SETTINGS if name not in _OWN_CASES), each)
 
 
 @client_case("T/9", name="read-back")
@@ -141,12 +149,12 @@ def test_read_back(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
     def each(getter: str) -> None:
         setter, data = _SET_TO_OTHERS[getter]
-        call, _ = ask(subject, line, setter)
+        call, _ = request_operation(subject, line, setter)
         line.reply(setter)
-        subject.done(call)
-        tells(subject, line, getter, data)
+        subject.expect_done(call)
+        expect_reported(subject, line, getter, data)
 
-    of_each(_SET_TO_OTHERS, each)
+    for_each_supported(_SET_TO_OTHERS, each)
 
 
 @client_case("T/9", name="while-executing")
@@ -154,13 +162,13 @@ def test_queries_while_executing(subject: ClientUnderTest, line: IncomingConnect
     """While a program runs it is asked for how that gets on; the client says what it hears."""
 
     def each(name: str) -> None:
-        goes_beside(subject, line, name)
-        run = executing(subject, line, RUN)
-        tells(subject, line, name, _WHILE_EXECUTING[name])
+        require_while_executing(subject, line, name)
+        run = begin_and_accept(subject, line, RUN)
+        expect_reported(subject, line, name, _WHILE_EXECUTING[name])
         line.result(RUN.name)
-        finished(subject, run)
+        expect_finished(subject, run)
 
-    of_each(_WHILE_EXECUTING, each)
+    for_each_supported(_WHILE_EXECUTING, each)
 
 
 @client_case("T/9", name="behind-nonsense")
@@ -169,15 +177,17 @@ def test_queries_behind_nonsense(subject: ClientUnderTest, line: IncomingConnect
 
     def each(name: str) -> None:
         nonlocal line
-        call, _ = ask(subject, line, name)
+        call, _ = request_operation(subject, line, name)
         line.reply(name, data=b"?")
-        if not subject.speaks(call, _SOON_S) and not line.over:
+        if not subject.answers_within(call, _SOON_S) and not line.over:
             line.reply(name, data=REPLIES[name])  # the nonsense was none to it
-        subject.settled(call)
-        line = still(subject, line)
-        tells(subject, line, name)
+        subject.wait_for_answer(call)
+        line = ensure_open(subject, line)
+        expect_reported(subject, line, name)
 
-    of_each(("get_time", "list_programs", "get_motor_temperatures", "get_joint_angles"), each)
+    for_each_supported(
+        ("get_time", "list_programs", "get_motor_temperatures", "get_joint_angles"), each
+    )
 
 
 @client_case("T/9", name="lost")
@@ -186,12 +196,14 @@ def test_lost(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
     def each(name: str) -> None:
         nonlocal line
-        call, _ = ask(subject, line, name)
+        call, _ = request_operation(subject, line, name)
         line.close()
-        subject.fails(call)
+        subject.expect_failure(call)
         line = subject.open()
 
-    of_each(tuple(name for name in (*_SETTINGS, *_TWO_STAGE) if name not in _OWN_CASES), each)
+    for_each_supported(
+        tuple(name for name in (*_SETTINGS, *_TWO_STAGE) if name not in _OWN_CASES), each
+    )
 
 
 @client_case("T/9", name="stages")
@@ -199,21 +211,21 @@ def test_outcomes_of_both_stages(subject: ClientUnderTest, line: IncomingConnect
     """Each two-stage command is refused, fails and is done; the client tells these apart."""
 
     def each(name: str) -> None:
-        call, _ = ask(subject, line, name)
+        call, _ = request_operation(subject, line, name)
         line.reply(name, data=b"0|1A" if name != "emergency_stop" else b"0")
-        subject.fails(call)
+        subject.expect_failure(call)
         for code in examples(("1A", "05")):
-            call, _ = ask(subject, line, name)
+            call, _ = request_operation(subject, line, name)
             line.reply(name, data=b"1")
             line.result(name, code)
-            subject.fails(call)
+            subject.expect_failure(call)
             _expect_code(call.result, code)
-        call, _ = ask(subject, line, name)
+        call, _ = request_operation(subject, line, name)
         line.reply(name, data=b"1")
         line.result(name)
-        accomplished(subject, call)
+        expect_completed(subject, call)
 
-    of_each(_TWO_STAGE, each)
+    for_each_supported(_TWO_STAGE, each)
 
 
 @client_case("T/9", name="codes")
@@ -221,9 +233,9 @@ def test_codes(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A program is refused for every reason, in upper and lower case; the reason is handed on."""
     for code in sorted(each.text for each in errors.REFUSALS):
         for text in examples(dict.fromkeys((code, code.lower()))):
-            call, _ = ask(subject, line, "run_program")
+            call, _ = request_operation(subject, line, "run_program")
             line.reply("run_program", data=f"0|{text}".encode())
-            subject.fails(call)
+            subject.expect_failure(call)
             _expect_code(call.result, code)
 
 
@@ -257,18 +269,18 @@ def test_beyond_ascii(subject: ClientUnderTest, line: IncomingConnection) -> Non
 def _passes_on(subject: ClientUnderTest, line: IncomingConnection, encoding: str) -> bool | None:
     """Whether names pass through the client as they are; None where it refuses them."""
     names = [f"{stem}.rob".encode(encoding) for stem in _STEMS]
-    call, _ = ask(subject, line, "list_programs")
+    call, _ = request_operation(subject, line, "list_programs")
     line.reply("list_programs", data=b"|".join([b"0", *names]))
-    subject.settled(call)
+    subject.wait_for_answer(call)
     if not call.ok or not isinstance(call.result, list) or len(call.result) != len(names):
         return None
     intact = True
     for said, name in zip(call.result, names, strict=True):
         deletion = subject.begin("delete_program", name=said)
-        if sent_or_settled(subject, line, deletion) is None:
+        if sent_or_answered(subject, line, deletion) is None:
             return None
         request = line.request("delete_program", deletion)
         intact &= request.frame.data.rstrip(b"\0") == name
         line.reply("delete_program", data=b"0")
-        subject.settled(deletion)
+        subject.wait_for_answer(deletion)
     return intact

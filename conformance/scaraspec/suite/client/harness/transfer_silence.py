@@ -22,7 +22,7 @@ _LOOK_S: Final = 0.02
 _GRACE_S: Final = 0.5  # until a client that has given up says so
 
 
-def survived(
+def expect_survives_silence(
     subject: ClientUnderTest,
     call: Call,
     requirement: str,
@@ -50,7 +50,7 @@ def survived(
             "a transfer did not survive {survived_s:g} s of silence",
             survived_s=limits.survived_s * share,
         )
-        subject.undone(call, message)
+        subject.expect_pending(call, message)
         go_on()
     except CaseFailed as error:
         if passed_s > limits.early_s:
@@ -63,7 +63,7 @@ def survived(
         raise
 
 
-def given_up(subject: ClientUnderTest, call: Call, requirement: str) -> None:
+def expect_given_up(subject: ClientUnderTest, call: Call, requirement: str) -> None:
     """Keep silent until the client gives up, which it has to do after 25 s and within 60 s.
 
     Raises:
@@ -74,7 +74,7 @@ def given_up(subject: ClientUnderTest, call: Call, requirement: str) -> None:
         subject.pause(_LOOK_S)
     passed_s = silence.passed_s
     try:
-        subject.fails(call, within_s=_GRACE_S)
+        subject.expect_failure(call, within_s=_GRACE_S)
     except CaseFailed as error:
         error.requirement = requirement
         raise
@@ -95,7 +95,7 @@ def given_up(subject: ClientUnderTest, call: Call, requirement: str) -> None:
         subject.tolerate(requirement, "xfer_timeout", option, message)
 
 
-def given_up_meanwhile(
+def expect_given_up_despite_queries(
     subject: ClientUnderTest, line: IncomingConnection, call: Call, requirement: str
 ) -> None:
     """Let the client ask for other things until it gives a silent transfer up, in the same time.
@@ -105,7 +105,7 @@ def given_up_meanwhile(
         CaseSkipped: It asks for nothing else as long as a transfer lasts.
     """
     limits, silence = limits_of(subject), Silence(subject)
-    name, _ = subject.unpolled("get_version", "get_status", "get_time")
+    name, _ = subject.prefer_unpolled("get_version", "get_status", "get_time")
     asks = True
     while asks and call.answer is None and silence.passed_s < limits.over_s:
         asks, query = False, subject.begin(name)
@@ -117,7 +117,7 @@ def given_up_meanwhile(
     if not asks and call.answer is None:
         raise CaseSkipped("the client asks for nothing else while a transfer lasts")
     try:
-        subject.fails(call, within_s=_GRACE_S)
+        subject.expect_failure(call, within_s=_GRACE_S)
     except CaseFailed as error:
         error.requirement = requirement
         raise

@@ -21,14 +21,14 @@ from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import (
     VALUES,
-    answer,
-    ask,
+    answer_request,
+    begin_operation,
     expect_carries,
-    of_each,
-    order,
-    refused,
-    refuses,
-    sent_or_settled,
+    expect_local_refusal,
+    expect_not_sent,
+    for_each_supported,
+    request_operation,
+    sent_or_answered,
 )
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.connection import ReceivedFrame
@@ -67,9 +67,9 @@ def _sends(
     requirement: str = "",
 ) -> ReceivedFrame:
     """Order an operation, see that its request carries the value, and get it over with."""
-    call, request = ask(subject, line, name, value, requirement=requirement)
-    answer(line, name, request)
-    subject.settled(call)
+    call, request = request_operation(subject, line, name, value, requirement=requirement)
+    answer_request(line, name, request)
+    subject.wait_for_answer(call)
     return request
 
 
@@ -89,7 +89,7 @@ def test_bars(subject: ClientUnderTest, line: IncomingConnection) -> None:
             observed=show(request.frame.data),
         )
 
-    of_each(_SEVERAL, each)
+    for_each_supported(_SEVERAL, each)
 
 
 @client_case("T/1", name="values")
@@ -105,7 +105,7 @@ def test_bars_between_short_and_long(subject: ClientUnderTest, line: IncomingCon
             ("set_tool_coordinates", MoveTarget(1, 0, 0, 0, 0, 0, 0)),
         )
     ):
-        with subject.at_will():
+        with subject.allow_refusal():
             _sends(subject, line, name, value, requirement="T/1")
 
 
@@ -121,7 +121,7 @@ def test_no_quotation_marks(subject: ClientUnderTest, line: IncomingConnection) 
         marks = [mark for mark in ('"', "'", "“", "”") if mark.encode() in data]
         expect(not marks, "a request has a quotation mark", observed=show(data))
 
-    of_each(VALUES, each)
+    for_each_supported(VALUES, each)
 
 
 @client_case("T/3")
@@ -137,7 +137,7 @@ def test_digits_are_characters(subject: ClientUnderTest, line: IncomingConnectio
             observed=show(data),
         )
 
-    of_each(_DIGITS, each)
+    for_each_supported(_DIGITS, each)
 
 
 @client_case("T/4")
@@ -147,7 +147,7 @@ def test_ends_of_texts(subject: ClientUnderTest, line: IncomingConnection) -> No
     def each(name: str) -> None:
         _sends(subject, line, name, requirement="T/4")
 
-    of_each(("login", "set_time", "set_network", *_NAMED), each)
+    for_each_supported(("login", "set_time", "set_network", *_NAMED), each)
 
 
 # ---------------------------------------------------------------------- numbers
@@ -158,7 +158,7 @@ def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Numbers small and large, whole and broken, are sent as plain decimal text, undiminished."""
     for number in examples(_NUMBERS):
         point = Point(number, -number, 0)
-        with subject.at_will():
+        with subject.allow_refusal():
             _sends(subject, line, "set_gripper_center", point, requirement="T/10")
 
 
@@ -172,7 +172,7 @@ def test_numbers_of_poses(subject: ClientUnderTest, line: IncomingConnection) ->
     def each(numbers: tuple[float, ...]) -> None:
         x, y, z, theta, *_ = numbers
         pose = Pose(x, y, z, theta, 0, 0)
-        with subject.at_will():
+        with subject.allow_refusal():
             _sends(subject, line, "set_initial_tool_position", pose, requirement="T/10")
 
     each()
@@ -184,7 +184,7 @@ def test_numbers_of_poses(subject: ClientUnderTest, line: IncomingConnection) ->
 @client_case("T/6")
 def test_bar_in_a_name(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A program with a bar in its name is to be deleted; the client refuses."""
-    refuses(subject, line, "delete_program", b"pro|1.rob")
+    expect_local_refusal(subject, line, "delete_program", b"pro|1.rob")
 
 
 @client_case("T/6", name="everywhere")
@@ -193,18 +193,18 @@ def test_bars_in_names(subject: ClientUnderTest, line: IncomingConnection) -> No
 
     def each(name: str) -> None:
         for barred in examples(_BARRED):
-            refuses(subject, line, name, barred)
+            expect_local_refusal(subject, line, name, barred)
 
-    of_each(("login", *_NAMED), each)
+    for_each_supported(("login", *_NAMED), each)
 
 
 @client_case("T/6", name="files")
 def test_bars_in_file_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Files with bars in their names are to be sent and fetched; no request is sent."""
-    local = subject.file(b"SCARA")
-    refused(subject, line, subject.begin("upload", local=local, remote="a|b.rob"))
-    local = subject.no_file()
-    refused(subject, line, subject.begin("download", remote="a|b.rob", local=local))
+    local = subject.make_file(b"SCARA")
+    expect_not_sent(subject, line, subject.begin("upload", local=local, remote="a|b.rob"))
+    local = subject.missing_file()
+    expect_not_sent(subject, line, subject.begin("download", remote="a|b.rob", local=local))
 
 
 # ---------------------------------------------------------------------- whole values
@@ -217,12 +217,12 @@ def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
     def each(name: str) -> None:
         @given(payload_values(BY_NAME[name].request))
         def send(value: Any) -> None:
-            with subject.at_will():
+            with subject.allow_refusal():
                 _sends(subject, line, name, _ordinary(value))
 
         send()
 
-    of_each(VALUES, each)
+    for_each_supported(VALUES, each)
 
 
 def _ordinary(value: Any) -> Any:
@@ -249,8 +249,8 @@ def test_long_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
     def each(name: str) -> None:
         for size_bytes in examples(_LONG_BYTES):
             value = b"".join(b"%d" % (i % 10) for i in range(size_bytes - 4)) + b".rob"
-            call = order(subject, name, value)
-            if sent_or_settled(subject, line, call) is None:
+            call = begin_operation(subject, name, value)
+            if sent_or_answered(subject, line, call) is None:
                 continue  # refused
             request = line.request(name, call)
             expect(
@@ -261,10 +261,10 @@ def test_long_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
                 expected=show(value, limit=255),
                 observed=show(request.frame.data, limit=255),
             )
-            answer(line, name, request)
-            subject.settled(call)
+            answer_request(line, name, request)
+            subject.wait_for_answer(call)
 
-    of_each(_NAMED, each)
+    for_each_supported(_NAMED, each)
 
 
 @client_case("T/10", name="outer-blanks")
@@ -273,15 +273,15 @@ def test_outer_blanks(subject: ClientUnderTest, line: IncomingConnection) -> Non
 
     def each(name: str) -> None:
         for value in examples(_TIDIED):
-            call = order(subject, name, value)
-            if sent_or_settled(subject, line, call) is None:
+            call = begin_operation(subject, name, value)
+            if sent_or_answered(subject, line, call) is None:
                 continue  # refused
             request = line.request(name, call)
             expect_carries(subject, request, name, value)
-            answer(line, name, request)
-            subject.settled(call)
+            answer_request(line, name, request)
+            subject.wait_for_answer(call)
 
-    of_each(_NAMED, each)
+    for_each_supported(_NAMED, each)
 
 
 @client_case("T/10", name="sequence")
