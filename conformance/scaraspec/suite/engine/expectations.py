@@ -89,7 +89,10 @@ def expect_equal(observed: Any, expected: Any, message: str, *, requirement: str
     """
     if observed != expected:
         raise CaseFailed(
-            message, expected=told(expected), observed=told(observed), requirement=requirement
+            message,
+            expected=show_value(expected),
+            observed=show_value(observed),
+            requirement=requirement,
         )
 
 
@@ -102,10 +105,12 @@ def expect_in(
         CaseFailed: It is none.
     """
     if observed not in options:
-        wanted = " or ".join(map(told, options))
-        raise CaseFailed(message, expected=wanted, observed=told(observed), requirement=requirement)
+        wanted = " or ".join(map(show_value, options))
+        raise CaseFailed(
+            message, expected=wanted, observed=show_value(observed), requirement=requirement
+        )
 
 
-def told(value: Any) -> str:
+def show_value(value: Any) -> str:
     """A value in the words of a report."""
     return show(value) if isinstance(value, bytes) else str(value)

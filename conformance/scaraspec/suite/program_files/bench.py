@@ -16,8 +16,8 @@ from scaraspec.suite.controller.harness.controller_under_test import ControllerU
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.controller.harness.requests.motion import (
-    go_on_if_it_listens,
-    listens,
+    is_responsive,
+    require_known_responsive,
     stop_motion,
 )
 from scaraspec.suite.controller.harness.requests.ports import Bits, digits, outputs, outputs_kept
@@ -239,9 +239,9 @@ class Bench:
     # ------------------------------------------------------------------ watching
 
     @property
-    def listens(self) -> bool:
+    def is_responsive(self) -> bool:
         """Whether queries are answered while a program runs (A-4-3); asked while one does."""
-        return listens(self._subject, self._line)
+        return is_responsive(self._subject, self._line)
 
     def since_s(self) -> float:
         """How long ago the latest program was asked for, in our seconds."""
@@ -260,7 +260,7 @@ class Bench:
         Raises:
             CaseSkipped: It shows nothing while it executes (A-4-3).
         """
-        go_on_if_it_listens(self._subject, self._line)
+        require_known_responsive(self._subject, self._line)
         left_s = self.ours_s(within_s)
         while outputs(self._line)[port - 1] != on:
             if left_s <= 0:
@@ -305,5 +305,5 @@ def running(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[
     """
     with bench(subject, line) as robot:
         robot.start(wait(robot.theirs_s(_RUNS_S)))
-        go_on_if_it_listens(subject, line)
+        require_known_responsive(subject, line)
         yield robot

@@ -14,7 +14,7 @@ from scaraspec.suite.client.harness.two_stage import (
 )
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import expect, expect_equal, told
+from scaraspec.suite.engine.expectations import expect, expect_equal, show_value
 
 _DIRECTIONS: Final = {"+y": 1, "-y": 2, "+x": 3, "-x": 4}  # L605-608
 _JOG: Final = "jog"
@@ -27,7 +27,7 @@ def _expect_direction(sent: bytes, number: int) -> None:
         sent[0] in (number, _ASCII + number),
         "the direction of a jog",
         expected=f"{number}, as a digit or a byte",
-        observed=told(sent),
+        observed=show_value(sent),
         requirement="4.28/3",
     )
 
@@ -70,7 +70,7 @@ def test_byte(subject: ClientUnderTest, line: IncomingConnection) -> None:
             read.value is not None,
             "the byte of a jog",
             expected="1 to 4, as a digit or a byte",
-            observed=told(sent),
+            observed=show_value(sent),
         )
         forms.add(dict(read.readings)["jog_byte"])
         line.reply(_JOG, data=b"1")

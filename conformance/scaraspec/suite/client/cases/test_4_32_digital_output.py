@@ -8,7 +8,7 @@ from scaraspec.suite.client.harness.request_checks import numbers_in, request_un
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import expect, expect_in, told
+from scaraspec.suite.engine.expectations import expect, expect_in, show_value
 from scaraspec.user_message import UserMessage
 
 _SET: Final = "set_digital_output"
@@ -25,7 +25,7 @@ def _expect_setting(sent: ReceivedFrame, port: int, value: int) -> None:
         numbers_in(sent) == [port, value] and b"." not in text,
         "the request to set an output",
         expected=f"{port}|{value}",
-        observed=told(text),
+        observed=show_value(text),
         requirement="4.32/1",
     )
 

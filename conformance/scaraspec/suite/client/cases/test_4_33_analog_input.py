@@ -11,7 +11,7 @@ from scaraspec.suite.client.harness.incoming_connection import IncomingConnectio
 from scaraspec.suite.client.harness.request_checks import expect_no_value, request_unless_refused
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expectations import expect, told
+from scaraspec.suite.engine.expectations import expect, show_value
 from scaraspec.user_message import UserMessage
 
 _GET: Final = "get_analog_input"
@@ -56,7 +56,7 @@ def test_beyond(subject: ClientUnderTest, line: IncomingConnection) -> None:
                 len(data) == _BYTES and data.isdigit(),
                 UserMessage("the request for port {port}, which does not exist", port=port),
                 expected="none, or one of two characters",
-                observed=told(data),
+                observed=show_value(data),
             )
             line.reply(_GET, None)
             expect_no_value(subject, call)

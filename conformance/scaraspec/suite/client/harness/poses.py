@@ -13,7 +13,7 @@ from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.driver_values import matches
 from scaraspec.suite.client.harness.request_checks import is_near, numbers_in
 from scaraspec.suite.engine.connection import ReceivedFrame
-from scaraspec.suite.engine.expectations import expect, told
+from scaraspec.suite.engine.expectations import expect, show_value
 from scaraspec.user_message import UserMessage
 
 MEANINGFUL: Final = ("x", "y", "z", "theta_x")
@@ -45,7 +45,7 @@ def expect_pose(
         ),
         UserMessage("what {seen} carries", seen=answer.seen.name),
         expected="|".join(f"{number:.15g}" for number in wanted),
-        observed=told(answer.frame.data),
+        observed=show_value(answer.frame.data),
     )
     assert sent is not None
     if not all(map(is_near, sent, wanted)):

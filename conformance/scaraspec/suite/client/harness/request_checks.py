@@ -14,7 +14,7 @@ from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.engine.connection import ReceivedFrame
-from scaraspec.suite.engine.expectations import OperationRefused, expect, told
+from scaraspec.suite.engine.expectations import OperationRefused, expect, show_value
 from scaraspec.user_message import UserMessage
 
 _DECIMAL: Final = re.compile(rb"-?[0-9]+(\.[0-9]+)?")
@@ -53,7 +53,7 @@ def expect_numbers(
         sent is not None and len(sent) == len(expected) and all(map(is_near, sent, expected)),
         UserMessage("what {seen} carries", seen=answer.seen.name),
         expected="|".join(map(to_decimal_text, expected)),
-        observed=told(answer.frame.data),
+        observed=show_value(answer.frame.data),
         requirement=requirement,
     )
 

@@ -17,7 +17,7 @@ from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.clock import shifted
-from scaraspec.suite.controller.harness.requests.files import begin, upload
+from scaraspec.suite.controller.harness.requests.files import begin_upload, upload
 from scaraspec.suite.controller.harness.requests.motion import (
     SLOWEST_PERCENT,
     joints_of,
@@ -27,7 +27,11 @@ from scaraspec.suite.controller.harness.requests.motion import (
 from scaraspec.suite.controller.harness.requests.passwords import rotated
 from scaraspec.suite.controller.harness.requests.ports import expect_outputs, outputs, outputs_kept
 from scaraspec.suite.controller.harness.suite_passwords import PLAIN_PASSWORD
-from scaraspec.suite.controller.harness.two_stage.tasks import RUN, lasting, stored
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    RUN,
+    executing_task,
+    upload_wait_program,
+)
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import (
@@ -229,7 +233,7 @@ def test_connection_after_a_lost_one(subject: ControllerUnderTest) -> None:
     with _unchanged(subject, _GRIPPER):
         for reset in examples((False, True)):
             line = subject.open()
-            begin(line, subject.new_name())
+            begin_upload(line, subject.new_name())
             line.reset() if reset else line.close()
             client.ask(("set_gripper_center", _CENTER))
     client.expect_nothing_accepted()
@@ -243,7 +247,7 @@ def test_motion(subject: ControllerUnderTest) -> None:
     """
     subject.moved = True
     line = subject.open()
-    name = stored(subject, line, _RUNS_S)
+    name = upload_wait_program(subject, line, _RUNS_S)
     before, joints, pose = outputs(line), joints_of(line), pose_of(line)
     line.close()
     client = _UnauthenticatedClient(subject)
@@ -269,7 +273,7 @@ def test_motion(subject: ControllerUnderTest) -> None:
     expect(deviation <= STANDSTILL, message, observed=f"by {deviation:.2f}")
     if subject.takes_several:
         with outputs_kept(line):
-            with lasting(subject, line, RUN, queries=False):
+            with executing_task(subject, line, RUN, queries=False):
                 client.ask(("set_digital_output", PortValue(port, int(not before[-1]))))
             expect_outputs(line, before, "an output was set without a login while a program ran")
     client.expect_nothing_accepted()

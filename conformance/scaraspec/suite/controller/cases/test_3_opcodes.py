@@ -13,7 +13,12 @@ from scaraspec.protocol.transfer import BUFFER_BYTES, chunks_of
 from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed.mutation_targets import GET_STATUS
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.files import again, begin, expect_stored, send
+from scaraspec.suite.controller.harness.requests.files import (
+    begin_upload,
+    expect_stored,
+    reconnect,
+    send,
+)
 from scaraspec.suite.controller.harness.requests.motion import await_rest, joints_of
 from scaraspec.suite.controller.harness.requests.ports import ALL_OUTPUTS, outputs_kept, set_output
 from scaraspec.suite.controller.harness.requests.queries import known_to
@@ -21,8 +26,8 @@ from scaraspec.suite.controller.harness.state.defaults import default_kept, expe
 from scaraspec.suite.controller.harness.state.preserve import kept
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     RUN,
-    interrupted,
-    lasting,
+    executing_task,
+    interrupted_result,
     require_command,
 )
 from scaraspec.suite.engine.case import case
@@ -106,7 +111,7 @@ def test_undefined_opcodes_in_an_upload(subject: ControllerUnderTest) -> None:
     name, opcodes = subject.new_name(), list(_UNDEFINED)
     content = content_of(BUFFER_BYTES * math.ceil(len(opcodes) / _OPCODES_PER_CHUNK))
     line = subject.open(judged=False)
-    begin(line, name)
+    begin_upload(line, name)
     for chunk in chunks_of(content):
         silence = Silence(subject)
         for opcode in examples(opcodes[:_OPCODES_PER_CHUNK]):
@@ -118,7 +123,7 @@ def test_undefined_opcodes_in_an_upload(subject: ControllerUnderTest) -> None:
         message = "an upload chunk was refused after undefined opcodes"
         send(line, chunk, "3/21", message)
         del opcodes[:_OPCODES_PER_CHUNK]
-    expect_stored(again(subject, line), name, content, "3/21")
+    expect_stored(reconnect(subject, line), name, content, "3/21")
 
 
 @case("3/21", name="running", hazards=_MOTION, undefined=True)
@@ -128,12 +133,12 @@ def test_undefined_opcodes_during_a_program(
     """A running program continues when another client sends all undefined opcodes at once."""
     subject.require_multiple_connections()
     other = subject.open(judged=False)
-    with lasting(subject, line, RUN) as task:
+    with executing_task(subject, line, RUN) as task:
         other.send_bytes(b"".join(Frame(A2C, opcode).encode() for opcode in _UNDEFINED))
         other.wait(MOMENT_S)
         _expect_own_opcodes(subject, other, frozenset(_UNDEFINED))
         status = line.ask("get_status")
-        result = None if status.value == task.state else interrupted(line, RUN)
+        result = None if status.value == task.state else interrupted_result(line, RUN)
         expect(
             status.value == task.state or (result is not None and result.done),
             "a running program ended after undefined opcodes",

@@ -18,7 +18,7 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.requests.clock import shifted
 from scaraspec.suite.controller.harness.requests.files import CHUNK_S, expect_stored
 from scaraspec.suite.controller.harness.requests.motion import (
-    returning,
+    arm_returned,
     status_behind,
     stop,
     stop_motion,
@@ -30,9 +30,9 @@ from scaraspec.suite.controller.harness.requests.queries import (
     some_queries,
 )
 from scaraspec.suite.controller.harness.two_stage.tasks import (
-    finish,
     jog_somewhere,
     require_command,
+    wait_for_result,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
@@ -179,7 +179,7 @@ def test_stop_after_a_jog(subject: ControllerUnderTest, line: OutgoingConnection
     """A jog, a lock and a stop in one segment: the lock is refused, and the arm stops."""
     _require_pipelining(subject)
     require_command(subject, "jog", "emergency_stop")
-    with returning(subject, line):
+    with arm_returned(subject, line):
         jog_somewhere(subject, line)  # determines the notation (A-4.28-1)
         stop(subject, line)
         refuses_while_busy = subject.dialect["busy_reply"] != "queue"
@@ -190,7 +190,9 @@ def test_stop_after_a_jog(subject: ControllerUnderTest, line: OutgoingConnection
             jog_reply, stop_reply = line.reply("jog"), line.reply("emergency_stop")
             locked = jog_reply.accepted and _locked_between(line, jog_reply, stop_reply)
             if stop_reply.accepted:
-                finish(subject, line, "emergency_stop")  # until then, the arm may decelerate
+                wait_for_result(
+                    subject, line, "emergency_stop"
+                )  # until then, the arm may decelerate
             status = status_behind(line).value
             stop_motion(subject, line)
             if jog_reply.accepted:

@@ -16,9 +16,9 @@ from scaraspec.protocol.payloads import FinalResult
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
+    arm_returned,
     begin_step_somewhere,
-    listens,
-    returning,
+    is_responsive,
 )
 from scaraspec.suite.controller.harness.requests.queries import ask_all
 from scaraspec.suite.controller.harness.state.preserve import alive
@@ -30,14 +30,14 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     SIMULATE,
     STOP,
     TWO_STAGE,
-    accepted,
-    find_out_whether_it_listens,
-    finish,
+    executing_task,
+    expect_accepted,
     harmless_requests,
-    lasting,
+    probe_responsiveness,
     require_command,
     start_program,
     try_request,
+    wait_for_result,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
@@ -153,15 +153,15 @@ def test_untagged_queries(subject: ControllerUnderTest, line: OutgoingConnection
 @case("3/18", "3/16", name="again", hazards=_MOTION)
 def test_repeated_runs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program that runs a dozen times, with queries during the runs, has one result per run."""
-    find_out_whether_it_listens(subject, line)
+    probe_responsiveness(subject, line)
     program = start_program(subject, line, RUN, 0).program
-    finish(subject, line, RUN)
+    wait_for_result(subject, line, RUN)
     for _ in range(_RUNS):
         first = line.ask(RUN, program)
         expect(first.accepted, "a program that ran before was refused", requirement="4.15/4")
-        if listens(subject, line):
+        if is_responsive(subject, line):
             line.ask("get_status")
-        result = finish(subject, line, RUN)
+        result = wait_for_result(subject, line, RUN)
         expect(
             first.seen.place.offset_bytes < result.seen.place.offset_bytes,
             "a final result arrived before its first reply",
@@ -176,13 +176,13 @@ def test_result_on_own_connection(subject: ControllerUnderTest, line: OutgoingCo
     """The final result arrives on the connection of its request, not on another one."""
     subject.require_multiple_connections()
     other = subject.open()
-    find_out_whether_it_listens(subject, line)
-    with returning(subject, line):
+    probe_responsiveness(subject, line)
+    with arm_returned(subject, line):
         _, answer = begin_step_somewhere(subject, line)
-        accepted(MOVE, answer)
-        if listens(subject, other):
+        expect_accepted(MOVE, answer)
+        if is_responsive(subject, other):
             other.ask("get_status")
-        finish(subject, line, MOVE)
+        wait_for_result(subject, line, MOVE)
         other.sync()
 
 
@@ -221,7 +221,7 @@ def test_no_result_after_refusal_while_busy(
         raise CaseSkipped("the ICS claims that requests are queued while the controller is busy")
     require_command(subject, RUN)
     requests = harmless_requests(subject, line)
-    with lasting(subject, line, RUN) as task:
+    with executing_task(subject, line, RUN) as task:
         refused = []
         for name, value in requests.items():
             answer = try_request(line, name, value)

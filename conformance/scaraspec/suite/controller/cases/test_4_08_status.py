@@ -10,14 +10,14 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.requests.motion import status_behind, stop_motion
 from scaraspec.suite.controller.harness.requests.queries import known_to
 from scaraspec.suite.controller.harness.two_stage.executing import (
-    begin,
+    begin_or_skip,
     expect_status,
-    finish,
-    sound,
+    require_no_fault,
+    skip_if_other_program_runs,
     store_wait_program,
-    unless_others_run,
+    wait_until_idle,
 )
-from scaraspec.suite.controller.harness.two_stage.tasks import JOG, MOVE, RESET, lasting
+from scaraspec.suite.controller.harness.two_stage.tasks import JOG, MOVE, RESET, executing_task
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
@@ -37,7 +37,7 @@ _STEP_S: Final = 0.25
 
 def _expect_idle(line: OutgoingConnection, message: str) -> None:
     answer = status_behind(line)
-    code = sound(answer)
+    code = require_no_fault(answer)
     if code is None:
         message = "the status is not a code of table 8-1"
         raise CaseFailed(message, expected="00", observed=f"{answer}", requirement="4.8/2")
@@ -47,7 +47,7 @@ def _expect_idle(line: OutgoingConnection, message: str) -> None:
 @case("4.8/2", "4.8/3", "4.8/9")
 def test_idle(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The status of an idle robot is 00, also after repeated and after other queries."""
-    with unless_others_run(subject):
+    with skip_if_other_program_runs(subject):
         for _ in range(_REPEATS):
             _expect_idle(line, "the status of an idle robot is not 00")
         for query in known_to(subject):
@@ -94,7 +94,7 @@ def _watch_program(
     name = store_wait_program(subject, line, _WAIT_S)
     _expect_idle(line, "the status of an idle robot is not 00")
     try:
-        begin(subject, line, command, name)
+        begin_or_skip(subject, line, command, name)
         if not expect_status(subject, line, command, code, requirement):
             raise CaseSkipped(
                 UserMessage("{command} ended before the status could be requested", command=command)
@@ -104,7 +104,7 @@ def _watch_program(
             if not expect_status(subject, line, command, code, requirement):
                 break
         else:
-            finish(subject, line, command)
+            wait_until_idle(subject, line, command)
     finally:
         stop_motion(subject, line)
 
@@ -130,7 +130,7 @@ def test_jogging(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 def _watch(
     subject: ControllerUnderTest, line: OutgoingConnection, command: str, requirement: str
 ) -> None:
-    with lasting(subject, line, command) as task:
+    with executing_task(subject, line, command) as task:
         if not expect_status(subject, line, command, task.state, requirement):
             raise CaseSkipped(
                 UserMessage("{command} ended before the status could be requested", command=command)

@@ -11,14 +11,14 @@ from scaraspec.suite.controller.harness.requests.motion import stop_motion
 from scaraspec.suite.controller.harness.state.defaults import default_kept
 from scaraspec.suite.controller.harness.state.preserve import patient
 from scaraspec.suite.controller.harness.two_stage.executing import (
-    ask_busy,
-    begin,
-    ended,
-    expect_rest,
+    ask_while_executing,
+    begin_or_skip,
+    expect_idle,
+    poll_result,
+    skip_if_other_program_runs,
     store_wait_program,
-    unless_others_run,
 )
-from scaraspec.suite.controller.harness.two_stage.tasks import RUN, finish, start_program
+from scaraspec.suite.controller.harness.two_stage.tasks import RUN, start_program, wait_for_result
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import (
@@ -64,10 +64,10 @@ def _running_program(
     Raises:
         CaseFailed: The reply is wrong.
     """
-    answer = ask_busy(subject, line, "get_running_program", command)
+    answer = ask_while_executing(subject, line, "get_running_program", command)
     reported = answer.value
     if not isinstance(reported, RunningProgram):
-        if ended(line, command, _RESULT_WAIT_S) is not None:
+        if poll_result(line, command, _RESULT_WAIT_S) is not None:
             return None
         if command == "simulate_program" and _is_none(answer):
             message = "a simulated program is not reported as running"
@@ -134,7 +134,7 @@ def _now_s(subject: ControllerUnderTest) -> float:
 @case("4.9/6", "4.9/7")
 def test_none(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """While no program runs, the reply is 0 without name and time, on every connection."""
-    with unless_others_run(subject):
+    with skip_if_other_program_runs(subject):
         _expect_none(line, "a running program is reported although none runs")
         line.close()
         message = "a running program is reported on another connection although none runs"
@@ -166,7 +166,7 @@ def _expect_reported(
 ) -> None:
     second_line = subject.open() if subject.takes_several else line
     try:
-        begin(subject, line, "run_program", name)
+        begin_or_skip(subject, line, "run_program", name)
         first = clock_before = None
         for _ in range(1 + int(_WAIT_S / _STEP_S)):
             if first:
@@ -183,7 +183,7 @@ def _expect_reported(
             _expect_clock_advances(subject, clock_before, _read_clock(subject, line))
         else:
             line.result("run_program")
-        expect_rest(subject, line, "the robot is not idle although run_program has ended")
+        expect_idle(subject, line, "the robot is not idle although run_program has ended")
         _expect_none(line, "a program is reported as running although it has ended")
         if first is None:
             raise CaseSkipped("the program ended before its status could be requested")
@@ -245,10 +245,10 @@ def test_simulated(subject: ControllerUnderTest, line: OutgoingConnection) -> No
     """A simulated program is reported with its name, or not at all, whatever ran before."""
     if RUN not in subject.ics.unsupported:
         start_program(subject, line, RUN, seconds=0)
-        finish(subject, line, RUN)
+        wait_for_result(subject, line, RUN)
     name = store_wait_program(subject, line, _WAIT_S)
     try:
-        begin(subject, line, "simulate_program", name)
+        begin_or_skip(subject, line, "simulate_program", name)
         _running_program(subject, line, "simulate_program", name)
     finally:
         stop_motion(subject, line)
@@ -278,7 +278,7 @@ def _watch_rollovers(
     scale = subject.ics.time_scale
     try:
         start_s = _now_s(subject)
-        begin(subject, line, "run_program", name)
+        begin_or_skip(subject, line, "run_program", name)
         first = None
         for at_s in (s for mark_s in marks_s for s in (mark_s - 2, mark_s + 2)):
             line.wait(max(start_s + at_s / scale - _now_s(subject), 0.0))

@@ -13,7 +13,7 @@ from scaraspec.suite.controller.harness.malformed.payloads import Malformed, mal
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import NameRefused, expect_stored, upload
 from scaraspec.suite.controller.harness.requests.motion import stop_motion
-from scaraspec.suite.controller.harness.two_stage.tasks import RUN, lasting, try_request
+from scaraspec.suite.controller.harness.two_stage.tasks import RUN, executing_task, try_request
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseSkipped, expect
@@ -140,7 +140,7 @@ def test_not_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 @case("4.11/3", "4.11/2", name="running", hazards=(*_DESTRUCTIVE, Hazard.MOTION))
 def test_delete_running_program(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Deleting a running program is allowed or refused (A-4.11-1), and the reply is true."""
-    with lasting(subject, line, RUN) as task:
+    with executing_task(subject, line, RUN) as task:
         answer = try_request(line, "delete_program", task.program)
         task.lasts()
     if answer is None:

@@ -6,13 +6,18 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed.payloads import malformed, offer
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.motion import IDLE, joints_of, listens, stop_motion
+from scaraspec.suite.controller.harness.requests.motion import (
+    IDLE,
+    is_responsive,
+    joints_of,
+    stop_motion,
+)
 from scaraspec.suite.controller.harness.state.defaults import default_kept, expect_default
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     RUN,
-    find_out_whether_it_listens,
-    finish,
+    probe_responsiveness,
     start_program,
+    wait_for_result,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
@@ -109,9 +114,9 @@ def test_moves_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -
                 message = "the arm moved after set_default_program"
                 subject.tolerate("4.13/6", "A-4.12-3", "moves", message)
             if RUN not in subject.ics.unsupported:
-                find_out_whether_it_listens(subject, line)
+                probe_responsiveness(subject, line)
                 start_program(subject, line, RUN)
-                if listens(subject, line):
+                if is_responsive(subject, line):
                     expect_default(subject, line, name, "4.13/3")
                     accepted = line.ask("set_default_program", other).accepted
                     name = other if accepted else name
@@ -119,7 +124,7 @@ def test_moves_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -
                 stop_motion(subject, line)
                 expect_default(subject, line, name, "4.13/3")
                 start_program(subject, line, RUN, seconds=0)
-                finish(subject, line, RUN)
+                wait_for_result(subject, line, RUN)
                 expect_default(subject, line, name, "4.13/3")
         finally:
             stop_motion(subject, line)

@@ -9,21 +9,21 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.requests.files import NameRefused
 from scaraspec.suite.controller.harness.requests.motion import BUSY, stop_motion
 from scaraspec.suite.controller.harness.state.defaults import default_kept
-from scaraspec.suite.controller.harness.two_stage.refusals import expect_missing
+from scaraspec.suite.controller.harness.two_stage.refusals import expect_missing_program
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     BRIEFLY_S,
     RUN,
-    accepted,
-    done,
-    finish,
-    lasting,
+    executing_task,
+    expect_accepted,
+    expect_success,
     require_command,
     require_responsive,
     start_program,
-    stop_nothing,
-    stored,
-    stored_as,
+    stop_while_idle,
     try_request,
+    upload_short_program,
+    upload_wait_program,
+    wait_for_result,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
@@ -53,7 +53,7 @@ def test_missing_program_is_refused_at_once(
         observed=f"{first}, then {status}",
     )
     if first.accepted:
-        result = finish(subject, line, RUN)
+        result = wait_for_result(subject, line, RUN)
         expect(
             not result.done,
             "a program that is not stored was run",
@@ -66,12 +66,12 @@ def test_missing_program_is_refused_at_once(
 @case("4.15/2", name="fault", needs=("motor_fault", "clear_faults"), hazards=_MOTION)
 def test_motor_fault(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A robot with a failed inner arm motor refuses to run a program with "0|11"."""
-    program = stored(subject, line, 0)
+    program = upload_wait_program(subject, line, 0)
     subject.moved = True
     try:
         subject.hook("motor_fault", joints="inner_arm")
         first = line.ask(RUN, program)
-        outcome = finish(subject, line, RUN) if first.accepted else first
+        outcome = wait_for_result(subject, line, RUN) if first.accepted else first
         expect(
             not outcome.done and outcome.code == "11",
             "a program runs although a motor has failed",
@@ -84,7 +84,7 @@ def test_motor_fault(subject: ControllerUnderTest, line: OutgoingConnection) -> 
     finally:
         subject.hook("clear_faults")
         if line.ask("get_status").value != "00" and line.ask("reset").accepted:
-            finish(subject, line, "reset")
+            wait_for_result(subject, line, "reset")
 
 
 @case("4.15/3", hazards=_MOTION)
@@ -95,7 +95,7 @@ def test_refusal(subject: ControllerUnderTest, line: OutgoingConnection) -> None
     for _ in range(2):
         first = line.ask(RUN, subject.new_name())
         if first.accepted:  # A-4.15-1
-            finish(subject, line, RUN)
+            wait_for_result(subject, line, RUN)
             continue
         expect(
             first.accepted is False and len(first.frame.data.rstrip(b"\0")) == 4,
@@ -109,25 +109,27 @@ def test_refusal(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 def test_stored_programs_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A stored program runs, whatever its name is, and again after another program ran."""
     extension = start_program(subject, line, RUN, seconds=0).program.rpartition(b".")[2]
-    done(subject, line, RUN)
+    expect_success(subject, line, RUN)
 
     @example(b"AZaz09.rob")
     @given(names)
     def check(name: bytes) -> None:
         stem, dot, _ = name[-20:].rpartition(b".")
         try:
-            program = stored_as(subject, line, subject.files.prefix + stem + dot + extension)
+            program = upload_short_program(
+                subject, line, subject.files.prefix + stem + dot + extension
+            )
         except NameRefused:
             return
         for _ in range(2):
-            answer = accepted(RUN, line.ask(RUN, program))
+            answer = expect_accepted(RUN, line.ask(RUN, program))
             expect(
                 answer.frame.data.rstrip(b"\0") == b"1",
                 "the first reply to a run is more than the flag 1",
                 expected="1",
                 observed=f"{answer}",
             )
-            done(subject, line, RUN)
+            expect_success(subject, line, RUN)
         line.ask("delete_program", data=program)
 
     check()
@@ -140,7 +142,7 @@ def test_end_of_a_run(subject: ControllerUnderTest, line: OutgoingConnection) ->
     An earlier stop has no effect on it.
     """
     require_responsive(subject, line)
-    stop_nothing(subject, line)
+    stop_while_idle(subject, line)
     started = start_program(subject, line, RUN, BRIEFLY_S)
     line.wait(0.2)
     if line.ask("get_status").value == "01":
@@ -151,7 +153,7 @@ def test_end_of_a_run(subject: ControllerUnderTest, line: OutgoingConnection) ->
             expected="11 when the program has ended",
             observed=" ".join(f"{received.frame}" for received in early),
         )
-    result = done(subject, line, RUN)
+    result = expect_success(subject, line, RUN)
     expect(
         result.time_s >= started.answer.time_s,
         "a run ends before it starts",
@@ -167,13 +169,13 @@ def test_missing_program(subject: ControllerUnderTest, line: OutgoingConnection)
     The default program is not run instead, if there is one.
     """
     require_command(subject, RUN)
-    program = stored(subject, line, 0, long_name(subject, _LONG_BYTES))
+    program = upload_wait_program(subject, line, 0, long_name(subject, _LONG_BYTES))
     _expect_similar_names_missing(subject, line, program)
     if not subject.ics.unsupported.isdisjoint(_DEFAULTS):
         return
     with default_kept(subject, line):
         line.ask("set_default_program", program)
-        expect_missing(subject, line, RUN, subject.new_name(), "4.15/7")
+        expect_missing_program(subject, line, RUN, subject.new_name(), "4.15/7")
 
 
 def _expect_similar_names_missing(
@@ -193,11 +195,13 @@ def _expect_similar_names_missing(
         INHERITED,
     ]
     for name in examples(similar):
-        expect_missing(subject, line, RUN, name, "4.15/7")
+        expect_missing_program(subject, line, RUN, name, "4.15/7")
 
     @given(st.text("abcxyzABC0123456789_-", min_size=8, max_size=20))
     def check(name: str) -> None:
-        expect_missing(subject, line, RUN, subject.files.prefix + f"{name}.rob".encode(), "4.15/7")
+        expect_missing_program(
+            subject, line, RUN, subject.files.prefix + f"{name}.rob".encode(), "4.15/7"
+        )
 
     check()
 
@@ -206,9 +210,9 @@ def _expect_similar_names_missing(
 def test_deleted_program(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program that was run and then deleted cannot be run again."""
     program = start_program(subject, line, RUN, seconds=0).program
-    done(subject, line, RUN)
+    expect_success(subject, line, RUN)
     line.ask("delete_program", program)
-    expect_missing(subject, line, RUN, program, "4.15/7")
+    expect_missing_program(subject, line, RUN, program, "4.15/7")
 
 
 @case("4.15/7", name="not-whole", hazards=_MOTION)
@@ -223,7 +227,7 @@ def test_unfinished_upload(subject: ControllerUnderTest, line: OutgoingConnectio
     first = try_request(line, RUN, name)
     if first is not None and first.accepted:
         expect(
-            not finish(subject, line, RUN).done,
+            not wait_for_result(subject, line, RUN).done,
             "a program without content ended with success",
             expected="0|20",
             observed="1, 11",
@@ -233,10 +237,10 @@ def test_unfinished_upload(subject: ControllerUnderTest, line: OutgoingConnectio
 @case("4.15/8", "4/6", hazards=_MOTION)
 def test_second_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """During a run, a second run is refused, of the same program or of another."""
-    other = stored(subject, line, 0)
+    other = upload_wait_program(subject, line, 0)
     if subject.dialect["busy_reply"] == "queue":
         return
-    with lasting(subject, line, RUN) as task:
+    with executing_task(subject, line, RUN) as task:
         for program in (task.program, other, task.program):
             answer = try_request(line, RUN, program)
             expect(

@@ -9,18 +9,18 @@ from scaraspec.suite.controller.harness.requests.motion import BUSY, joints_of, 
 from scaraspec.suite.controller.harness.requests.ports import outputs, outputs_kept, settable
 from scaraspec.suite.controller.harness.two_stage.refusals import (
     expect_first_reply,
-    expect_missing,
+    expect_missing_program,
     text_of,
 )
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     RUN,
     SIMULATE,
-    accepted,
-    done,
-    lasting,
+    executing_task,
+    expect_accepted,
+    expect_success,
     require_responsive,
     start_program,
-    stored,
+    upload_wait_program,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
@@ -44,17 +44,17 @@ def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> 
             expected="1",
             observed=f"{answer}",
         )
-        done(subject, line, name)
+        expect_success(subject, line, name)
 
 
 @case("4.16/2", "8/5", name="missing", hazards=_MOTION)
 def test_missing_program(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The controller refuses to simulate a program that is not stored, with code 20."""
-    program = stored(subject, line, 0)
+    program = upload_wait_program(subject, line, 0)
     for name in examples((subject.new_name(), program + b"x", program[:-1])):
-        expect_missing(subject, line, SIMULATE, name, "8/5")
+        expect_missing_program(subject, line, SIMULATE, name, "8/5")
     line.ask("delete_program", program)
-    expect_missing(subject, line, SIMULATE, program, "8/5")
+    expect_missing_program(subject, line, SIMULATE, program, "8/5")
 
 
 @case("4.16/3", hazards=_MOTION)
@@ -62,8 +62,8 @@ def test_end_of_a_simulation(subject: ControllerUnderTest, line: OutgoingConnect
     """A simulation ends with "11", also the second one, and a later run is reported as a run."""
     for _ in range(2):
         start_program(subject, line, SIMULATE, seconds=0)
-        done(subject, line, SIMULATE)
-    with lasting(subject, line, RUN):
+        expect_success(subject, line, SIMULATE)
+    with executing_task(subject, line, RUN):
         status = line.ask("get_status")
         expect(
             status.value != "02",
@@ -85,7 +85,7 @@ def test_simulation_touches_nothing(subject: ControllerUnderTest, line: Outgoing
         layout, base = layout_in_use(subject), configured(subject, line)
         upload(line, name, program_file(subject.dialect, nodes, layout=layout, base=base))
         joints = joints_of(line)
-        accepted(SIMULATE, line.ask(SIMULATE, name))
+        expect_accepted(SIMULATE, line.ask(SIMULATE, name))
         status = line.ask("get_status")
         expect(
             status.value not in BUSY or status.value == "02",

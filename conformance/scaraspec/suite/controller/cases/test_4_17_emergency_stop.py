@@ -12,15 +12,15 @@ from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, C
 from scaraspec.suite.controller.harness.malformed.delivery import takes_one_at_a_time
 from scaraspec.suite.controller.harness.malformed.mutation_targets import GET_STATUS
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.files import again, incoming, send, upload
+from scaraspec.suite.controller.harness.requests.files import incoming, reconnect, send, upload
 from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
     SLOWEST_PERCENT,
+    arm_returned,
     await_rest,
     begin_step_somewhere,
     joints_of,
     pose_of,
-    returning,
     same_place,
     status_behind,
     stop_motion,
@@ -37,14 +37,14 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     STATES,
     STOP,
     Task,
-    accepted,
-    done,
-    finish,
-    interrupted,
-    lasting,
+    executing_task,
+    expect_accepted,
+    expect_success,
+    interrupted_result,
     require_command,
     start_program,
-    stored,
+    upload_wait_program,
+    wait_for_result,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
@@ -65,7 +65,7 @@ def expect_stopped(
     subject: ControllerUnderTest, line: OutgoingConnection, answer: ReceivedFrame
 ) -> ReceivedFrame:
     """Fail the case unless the stop was accepted and succeeded; return its final result."""
-    accepted(STOP, answer)
+    expect_accepted(STOP, answer)
     expect(
         text_of(answer) == b"1",
         "the first reply to the stop is not just the flag 1",
@@ -73,7 +73,7 @@ def expect_stopped(
         observed=f"{answer}",
         requirement="4.17/3",
     )
-    return done(subject, line, STOP)
+    return expect_success(subject, line, STOP)
 
 
 @case("4.17/2", hazards=(Hazard.MOTION,))
@@ -88,7 +88,7 @@ def test_nothing_to_stop(subject: ControllerUnderTest, line: OutgoingConnection)
         answer = line.ask(STOP)
         if answer.accepted:
             subject.tolerate("4.17/2", "A-4.17-1", "always 1", "a stop of an idle robot succeeds")
-            finish(subject, line, STOP)
+            wait_for_result(subject, line, STOP)
             stop_motion(subject, line)
             continue
         expect(
@@ -124,7 +124,7 @@ def _status_after_stop(subject: ControllerUnderTest, line: OutgoingConnection) -
 @case("4.17/6", "4.17/3", "4.17/4", "4.17/8", "3/18", hazards=_MOTION)
 def test_stop(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
     """A stop interrupts each command: "1", "11", and at most one result of the command itself."""
-    with lasting(subject, line, name, queries=False) as task:
+    with executing_task(subject, line, name, queries=False) as task:
         answer = line.ask(STOP)
         if not answer.accepted and task.over:
             task.lasts()
@@ -152,7 +152,7 @@ def _skip_if_over(answer: ReceivedFrame, task: Task) -> None:
 
 
 def _expect_interrupted(line: OutgoingConnection, task: Task) -> None:
-    result = interrupted(line, task.name)
+    result = interrupted_result(line, task.name)
     expect(
         result is None or not result.done or task.name == JOG,
         UserMessage("{task} ended with 11 although a stop interrupted it", task=task.name),
@@ -178,12 +178,16 @@ def test_stop_right_after_start(
 ) -> None:
     """A stop that is sent before the reply to the start stops the command that was started."""
     perform(subject, line, name)
-    with returning(subject, line):
-        value = _step_there_and_back(subject, line) if name == MOVE else stored(subject, line)
+    with arm_returned(subject, line):
+        value = (
+            _step_there_and_back(subject, line)
+            if name == MOVE
+            else upload_wait_program(subject, line)
+        )
         subject.moved = True
         start, stop = line.request(name, value), line.request(STOP)
         line.send_bytes(start.encode() + stop.encode())
-        accepted(name, line.reply(name))
+        expect_accepted(name, line.reply(name))
         try:
             answer = line.reply(STOP)
         except NoReply:
@@ -200,10 +204,10 @@ def test_stop_right_after_start(
 
 def _step_there_and_back(subject: ControllerUnderTest, line: OutgoingConnection) -> MoveTarget:
     """Return a step that the arm can make, found by making it, and move back."""
-    with returning(subject, line):
+    with arm_returned(subject, line):
         pose, answer = begin_step_somewhere(subject, line)
-        accepted(MOVE, answer)
-        done(subject, line, MOVE)
+        expect_accepted(MOVE, answer)
+        expect_success(subject, line, MOVE)
     return target(pose, SLOWEST_PERCENT)
 
 
@@ -213,7 +217,7 @@ def test_stop_within_a_transfer(subject: ControllerUnderTest, line: OutgoingConn
     name, stopped = subject.new_name(), False
     upload(line, name, content_of(_FILE_BYTES))
     for downloads in examples((False, True)):
-        with lasting(subject, line, RUN) as task:
+        with executing_task(subject, line, RUN) as task:
             opening = "download_name" if downloads else "upload_name"
             if line.ask(opening, data=name if downloads else subject.new_name()).accepted:
                 if downloads:
@@ -232,7 +236,7 @@ def test_stop_within_a_transfer(subject: ControllerUnderTest, line: OutgoingConn
                 expect_stopped(subject, line, answer)
                 _expect_interrupted(line, task)
                 stopped = True
-        line = again(subject, line)
+        line = reconnect(subject, line)
     if not stopped:
         raise CaseSkipped("no file can be uploaded or downloaded while a program runs")
 
@@ -243,7 +247,7 @@ def test_stop_twice(subject: ControllerUnderTest, line: OutgoingConnection) -> N
 
     A later run ends exactly once.
     """
-    with lasting(subject, line, RUN, queries=False):
+    with executing_task(subject, line, RUN, queries=False):
         line.send(STOP)
         line.send(STOP)
         answers = [line.reply(STOP)]
@@ -261,21 +265,21 @@ def test_stop_twice(subject: ControllerUnderTest, line: OutgoingConnection) -> N
         )
         for answer in answers:
             if answer.accepted:
-                done(subject, line, STOP)
+                expect_success(subject, line, STOP)
         line.no_result(STOP, for_s=0.1)
     start_program(subject, line, RUN, seconds=0)
-    done(subject, line, RUN)
+    expect_success(subject, line, RUN)
     line.no_result(RUN, for_s=0.1, requirement="3/18")  # of the run that was stopped
 
 
 @case("4.17/3", name="again", hazards=_MOTION)
 def test_repeated_stops(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program can be stopped each time it is run; each run starts from the beginning."""
-    with lasting(subject, line, RUN, queries=False):  # it determines the layout
+    with executing_task(subject, line, RUN, queries=False):  # it determines the layout
         pass
-    program = stored(subject, line)
+    program = upload_wait_program(subject, line)
     for _ in range(_REPEATS):
-        accepted(RUN, line.ask(RUN, program))
+        expect_accepted(RUN, line.ask(RUN, program))
         expect_stopped(subject, line, line.ask(STOP))
         running = line.ask("get_running_program")
         expect(
@@ -292,7 +296,7 @@ def test_repeated_stops(subject: ControllerUnderTest, line: OutgoingConnection) 
 @case("4.17/7", hazards=_MOTION)
 def test_standstill(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
     """After the "11" of a stop, the joints stay where the stop stopped them."""
-    with lasting(subject, line, name, queries=False) as task:
+    with executing_task(subject, line, name, queries=False) as task:
         line.wait(_SHORT_S)
         answer = line.ask(STOP)
         if not answer.accepted:
@@ -314,11 +318,11 @@ def test_standstill(subject: ControllerUnderTest, line: OutgoingConnection, name
 def test_interrupted_results(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An interrupted command fails or has no result, and no success arrives later."""
     for name in examples((RUN, RESET, MOVE)):
-        with lasting(subject, line, name, queries=False) as task:
+        with executing_task(subject, line, name, queries=False) as task:
             answer = line.ask(STOP)
             if not answer.accepted:
                 continue
-            done(subject, line, STOP)
+            expect_success(subject, line, STOP)
             _expect_interrupted(line, task)
             await_rest(subject, line)
             line.no_result(name, for_s=MOMENT_S)

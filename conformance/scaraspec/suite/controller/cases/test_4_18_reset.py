@@ -7,26 +7,26 @@ from scaraspec.suite.controller.harness.controller_under_test import ControllerU
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
     IDLE,
-    returning,
+    arm_returned,
     status_at_rest,
     stop,
     stop_motion,
 )
-from scaraspec.suite.controller.harness.two_stage.performing import expect_stays
+from scaraspec.suite.controller.harness.two_stage.performing import expect_standstill
 from scaraspec.suite.controller.harness.two_stage.refusals import expect_busy, text_of
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     RESET,
     RUN,
     SIMULATE,
-    accepted,
-    begin_or_skip,
-    done,
-    finish,
-    home_at,
-    lasting,
+    begin,
+    executing_task,
+    expect_accepted,
+    expect_success,
+    initial_position_at_pose,
     require_command,
     start_program,
     try_request,
+    wait_for_result,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
@@ -43,7 +43,7 @@ def test_refused_during_a_run(subject: ControllerUnderTest, line: OutgoingConnec
     require_command(subject, RESET)
     if subject.dialect["busy_reply"] == "queue":
         return
-    with home_at(subject, line), lasting(subject, line, RUN) as task:
+    with initial_position_at_pose(subject, line), executing_task(subject, line, RUN) as task:
         for _ in range(3):
             answer = try_request(line, RESET)
             task.lasts()
@@ -69,7 +69,10 @@ def test_refused_during_a_simulation(
     """A reset while a program is simulated is refused with the code of that state."""
     require_command(subject, RESET)
     if subject.dialect["busy_reply"] != "queue":
-        with home_at(subject, line), lasting(subject, line, SIMULATE) as task:
+        with (
+            initial_position_at_pose(subject, line),
+            executing_task(subject, line, SIMULATE) as task,
+        ):
             expect_busy(subject, line, task, RESET)
 
 
@@ -77,31 +80,31 @@ def test_refused_during_a_simulation(
 def test_idle_robot_is_reset(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An idle robot accepts a reset with "1", also after something was stopped."""
     require_command(subject, RESET)
-    with returning(subject, line):
+    with arm_returned(subject, line):
         for after_stop in examples((False, True, False)):
             if after_stop:
                 start_program(subject, line, RUN)
                 stop(subject, line)
                 stop_motion(subject, line)
-            with home_at(
+            with initial_position_at_pose(
                 subject, line
             ):  # after the program, which may set another position (A-6.3-3)
-                answer = begin_or_skip(subject, line, RESET)
+                answer = begin(subject, line, RESET)
                 expect(
                     text_of(answer) == b"1",
                     "the first reply to a reset is not just the flag 1",
                     expected="1",
                     observed=f"{answer}",
                 )
-                done(subject, line, RESET)
+                expect_success(subject, line, RESET)
 
 
 @case("4.18/4", "4/7", hazards=_MOTION)
 def test_end_of_a_reset(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A reset with motion ends with "11" after the motion, and the robot can be used again."""
-    with lasting(subject, line, RESET):
-        done(subject, line, RESET)
-        expect_stays(
+    with executing_task(subject, line, RESET):
+        expect_success(subject, line, RESET)
+        expect_standstill(
             line, "the arm continues to move after the end of its reset", for_s=_OBSERVATION_S
         )
         status = status_at_rest(line)
@@ -116,7 +119,7 @@ def test_end_of_a_reset(subject: ControllerUnderTest, line: OutgoingConnection) 
             requirement="4/7",
         )
         start_program(subject, line, RUN, seconds=0)
-        done(subject, line, RUN)
+        expect_success(subject, line, RUN)
 
 
 @pytest.mark.parametrize("fault", ["position_fault", "angle_fault", "motor_fault"])
@@ -131,13 +134,13 @@ def test_reset_from_a_fault(
 ) -> None:
     """A reset does not succeed during a fault; after the cause is removed, the robot is idle."""
     require_command(subject, RESET)
-    with returning(subject, line), home_at(subject, line):
+    with arm_returned(subject, line), initial_position_at_pose(subject, line):
         subject.moved = True
         try:
             subject.hook(fault, **({"joints": "wrist,rotation"} if fault == "motor_fault" else {}))
             first = line.ask(RESET)
             if first.accepted:
-                result = finish(subject, line, RESET)
+                result = wait_for_result(subject, line, RESET)
                 expect(
                     not result.done,
                     "a reset succeeded although the fault is still present",
@@ -150,6 +153,6 @@ def test_reset_from_a_fault(
         finally:
             subject.hook("clear_faults")
         if line.ask("get_status").value != IDLE and line.ask(RESET).accepted:
-            done(subject, line, RESET)
-        accepted(RESET, line.ask(RESET))
-        done(subject, line, RESET)
+            expect_success(subject, line, RESET)
+        expect_accepted(RESET, line.ask(RESET))
+        expect_success(subject, line, RESET)

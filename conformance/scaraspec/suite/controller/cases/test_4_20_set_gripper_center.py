@@ -15,12 +15,12 @@ from scaraspec.suite.controller.harness.requests.motion import joints_of
 from scaraspec.suite.controller.harness.requests.poses import expect_numbers, gripper_of, initial_of
 from scaraspec.suite.controller.harness.state.defaults import default_kept, expect_default
 from scaraspec.suite.controller.harness.state.preserve import kept
-from scaraspec.suite.controller.harness.two_stage.executing import unless_others_run
+from scaraspec.suite.controller.harness.two_stage.executing import skip_if_other_program_runs
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     RESET,
-    begin_or_skip,
-    done,
-    home_at,
+    begin,
+    expect_success,
+    initial_position_at_pose,
     require_command,
 )
 from scaraspec.suite.engine.case import case
@@ -45,7 +45,7 @@ _thousandths = st.integers(-100_000, 100_000).map(lambda thousandths: thousandth
 def _set(subject: ControllerUnderTest, line: OutgoingConnection, center: Point) -> None:
     """Set the gripper center; a refusal is allowed while a program runs (A-4.20-1)."""
     answer = line.ask("set_gripper_center", center)
-    with unless_others_run(subject, line):
+    with skip_if_other_program_runs(subject, line):
         expect(
             answer.accepted,
             "setting a gripper center was not answered 1",
@@ -127,11 +127,11 @@ def test_settings_after_resets(subject: ControllerUnderTest, line: OutgoingConne
         _set(subject, line, _SMALL)
         can_set_default = "set_default_program" not in subject.ics.unsupported
         default_set = can_set_default and line.ask("set_default_program", program).accepted
-        with home_at(subject, line):
+        with initial_position_at_pose(subject, line):
             home = initial_of(line)
             for _ in range(2):
-                begin_or_skip(subject, line, RESET)
-                done(subject, line, RESET)
+                begin(subject, line, RESET)
+                expect_success(subject, line, RESET)
                 _expect_reported(line, _SMALL)
                 message = "a reset changed the initial tool position"
                 expect_numbers(

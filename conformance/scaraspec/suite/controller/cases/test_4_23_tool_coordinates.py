@@ -9,13 +9,18 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
+    arm_returned,
     begin_step_somewhere,
     pose_of,
-    returning,
 )
 from scaraspec.suite.controller.harness.state.preserve import kept
-from scaraspec.suite.controller.harness.two_stage.performing import expect_stays
-from scaraspec.suite.controller.harness.two_stage.tasks import MOVE, accepted, done, require_command
+from scaraspec.suite.controller.harness.two_stage.performing import expect_standstill
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    MOVE,
+    expect_accepted,
+    expect_success,
+    require_command,
+)
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseSkipped, expect
@@ -56,11 +61,11 @@ def test_coordinates(subject: ControllerUnderTest, line: OutgoingConnection) -> 
 def test_standstill_after_a_move(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The tool stays in its position after a move ends."""
     require_command(subject, MOVE)
-    with returning(subject, line):
+    with arm_returned(subject, line):
         _, answer = begin_step_somewhere(subject, line)
-        accepted(MOVE, answer)
-        done(subject, line, MOVE)
-        expect_stays(
+        expect_accepted(MOVE, answer)
+        expect_success(subject, line, MOVE)
+        expect_standstill(
             line, "the tool continues to move after the end of its move", for_s=_OBSERVATION_S
         )
 

@@ -16,14 +16,14 @@ from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
     REACHED,
     SLOWEST_PERCENT,
+    arm_returned,
     ask_move,
     begin_step,
     begin_step_somewhere,
     joints_of,
-    off_by,
     part_way,
+    pose_deviation,
     pose_of,
-    returning,
     same_place,
     stop_motion,
     target,
@@ -33,12 +33,12 @@ from scaraspec.suite.controller.harness.two_stage.performing import perform
 from scaraspec.suite.controller.harness.two_stage.refusals import expect_first_reply, text_of
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     MOVE,
-    accepted,
-    done,
-    find_out_whether_it_listens,
-    finish,
+    expect_accepted,
+    expect_success,
+    probe_responsiveness,
     require_command,
     try_request,
+    wait_for_result,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
@@ -66,14 +66,14 @@ def _outcome(
     subject: ControllerUnderTest, line: OutgoingConnection, answer: ReceivedFrame
 ) -> ReceivedFrame:
     """Return the outcome of a move: its refusal or its final result."""
-    return finish(subject, line, MOVE) if answer.accepted else answer
+    return wait_for_result(subject, line, MOVE) if answer.accepted else answer
 
 
 @case("4.24/3", "4.24/4", hazards=_MOTION)
 def test_impossible_moves(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An impossible move is refused with "0|code", four bytes in a frame of that length."""
     require_command(subject, MOVE)
-    with returning(subject, line) as pose:
+    with arm_returned(subject, line) as pose:
         for target_pose in examples(_unreachable_poses(pose)):
             answer = ask_move(subject, line, target_pose, SLOWEST_PERCENT)
             expect(
@@ -84,7 +84,7 @@ def test_impossible_moves(subject: ControllerUnderTest, line: OutgoingConnection
                 requirement="4.24/4",
             )
             if answer.accepted:  # A-4.24-5: it may be detected later
-                result = finish(subject, line, MOVE)
+                result = wait_for_result(subject, line, MOVE)
                 message = "an impossible move was accepted and failed later"
                 subject.tolerate(
                     "4.24/3", "A-4.24-5", UserMessage("{code}", code=result.code), message
@@ -106,7 +106,7 @@ def test_impossible_moves(subject: ControllerUnderTest, line: OutgoingConnection
 def test_beyond_all_reach(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A target a kilometer away is refused or fails with 05 or 06, and the arm does not move."""
     require_command(subject, MOVE)
-    with returning(subject, line) as pose:
+    with arm_returned(subject, line) as pose:
         for target_pose in examples(_unreachable_poses(pose)):
             answer = _outcome(subject, line, ask_move(subject, line, target_pose, SLOWEST_PERCENT))
             without_code = answer.accepted is False and text_of(answer) == b"0"  # err_bare0
@@ -130,17 +130,17 @@ def test_every_speed(subject: ControllerUnderTest, line: OutgoingConnection) -> 
     """A move to the current pose succeeds at every speed from 1 to 100 %, and ends there."""
     require_command(subject, MOVE)
     gripper = line.ask("get_gripper_center").value
-    with returning(subject, line) as pose:
+    with arm_returned(subject, line) as pose:
 
         def move(speed_percent: int) -> None:
-            answer = accepted(MOVE, ask_move(subject, line, pose, speed_percent))
+            answer = expect_accepted(MOVE, ask_move(subject, line, pose, speed_percent))
             expect(
                 text_of(answer) == b"1",
                 "the first reply to a move is not just the flag 1",
                 expected="1",
                 observed=f"{answer}",
             )
-            done(subject, line, MOVE)
+            expect_success(subject, line, MOVE)
             _expect_reached(subject, line, pose, gripper)
 
         for speed_percent in examples((1, 2, 9, 10, 99, 100)):
@@ -153,24 +153,24 @@ def test_every_speed(subject: ControllerUnderTest, line: OutgoingConnection) -> 
 def test_there_and_back(subject: ControllerUnderTest, line: OutgoingConnection, axis: str) -> None:
     """A step along one axis, and the step back, end at the commanded pose."""
     require_command(subject, MOVE)
-    find_out_whether_it_listens(subject, line)
+    probe_responsiveness(subject, line)
     gripper = line.ask("get_gripper_center").value
-    with returning(subject, line) as pose:
+    with arm_returned(subject, line) as pose:
         before = joints_of(line)
         target_pose, answer = begin_step(subject, line, axis)
-        accepted(MOVE, answer)
-        done(subject, line, MOVE)
+        expect_accepted(MOVE, answer)
+        expect_success(subject, line, MOVE)
         _expect_reached(subject, line, target_pose, gripper)
         after = joints_of(line)
         expect(
-            farthest(before, after) > 0 or off_by(pose_of(line), pose) <= STANDSTILL,
+            farthest(before, after) > 0 or pose_deviation(pose_of(line), pose) <= STANDSTILL,
             "the tool moved but no joint did",
             expected="other joint angles",
             observed=f"{after}",
             requirement="4.27/6",
         )
-        accepted(MOVE, ask_move(subject, line, pose))
-        done(subject, line, MOVE)
+        expect_accepted(MOVE, ask_move(subject, line, pose))
+        expect_success(subject, line, MOVE)
         _expect_reached(subject, line, pose, gripper)
 
 
@@ -181,7 +181,7 @@ def _expect_reached(
     gripper: tuple[float, ...] | None,
 ) -> None:
     current = pose_of(line)
-    deviation = off_by(current, target_pose)
+    deviation = pose_deviation(current, target_pose)
     if deviation > REACHED and (gripper is None or any(gripper)):
         message = "the reached pose is not the commanded one"
         subject.tolerate("4.24/8", "A-4.23-1", "another point", message)
@@ -199,16 +199,16 @@ def _expect_reached(
 def test_fractions(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Targets with decimals are reached one after another."""
     require_command(subject, MOVE)
-    find_out_whether_it_listens(subject, line)
+    probe_responsiveness(subject, line)
     gripper = line.ask("get_gripper_center").value
-    with returning(subject, line) as pose:
+    with arm_returned(subject, line) as pose:
         target_pose, answer = begin_step_somewhere(subject, line)
-        accepted(MOVE, answer)
-        done(subject, line, MOVE)
+        expect_accepted(MOVE, answer)
+        expect_success(subject, line, MOVE)
         for fraction in examples((0.25, 0.5, 0.875, 1.0)):
             between = part_way(pose, target_pose, fraction)
-            accepted(MOVE, ask_move(subject, line, between))
-            done(subject, line, MOVE)
+            expect_accepted(MOVE, ask_move(subject, line, between))
+            expect_success(subject, line, MOVE)
             _expect_reached(subject, line, between, gripper)
 
 
@@ -217,7 +217,7 @@ def test_malformed_requests(subject: ControllerUnderTest, line: OutgoingConnecti
     """A request that is not seven numbers moves nothing; it is refused or not answered."""
     require_command(subject, MOVE)
     subject.moved = True
-    with returning(subject, line) as pose:
+    with arm_returned(subject, line) as pose:
         rounded_pose = pose._replace(**{axis: round(getattr(pose, axis), 1) for axis in AXES})
         malformed_requests = [
             request
@@ -232,7 +232,7 @@ def test_malformed_requests(subject: ControllerUnderTest, line: OutgoingConnecti
             if not answer.accepted:
                 expect_first_reply(MOVE, answer)
                 continue
-            finish(subject, line, MOVE)
+            wait_for_result(subject, line, MOVE)
             message = UserMessage("a request that is {wrong} was accepted", wrong=wrong)
             subject.tolerate("4.24/3", "A-3-9", wrong.kind, message)
             message = UserMessage("a malformed request ({wrong}) moved the arm", wrong=wrong)
@@ -254,7 +254,7 @@ def test_malformed_requests(subject: ControllerUnderTest, line: OutgoingConnecti
 def _expect_unmoved(line: OutgoingConnection, pose: Pose, rounded_pose: Pose, message: str) -> None:
     current = pose_of(line)
     expect(
-        same_place(current, pose) or off_by(current, rounded_pose) <= STANDSTILL,
+        same_place(current, pose) or pose_deviation(current, rounded_pose) <= STANDSTILL,
         message,
         expected=f"{pose}",
         observed=f"{current}",

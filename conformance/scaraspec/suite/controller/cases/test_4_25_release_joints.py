@@ -13,12 +13,12 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     RELEASE,
     RUN,
     STATES,
-    finish,
-    lasting,
-    locked_again,
-    release,
+    executing_task,
+    locked_afterwards,
+    release_joints,
     require_command,
     try_request,
+    wait_for_result,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import expect
@@ -31,8 +31,8 @@ _MOTION = (Hazard.STATE, Hazard.MOTION)
 def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A release is answered "1", a repeated one "1" or "0|code"; each "1" has a final result."""
     require_command(subject, RELEASE, LOCK)
-    with locked_again(subject, line):
-        answer, result = release(subject, line)
+    with locked_afterwards(subject, line):
+        answer, result = release_joints(subject, line)
         expect(
             text_of(answer) == b"1",
             "the first reply to a release is not just the flag 1",
@@ -46,7 +46,7 @@ def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> 
                 message = "a release of released joints was refused"
                 subject.tolerate("4.25/2", "A-4.25-3", "0|code", message)
             elif result is not None:  # it does not wait until the joints are locked (A-4.25-2)
-                finish(subject, line, RELEASE)
+                wait_for_result(subject, line, RELEASE)
 
 
 @case("4.25/3", hazards=_MOTION)
@@ -74,7 +74,7 @@ def test_not_during_motion(
     require_command(subject, RELEASE, LOCK)
     if subject.dialect["busy_reply"] == "queue":
         return
-    with locked_again(subject, line), lasting(subject, line, name) as task:
+    with locked_afterwards(subject, line), executing_task(subject, line, name) as task:
         answer = try_request(line, RELEASE)
         task.lasts()
         expect(

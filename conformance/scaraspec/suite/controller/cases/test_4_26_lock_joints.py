@@ -11,12 +11,12 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     LOCK,
     MOVE,
     RELEASE,
-    begin_or_skip,
-    done,
-    finish,
-    locked_again,
-    release,
+    begin,
+    expect_success,
+    locked_afterwards,
+    release_joints,
     require_command,
+    wait_for_result,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import expect
@@ -32,30 +32,30 @@ def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> 
     second = line.ask(LOCK)
     expect_first_reply(LOCK, second)
     if second.accepted:
-        finish(subject, line, LOCK)
+        wait_for_result(subject, line, LOCK)
     else:
         subject.tolerate("4.26/2", "A-4.25-3", "0|code", "a lock of locked joints was refused")
-    with locked_again(subject, line):
-        release(subject, line)
-        answer = begin_or_skip(subject, line, LOCK)
+    with locked_afterwards(subject, line):
+        release_joints(subject, line)
+        answer = begin(subject, line, LOCK)
         expect(
             text_of(answer) == b"1",
             "the first reply to a lock is not just the flag 1",
             expected="1",
             observed=f"{answer}",
         )
-        done(subject, line, LOCK)
+        expect_success(subject, line, LOCK)
 
 
 @case("4.26/3", hazards=_MOTION)
 def test_end_of_a_lock(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A lock ends with "11", and the arm can be moved after it."""
     require_command(subject, LOCK, RELEASE)
-    with locked_again(subject, line):
+    with locked_afterwards(subject, line):
         for _ in range(2):
-            release(subject, line)
-            begin_or_skip(subject, line, LOCK)
-            done(subject, line, LOCK)
+            release_joints(subject, line)
+            begin(subject, line, LOCK)
+            expect_success(subject, line, LOCK)
             perform(subject, line, MOVE)
 
 
@@ -63,10 +63,10 @@ def test_end_of_a_lock(subject: ControllerUnderTest, line: OutgoingConnection) -
 def test_locked_joints_stay(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """After a lock that ended with "11", the joint angles do not change."""
     require_command(subject, LOCK, RELEASE)
-    with locked_again(subject, line):
-        release(subject, line)
-        begin_or_skip(subject, line, LOCK)
-        done(subject, line, LOCK)
+    with locked_afterwards(subject, line):
+        release_joints(subject, line)
+        begin(subject, line, LOCK)
+        expect_success(subject, line, LOCK)
     first = joints_of(line)
     for pause_s in (0.0, 0.1, 0.3):
         line.wait(pause_s)

@@ -6,17 +6,17 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
+    arm_returned,
     begin_step_somewhere,
     joints_of,
     pose_of,
-    returning,
     same_place,
 )
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     MOVE,
-    accepted,
-    done,
-    lasting,
+    executing_task,
+    expect_accepted,
+    expect_success,
     require_command,
 )
 from scaraspec.suite.engine.case import case
@@ -48,7 +48,7 @@ def test_four_numbers(subject: ControllerUnderTest, line: OutgoingConnection) ->
 @case("4.27/2", "4.27/3", name="while-moving", hazards=(Hazard.STATE, Hazard.MOTION), slow=True)
 def test_while_moving(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The angles are four numbers while the arm moves, too, with any number of decimals."""
-    with lasting(subject, line, MOVE) as task:
+    with executing_task(subject, line, MOVE) as task:
         for _ in range(30):
             joints_of(line)
             expect(
@@ -93,11 +93,11 @@ def test_idle_joints_stay(subject: ControllerUnderTest, line: OutgoingConnection
 def test_motion_shows(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A step that changes the tool coordinates changes the joint angles; 4.24/8 tries all axes."""
     require_command(subject, "get_joint_angles", MOVE)
-    with returning(subject, line) as pose:
+    with arm_returned(subject, line) as pose:
         before = joints_of(line)
         _, answer = begin_step_somewhere(subject, line)
-        accepted(MOVE, answer)
-        done(subject, line, MOVE)
+        expect_accepted(MOVE, answer)
+        expect_success(subject, line, MOVE)
         after, current = joints_of(line), pose_of(line)
         expect(
             same_place(current, pose) or farthest(before, after) > 0,

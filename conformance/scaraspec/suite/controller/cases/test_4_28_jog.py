@@ -13,12 +13,12 @@ from scaraspec.suite.controller.harness.malformed.payloads import Malformed
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
+    arm_returned,
     halt,
+    is_responsive,
     joints_of,
-    listens,
     pose_of,
     release_latch,
-    returning,
     status_of,
     stop,
     stop_motion,
@@ -28,14 +28,14 @@ from scaraspec.suite.controller.harness.two_stage.refusals import expect_first_r
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     JOG,
     STOP,
-    accepted,
     begin_jog,
-    finish,
-    interrupted,
+    expect_accepted,
+    interrupted_result,
     jog_somewhere,
     require_command,
     require_responsive,
     try_request,
+    wait_for_result,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
@@ -81,7 +81,7 @@ _INVALID_DIRECTIONS: Final = tuple(
 def _wait_for_motion(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Wait until a jog is visible, or for the longest duration that is allowed."""
     remaining_s = subject.ics.motion.jog_s
-    if not listens(subject, line, jogs=True):
+    if not is_responsive(subject, line, jogs=True):
         line.wait(remaining_s)
         return
     first = current = pose_of(line)
@@ -97,12 +97,12 @@ def test_direction(
     subject: ControllerUnderTest, line: OutgoingConnection, direction: JogDirection
 ) -> None:
     """1 is +Y, 2 is -Y, 3 is +X, 4 is -X; a jog of single joints has no direction (A-4.28-2)."""
-    with returning(subject, line) as pose:
+    with arm_returned(subject, line) as pose:
         joints = joints_of(line)
         answer = begin_jog(subject, line, direction)
         if not answer.accepted:
             expect_first_reply(JOG, answer)
-            accepted(JOG, jog_somewhere(subject, line))
+            expect_accepted(JOG, jog_somewhere(subject, line))
             stop(subject, line)
             raise CaseSkipped(
                 UserMessage(
@@ -145,7 +145,7 @@ def test_direction(
 @case("4.28/4", hazards=_MOTION)
 def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A jog is answered "1", one during a jog "0|04"; a controller may let it replace the first."""
-    with returning(subject, line):
+    with arm_returned(subject, line):
         answer = jog_somewhere(subject, line)
         expect(
             text_of(answer) == b"1",
@@ -153,7 +153,7 @@ def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> 
             expected="1",
             observed=f"{answer}",
         )
-        if not listens(subject, line, jogs=True):
+        if not is_responsive(subject, line, jogs=True):
             stop(subject, line)
             return
         second = try_request(line, JOG, JogDirection.PLUS_Y)
@@ -171,16 +171,19 @@ def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> 
 @case("4.28/5", "4.17/6", hazards=_MOTION, slow=True)
 def test_end_of_a_jog(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A jog continues until it is stopped, and then has at most one final result."""
-    with returning(subject, line):
+    with arm_returned(subject, line):
         for _ in range(2):
             jog_somewhere(subject, line)
             _wait_for_motion(subject, line)
             answer = line.ask(STOP)
             if not answer.accepted:  # it ended by itself (A-4.28-3)
-                expect(finish(subject, line, JOG).done is not None, "a jog has no final result")
+                expect(
+                    wait_for_result(subject, line, JOG).done is not None,
+                    "a jog has no final result",
+                )
                 continue
-            finish(subject, line, STOP)
-            result = interrupted(line, JOG)
+            wait_for_result(subject, line, STOP)
+            result = interrupted_result(line, JOG)
             expect(
                 result is None or result.done is not None,
                 "the final result of a jog is neither success nor failure",
@@ -204,12 +207,12 @@ def test_to_the_limit(subject: ControllerUnderTest, line: OutgoingConnection) ->
                 duration_s=_TRAVEL_S,
             )
         )
-    with returning(subject, line):
+    with arm_returned(subject, line):
         answer = begin_jog(subject, line, JogDirection.PLUS_X)
         if not answer.accepted:
             expect_first_reply(JOG, answer)
             return
-        if not listens(subject, line, jogs=True):
+        if not is_responsive(subject, line, jogs=True):
             stop(subject, line)
             raise CaseSkipped("the robot does not reply while it executes a command (A-4-3)")
         previous, standstill_s = pose_of(line), 0.0
@@ -223,9 +226,9 @@ def test_to_the_limit(subject: ControllerUnderTest, line: OutgoingConnection) ->
         if line.ask("get_status").value in BUSY:
             subject.tolerate("4.28/5", "A-4.28-3", "0x32", "a jog does not end at the limit")
             stop_reply = stop(subject, line)
-            accepted(STOP, stop_reply)
+            expect_accepted(STOP, stop_reply)
             return
-        result = finish(subject, line, JOG)
+        result = wait_for_result(subject, line, JOG)
         expect(
             result.done or result.code in ("05", "06"),
             "a jog that reached a limit ended neither with 11 nor with 00|05",
@@ -242,7 +245,7 @@ def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> No
     subject.notices_leaving()
     require_responsive(subject, line)
     other = subject.open() if subject.takes_several else None
-    with returning(subject, other or line):
+    with arm_returned(subject, other or line):
         jog_somewhere(subject, line)
         line.close()
         other = other or subject.open()
@@ -279,7 +282,7 @@ def test_no_direction(subject: ControllerUnderTest, line: OutgoingConnection) ->
     """A jog whose data is not one byte of 1 to 4 is not answered "1" and moves nothing."""
     require_command(subject, JOG)
     subject.moved = True
-    with returning(subject, line):
+    with arm_returned(subject, line):
         before = joints_of(line)
         for wrong in examples(_INVALID_DIRECTIONS):
             line = alive(subject, line)
@@ -310,9 +313,9 @@ def test_notations(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 
     If both are accepted, they have the same meaning.
     """
-    with returning(subject, line):
+    with arm_returned(subject, line):
         jog_somewhere(subject, line)
-        responsive = listens(subject, line, jogs=True)
+        responsive = is_responsive(subject, line, jogs=True)
         stop(subject, line)
         if not responsive:
             raise CaseSkipped("the robot does not reply while it executes a command (A-4-3)")

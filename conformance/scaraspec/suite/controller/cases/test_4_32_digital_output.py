@@ -27,9 +27,9 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     LOCK,
     MOVE,
     RELEASE,
-    lasting,
-    locked_again,
-    release,
+    executing_task,
+    locked_afterwards,
+    release_joints,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
@@ -157,11 +157,11 @@ def test_while_moving(subject: ControllerUnderTest, line: OutgoingConnection) ->
     port = settable(line)[-1]
     with outputs_kept(line):
         for name in examples(moving_commands):
-            with lasting(subject, line, name):
+            with executing_task(subject, line, name):
                 _set_and_check(line, port, f"during {name}")
         if can_release:
-            with locked_again(subject, line):
-                release(subject, line)
+            with locked_afterwards(subject, line):
+                release_joints(subject, line)
                 _set_and_check(line, port, "while the joints were released")
 
 

@@ -8,7 +8,7 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.two_stage.refusals import text_of
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     RUN,
-    lasting,
+    executing_task,
     require_command,
     try_request,
 )
@@ -35,7 +35,7 @@ def test_not_while_a_program_runs(subject: ControllerUnderTest, line: OutgoingCo
     require_command(subject, _SHUTDOWN)
     if subject.dialect["busy_reply"] == "queue":
         raise CaseSkipped("a robot that queues the request would shut down when the program ends")
-    with lasting(subject, line, RUN) as task:
+    with executing_task(subject, line, RUN) as task:
         answer = try_request(line, _SHUTDOWN)
         task.lasts()
         expect(

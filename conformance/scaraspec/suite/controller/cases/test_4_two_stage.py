@@ -14,16 +14,21 @@ from scaraspec.suite.controller.harness.controller_under_test import (
     ControllerUnderTest,
 )
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.files import incoming, left_behind, send, upload
+from scaraspec.suite.controller.harness.requests.files import (
+    incoming,
+    leftover_content,
+    send,
+    upload,
+)
 from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
     IDLE,
     SLOWEST_PERCENT,
+    arm_returned,
     begin_step_somewhere,
-    go_on_if_it_listens,
     neighbours,
     pose_of,
-    returning,
+    require_known_responsive,
     same_place,
     status_at_rest,
     stop,
@@ -37,7 +42,7 @@ from scaraspec.suite.controller.harness.requests.queries import (
     replies_to,
     some_queries,
 )
-from scaraspec.suite.controller.harness.two_stage.performing import expect_stays, perform
+from scaraspec.suite.controller.harness.two_stage.performing import expect_standstill, perform
 from scaraspec.suite.controller.harness.two_stage.refusals import (
     expect_busy,
     expect_failure,
@@ -56,20 +61,20 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     STATES,
     STOP,
     TWO_STAGE,
-    accepted,
-    begin_or_skip,
-    done,
-    find_out_whether_it_listens,
-    finish,
+    begin,
+    executing_task,
+    expect_accepted,
+    expect_success,
     harmless_requests,
-    home_at,
-    interrupted,
-    lasting,
+    initial_position_at_pose,
+    interrupted_result,
+    probe_responsiveness,
     require_command,
     require_responsive,
     start_program,
-    stored,
     try_request,
+    upload_wait_program,
+    wait_for_result,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
@@ -138,7 +143,7 @@ def test_result_in_transfers(subject: ControllerUnderTest, line: OutgoingConnect
         upload(line, name, content)
         for downloads in examples((False, True)):
             robot.start(wait(1))
-            go_on_if_it_listens(subject, line)
+            require_known_responsive(subject, line)
             opening = "download_name" if downloads else "upload_name"
             if not line.ask(opening, data=name if downloads else subject.new_name()).accepted:
                 robot.stop()
@@ -165,7 +170,7 @@ def test_refusals_have_no_result(subject: ControllerUnderTest, line: OutgoingCon
         answer = line.ask(name, None if name == STOP else subject.new_name())
         expect_first_reply(name, answer)
         if answer.accepted:  # A-4.15-1, A-4.17-1
-            finish(subject, line, name)
+            wait_for_result(subject, line, name)
         else:
             refused.append(BY_NAME[name].opcode)
     line.wait(MOMENT_S)
@@ -187,10 +192,10 @@ def test_refusals_have_no_result(subject: ControllerUnderTest, line: OutgoingCon
 def test_stopped_commands_fail(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A command that an emergency stop ends fails with "00|code", or has no result of its own."""
     for name in examples(name for name in STATES if name not in {JOG, *subject.ics.unsupported}):
-        with lasting(subject, line, name, queries=False) as task:
+        with executing_task(subject, line, name, queries=False) as task:
             task.lasts()
             stop(subject, line)
-            result = interrupted(line, name)
+            result = interrupted_result(line, name)
             if result is not None and result.done is not True:
                 expect(
                     isinstance(result.value, Outcome) and len(text_of(result)) == 5,
@@ -206,9 +211,9 @@ def test_stopped_commands_fail(subject: ControllerUnderTest, line: OutgoingConne
 def test_a_fault_fails_the_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A run whose motor fails ends with "00|code", and the code names the motor."""
     try:
-        with lasting(subject, line, RUN):
+        with executing_task(subject, line, RUN):
             subject.hook("motor_fault", joints="outer_arm")
-            result = finish(subject, line, RUN)
+            result = wait_for_result(subject, line, RUN)
             expect(
                 result.done is False and len(text_of(result)) == 5,
                 "a run whose motor failed did not fail",
@@ -232,7 +237,7 @@ def _clear_faults(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
     """Clear the faults, and reset the robot if it still reports one."""
     subject.hook("clear_faults")
     if line.ask("get_status").value != IDLE and line.ask(RESET).accepted:
-        finish(subject, line, RESET)
+        wait_for_result(subject, line, RESET)
 
 
 def _immediate_result(line: OutgoingConnection, name: str) -> ReceivedFrame | None:
@@ -287,7 +292,7 @@ def test_code_of_a_refusal(subject: ControllerUnderTest, line: OutgoingConnectio
     for name in examples((RUN, SIMULATE)):
         answer = line.ask(name, subject.new_name())
         if answer.accepted:
-            finish(subject, line, name)
+            wait_for_result(subject, line, name)
         else:
             expect_refusal(subject, answer)
 
@@ -304,7 +309,7 @@ def test_busy(subject: ControllerUnderTest, line: OutgoingConnection, name: str)
     """
     values = harmless_requests(subject, line)
     second_line = subject.open() if subject.takes_several else line
-    with lasting(subject, line, name) as task:
+    with executing_task(subject, line, name) as task:
         for other, value in examples(values.items()):
             if subject.dialect["busy_reply"] != "queue":
                 expect_busy(subject, line, task, other, value)
@@ -322,15 +327,15 @@ def test_refused_commands_are_not_queued(
     """
     require_responsive(subject, line)
     values = harmless_requests(subject, line)
-    with returning(subject, line):
+    with arm_returned(subject, line):
         _, move_reply = begin_step_somewhere(subject, line, SLOWEST_PERCENT)
-        accepted(MOVE, move_reply)
+        expect_accepted(MOVE, move_reply)
         refused = {
             BY_NAME[name].opcode
             for name in (RUN, MOVE, LOCK)
             if (answer := try_request(line, name, values.get(name))) is None or not answer.accepted
         }
-        done(subject, line, MOVE)
+        expect_success(subject, line, MOVE)
         line.ask("get_tool_coordinates")  # the judge uses the reply (4.24/8)
         line.wait(MOMENT_S)
         delayed = [received for received in line.sync() if received.frame.opcode in refused]
@@ -350,7 +355,7 @@ def test_refused_moves_stay_refused(subject: ControllerUnderTest, line: Outgoing
     require_responsive(subject, line)
     if subject.dialect["busy_reply"] == "queue":
         raise CaseSkipped("the controller makes the move then (busy_reply)")
-    with returning(subject, line) as pose:
+    with arm_returned(subject, line) as pose:
         neighbour_poses = [
             candidate for axis in ("y", "x") for candidate in neighbours(subject, pose, axis)
         ]
@@ -360,12 +365,12 @@ def test_refused_moves_stay_refused(subject: ControllerUnderTest, line: Outgoing
         answer = try_request(
             line, MOVE, target(neighbour_poses[0], subject.ics.motion.speed_percent)
         )
-        done(subject, line, RUN)
+        expect_success(subject, line, RUN)
         if answer is not None and answer.accepted:
-            done(subject, line, MOVE)
+            expect_success(subject, line, MOVE)
             raise CaseSkipped("the move was not refused")  # other cases cover this
         message = "a move that was refused while a program ran was made after the program ended"
-        expect_stays(line, message, for_s=_WAIT_S, pose=pose)
+        expect_standstill(line, message, for_s=_WAIT_S, pose=pose)
 
 
 @pytest.mark.parametrize("name", TWO_STAGE)
@@ -392,7 +397,7 @@ def test_never_idle_while_executing(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str
 ) -> None:
     """From the first reply to the final result, no status is 00 and every query is answered."""
-    with lasting(subject, line, name) as task:
+    with executing_task(subject, line, name) as task:
         for _ in range(_POLLS):
             status = line.ask("get_status")
             expect(
@@ -492,10 +497,10 @@ def test_queries_while_executing(subject: ControllerUnderTest, line: OutgoingCon
             requirement="3/32",
         )
 
-    with lasting(subject, line, RUN):
+    with executing_task(subject, line, RUN):
         check(QUERIES)
         given(some_queries)(check)()
-        fetched = left_behind(line, file)
+        fetched = leftover_content(line, file)
         versions.append(line.ask("get_version").value)
     versions.append(line.ask("get_version").value)
     message = "the version changes while a program runs, or afterwards"
@@ -515,8 +520,8 @@ def test_reply_before_execution(
 ) -> None:
     """The first reply comes before the execution and does not wait for its end."""
     perform(subject, line, name)
-    find_out_whether_it_listens(subject, line)
-    program = stored(subject, line, 1)
+    probe_responsiveness(subject, line)
+    program = upload_wait_program(subject, line, 1)
     attempts = range(2)  # a packet may be lost once
     expect(
         not all(_reply_comes_at_the_end(subject, line, name, program) for _ in attempts),
@@ -529,16 +534,16 @@ def test_reply_before_execution(
 def _reply_comes_at_the_end(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, program: bytes
 ) -> bool:
-    with returning(subject, line):
+    with arm_returned(subject, line):
         before = line.ask("get_status")
         if name == MOVE:
             _, answer = begin_step_somewhere(subject, line, SLOWEST_PERCENT)
         else:
             answer = line.ask(name, program)
-        accepted(name, answer)
+        expect_accepted(name, answer)
         delayed = answer.time_s - before.time_s >= _WAIT_S
         if delayed:  # the reply may be slow for another reason
-            delayed = finish(subject, line, name).time_s - answer.time_s <= _SIMULTANEOUS_S
+            delayed = wait_for_result(subject, line, name).time_s - answer.time_s <= _SIMULTANEOUS_S
         stop_motion(subject, line)
     return delayed
 
@@ -547,7 +552,7 @@ def _reply_comes_at_the_end(
 def test_reply_before_a_reset(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The first reply to a reset comes before the motion, not with the final result."""
     require_command(subject, MOVE, RESET)
-    with returning(subject, line), home_at(subject, line):
+    with arm_returned(subject, line), initial_position_at_pose(subject, line):
         together = [_reset_reply_comes_at_the_end(subject, line) for _ in range(2)]
         expect(
             not all(together),
@@ -559,15 +564,15 @@ def test_reply_before_a_reset(subject: ControllerUnderTest, line: OutgoingConnec
 
 def _reset_reply_comes_at_the_end(subject: ControllerUnderTest, line: OutgoingConnection) -> bool:
     """Whether a reset that moves the arm is answered only after the motion."""
-    accepted(MOVE, begin_step_somewhere(subject, line)[1])
-    done(subject, line, MOVE)
+    expect_accepted(MOVE, begin_step_somewhere(subject, line)[1])
+    expect_success(subject, line, MOVE)
     pose_before = pose_of(line)
     sent_s = subject.now_ns / _NS_PER_S
     query_s = line.ask("get_status").time_s - sent_s
     sent_s = subject.now_ns / _NS_PER_S
-    answer = begin_or_skip(subject, line, RESET)
+    answer = begin(subject, line, RESET)
     delay_s = answer.time_s - sent_s
-    duration_s = finish(subject, line, RESET).time_s - answer.time_s
+    duration_s = wait_for_result(subject, line, RESET).time_s - answer.time_s
     delayed = delay_s > max(_BRIEF_S, _DELAY_FACTOR * query_s)
     return delayed and duration_s < _BRIEF_S and not same_place(pose_of(line), pose_before)
 
@@ -577,12 +582,12 @@ def test_next_command_after_end(subject: ControllerUnderTest, line: OutgoingConn
     """After a refusal, a stop or a success, an idle robot accepts the next command."""
     line.ask(RUN, subject.new_name())
     stop_motion(subject, line)
-    accepted(RUN, start_program(subject, line, RUN).answer)
+    expect_accepted(RUN, start_program(subject, line, RUN).answer)
     stop(subject, line)
     stop_motion(subject, line)
     for name in examples((SIMULATE, RUN)):
         start_program(subject, line, name, seconds=0)
-        done(subject, line, name)
+        expect_success(subject, line, name)
     perform(subject, line, MOVE)
 
 
@@ -591,8 +596,8 @@ def test_second_client(subject: ControllerUnderTest, line: OutgoingConnection) -
     """A second client sees the first client's run, is refused, can stop it, and can disconnect."""
     subject.require_multiple_connections()
     other = subject.open()
-    program = stored(subject, other, 0)
-    with lasting(subject, line, RUN) as task:
+    program = upload_wait_program(subject, other, 0)
+    with executing_task(subject, line, RUN) as task:
         message = "another client does not see the run"
         expect_in(other.ask("get_status").value, ("01",), message)
         if subject.dialect["busy_reply"] != "queue":
@@ -606,11 +611,11 @@ def test_second_client(subject: ControllerUnderTest, line: OutgoingConnection) -
             observed=f"{answer}",
             requirement="4.17/6",
         )
-        finish(subject, other, STOP)
+        wait_for_result(subject, other, STOP)
     other.sync()
     start_program(subject, line, RUN, BRIEFLY_S)
     other.close()
-    finish(subject, line, RUN)
+    wait_for_result(subject, line, RUN)
 
 
 @case("4/15", "4.17/6", "4.15/4", name="lost-link", hazards=_MOTION, slow=True)
@@ -636,10 +641,10 @@ def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> No
                 observed=f"{answer}",
                 requirement="4.17/6",
             )
-            finish(subject, other, STOP)
+            wait_for_result(subject, other, STOP)
         stop_motion(subject, other)
         start_program(subject, other, RUN, seconds=0)
-        done(subject, other, RUN)
+        expect_success(subject, other, RUN)
         start_program(subject, other, RUN, BRIEFLY_S)
         other.close()
         _expect_free(subject.open())
@@ -663,9 +668,9 @@ def _expect_free(line: OutgoingConnection) -> None:
 @case("4/15", "3/18", "4.15/5", name="many", hazards=_MOTION)
 def test_many_runs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Fifty consecutive runs are accepted, and each ends once with success."""
-    program = stored(subject, line, 0)
+    program = upload_wait_program(subject, line, 0)
     subject.moved = True
     for _ in range(50):
-        accepted(RUN, line.ask(RUN, program))
-        done(subject, line, RUN)
+        expect_accepted(RUN, line.ask(RUN, program))
+        expect_success(subject, line, RUN)
     line.no_result(RUN, for_s=0)

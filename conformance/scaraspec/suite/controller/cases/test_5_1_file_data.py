@@ -7,14 +7,14 @@ from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, FILE_DATA_BYTES
 from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import (
-    again,
-    begin,
-    course_of,
+    begin_upload,
     delete,
     download,
+    download_replies,
+    expect_nothing_more,
     expect_stored,
-    nothing_more,
     offer,
+    reconnect,
     send,
     upload,
 )
@@ -41,7 +41,7 @@ def _chunks(
     """Return the chunks that the controller sends of a file, valid or not."""
     name = subject.new_name()
     upload(line, name, content)
-    return [chunk_of(frame) for frame in course_of(line, name)]
+    return [chunk_of(frame) for frame in download_replies(line, name)]
 
 
 # The controller as sender
@@ -59,7 +59,7 @@ def test_torn_structure(subject: ControllerUnderTest, line: OutgoingConnection) 
     """A chunk with fewer bytes than its length states, or an incomplete header, is refused."""
     whole = FILE_DATA.encode(Chunk(200, 0, BUFFER_BYTES, content_of(200)), subject.dialect)
     for size in examples((HEAD_BYTES + 50, HEAD_BYTES + 199, HEAD_BYTES, HEAD_BYTES - 1, 1)):
-        begin(line, subject.new_name())
+        begin_upload(line, subject.new_name())
         timeout_s = SILENCE_S if size <= HEAD_BYTES else None  # may be the error signal of L787
         accepted = offer(line, data=whole[:size], within_s=timeout_s)
         expect(
@@ -68,7 +68,7 @@ def test_torn_structure(subject: ControllerUnderTest, line: OutgoingConnection) 
             expected="0",
             observed="1",
         )
-        line = again(subject, line)
+        line = reconnect(subject, line)
 
 
 @case("5.1/2")
@@ -77,7 +77,7 @@ def test_size_of_the_structure(subject: ControllerUnderTest, line: OutgoingConne
     for size in examples(_SIZES):
         name = subject.new_name()
         upload(line, name, content_of(size))
-        for frame in course_of(line, name):
+        for frame in download_replies(line, name):
             chunk, bytes_sent = frame.value, len(frame.frame.data)
             if bytes_sent == FILE_DATA_BYTES:
                 continue
@@ -131,14 +131,14 @@ def test_end_of_a_download(subject: ControllerUnderTest, line: OutgoingConnectio
         name = subject.new_name()
         upload(line, name, content_of(size))
         for _ in range(2):
-            last = chunk_of(course_of(line, name)[-1])
+            last = chunk_of(download_replies(line, name)[-1])
             message = "a download does not end where position + length is fileSize"
             expect_equal(last.position + last.length, size, message)
-            nothing_more(line, "something followed the last chunk of a download", "5.1/7")
+            expect_nothing_more(line, "something followed the last chunk of a download", "5.1/7")
             answer = line.ask("download_name", data=name)
             message = "no other download can begin after the last chunk of a download"
             expect(answer.accepted, message, expected="1", observed=f"{answer}")
-            line = again(subject, line)
+            line = reconnect(subject, line)
 
 
 @case("5.1/7", name="upload")
@@ -175,7 +175,7 @@ def test_one_byte_order(subject: ControllerUnderTest, line: OutgoingConnection) 
     for size in examples((1, 450, 70)):
         name = subject.new_name()
         upload(line, name, content_of(size))
-        for frame in course_of(line, name):
+        for frame in download_replies(line, name):
             parsed = frame.seen.parsed
             orders |= {v for k, v in parsed.decoded.readings if k == "endian"} if parsed else set()
     expect(len(orders) <= 1, "the byte order changes", expected="one", observed="both")
@@ -204,9 +204,9 @@ def test_content_without_a_name(subject: ControllerUnderTest, line: OutgoingConn
     """Content before any name is refused, and the controller sends none without a request."""
     accepted = offer(line, Chunk(3, 0, 3, b"abc"))
     expect(not accepted, "content before any name was accepted", expected="0", observed="1")
-    nothing_more(line, "content was sent without a request", "5.1/11")
+    expect_nothing_more(line, "content was sent without a request", "5.1/11")
     upload(line, subject.new_name(), _CONTENT)
-    nothing_more(line, "content was sent without a request", "5.1/11")
+    expect_nothing_more(line, "content was sent without a request", "5.1/11")
 
 
 @case("5.1/12")
@@ -220,7 +220,7 @@ def test_rest_of_the_buffer(
     """Only the valid bytes of each chunk are stored, whatever follows them in the buffer."""
     content = content_of(sum(lengths))
     name = subject.new_name()
-    begin(line, name)
+    begin_upload(line, name)
     position = 0
     for length in lengths:
         buffer = content[position : position + length] + filler * BUFFER_BYTES
@@ -250,14 +250,14 @@ def _expect_incomplete(
     these are sent to find out.
     """
     content, name = content_of(600), subject.new_name()
-    begin(line, name)
+    begin_upload(line, name)
     if not all(offer(line, chunk) for chunk in _chunks_at(content, *sent_positions)):
         return
     if all(offer(line, chunk) for chunk in _chunks_at(content, *missing_positions)):
         expect_stored(line, name, content, "5.1/13")
         subject.tolerate("5.1/13", "chunk_order", "any", "chunks are accepted in any order")
         return
-    fetched = download(again(subject, line), name)
+    fetched = download(reconnect(subject, line), name)
     if fetched is None:
         return
     message = UserMessage(
@@ -303,11 +303,11 @@ def test_overlap(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 def test_file_size_changed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file whose later chunk states a smaller size is refused, or complete with that size."""
     content, name = content_of(600), subject.new_name()
-    begin(line, name)
+    begin_upload(line, name)
     send(line, Chunk(600, 0, 200, content[:200]))
     if not offer(line, Chunk(250, 200, 50, content[200:250])):
         return
-    fetched = download(again(subject, line), name)
+    fetched = download(reconnect(subject, line), name)
     if fetched is None:
         return
     expect(

@@ -15,16 +15,16 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.requests.files import (
     CHUNK_S,
     NameRefused,
-    again,
-    begin,
+    begin_upload,
     delete,
     download,
+    expect_nothing_more,
     expect_round_trip,
     expect_stored,
-    left_behind,
+    leftover_content,
     next_chunk,
-    nothing_more,
     offer,
+    reconnect,
     send,
     transfer_frames,
     upload,
@@ -114,7 +114,7 @@ def test_many_names(subject: ControllerUnderTest, line: OutgoingConnection) -> N
         name = subject.new_name()
         upload(line, name, b"!")
         delete(line, name)
-    nothing_more(line, "a name got two replies", "5.2/2")
+    expect_nothing_more(line, "a name got two replies", "5.2/2")
 
 
 @case("5.2/3")
@@ -135,9 +135,9 @@ def test_name_in_use_on_another_connection(
     """A name used on an earlier connection is answered 0, too, and its file is unchanged."""
     name, content = subject.new_name(), content_of(450)
     upload(line, name, content)
-    line = again(subject, line)
+    line = reconnect(subject, line)
     _expect_refused(line, name, "a name used on another connection was accepted")
-    line = again(subject, line)
+    line = reconnect(subject, line)
     expect_stored(line, name, content, "5.2/3")
 
 
@@ -163,13 +163,13 @@ def test_backslash_in_a_new_name(subject: ControllerUnderTest, line: OutgoingCon
         line = attempt.line
         if attempt.accepted:
             offer(line, Chunk(1, 0, 1, b"!"))
-            line = again(subject, line)
+            line = reconnect(subject, line)
             message = UserMessage(
                 "the name {name} stored the file {file_name}",
                 name=name.decode(),
                 file_name=plain.decode(),
             )
-            expect(left_behind(line, plain) is None, message, expected="0", observed="1")
+            expect(leftover_content(line, plain) is None, message, expected="0", observed="1")
 
 
 @case("5.2/15", name="same-file", hazards=_DESTRUCTIVE)
@@ -211,10 +211,10 @@ def test_path_to_the_system(subject: ControllerUnderTest, line: OutgoingConnecti
 def test_every_chunk_is_answered(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every chunk of an upload is answered with a single 1."""
     for size in examples((1, 200, 1000)):
-        begin(line, subject.new_name())
+        begin_upload(line, subject.new_name())
         for chunk in chunks_of(content_of(size)):
             send(line, chunk)
-        nothing_more(line, "a chunk got two replies", "5.2/6")
+        expect_nothing_more(line, "a chunk got two replies", "5.2/6")
 
 
 @case("5.2/6", name="refused")
@@ -223,7 +223,7 @@ def test_refused_chunks_are_answered(
 ) -> None:
     """An invalid chunk is answered 0, or closes the link (A-5-6, A-5-26)."""
     for chunk in examples((Chunk(600, 0, 201, bytes(200)), Chunk(100, 0, 101, bytes(200)))):
-        begin(line, subject.new_name())
+        begin_upload(line, subject.new_name())
         try:
             answer = line.ask("upload_chunk", chunk)
         except NoReply:
@@ -239,8 +239,8 @@ def test_refused_chunks_are_answered(
             )
             refused = answer.accepted is False
             expect(refused, message, expected="0", observed=f"{answer}")
-            nothing_more(line, "a chunk got two replies", "5.2/6")
-        line = again(subject, line)
+            expect_nothing_more(line, "a chunk got two replies", "5.2/6")
+        line = reconnect(subject, line)
 
 
 def _other_order_is_illegal(length: int) -> bool:
@@ -256,7 +256,7 @@ def _out_of_bounds(
 ) -> None:
     """Send a chunk that must not be accepted, after `taken_before` valid ones."""
     subject.clear(line)
-    begin(line, subject.new_name())
+    begin_upload(line, subject.new_name())
     for chunk in list(chunks_of(content_of(header.file_size)))[:taken_before]:
         send(line, chunk)
     accepted = offer(line, header)
@@ -290,7 +290,7 @@ def test_more_than_the_buffer(subject: ControllerUnderTest) -> None:
     """A chunk that contains more than 200 bytes is refused."""
     for length in examples((201, 220, 243)):
         line = subject.open()
-        begin(line, subject.new_name())
+        begin_upload(line, subject.new_name())
         header = FILE_DATA.encode(Chunk(1000, 0, length, b""), subject.dialect)[:HEAD_BYTES]
         accepted = offer(line, data=header + content_of(length))
         message = UserMessage("a chunk of {length} bytes was accepted", length=length)
@@ -386,7 +386,7 @@ def test_chunk_on_another_connection(
     """A chunk on a connection without an upload is not added to that of another connection."""
     subject.require_multiple_connections()
     name, content = subject.new_name(), content_of(450)
-    begin(line, name)
+    begin_upload(line, name)
     other = subject.open()
     answer = try_request(other, "upload_chunk", Chunk(450, 0, 200, bytes(200)))
     expect(answer is None or not answer.accepted, "a chunk without a name was accepted")
@@ -402,7 +402,7 @@ def test_chunk_after_the_connection_was_lost(
     """A chunk on a new connection is refused: the upload ended with the old connection."""
     subject.notices_leaving()
     for end in examples((OutgoingConnection.close, OutgoingConnection.reset)):
-        begin(line, subject.new_name())
+        begin_upload(line, subject.new_name())
         send(line, Chunk(450, 0, 200, bytes(200)))
         end(line)
         line = subject.open()
@@ -419,11 +419,11 @@ def test_nothing_after_the_last_answer(
     for size in examples((1, 200, 450)):
         name = subject.new_name()
         upload(line, name, content_of(size))
-        nothing_more(line, "something followed the last reply of an upload", "5.2/13")
+        expect_nothing_more(line, "something followed the last reply of an upload", "5.2/13")
         download(line, name)
-        nothing_more(line, "something followed the last reply of a download", "5.2/13")
+        expect_nothing_more(line, "something followed the last reply of a download", "5.2/13")
     line.wait(SILENCE_S)
-    nothing_more(line, "something followed the last reply of a transfer", "5.2/13")
+    expect_nothing_more(line, "something followed the last reply of a transfer", "5.2/13")
 
 
 # What is stored
@@ -438,7 +438,7 @@ def test_repeated_downloads(subject: ControllerUnderTest, line: OutgoingConnecti
     expect_stored(line, name, content)
     line.ask("get_status")
     expect_stored(line, name, content)
-    expect_stored(again(subject, line), name, content)
+    expect_stored(reconnect(subject, line), name, content)
 
 
 @case("5.2/12", name="anew")
@@ -471,7 +471,7 @@ def test_two_uploads_at_once(subject: ControllerUnderTest, line: OutgoingConnect
     lines = (line, subject.open())
     names = [subject.new_name() for _ in lines]
     contents = [content_of(650, number) for number in (0, 1)]
-    begin(lines[0], names[0])
+    begin_upload(lines[0], names[0])
     if not lines[1].ask("upload_name", names[1]).accepted:
         message = "only one upload at a time is possible on all connections"
         subject.tolerate("5.2/12", "A-5-17", "one", message)
@@ -492,7 +492,7 @@ def test_one_name_on_two_connections(
     lines = (line, subject.open())
     name = subject.new_name()
     contents = [content_of(450, number) for number in (0, 1)]
-    begin(lines[0], name)
+    begin_upload(lines[0], name)
     lines[1].ask("upload_name", name)
     accepted = [True, True]
     for both in zip(*(list(chunks_of(content)) for content in contents), strict=True):
@@ -541,7 +541,7 @@ def _in_segments(
 ) -> None:
     """Send a file of one chunk in segments of these sizes, and the rest in a last segment."""
     name = subject.new_name()
-    begin(line, name)
+    begin_upload(line, name)
     chunk = line.request("upload_chunk", Chunk(len(content), 0, len(content), content)).encode()
     send_in(line, pieces(chunk, sizes), subject, SEGMENT_S)
     try:
@@ -587,16 +587,16 @@ def _large(subject: ControllerUnderTest, line: OutgoingConnection, size: int) ->
         upload(line, neighbour, _NEIGHBOUR_CONTENT)
     delete(line, between)
     name, content = subject.new_name(), content_of(size)
-    begin(line, name)
+    begin_upload(line, name)
     first, *others = chunks_of(content)
     if not line.ask("upload_chunk", first, within_s=CHUNK_S).accepted:
         line.in_time()
-        _expect_too_large(subject, again(subject, line), size)
+        _expect_too_large(subject, reconnect(subject, line), size)
         return
     for chunk in others:
         send(line, chunk, "5.2/16")
     expect_stored(line, name, content, "5.2/16")
-    nothing_more(line, "something followed a large file", "5.2/16")
+    expect_nothing_more(line, "something followed a large file", "5.2/16")
     for neighbour in neighbours:
         expect_stored(line, neighbour, _NEIGHBOUR_CONTENT)
 
@@ -604,7 +604,7 @@ def _large(subject: ControllerUnderTest, line: OutgoingConnection, size: int) ->
 def _expect_too_large(subject: ControllerUnderTest, line: OutgoingConnection, size: int) -> None:
     """Expect that a controller without room for a file refuses each larger one (A-5-25)."""
     for larger in (size + 1, _LARGEST_BYTES + 1, 2 * size + 1):
-        begin(line, subject.new_name())
+        begin_upload(line, subject.new_name())
         accepted = offer(line, Chunk(larger, 0, BUFFER_BYTES, bytes(BUFFER_BYTES)))
         message = UserMessage(
             "a file of {size} bytes is refused, but one of {larger} bytes is accepted",
@@ -612,7 +612,7 @@ def _expect_too_large(subject: ControllerUnderTest, line: OutgoingConnection, si
             larger=larger,
         )
         expect(not accepted, message, expected="1", observed="0", requirement="5.2/16")
-        line = again(subject, line)
+        line = reconnect(subject, line)
     subject.tolerate(
         "5.2/16",
         "A-5-25",

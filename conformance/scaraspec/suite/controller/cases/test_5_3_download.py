@@ -21,21 +21,21 @@ from scaraspec.suite.controller.harness.malformed.timeouts import (
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import (
     CHUNK_S,
-    again,
-    begin,
-    course_of,
+    begin_upload,
     delete,
     download,
+    download_replies,
+    expect_nothing_more,
     expect_stored,
-    gives_up,
     incoming,
-    left_behind,
+    is_cancelled,
+    leftover_content,
     next_chunk,
-    nothing_more,
+    reconnect,
     send,
-    some_file,
     transfer_frames,
     upload,
+    upload_some_file,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.chunks import chunk_of
@@ -91,7 +91,7 @@ def _skip_if_last(chunk: Chunk) -> Chunk:
 @case("5.3/2")
 def test_existing_file(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An existing file is answered 1 each time; a missing one is answered 0."""
-    name = some_file(subject, line, _CONTENT)
+    name = upload_some_file(subject, line, _CONTENT)
     for _ in range(3):
         _expect_refused(line, b"absent-" + name, "a missing file was accepted for download")
         expect(download(line, name), "an existing file was refused", expected="1", observed="0")
@@ -100,7 +100,7 @@ def test_existing_file(subject: ControllerUnderTest, line: OutgoingConnection) -
 @case("5.3/3")
 def test_missing_file(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A name that is similar to that of a file, and an empty name, are answered 0."""
-    name = some_file(subject, line, _CONTENT)
+    name = upload_some_file(subject, line, _CONTENT)
     similar_names = [name + b"x", name[:-1], b"x" + name, name[1:], name + b".bak"]
     if subject.files.is_own(name):  # otherwise another file of the user may have this name
         similar_names.append(name.partition(b".")[0])
@@ -133,7 +133,7 @@ def test_deleted_file(subject: ControllerUnderTest, line: OutgoingConnection) ->
     expect_stored(line, name, _CONTENT)
     delete(line, name)
     _expect_refused(line, name, "a deleted file was accepted for download")
-    _expect_refused(again(subject, line), name, "a deleted file was accepted for download")
+    _expect_refused(reconnect(subject, line), name, "a deleted file was accepted for download")
 
 
 @case("5.3/3", name="unfinished", hazards=(Hazard.STATE,))
@@ -141,9 +141,9 @@ def test_unfinished_file(subject: ControllerUnderTest, line: OutgoingConnection)
     """A file that another connection still uploads cannot be downloaded as a complete file."""
     subject.require_multiple_connections()
     name = subject.new_name()
-    begin(line, name)
+    begin_upload(line, name)
     send(line, Chunk(650, 0, 200, _CONTENT[:200]))
-    fetched = left_behind(subject.open(), name)
+    fetched = leftover_content(subject.open(), name)
     if fetched is None:
         return
     message = "an unfinished upload was downloaded with bytes that were never sent"
@@ -160,7 +160,7 @@ def test_unfinished_file(subject: ControllerUnderTest, line: OutgoingConnection)
 @case("5.3/4")
 def test_content_follows(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """After the 1, the content follows without a request, one fileData in each 0x56."""
-    name = some_file(subject, line, _CONTENT)
+    name = upload_some_file(subject, line, _CONTENT)
     line.send("download_name", name)
     name_offset_bytes = line.reply("download_name").seen.place.offset_bytes
     early_chunks = [
@@ -190,7 +190,7 @@ def test_content_at_the_edges(subject: ControllerUnderTest, line: OutgoingConnec
     for size in examples((1, 200, 201, 400)):
         name, content = subject.new_name(), content_of(size)
         upload(line, name, content)
-        chunks = [chunk_of(frame) for frame in course_of(line, name)]
+        chunks = [chunk_of(frame) for frame in download_replies(line, name)]
         fetched = b"".join(chunk.data for chunk in chunks)
         message = UserMessage(
             "the chunks of a file of {size} bytes do not contain its content", size=size
@@ -224,7 +224,7 @@ def test_one_file_on_two_connections(
 ) -> None:
     """Two connections that download one file at the same time both receive it completely."""
     subject.require_multiple_connections()
-    fetched = _fetch_together(subject, line, [some_file(subject, line, _CONTENT)] * 2)
+    fetched = _fetch_together(subject, line, [upload_some_file(subject, line, _CONTENT)] * 2)
     message = "two connections that download one file receive different contents"
     expect(fetched is None or fetched[0] == fetched[1], message, expected="the same twice")
 
@@ -236,7 +236,7 @@ def test_two_files_on_two_connections(
     """Two connections that download two files at the same time each receive their own file."""
     subject.require_multiple_connections()
     contents = [content_of(650, number) for number in (0, 1)]
-    names = [some_file(subject, line, content) for content in contents]
+    names = [upload_some_file(subject, line, content) for content in contents]
     fetched = _fetch_together(subject, line, names)
     message = "two downloads at the same time were mixed"
     expect(fetched is None or fetched == contents, message, expected="each connection its own file")
@@ -245,24 +245,24 @@ def test_two_files_on_two_connections(
 @case("5.3/6", slow=True)
 def test_one_chunk_at_a_time(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """No chunk arrives before the previous one is answered, also during other requests."""
-    name = some_file(subject, line, _CONTENT)
+    name = upload_some_file(subject, line, _CONTENT)
     line.ask("download_name", data=name)
     message = "a chunk arrived before the previous one was answered"
     for chunk in incoming(line):
         line.ask("get_version")
-        nothing_more(line, message, "5.3/6")
+        expect_nothing_more(line, message, "5.3/6")
         if not chunk.position:
             line.wait(SILENCE_S)
-            nothing_more(line, message, "5.3/6")
+            expect_nothing_more(line, message, "5.3/6")
 
 
 @case("5.3/6", name="never-repeated")
 def test_no_chunk_is_repeated(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A chunk that is not answered for some seconds is not sent again."""
-    name = some_file(subject, line, _CONTENT)
+    name = upload_some_file(subject, line, _CONTENT)
     _begin_download(line, name)
     line.wait(limits_of(subject).survived_s / 5)
-    nothing_more(line, "an unanswered chunk was followed by another one", "5.3/6")
+    expect_nothing_more(line, "an unanswered chunk was followed by another one", "5.3/6")
 
 
 @case("5.3/7")
@@ -271,8 +271,8 @@ def test_silence_of_the_client(subject: ControllerUnderTest, line: OutgoingConne
 
     The 60 s are tried after the first chunk and after the second one.
     """
-    name = some_file(subject, line, _CONTENT)
-    times = min(2, len(course_of(line, name)) - 1)  # a stored program may have fewer chunks
+    name = upload_some_file(subject, line, _CONTENT)
+    times = min(2, len(download_replies(line, name)) - 1)  # a stored program may have fewer chunks
     line.close()
     limits = limits_of(subject)
 
@@ -328,8 +328,8 @@ def test_silence_of_the_client(subject: ControllerUnderTest, line: OutgoingConne
             Track(after_name, ((limits.early_s, check_early),)),
             Track(after_name, ((limits.late_s, check_late),)),
             *(
-                Track(begin, ((limits.over_s, check_over),))
-                for begin in (after_name, after_chunk)[:times]
+                Track(begin_upload, ((limits.over_s, check_over),))
+                for begin_upload in (after_name, after_chunk)[:times]
             ),
         ],
         at_once=downloads_at_once(subject, name),
@@ -357,7 +357,7 @@ def _continues(line: OutgoingConnection, within_s: float) -> bool:
         next_frame = line.reply("download_chunk", within_s=within_s)
     except NoReply:
         return False
-    return not refuses_an_answer(next_frame.frame) and not gives_up(next_frame)
+    return not refuses_an_answer(next_frame.frame) and not is_cancelled(next_frame)
 
 
 def _after_refusal(
@@ -371,7 +371,7 @@ def _after_refusal(
         chunk = next_chunk(line)
     line.answer_chunk(accepted=False)
     frames = transfer_frames(line)
-    replies = [received for received in frames if not gives_up(received)]
+    replies = [received for received in frames if not is_cancelled(received)]
     repeated = [received for received in replies if received.value == chunk]
     expect(
         len(replies) == len(repeated) <= 1,
@@ -394,13 +394,13 @@ def _after_refusal(
         return
     line.answer_chunk(accepted=True)
     message = "a download continued after one of its chunks was refused"
-    nothing_more(line, message, "5.3/9", stray=True)
+    expect_nothing_more(line, message, "5.3/9", stray=True)
 
 
 @case("5.3/9", name="first")
 def test_first_chunk_refused(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A download does not continue after its first chunk is refused."""
-    _after_refusal(subject, line, some_file(subject, line, _CONTENT), 0)
+    _after_refusal(subject, line, upload_some_file(subject, line, _CONTENT), 0)
 
 
 def _continues_too_late(line: OutgoingConnection) -> bool:
@@ -410,21 +410,23 @@ def _continues_too_late(line: OutgoingConnection) -> bool:
     except NoReply:
         return False
     replies = transfer_frames(line, stray=True)
-    return any(received.name == "download_chunk" and not gives_up(received) for received in replies)
+    return any(
+        received.name == "download_chunk" and not is_cancelled(received) for received in replies
+    )
 
 
 @case("5.3/9", name="middle")
 def test_middle_chunk_refused(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A download does not continue after a middle chunk is refused."""
-    _after_refusal(subject, line, some_file(subject, line, _CONTENT), 2)
+    _after_refusal(subject, line, upload_some_file(subject, line, _CONTENT), 2)
 
 
 @case("5.3/9", name="last", hazards=(Hazard.STATE,))
 def test_last_chunk_refused(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A download does not continue after its last chunk is refused, and can be started again."""
-    name = some_file(subject, line, _CONTENT)
+    name = upload_some_file(subject, line, _CONTENT)
     _after_refusal(subject, line, name, 3)
-    line = again(subject, line)
+    line = reconnect(subject, line)
     expect_stored(line, name, _CONTENT, "5.3/9")
 
 
@@ -433,18 +435,20 @@ def test_nothing_after_a_refusal(line: OutgoingConnection) -> None:
     """No chunk arrives after a name is refused with 0."""
     for name in examples((b"absent.rob", b"absent.txt", b"a")):
         _expect_refused(line, name, "a missing file was accepted for download")
-        nothing_more(line, "a chunk arrived although the file was refused", "5.3/10")
+        expect_nothing_more(line, "a chunk arrived although the file was refused", "5.3/10")
     line.wait(MOMENT_S)
-    nothing_more(line, "a chunk arrived although the file was refused", "5.3/10")
+    expect_nothing_more(line, "a chunk arrived although the file was refused", "5.3/10")
 
 
 @case("5.3/10", name="answered", hazards=(Hazard.STATE,))
 def test_answer_without_a_download(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An answer to a chunk that was never sent causes no chunk, before or after a transfer."""
-    name = some_file(subject, line, _CONTENT)
+    name = upload_some_file(subject, line, _CONTENT)
     for _ in range(2):
         for flag in examples((b"1", b"0")):
             _expect_refused(line, b"absent-" + name, "a missing file was accepted for download")
             line.send("download_chunk", data=flag)
-            nothing_more(line, "a chunk arrived that was not requested", "5.3/10", stray=True)
+            expect_nothing_more(
+                line, "a chunk arrived that was not requested", "5.3/10", stray=True
+            )
         download(line, name)

@@ -18,21 +18,21 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.requests.clock import read, shifted
 from scaraspec.suite.controller.harness.requests.files import (
     CHUNK_S,
-    again,
-    begin,
-    course_of,
+    begin_upload,
     delete,
     download,
+    download_replies,
     expect_round_trip,
     expect_stored,
     incoming,
-    left_behind,
+    leftover_content,
     next_chunk,
     offer,
+    reconnect,
     send,
-    some_file,
     transfer_frames,
     upload,
+    upload_some_file,
 )
 from scaraspec.suite.controller.harness.state.preserve import kept
 from scaraspec.suite.engine.case import case
@@ -93,7 +93,7 @@ def test_existing_name(subject: ControllerUnderTest, line: OutgoingConnection) -
         message = "the name of an existing file was accepted"
         expect(not answer.accepted, message, expected="0", observed=f"{answer}")
         download(line, name)
-        line = again(subject, line)
+        line = reconnect(subject, line)
 
 
 @case("5.4/2", name="among-many")
@@ -110,7 +110,7 @@ def test_each_of_many_names(subject: ControllerUnderTest, line: OutgoingConnecti
             subject.tolerate("5.4/2", "A-5-21", "full", full_message)
             delete(line, names.pop())  # to make room again
         if full or not names:
-            begin(line, name)
+            begin_upload(line, name)
         send(line, Chunk(len(name), 0, len(name), name))
         names.append(name)
         if full:
@@ -127,7 +127,7 @@ def test_buffer_is_not_exceeded(subject: ControllerUnderTest, line: OutgoingConn
     for size in examples((200, 201, 255, 400, 1000)):
         name = subject.new_name()
         upload(line, name, content_of(size))
-        for frame in course_of(line, name):
+        for frame in download_replies(line, name):
             length = chunk_of(frame).length
             message = "a chunk contains more than the buffer"
             expect(length <= 200, message, expected="at most 200", observed=f"{length}")
@@ -142,7 +142,7 @@ def test_end_is_found(subject: ControllerUnderTest, line: OutgoingConnection) ->
     for size in examples((1, 199, 200, 201, 400)):
         name = subject.new_name()
         upload(line, name, content_of(size))
-        line = again(subject, line)
+        line = reconnect(subject, line)
         expect_stored(line, name, content_of(size), "5.4/4")
 
 
@@ -153,7 +153,7 @@ def test_end_after_short_chunks(
 ) -> None:
     """A file in chunks of any lengths ends where position + length is fileSize, not earlier."""
     content, name = content_of(400), subject.new_name()
-    begin(line, name)
+    begin_upload(line, name)
     position = 0
     for length in lengths:
         chunk = Chunk(400, position, length, content[position : position + length])
@@ -190,7 +190,7 @@ def _upload_start(
     name = subject.new_name()
 
     def start(line: OutgoingConnection) -> None:
-        begin(line, name)
+        begin_upload(line, name)
         for chunk in _CHUNKS[:count]:
             send(line, chunk)
 
@@ -322,9 +322,9 @@ def _expect_nothing_left(
     Raises:
         CaseFailed: There is another content, or the name stays blocked.
     """
-    remaining = left_behind(line, name)
+    remaining = leftover_content(line, name)
     if remaining is not None:
-        line = again(subject, line)
+        line = reconnect(subject, line)
         expect(
             sent_part.startswith(remaining),
             "an interrupted upload left a file with another content",
@@ -362,7 +362,7 @@ def _break_uploads(subject: ControllerUnderTest, end: Callable[[OutgoingConnecti
         line = subject.open()
         start(line)
         end(line)
-        line = subject.open() if line.closed else again(subject, line)
+        line = subject.open() if line.closed else reconnect(subject, line)
         _expect_nothing_left(subject, line, name, _CONTENT[: 200 * count]).close()
 
 
@@ -427,7 +427,7 @@ def test_served_after_the_error_signal(
 def test_served_after_an_empty_file(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """After a file of no bytes, accepted or not, other commands are served."""
     name = subject.new_name()
-    begin(line, name)
+    begin_upload(line, name)
     line.send("upload_chunk", Chunk(0, 0, 0, b""))
     line.wait(0.2)
     answers = transfer_frames(line)  # the reply, if any, is open (A-5-10)
@@ -436,7 +436,7 @@ def test_served_after_an_empty_file(subject: ControllerUnderTest, line: Outgoing
     )
     line = _expect_recovery(subject, line, "an empty file")
     if accepted:
-        expect_equal(left_behind(line, name) or b"", b"", "an empty file has content")
+        expect_equal(leftover_content(line, name) or b"", b"", "an empty file has content")
         message = "an empty file is a chunk of length 0"
         subject.tolerate("5.4/6", "empty_file", "chunk", message)
 
@@ -455,7 +455,7 @@ def _expect_recovery(
         for chunk in _CHUNKS:
             send(line, chunk, "5.4/6")
         expect_stored(line, name, _CONTENT, "5.4/6")
-    line = again(subject, line)
+    line = reconnect(subject, line)
     _expect_transfer(subject, line, event)
     return line
 
@@ -502,7 +502,7 @@ def _upload_between_other_commands(
 ) -> None:
     listed = _listed(subject, line, name, other)
     status = line.ask("get_status").value
-    begin(line, name)
+    begin_upload(line, name)
     for chunk in _CHUNKS:
         _expect_other_commands(subject, line, status)
         line.ask("delete_program", data=other)
@@ -524,7 +524,7 @@ def _listed(
 @case("5.4/8", "2/6", "4.8/3", name="download")
 def test_commands_during_a_download(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Other commands are answered between the chunks of a download, and the file is complete."""
-    name = some_file(subject, line, _CONTENT)
+    name = upload_some_file(subject, line, _CONTENT)
     listed = _listed(subject, line)
     status = line.ask("get_status").value
     line.ask("download_name", data=name)
@@ -568,7 +568,7 @@ def test_commands_on_another_connection(
     other = subject.open()
     name = subject.new_name()
     status = other.ask("get_status").value
-    begin(line, name)
+    begin_upload(line, name)
     for chunk in _CHUNKS:
         _expect_other_commands(subject, other, status)
         send(line, chunk)
@@ -581,7 +581,7 @@ def _begin_second_transfer(
     """Begin a second transfer during an upload: it is refused, or replaces the upload (A-5-17)."""
     old, first, second = (subject.new_name() for _ in range(3))
     upload(line, old, content_of(250, 1))
-    begin(line, first)
+    begin_upload(line, first)
     send(line, _CHUNKS[0])
     is_download = opcode == "download_name"
     replaced = line.ask(opcode, old if is_download else second).accepted
@@ -599,7 +599,7 @@ def _begin_second_transfer(
         expect_stored(line, second, _CONTENT, "5.4/8")
     else:
         next_chunk(line)
-    remaining = left_behind(again(subject, line), first)
+    remaining = leftover_content(reconnect(subject, line), first)
     message = "a replaced upload left more than the part that was sent"
     expect(
         remaining in (None, b"", _CONTENT[:200]),
@@ -633,4 +633,4 @@ def test_mixed_transfers(subject: ControllerUnderTest, line: OutgoingConnection)
         next_chunk(line)
         line.answer_chunk(accepted=False)
         if transfer_frames(line) or line.ending:  # it may be repeated once (A-5-14, A-5-26)
-            line = again(subject, line)
+            line = reconnect(subject, line)

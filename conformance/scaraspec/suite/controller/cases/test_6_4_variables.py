@@ -90,7 +90,7 @@ def _expect_restart(
     ports = OUTPUTS[:3]
     on = not initial[ports[-1] - 1]
     name = robot.start(nodes_of(full_block, initial), variables_of(values))
-    if robot.listens and robot.until(ports[-1], on=on, within_s=_STOP_S):
+    if robot.is_responsive and robot.until(ports[-1], on=on, within_s=_STOP_S):
         robot.stop()
         for port in ports:
             set_output(line, port, on=initial[port - 1])

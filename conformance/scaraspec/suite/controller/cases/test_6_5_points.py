@@ -153,7 +153,7 @@ def test_several_moves(subject: ControllerUnderTest, line: OutgoingConnection) -
             observed=f"{position}",
         )
         robot.start(straight(speed, points[-1:]))
-        if robot.listens:
+        if robot.is_responsive:
             _expect_standstill(line, robot_arm)
         robot.stop()
 

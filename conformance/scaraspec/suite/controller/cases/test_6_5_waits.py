@@ -18,7 +18,7 @@ from scaraspec.suite.controller.harness.requests.ports import (
     still_inputs,
     with_port,
 )
-from scaraspec.suite.controller.harness.two_stage.tasks import find_out_whether_it_listens
+from scaraspec.suite.controller.harness.two_stage.tasks import probe_responsiveness
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, expect
@@ -79,7 +79,7 @@ def test_waits(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
     A long wait that was stopped before has no effect.
     """
-    find_out_whether_it_listens(subject, line)
+    probe_responsiveness(subject, line)
     with bench(subject, line) as robot:
         robot.start(wait(_LONG_S))
         robot.stop()
@@ -101,7 +101,7 @@ def test_wait_of_no_time(subject: ControllerUnderTest, line: OutgoingConnection)
 @case("6.5/20", name="long", hazards=PROGRAMS)
 def test_long_wait(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A wait of 200 seconds does not end at once, and has no effect after a stop."""
-    find_out_whether_it_listens(subject, line)
+    probe_responsiveness(subject, line)
     with bench(subject, line) as robot:
         robot.start(wait(_LONG_S))
         line.wait(robot.ours_s(_WATCH_S))
@@ -265,7 +265,7 @@ def _expect_waiting(
         expected="no final result",
         observed=f"{result}",
     )
-    if robot.listens:
+    if robot.is_responsive:
         message = UserMessage(
             "the program continued although {description}", description=description
         )

@@ -10,14 +10,19 @@ from scaraspec.suite.controller.harness.controller_under_test import ControllerU
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
     REACHED,
+    arm_returned,
     ask_move,
     begin_step_somewhere,
     joints_of,
-    off_by,
+    pose_deviation,
     pose_of,
-    returning,
 )
-from scaraspec.suite.controller.harness.two_stage.tasks import MOVE, accepted, done, require_command
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    MOVE,
+    expect_accepted,
+    expect_success,
+    require_command,
+)
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, expect
@@ -78,7 +83,7 @@ def test_tool_point_is_constant(subject: ControllerUnderTest, line: OutgoingConn
     for connection in lines:
         current = pose_of(connection)
         expect(
-            off_by(current, first) <= STANDSTILL,
+            pose_deviation(current, first) <= STANDSTILL,
             "the tool coordinates of an idle robot changed",
             expected=f"{first}",
             observed=f"{current}",
@@ -89,7 +94,7 @@ def test_tool_point_is_constant(subject: ControllerUnderTest, line: OutgoingConn
 def test_meaningless_angles(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The values of thetaY and thetaZ in a move do not change its target."""
     require_command(subject, MOVE)
-    with returning(subject, line) as pose:
+    with arm_returned(subject, line) as pose:
         for theta_y, theta_z in examples(((7.0, 0.0), (0.0, 7.0), (-3.5, 3.5))):
             target_pose = pose._replace(theta_y=theta_y, theta_z=theta_z)
             answer = ask_move(subject, line, target_pose)
@@ -97,10 +102,10 @@ def test_meaningless_angles(subject: ControllerUnderTest, line: OutgoingConnecti
                 message = "a move with thetaY or thetaZ is refused"
                 subject.tolerate("7/2", "theta_yz", "reject", message)
                 continue
-            done(subject, line, MOVE)
+            expect_success(subject, line, MOVE)
             current = pose_of(line)
             expect(
-                off_by(current, pose) <= REACHED,
+                pose_deviation(current, pose) <= REACHED,
                 "thetaY or thetaZ, which have no meaning, changed the target",
                 expected=f"{pose}",
                 observed=f"{current}",
@@ -114,21 +119,21 @@ def test_meaningless_angles(subject: ControllerUnderTest, line: OutgoingConnecti
 def test_one_geometry(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A pose has the same joint angles when the arm returns to it, and another pose has others."""
     require_command(subject, MOVE)
-    with returning(subject, line) as pose:
+    with arm_returned(subject, line) as pose:
         joints = joints_of(line)
         second_pose, answer = begin_step_somewhere(subject, line)
-        accepted(MOVE, answer)
-        done(subject, line, MOVE)
+        expect_accepted(MOVE, answer)
+        expect_success(subject, line, MOVE)
         second_joints, current = joints_of(line), pose_of(line)
         expect(
-            farthest(joints, second_joints) > 0 or off_by(current, pose) <= STANDSTILL,
+            farthest(joints, second_joints) > 0 or pose_deviation(current, pose) <= STANDSTILL,
             "two poses have the same joint angles",
             expected=f"other joint angles at {second_pose}",
             observed=f"{second_joints}",
             requirement="4.27/6",
         )
-        accepted(MOVE, ask_move(subject, line, pose))
-        done(subject, line, MOVE)
+        expect_accepted(MOVE, ask_move(subject, line, pose))
+        expect_success(subject, line, MOVE)
         returned_joints = joints_of(line)
         if farthest(joints, returned_joints) > REACHED:
             message = "the same pose has other joint angles than before"

@@ -16,11 +16,11 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     MOVE,
     RUN,
     SIMULATE,
-    finish,
-    lasting,
+    executing_task,
     require_command,
     start_program,
     try_request,
+    wait_for_result,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
@@ -79,7 +79,7 @@ def test_refusals(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
         if name not in subject.ics.unsupported:
             answer = line.ask(name, data=data)
             if answer.accepted:  # the problem may be detected late (A-4.15-1, A-4.24-5)
-                finish(subject, line, name)
+                wait_for_result(subject, line, name)
             elif answer.accepted is False and _code_of(answer):
                 _expect_code(subject, _code_of(answer))
 
@@ -87,7 +87,7 @@ def test_refusals(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
 @case("8/2", "8/1", "8/3", name="busy", hazards=_MOTION)
 def test_refusals_of_a_busy_robot(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """While a program runs, status and refusals have codes of the table."""
-    with lasting(subject, line, RUN):
+    with executing_task(subject, line, RUN):
         _expect_code(subject, line.ask("get_status").frame.data)
         answer = try_request(line, LOCK)
         if answer is not None and answer.accepted is False and _code_of(answer):
@@ -102,7 +102,7 @@ def test_missing_program(subject: ControllerUnderTest, line: OutgoingConnection)
         require_command(subject, name)
         answer = line.ask(name, subject.new_name())
         if answer.accepted:
-            answer = finish(subject, line, name)
+            answer = wait_for_result(subject, line, name)
         expect_equal(
             answer.code,
             _MISSING_PROGRAM,
@@ -114,11 +114,11 @@ def test_missing_program(subject: ControllerUnderTest, line: OutgoingConnection)
 def test_deleted_program(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Running a program again after it is deleted fails with code 20."""
     program = start_program(subject, line, RUN, 0).program
-    finish(subject, line, RUN)
+    wait_for_result(subject, line, RUN)
     line.ask("delete_program", program)
     answer = line.ask(RUN, program)
     if answer.accepted:
-        answer = finish(subject, line, RUN)
+        answer = wait_for_result(subject, line, RUN)
     message = "the run of a deleted program does not fail with code 20"
     expect_equal(answer.code, _MISSING_PROGRAM, message)
 
@@ -168,6 +168,6 @@ def test_code_of_a_failure(subject: ControllerUnderTest, line: OutgoingConnectio
     """The final result of a program during which a motor fails has a code of the table."""
     start_program(subject, line, RUN)
     with _motor_fault(subject, (Joint.ROTATION,)):
-        result = finish(subject, line, RUN)
+        result = wait_for_result(subject, line, RUN)
         if result.done is False:
             _expect_code(subject, _code_of(result))

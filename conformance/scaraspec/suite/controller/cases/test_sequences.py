@@ -22,7 +22,7 @@ from scaraspec.suite.controller.harness.sequences import (
     sequences,
     state_kept,
 )
-from scaraspec.suite.controller.harness.two_stage.executing import unless_others_run
+from scaraspec.suite.controller.harness.two_stage.executing import skip_if_other_program_runs
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import given
 from scaraspec.suite.engine.shrink import shortened
@@ -115,7 +115,7 @@ def _run_in_any_order(
             if error := failed.get(tuple(steps)):  # hypothesis calls it twice
                 raise error
 
-        with unless_others_run(subject):
+        with skip_if_other_program_runs(subject):
             check()
 
 
@@ -129,7 +129,7 @@ def test_long_use(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
     ]
     count = settings().max_examples * _STEPS_PER_EXAMPLE
     with (
-        unless_others_run(subject),
+        skip_if_other_program_runs(subject),
         state_kept(subject, line, frozenset(_STATE)) as names,
         model_of(subject, operations, names) as model,
     ):

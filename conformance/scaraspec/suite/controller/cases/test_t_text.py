@@ -19,8 +19,8 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     MOVE,
     RUN,
     SIMULATE,
-    finish,
     require_command,
+    wait_for_result,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
@@ -70,7 +70,7 @@ def test_separator_before_a_code(subject: ControllerUnderTest, line: OutgoingCon
     for name in examples((RUN, SIMULATE)):
         require_command(subject, name)
         answer = line.ask(name, subject.new_name())
-        replies = [answer, finish(subject, line, name)] if answer.accepted else [answer]
+        replies = [answer, wait_for_result(subject, line, name)] if answer.accepted else [answer]
         _expect_no_defects(replies, Defect.SPACE_FOR_BAR, Defect.FIELD_COUNT)
 
 
@@ -258,7 +258,7 @@ def test_codes_of_refusals(subject: ControllerUnderTest, line: OutgoingConnectio
         if name in subject.ics.unsupported:
             continue
         answer = line.ask(name, data=data)
-        replies = [answer, finish(subject, line, name)] if answer.accepted else [answer]
+        replies = [answer, wait_for_result(subject, line, name)] if answer.accepted else [answer]
         _expect_no_defects(replies, Defect.CODE)
 
 

@@ -31,8 +31,8 @@ from scaraspec.suite.controller.harness.requests.files import download, send
 from scaraspec.suite.controller.harness.requests.motion import (
     IDLE,
     REACHED,
-    listens,
-    off_by,
+    is_responsive,
+    pose_deviation,
     pose_of,
     status_behind,
     stop,
@@ -64,9 +64,9 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     SIMULATE,
     STATES,
     STOP,
-    accepted,
-    done,
-    stop_nothing,
+    expect_accepted,
+    expect_success,
+    stop_while_idle,
     try_request,
 )
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect, expect_equal
@@ -347,7 +347,7 @@ class Model:
     @property
     def _deaf(self) -> bool:
         """Whether a command executes and the robot answers nothing meanwhile (A-4-3)."""
-        return self._running is not None and not listens(self._subject, self._running[2])
+        return self._running is not None and not is_responsive(self._subject, self._running[2])
 
     def _look(self, _: Step, line: OutgoingConnection) -> str | None:
         if self._deaf:
@@ -628,13 +628,13 @@ class Model:
                 )
                 expect(not result.done, message, observed=f"{result}", requirement="4.15/7")
             return f"{command} {show(name)}, which is not there"
-        accepted(command, answer)
+        expect_accepted(command, answer)
         self._centre = self._initial = None  # a program brings its own, perhaps (A-6.3-3)
         self._may_switch_off(command)
         if name in self._endless:
             self._running = command, name, line
             return f"{command} {show(name)}, which does not end"
-        done(self._subject, line, command)
+        expect_success(self._subject, line, command)
         return f"{command} {show(name)}"
 
     def _expect_busy(self, command: str, name: bytes, line: OutgoingConnection) -> str | None:
@@ -664,11 +664,11 @@ class Model:
             return None
         self._subject.moved = True
         answer = line.ask(MOVE, target(self._here, self._subject.ics.motion.speed_percent))
-        accepted(MOVE, answer)
-        done(self._subject, line, MOVE)
+        expect_accepted(MOVE, answer)
+        expect_success(self._subject, line, MOVE)
         at = pose_of(line)
         expect(
-            off_by(at, self._here) <= REACHED,
+            pose_deviation(at, self._here) <= REACHED,
             "behind a move the arm is not where it was to go",
             expected=f"{self._here[:4]}",
             observed=f"{at[:4]}",
@@ -691,7 +691,7 @@ class Model:
         """On the connection that began it: the others are told of no result."""
         self._may_switch_off(STOP if self._running else _IDLE_STOP)
         if not self._running:
-            stop_nothing(self._subject, line)
+            stop_while_idle(self._subject, line)
             return _IDLE_STOP
         if self._is_over(within_s=0):
             return None

@@ -23,7 +23,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     RUN,
     SIMULATE,
     STOP,
-    find_out_whether_it_listens,
+    probe_responsiveness,
 )
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 from scaraspec.suite.engine.shrink import Failure
@@ -119,7 +119,7 @@ def state_kept(
             items = ("default program", "gripper centre", "initial tool position", "clock")
             stack.enter_context(kept(subject, line, *items))
         if Hazard.MOTION in hazards:
-            find_out_whether_it_listens(subject, line)
+            probe_responsiveness(subject, line)
             stack.enter_context(kept(subject, line, "outputs"))
         if Hazard.DESTRUCTIVE in hazards and subject.access.needs_login:
             stack.enter_context(password_kept(subject))

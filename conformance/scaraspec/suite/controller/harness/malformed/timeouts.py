@@ -9,7 +9,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.files import CHUNK_S, begin, incoming, offer
+from scaraspec.suite.controller.harness.requests.files import CHUNK_S, begin_upload, incoming, offer
 from scaraspec.suite.engine.expectations import CaseFailed
 from scaraspec.suite.engine.transfer_timeouts import Silence, limits_of
 
@@ -96,7 +96,7 @@ def uploads_at_once(subject: ControllerUnderTest) -> bool:
     lines = [subject.open(), subject.open()]
     try:
         for line in lines:
-            begin(line, subject.new_name())
+            begin_upload(line, subject.new_name())
         taken = [offer(line, Chunk(1, 0, 1, b"!"), within_s=CHUNK_S) for line in lines]
     except CaseFailed:
         taken = [False]

@@ -42,7 +42,7 @@ class NameRefused(CaseSkipped):
 # ---------------------------------------------------------------------- upload
 
 
-def begin(line: OutgoingConnection, name: bytes) -> None:
+def begin_upload(line: OutgoingConnection, name: bytes) -> None:
     """Offer a new file name.
 
     Raises:
@@ -105,7 +105,7 @@ def upload(
     Raises:
         CaseFailed: The subject refuses the name or a chunk.
     """
-    begin(line, name)
+    begin_upload(line, name)
     for chunk in chunks_of(content):
         send(line, chunk, requirement)
 
@@ -210,7 +210,7 @@ def next_chunk(line: OutgoingConnection) -> Chunk:
     return chunk_of(_chunk_frame(line))
 
 
-def course_of(line: OutgoingConnection, name: bytes) -> list[ReceivedFrame]:
+def download_replies(line: OutgoingConnection, name: bytes) -> list[ReceivedFrame]:
     """Fetch a file and keep every frame of it, right or wrong, until no more come.
 
     Raises:
@@ -250,7 +250,7 @@ def _chunk_frame(line: OutgoingConnection) -> ReceivedFrame:
 # ---------------------------------------------------------------------- around a transfer
 
 
-def nothing_more(
+def expect_nothing_more(
     line: OutgoingConnection, message: str, requirement: str, *, stray: bool = False
 ) -> None:
     """Fail the subject if it has sent, or now sends, any frame of a transfer.
@@ -290,7 +290,7 @@ def transfer_frames(line: OutgoingConnection, *, stray: bool = False) -> list[Fr
     return [seen for seen in came if not (stray and refuses_an_answer(seen.frame))]
 
 
-def gives_up(seen: FrameSeen | ReceivedFrame) -> bool:
+def is_cancelled(seen: FrameSeen | ReceivedFrame) -> bool:
     """Whether the controller says with it that its download has failed (L787; A-5-10)."""
     if seen.frame.opcode != BY_NAME["download_chunk"].opcode:
         return False
@@ -313,7 +313,9 @@ def delete(line: OutgoingConnection, name: bytes) -> None:
     )
 
 
-def some_file(subject: ControllerUnderTest, line: OutgoingConnection, content: bytes) -> bytes:
+def upload_some_file(
+    subject: ControllerUnderTest, line: OutgoingConnection, content: bytes
+) -> bytes:
     """The name of a file to fetch: one of this content, or what is there where none may be sent.
 
     Raises:
@@ -329,13 +331,13 @@ def some_file(subject: ControllerUnderTest, line: OutgoingConnection, content: b
     return bytes(part.names[0])
 
 
-def again(subject: ControllerUnderTest, line: OutgoingConnection) -> OutgoingConnection:
+def reconnect(subject: ControllerUnderTest, line: OutgoingConnection) -> OutgoingConnection:
     """Another connection in place of this one, which ends."""
     line.close()
     return subject.open()
 
 
-def left_behind(line: OutgoingConnection, name: bytes) -> bytes | None:
+def leftover_content(line: OutgoingConnection, name: bytes) -> bytes | None:
     """What is stored under a name, of which nothing may be; b"" also where no chunk comes.
 
     Raises:

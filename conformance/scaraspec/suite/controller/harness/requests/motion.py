@@ -60,14 +60,14 @@ def joints_of(line: OutgoingConnection) -> JointValues:
     return numbers_of(line, "get_joint_angles", JointValues, "4.27/2")
 
 
-def off_by(pose: Pose, wanted: Pose) -> float:
+def pose_deviation(pose: Pose, wanted: Pose) -> float:
     """By how many mm or degrees a pose misses another, as far as it has a meaning."""
     return farthest(pose[:4], wanted[:4])
 
 
 def same_place(a: Pose, b: Pose) -> bool:
     """Whether the tool has not moved between the two."""
-    return off_by(a, b) <= STANDSTILL
+    return pose_deviation(a, b) <= STANDSTILL
 
 
 # ---------------------------------------------------------------------- where to go
@@ -163,7 +163,7 @@ def is_out_of_reach(answer: ReceivedFrame) -> bool:
 
 
 @contextmanager
-def returning(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[Pose]:
+def arm_returned(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[Pose]:
     """Give the pose of the tool, and bring it back there afterwards, whatever has happened.
 
     Raises:
@@ -199,18 +199,20 @@ def _go_back(subject: ControllerUnderTest, line: OutgoingConnection, pose: Pose)
     answer = ask_move(subject, line, pose)
     if not answer.accepted:
         raise CaseFailed("the way back is refused", expected="1", observed=f"{answer}")
-    end_of(subject, line, _MOVE)
+    wait_for_end(subject, line, _MOVE)
 
 
 # ---------------------------------------------------------------------- while it executes
 
 
-def knows_whether_it_listens(subject: ControllerUnderTest) -> bool:
+def responsiveness_known(subject: ControllerUnderTest) -> bool:
     """Whether that has been found out."""
     return DEAF in subject.known
 
 
-def listens(subject: ControllerUnderTest, line: OutgoingConnection, *, jogs: bool = False) -> bool:
+def is_responsive(
+    subject: ControllerUnderTest, line: OutgoingConnection, *, jogs: bool = False
+) -> bool:
     """Whether a robot that executes answers queries (A-4-3); asked while it executes.
 
     A connection that ends answers nothing, and nothing is found out by it.
@@ -253,13 +255,13 @@ def _timed_status(
     return answer.time_s - asked_ns / _NS, answer.value
 
 
-def go_on_if_it_listens(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def require_known_responsive(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Go on only where a robot that executes answers queries; asked while it executes.
 
     Raises:
         CaseSkipped: It does not.
     """
-    if not listens(subject, line):
+    if not is_responsive(subject, line):
         raise CaseSkipped("the robot answers nothing while it executes (A-4-3)")
 
 
@@ -369,7 +371,7 @@ def _set_aside(line: OutgoingConnection, name: str) -> Iterator[None]:
         line.inbox[:0] = earlier
 
 
-def end_of(
+def wait_for_end(
     subject: ControllerUnderTest,
     line: OutgoingConnection,
     name: str,
@@ -387,7 +389,7 @@ def end_of(
         with suppress(NoReply):
             return line.result(name, within_s=min(_SLICE_S, left_s))
         left_s -= _SLICE_S
-        listens(subject, line)  # a deaf robot is asked otherwise
+        is_responsive(subject, line)  # a deaf robot is asked otherwise
         idle = status_of(subject, line) == IDLE
     with suppress(NoReply):
         return line.result(name, within_s=SILENCE_S)
@@ -416,7 +418,7 @@ def release_latch(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
             for _ in range(_READINGS):  # unsteady ones may lie beyond the end of its travel
                 answer = ask_move(subject, line, pose_of(line), SLOWEST_PERCENT)
                 if answer.accepted:
-                    end_of(subject, line, _MOVE)
+                    wait_for_end(subject, line, _MOVE)
                     break
         if answer.accepted:
             if _LATCHES not in subject.known:
@@ -426,6 +428,6 @@ def release_latch(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
     for remedy in (_RESET, _LOCK):  # it may have let go of its joints (A-4.25-1)
         with _set_aside(line, remedy):
             if remedy not in subject.ics.unsupported and line.ask(remedy).accepted:
-                end_of(subject, line, remedy)
+                wait_for_end(subject, line, remedy)
                 line.wait(_POLL_S)
                 break

@@ -16,10 +16,10 @@ from scaraspec.suite.controller.harness.requests.motion import (
     IDLE,
     SLOWEST_PERCENT,
     ask_move,
-    end_of,
     in_box,
     pose_of,
     status_of,
+    wait_for_end,
 )
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 
@@ -75,7 +75,7 @@ def come_back(subject: ControllerUnderTest) -> list[str]:
 
 def _command(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
     if name not in subject.ics.unsupported and line.ask(name).accepted:
-        end_of(subject, line, name)
+        wait_for_end(subject, line, name)
 
 
 def _goes(
@@ -87,7 +87,7 @@ def _goes(
     lacks = _MOVE in subject.ics.unsupported
     if lacks or not ask_move(subject, line, pose, speed_percent).accepted:
         return False
-    end = end_of(subject, line, _MOVE)
+    end = wait_for_end(subject, line, _MOVE)
     return end is None or end.done is True
 
 

@@ -44,7 +44,7 @@ def store_wait_program(
     return name
 
 
-def begin(
+def begin_or_skip(
     subject: ControllerUnderTest, line: OutgoingConnection, command: str, value: Any = None
 ) -> None:
     """Begin a two-stage command.
@@ -61,7 +61,7 @@ def begin(
 
 
 @contextmanager
-def unless_others_run(
+def skip_if_other_program_runs(
     subject: ControllerUnderTest, line: OutgoingConnection | None = None
 ) -> Iterator[None]:
     """Hold nothing against a robot that turns out to run a program of somebody else.
@@ -98,7 +98,9 @@ def _program_of_others(subject: ControllerUnderTest, line: OutgoingConnection) -
     return b"" if told.name.startswith(subject.files.prefix) else told.name
 
 
-def ended(line: OutgoingConnection, command: str, within_s: float = 0.0) -> ReceivedFrame | None:
+def poll_result(
+    line: OutgoingConnection, command: str, within_s: float = 0.0
+) -> ReceivedFrame | None:
     """The final result of a command, if it comes by then."""
     try:
         return line.result(command, within_s=within_s)
@@ -106,7 +108,7 @@ def ended(line: OutgoingConnection, command: str, within_s: float = 0.0) -> Rece
         return None
 
 
-def ask_busy(
+def ask_while_executing(
     subject: ControllerUnderTest, line: OutgoingConnection, query: str, command: str
 ) -> ReceivedFrame:
     """Ask something while a command executes.
@@ -122,7 +124,7 @@ def ask_busy(
             raise
         line.send("emergency_stop")
         stopped = _replied(subject, line)
-        if ended(line, command, 0 if stopped else subject.longest_s) is None and not stopped:
+        if poll_result(line, command, 0 if stopped else subject.longest_s) is None and not stopped:
             raise
     raise CaseSkipped(
         UserMessage(
@@ -153,12 +155,12 @@ def expect_status(
         CaseSkipped: It is not told meanwhile.
         CaseInconclusive: It tells of a fault.
     """
-    answer = ask_busy(subject, line, "get_status", command)
+    answer = ask_while_executing(subject, line, "get_status", command)
     if answer.value == wanted:
         return True
-    if answer.value == _IDLE and ended(line, command, _LAG_S) is not None:
+    if answer.value == _IDLE and poll_result(line, command, _LAG_S) is not None:
         return False
-    sound(answer)
+    require_no_fault(answer)
     message = UserMessage(
         "the status is {answer_value} while {command} executes",
         answer_value=answer.value,
@@ -167,7 +169,7 @@ def expect_status(
     raise CaseFailed(message, expected=wanted, observed=f"{answer}", requirement=requirement)
 
 
-def sound(status: ReceivedFrame) -> errors.Code | None:
+def require_no_fault(status: ReceivedFrame) -> errors.Code | None:
     """The code of table 8-1 that a status tells, if it is one.
 
     Raises:
@@ -185,7 +187,7 @@ def sound(status: ReceivedFrame) -> errors.Code | None:
     return code
 
 
-def expect_rest(subject: ControllerUnderTest, line: OutgoingConnection, message: str) -> None:
+def expect_idle(subject: ControllerUnderTest, line: OutgoingConnection, message: str) -> None:
     """Fail the subject unless its status soon is 00.
 
     Raises:
@@ -199,7 +201,7 @@ def expect_rest(subject: ControllerUnderTest, line: OutgoingConnection, message:
         ) from None
 
 
-def finish(
+def wait_until_idle(
     subject: ControllerUnderTest, line: OutgoingConnection, command: str, lasts_s: float = 0.0
 ) -> None:
     """Wait for the end of a command that lasts so many of the subject's seconds.
@@ -210,4 +212,4 @@ def finish(
     """
     within_s = subject.longest_s + lasts_s / subject.ics.time_scale
     line.result(command, within_s=within_s)
-    expect_rest(subject, line, f"the robot is not idle although {command} has ended")
+    expect_idle(subject, line, f"the robot is not idle although {command} has ended")

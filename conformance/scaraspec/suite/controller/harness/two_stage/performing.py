@@ -13,8 +13,8 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
     SLOWEST_PERCENT,
+    arm_returned,
     pose_of,
-    returning,
     status_at_rest,
     target,
 )
@@ -27,16 +27,16 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     RUN,
     SIMULATE,
     STOP,
-    accepted,
-    begin_or_skip,
-    finish,
-    home_at,
-    interrupted,
+    begin,
+    expect_accepted,
+    initial_position_at_pose,
+    interrupted_result,
     jog_somewhere,
-    locked_again,
-    release,
+    locked_afterwards,
+    release_joints,
     require_command,
     start_program,
+    wait_for_result,
 )
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import expect
@@ -63,14 +63,14 @@ def perform(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -
         CaseFailed: It refuses, or a final result that is due does not come.
     """
     require_command(subject, name)
-    with returning(subject, line) as pose:
+    with arm_returned(subject, line) as pose:
         return _PERFORM.get(name, _simply)(subject, line, name, pose)
 
 
 def _ended(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, first: ReceivedFrame
 ) -> Performed:
-    return Performed(first, finish(subject, line, name), _status(subject, line))
+    return Performed(first, wait_for_result(subject, line, name), _status(subject, line))
 
 
 def _status(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFrame:
@@ -81,7 +81,7 @@ def _status(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedF
 def _simply(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, _: Pose
 ) -> Performed:
-    return _ended(subject, line, name, begin_or_skip(subject, line, name))
+    return _ended(subject, line, name, begin(subject, line, name))
 
 
 def _perform_program(
@@ -96,22 +96,22 @@ def _perform_lock(
     """Joints that are locked may refuse to be locked again (A-4.25-3)."""
     first = line.ask(name)
     if first.accepted is False and first.code not in BUSY:
-        release(subject, line)
-        first = begin_or_skip(subject, line, name)
-    return _ended(subject, line, name, accepted(name, first))
+        release_joints(subject, line)
+        first = begin(subject, line, name)
+    return _ended(subject, line, name, expect_accepted(name, first))
 
 
 def _perform_move(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, pose: Pose
 ) -> Performed:
-    first = begin_or_skip(subject, line, name, target(pose, SLOWEST_PERCENT))
+    first = begin(subject, line, name, target(pose, SLOWEST_PERCENT))
     return _ended(subject, line, name, first)
 
 
 def _perform_reset(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, pose: Pose
 ) -> Performed:
-    with home_at(subject, line):
+    with initial_position_at_pose(subject, line):
         return _simply(subject, line, name, pose)
 
 
@@ -119,8 +119,8 @@ def _perform_release(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, _: Pose
 ) -> Performed:
     """Its result may come at once, or when the joints are locked again (A-4.25-2)."""
-    with locked_again(subject, line):
-        first, result = release(subject, line)
+    with locked_afterwards(subject, line):
+        first, result = release_joints(subject, line)
         if result is not None:
             return Performed(first, result, _status(subject, line))
     return _ended(subject, line, name, first)
@@ -133,16 +133,16 @@ def _perform_jog(
     pose: Pose,  # noqa: ARG001 - one signature for all
 ) -> Performed:
     first = jog_somewhere(subject, line)
-    accepted(STOP, line.ask(STOP))
+    expect_accepted(STOP, line.ask(STOP))
     status = _ended(subject, line, STOP, first).status
-    return Performed(first, interrupted(line, JOG), status)
+    return Performed(first, interrupted_result(line, JOG), status)
 
 
 def _perform_stop(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, _: Pose
 ) -> Performed:
     start_program(subject, line, RUN)
-    return _ended(subject, line, name, accepted(name, line.ask(name)))
+    return _ended(subject, line, name, expect_accepted(name, line.ask(name)))
 
 
 _PERFORM: Final[
@@ -159,7 +159,7 @@ _PERFORM: Final[
 }
 
 
-def expect_stays(
+def expect_standstill(
     line: OutgoingConnection, message: str, *, for_s: float, pose: Pose | None = None
 ) -> None:
     """For so many seconds the tool has to stay: where it is, or where it was before.

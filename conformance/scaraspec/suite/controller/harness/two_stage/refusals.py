@@ -18,9 +18,9 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     RELEASE,
     STOP,
     Task,
-    finish,
-    locked_again,
+    locked_afterwards,
     try_request,
+    wait_for_result,
 )
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import expect
@@ -122,7 +122,7 @@ def expect_busy(
         subject.tolerate("4/6", "A-4.28-5", "replace", message)
         return
     if task.over_before(answer):
-        with locked_again(subject, line) if name == RELEASE else nullcontext():
+        with locked_afterwards(subject, line) if name == RELEASE else nullcontext():
             task.lasts()
     expect(
         not answer.accepted,
@@ -147,7 +147,7 @@ def expect_busy(
     expect_refusal(subject, answer)
 
 
-def expect_missing(
+def expect_missing_program(
     subject: ControllerUnderTest,
     line: OutgoingConnection,
     name: str,
@@ -161,7 +161,7 @@ def expect_missing(
     """
     subject.moved = True
     first = line.ask(name, program)
-    told = finish(subject, line, name) if first.accepted else first
+    told = wait_for_result(subject, line, name) if first.accepted else first
     expect(
         not told.done and told.code == _MISSING,
         UserMessage("{name} of a program that is not stored is not told by code 20", name=name),

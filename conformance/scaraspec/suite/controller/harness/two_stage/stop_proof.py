@@ -18,13 +18,13 @@ from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
     IDLE,
     SLOWEST_PERCENT,
+    arm_returned,
     begin_step_somewhere,
-    end_of,
     joints_of,
-    off_by,
+    pose_deviation,
     pose_of,
-    returning,
     same_place,
+    wait_for_end,
 )
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     JOG,
@@ -72,7 +72,7 @@ class _Started(NamedTuple):
 def _stops(subject: ControllerUnderTest, start: "_Start") -> bool:
     """Start something, and stop it; whether that showed that the stop works."""
     line = subject.open()
-    with returning(subject, line):
+    with arm_returned(subject, line):
         subject.moved = True
         started = start(subject, line)
         if started is None:
@@ -98,7 +98,7 @@ def _is_stopped(subject: ControllerUnderTest, line: OutgoingConnection, started:
         line.result(STOP, within_s=subject.reply_s)
     line.wait(EFFECT_S)
     places = [_look(line) for _ in range(_LOOKS)]
-    if off_by(places[0], places[-1]) > STANDSTILL:
+    if pose_deviation(places[0], places[-1]) > STANDSTILL:
         shown = (f"{tuple(place[:4])}" for place in (places[0], places[-1]))
         stop.fail("4.17/7", "the arm goes on moving after it", *shown)
     arrived = started.target is not None and same_place(places[-1], started.target)
@@ -131,7 +131,7 @@ def _step_once_locked(subject: ControllerUnderTest, line: OutgoingConnection) ->
     """A step of a robot whose joints may have been loose (A-4.25-1)."""
     if {LOCK, MOVE} & subject.ics.unsupported or not line.ask(LOCK).accepted:
         return None
-    end_of(subject, line, LOCK)
+    wait_for_end(subject, line, LOCK)
     return _step(subject, line)
 
 

@@ -23,18 +23,18 @@ from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
     SLOWEST_PERCENT,
+    arm_returned,
     begin_step_somewhere,
-    end_of,
-    go_on_if_it_listens,
-    knows_whether_it_listens,
-    listens,
+    is_responsive,
     pose_of,
     release_latch,
-    returning,
+    require_known_responsive,
+    responsiveness_known,
     status_of,
     stop,
     stop_motion,
     target,
+    wait_for_end,
 )
 from scaraspec.suite.controller.harness.timeouts import SUCCESS
 from scaraspec.suite.engine.connection import ReceivedFrame
@@ -77,7 +77,7 @@ _NS: Final = 1e9
 # ---------------------------------------------------------------------- beginning
 
 
-def begin_or_skip(
+def begin(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, value: Any = None
 ) -> ReceivedFrame:
     """Ask an idle robot for a two-stage command that it can do.
@@ -88,7 +88,7 @@ def begin_or_skip(
     """
     require_command(subject, name)
     subject.moved = True
-    return accepted(name, line.ask(name, value))
+    return expect_accepted(name, line.ask(name, value))
 
 
 def require_command(subject: ControllerUnderTest, *names: str) -> None:
@@ -102,7 +102,7 @@ def require_command(subject: ControllerUnderTest, *names: str) -> None:
             raise CaseSkipped(UserMessage("the subject lacks {name}", name=name))
 
 
-def accepted(name: str, answer: ReceivedFrame) -> ReceivedFrame:
+def expect_accepted(name: str, answer: ReceivedFrame) -> ReceivedFrame:
     """Fail the subject unless it has accepted a command that it can do.
 
     Raises:
@@ -123,7 +123,7 @@ def accepted(name: str, answer: ReceivedFrame) -> ReceivedFrame:
     )
 
 
-def stored(
+def upload_wait_program(
     subject: ControllerUnderTest,
     line: OutgoingConnection,
     seconds: float | None = None,
@@ -144,7 +144,9 @@ def stored(
     return name
 
 
-def stored_as(subject: ControllerUnderTest, line: OutgoingConnection, name: bytes) -> bytes:
+def upload_short_program(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: bytes
+) -> bytes:
     """Upload a program that ends at once under a name of one's own."""
     _upload_wait(subject, line, name, 0)
     return name
@@ -167,9 +169,15 @@ class Started(NamedTuple):
 def start_program(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, seconds: float | None = None
 ) -> Started:
-    """Run or simulate a program that waits for so many seconds, or for long enough (`stored`).
+    """Run or simulate a program that waits (see `upload_wait_program`).
 
-    The layout of program files is found out first (A-6.1-2).
+    The layout of program files is determined first (A-6.1-2).
+
+    Args:
+        subject: The controller under test.
+        line: The connection that starts the program.
+        name: The command: `run_program` or `simulate_program`.
+        seconds: How long the program waits; None for long enough to be interrupted.
 
     Raises:
         CaseFailed: It is refused.
@@ -180,8 +188,8 @@ def start_program(
         with suppress(CaseFailed, CaseInconclusive):  # it is for the cases about layouts to say so
             find_layout(subject, line)
     release_latch(subject, line)
-    program = stored(subject, line, seconds)
-    return Started(program, accepted(name, line.ask(name, program)))
+    program = upload_wait_program(subject, line, seconds)
+    return Started(program, expect_accepted(name, line.ask(name, program)))
 
 
 def begin_jog(
@@ -195,7 +203,7 @@ def begin_jog(
         NoReply: Neither is answered.
     """
     require_command(subject, JOG)
-    find_out_whether_it_listens(subject, line)
+    probe_responsiveness(subject, line)
     request, spoken = BY_NAME[JOG].request, subject.dialect["jog_byte"]
     first: ReceivedFrame | None = None
     for notation in (spoken, "ascii" if spoken == "binary" else "binary"):
@@ -225,7 +233,7 @@ def jog_somewhere(subject: ControllerUnderTest, line: OutgoingConnection) -> Rec
         answer = begin_jog(subject, line, direction)
         if answer.accepted or answer.code in BUSY:
             break
-    return accepted(JOG, answer)
+    return expect_accepted(JOG, answer)
 
 
 def try_request(
@@ -252,7 +260,7 @@ def try_request(
 
 def harmless_requests(subject: ControllerUnderTest, line: OutgoingConnection) -> Mapping[str, Any]:
     """For every two-stage command but the stop, a request that does next to nothing."""
-    program = stored(subject, line, 0)
+    program = upload_wait_program(subject, line, 0)
     values: dict[str, Any] = {
         RUN: program,
         SIMULATE: program,
@@ -326,7 +334,7 @@ class Task:
 
 
 @contextmanager
-def lasting(
+def executing_task(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, *, queries: bool = True
 ) -> Iterator[Task]:
     """Begin a task that goes on for a while, and end it afterwards, if it has not ended.
@@ -342,11 +350,11 @@ def lasting(
         CaseSkipped: The robot answers nothing while it executes (A-4-3), or cannot do it here.
     """
     if not queries:  # what ends it asks all the same
-        find_out_whether_it_listens(subject, line)
-    with returning(subject, line):
+        probe_responsiveness(subject, line)
+    with arm_returned(subject, line):
         task = Task(name, line)
         with _BEGIN[name](subject, line, task):
-            if queries and not listens(subject, line, jogs=name == JOG):
+            if queries and not is_responsive(subject, line, jogs=name == JOG):
                 stop(subject, line)
                 stop_motion(subject, line)
                 raise CaseSkipped("the robot answers nothing while it executes (A-4-3)")
@@ -360,16 +368,16 @@ def require_responsive(subject: ControllerUnderTest, line: OutgoingConnection) -
     Raises:
         CaseSkipped: It does not (A-4-3).
     """
-    if knows_whether_it_listens(subject):
-        go_on_if_it_listens(subject, line)
+    if responsiveness_known(subject):
+        require_known_responsive(subject, line)
         return
-    with lasting(subject, line, RUN):
+    with executing_task(subject, line, RUN):
         pass
 
 
-def find_out_whether_it_listens(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def probe_responsiveness(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Ask once while a program waits, so that no jog goes on while an answer is waited for."""
-    if not knows_whether_it_listens(subject):
+    if not responsiveness_known(subject):
         with suppress(CaseFailed, CaseSkipped):
             require_responsive(subject, line)
 
@@ -384,7 +392,7 @@ def _program(subject: ControllerUnderTest, line: OutgoingConnection, task: Task)
 def _step(subject: ControllerUnderTest, line: OutgoingConnection, task: Task) -> Iterator[None]:
     require_command(subject, task.name)
     _, answer = begin_step_somewhere(subject, line, SLOWEST_PERCENT)
-    accepted(task.name, answer)
+    expect_accepted(task.name, answer)
     yield
 
 
@@ -398,16 +406,18 @@ def _jog(subject: ControllerUnderTest, line: OutgoingConnection, _: Task) -> Ite
 def _way_home(subject: ControllerUnderTest, line: OutgoingConnection, task: Task) -> Iterator[None]:
     """A reset that has a step to go, where it goes to the initial tool position (A-4.18-3)."""
     require_command(subject, task.name)
-    with home_at(subject, line):
+    with initial_position_at_pose(subject, line):
         _, answer = begin_step_somewhere(subject, line)
-        accepted(MOVE, answer)
-        done(subject, line, MOVE)
-        begin_or_skip(subject, line, RESET)
+        expect_accepted(MOVE, answer)
+        expect_success(subject, line, MOVE)
+        begin(subject, line, RESET)
         yield
 
 
 @contextmanager
-def home_at(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[None]:
+def initial_position_at_pose(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> Iterator[None]:
     """Make where the arm stands the initial tool position, for a while.
 
     So that a reset goes no farther than back to it (A-4.18-3).
@@ -440,30 +450,30 @@ _BEGIN: Final[Mapping[str, _Begin]] = {
 # ---------------------------------------------------------------------- ending
 
 
-def stop_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def stop_while_idle(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Stop a robot that is idle: that is refused, or done at once (A-4.17-1), and stops nothing.
 
     What begins afterwards goes on.
     """
     subject.moved = True
     if STOP not in subject.ics.unsupported and line.ask(STOP).accepted:
-        finish(subject, line, STOP)
+        wait_for_result(subject, line, STOP)
         stop_motion(subject, line)
 
 
-def finish(
+def wait_for_result(
     subject: ControllerUnderTest,
     line: OutgoingConnection,
     name: str,
     *,
     within_s: float | None = None,
 ) -> ReceivedFrame:
-    """Wait for a final result; see `end_of`.
+    """Wait for a final result; see `wait_for_end`.
 
     Raises:
         NoReply: It does not come.
     """
-    answer = end_of(subject, line, name, within_s=within_s)
+    answer = wait_for_end(subject, line, name, within_s=within_s)
     if answer is None:
         longest = "motion.longest_s of the statement at most"
         message = UserMessage(
@@ -478,13 +488,15 @@ def finish(
     return answer
 
 
-def done(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> ReceivedFrame:
+def expect_success(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str
+) -> ReceivedFrame:
     """Wait for the successful end of a task.
 
     Raises:
         CaseFailed: It has another end, or none.
     """
-    answer = finish(subject, line, name)
+    answer = wait_for_result(subject, line, name)
     if answer.frame.data.rstrip(b"\0") != b"11":
         raise CaseFailed(
             UserMessage("{name} does not end with success", name=name),
@@ -495,7 +507,7 @@ def done(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> R
     return answer
 
 
-def release(
+def release_joints(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> tuple[ReceivedFrame, ReceivedFrame | None]:
     """Release the joints: the first reply, and the final result.
@@ -505,7 +517,7 @@ def release(
     Raises:
         CaseFailed: The idle robot refuses it.
     """
-    first = begin_or_skip(subject, line, RELEASE)
+    first = begin(subject, line, RELEASE)
     left_s = subject.reply_s
     while True:
         with suppress(NoReply):
@@ -516,17 +528,17 @@ def release(
 
 
 @contextmanager
-def locked_again(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[None]:
+def locked_afterwards(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[None]:
     """Lock the joints afterwards, whatever has happened."""
     try:
         yield
     finally:
         with suppress(CaseFailed):
             if line.ask(LOCK).accepted:
-                finish(subject, line, LOCK)
+                wait_for_result(subject, line, LOCK)
 
 
-def interrupted(line: OutgoingConnection, name: str) -> ReceivedFrame | None:
+def interrupted_result(line: OutgoingConnection, name: str) -> ReceivedFrame | None:
     """The final result of what a stop has ended, where it has one (A-4.17-4)."""
     try:
         return line.result(name, within_s=SILENCE_S)
