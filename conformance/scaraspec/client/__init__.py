@@ -1,7 +1,11 @@
-"""The reference client: `Client` and `AsyncClient`, and what can keep them from their task.
+"""The reference client: `Client` (blocking), `AsyncClient` (asyncio) and their exceptions.
 
-`core` is the client without a link and a clock; `operation`, `transfer` and `replies` are its
-parts. `operations` has one method for each row of the table; `blocking` and `aio` carry them out.
+Belongs here: everything that a client program needs to command one controller. `core` is the
+client without I/O and without a clock; `pending_operation`, `transfer` and `replies` are its
+parts. `operations` has one method for each command; `blocking` and `aio` perform them.
+
+Does not belong here: what the suite uses to test a controller. The suite does not import this
+package, so that a common mistake cannot hide in both.
 """
 
 from scaraspec.client.aio import AsyncClient, AsyncPending

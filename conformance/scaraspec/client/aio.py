@@ -1,6 +1,6 @@
-"""The asyncio shell: an `AsyncClient` that may be used from several tasks of one loop.
+"""The asyncio client: `AsyncClient`, which several tasks of one event loop may use.
 
-Here the core meets an asyncio transport and the loop's clock.
+It connects the core to an asyncio transport and to the clock of the event loop.
 """
 
 import asyncio
@@ -29,37 +29,37 @@ T = TypeVar("T")
 
 
 class AsyncPending(PendingBase):
-    """A two-stage command under way; made by the ``start_`` methods of an `AsyncClient`."""
+    """A two-stage command in progress, returned by the ``start_`` methods of `AsyncClient`."""
 
     def __init__(self, client: "AsyncClient", operation: PendingOperation) -> None:
         super().__init__(operation)
         self._client = client
 
     async def wait(self, timeout_s: float | None = None) -> None:
-        """Wait for the final result, as `Pending.wait` does."""
+        """Wait for the final result; arguments and exceptions as for `Pending.wait`."""
         if not await self._client.wait_for(lambda: self._operation.settled, timeout_s):
             raise self._no_result(timeout_s)
         self._operation.outcome()
 
 
 class AsyncClient(ClientBase):
-    """A client of one controller on the network, for asyncio.
+    """An asyncio client of one controller on the network.
 
     ``async with AsyncClient("tcp://192.168.1.2", password="password") as client:`` connects, logs
-    in, and closes at the end. For serial lines and Bluetooth use `Client`, in a thread.
+    in, and closes the link at the end. For serial lines and Bluetooth use `Client` in a thread.
 
     Args:
-        url: Where to connect, ``tcp://host[:8877]``.
-        password: What to log in with; None if `login` is called later.
-        dialect: The readings to speak.
-        connect_timeout_s: How long to wait for the connection.
+        url: ``tcp://host[:8877]``.
+        password: Password for the login; None to call `login` later.
+        dialect: The readings to use.
+        connect_timeout_s: Timeout of the connection in seconds.
 
     Raises:
-        UrlError: The text is no such URL.
+        UrlError: `url` is not a valid network link URL.
     """
 
     core: ClassVar[type[ClientCore]] = ClientCore
-    """What is inside; a client that is wrong on purpose has another one."""
+    """The class of the core; client mutants replace it."""
 
     def __init__(
         self,
@@ -73,7 +73,7 @@ class AsyncClient(ClientBase):
         address = parse(url)
         if not isinstance(address, Tcp):
             raise UrlError(
-                UserMessage("{url} is no network link: use Client, in a thread", url=url)
+                UserMessage("{url} is not a network link: use Client in a thread", url=url)
             )
         self._address = address
         self._password = password
@@ -83,31 +83,35 @@ class AsyncClient(ClientBase):
         self._waiters: set[asyncio.Future[None]] = set()
 
     async def connect(self) -> None:
-        """Open the link, and log in if there is a password; `async with` does both.
+        """Open the link, and log in if a password is set. An ``async with`` statement calls it.
 
         Raises:
-            LinkLost: There is no connection to be had.
-            LoginFailed: The controller refused the password; the link is closed again.
+            LinkLost: The connection cannot be established.
+            LoginFailed: The controller refused the password. The link is closed again.
         """
         loop = asyncio.get_running_loop()
         try:
             async with asyncio.timeout(self._connect_timeout_s):
                 self._transport, _ = await loop.create_connection(
-                    lambda: _Wire(self._data_received, self._connection_lost), *self._address
+                    lambda: _Protocol(self._data_received, self._connection_lost), *self._address
                 )
         except (OSError, UnicodeError) as error:
             if isinstance(error, TimeoutError):
-                why: str = UserMessage(
-                    "no answer in {connect_timeout_s:g} s",
+                reason: str = UserMessage(
+                    "no answer within {connect_timeout_s:g} s",
                     connect_timeout_s=self._connect_timeout_s,
                 )
             else:
-                why = getattr(error, "strerror", None) or "there is no such host"
-            raise LinkLost(f"cannot connect to {self._address}: {why}") from None
+                reason = getattr(error, "strerror", None) or "the host is unknown"
+            raise LinkLost(
+                UserMessage(
+                    "cannot connect to {address}: {reason}", address=self._address, reason=reason
+                )
+            ) from None
         await self._login()
 
     async def close(self) -> None:
-        """Close the link; calls that wait end with `LinkLost`."""
+        """Close the link. Waiting calls raise `LinkLost`."""
         self._connection_lost(CLOSED_LOCALLY)
         if self._transport is not None:
             self._transport.close()
@@ -125,7 +129,7 @@ class AsyncClient(ClientBase):
         await self.close()
 
     async def perform(self, call: Call[T]) -> T:
-        """Carry out an operation to its end; used by its method."""
+        """Perform an operation and return its result. The methods of the operations call it."""
         operation = await self._begin(call)
         try:
             while not operation.settled:
@@ -137,7 +141,7 @@ class AsyncClient(ClientBase):
         return call.convert(operation.outcome())
 
     async def start(self, call: Call[None]) -> AsyncPending:
-        """Carry out an operation up to its first reply; used by its ``start_`` method."""
+        """Perform an operation up to its first reply. The ``start_`` methods call it."""
         operation = await self._begin(call)
         await self.wait_for(lambda: operation.accepted is not None or operation.settled)
         if not operation.accepted and not isinstance(operation.error, Refused):
@@ -145,10 +149,10 @@ class AsyncClient(ClientBase):
         return AsyncPending(self, operation)
 
     async def wait_for(self, condition: Callable[[], bool], timeout_s: float | None = None) -> bool:
-        """Wait until something is so.
+        """Wait until `condition()` is true.
 
         Returns:
-            Whether it is; False when `timeout_s` have passed without.
+            True if the condition is met; False after `timeout_s` seconds.
         """
         try:
             async with asyncio.timeout(timeout_s):
@@ -187,11 +191,11 @@ class AsyncClient(ClientBase):
         self._update()
 
     def _tick(self, due_s: float) -> None:
-        self._core.tick(max(due_s, _now_s()))  # alarms may come early by the clock's resolution
+        self._core.tick(max(due_s, _now_s()))  # a timer may fire early by the clock's resolution
         self._update()
 
     def _update(self) -> None:
-        """The core has moved: send what it wants sent, set its alarm, wake who waits."""
+        """After a change of the core: send its bytes, set the timer, wake the waiting tasks."""
         if self._transport is not None:
             self._transport.write(self._core.bytes_to_send())
         if self._timer is not None:
@@ -207,21 +211,21 @@ class AsyncClient(ClientBase):
                 waiter.set_result(None)
 
 
-class _Wire(asyncio.Protocol):
-    """Where asyncio brings the bytes."""
+class _Protocol(asyncio.Protocol):
+    """The asyncio protocol: passes bytes and the end of the link to the client."""
 
     def __init__(
-        self, hear: Callable[[bytes], None], connection_lost: Callable[[str], None]
+        self, data_received: Callable[[bytes], None], connection_lost: Callable[[str], None]
     ) -> None:
-        self._data_received = hear
+        self._data_received = data_received
         self._connection_lost = connection_lost
 
     def data_received(self, data: bytes) -> None:
-        """Tell what has arrived."""
+        """Pass the received bytes on."""
         self._data_received(data)
 
     def connection_lost(self, error: Exception | None) -> None:
-        """Tell that the link has ended."""
+        """Report the end of the link."""
         self._connection_lost(LINK_LOST_REASONS[Ending.RESET if error else Ending.CLOSED])
 
 

@@ -1,7 +1,7 @@
-"""The blocking shell: a `Client` that may be used from several threads.
+"""The blocking client: `Client`, which several threads may use.
 
-Here the core meets a link and threads. No thread is started: of those that wait, one listens to
-the link for all, and another takes over when it has what it waited for.
+It connects the core to a link. It starts no thread: one of the waiting threads receives from the
+link for all; when it has its reply, another waiting thread takes over.
 """
 
 import contextlib
@@ -29,11 +29,11 @@ from scaraspec.transports.url import Tcp, parse
 
 T = TypeVar("T")
 
-_LISTEN_S = 0.25  # for how long a listener may miss that another thread has closed the client
+_LISTEN_S = 0.25  # how long a receiving thread may not notice that another one closed the client
 
 
 class Pending(PendingBase):
-    """A two-stage command under way; made by the ``start_`` methods of a `Client`."""
+    """A two-stage command in progress, returned by the ``start_`` methods of `Client`."""
 
     def __init__(self, client: "Client", operation: PendingOperation) -> None:
         super().__init__(operation)
@@ -43,15 +43,15 @@ class Pending(PendingBase):
         """Wait for the final result.
 
         Args:
-            timeout_s: How long; without bound if None. While `get_status` says that the robot is
-                running, waiting on is right (4/11).
+            timeout_s: Timeout in seconds; None for no timeout. While `get_status` reports that
+                the robot is running, continue to wait (4/11).
 
         Raises:
-            Refused: It was not accepted.
-            Failed: It was not done; `Interrupted` if something ended it before its time.
-            ReplyTimeout: No result within `timeout_s`; it may be waited for again.
-            LinkLost: The link ended before.
-            ProtocolError: The result makes no sense.
+            Refused: The controller refused the command.
+            Failed: The command failed; `Interrupted` if it was interrupted.
+            ReplyTimeout: No result within `timeout_s`. `wait` may be called again.
+            LinkLost: The link ended before the result.
+            ProtocolError: The result cannot be decoded.
         """
         if not self._client.wait_for(lambda: self._operation.settled, timeout_s):
             raise self._no_result(timeout_s)
@@ -59,20 +59,21 @@ class Pending(PendingBase):
 
 
 class Client(ClientBase):
-    """A client of one controller.
+    """A blocking client of one controller.
 
     ``with Client("tcp://192.168.1.2", password="password") as client:`` connects, logs in, and
-    closes at the end. A client connects once; for another link make another client.
+    closes the link at the end. A client connects once; create a new client for another link.
 
     Args:
-        link: Where to connect, as a URL (``tcp://host[:8877]``, ``serial:///dev/rfcomm0``,
+        link: URL (``tcp://host[:8877]``, ``serial:///dev/rfcomm0``,
             ``rfcomm://AA:BB:CC:DD:EE:FF/1``), or an open link.
-        password: What to log in with; None if `login` is called later, or not needed (L83).
-        dialect: The readings to speak.
-        connect_timeout_s: How long to wait for the connection.
+        password: Password for the login; None to call `login` later, or for a link that needs no
+            login (L83).
+        dialect: The readings to use.
+        connect_timeout_s: Timeout of the connection in seconds.
 
     Raises:
-        UrlError: The text is no URL of a link.
+        UrlError: `link` is not a valid link URL.
     """
 
     def __init__(
@@ -89,16 +90,16 @@ class Client(ClientBase):
         self._open_link = None if isinstance(link, str) else link
         self._password = password
         self._connect_timeout_s = connect_timeout_s
-        self._turn = threading.Condition(threading.Lock())
+        self._condition = threading.Condition(threading.Lock())
         self._listening = False
         self._closed = False
 
     def connect(self) -> None:
-        """Open the link, and log in if there is a password; `with` does both.
+        """Open the link, and log in if a password is set. A ``with`` statement calls it.
 
         Raises:
-            LinkLost: There is no connection to be had.
-            LoginFailed: The controller refused the password; the link is closed again.
+            LinkLost: The connection cannot be established.
+            LoginFailed: The controller refused the password. The link is closed again.
         """
         if self._open_link is None and self._url is not None:
             try:
@@ -113,15 +114,15 @@ class Client(ClientBase):
                 raise
 
     def close(self) -> None:
-        """Close the link; calls that wait end with `LinkLost`. Nothing if it is closed already."""
-        with self._turn:
+        """Close the link. Waiting calls raise `LinkLost`. Closing twice has no effect."""
+        with self._condition:
             if self._open_link is None or self._closed:
                 return
             self._closed = True
             self._core.connection_lost(CLOSED_LOCALLY, self._open_link.now_s)
-            if not self._listening:  # else the listener closes it, which alone may touch it now
+            if not self._listening:  # otherwise the receiving thread owns the link and closes it
                 self._open_link.close()
-            self._turn.notify_all()
+            self._condition.notify_all()
 
     def __enter__(self) -> Self:
         self.connect()
@@ -136,7 +137,7 @@ class Client(ClientBase):
         self.close()
 
     def perform(self, call: Call[T]) -> T:
-        """Carry out an operation to its end; used by its method."""
+        """Perform an operation and return its result. The methods of the operations call it."""
         operation = self._begin(call)
         try:
             while not operation.settled:
@@ -151,7 +152,7 @@ class Client(ClientBase):
         return call.convert(operation.outcome())
 
     def start(self, call: Call[None]) -> Pending:
-        """Carry out an operation up to its first reply; used by its ``start_`` method."""
+        """Perform an operation up to its first reply. The ``start_`` methods call it."""
         operation = self._begin(call)
         self.wait_for(lambda: operation.accepted is not None or operation.settled)
         if not operation.accepted and not isinstance(operation.error, Refused):
@@ -159,12 +160,12 @@ class Client(ClientBase):
         return Pending(self, operation)
 
     def wait_for(self, condition: Callable[[], bool], timeout_s: float | None = None) -> bool:
-        """Listen, or wait for a thread that listens, until something is so.
+        """Receive, or wait for the thread that receives, until `condition()` is true.
 
         Returns:
-            Whether it is; False when `timeout_s` have passed without.
+            True if the condition is met; False after `timeout_s` seconds.
         """
-        with self._turn:
+        with self._condition:
             return self._wait_for(condition, timeout_s)
 
     @property
@@ -175,14 +176,14 @@ class Client(ClientBase):
 
     def _begin(self, call: Call[T]) -> PendingOperation:
         operation = call.prepare(self._core)
-        with self._turn:
+        with self._condition:
             self._wait_for(lambda: self._core.is_free(operation.slot), None)
             self._core.begin(operation, self._link.now_s)
             self._flush()
         return operation
 
     def _wait_for(self, condition: Callable[[], bool], timeout_s: float | None) -> bool:
-        """Do as `wait_for` does, in a thread that holds the turn."""
+        """Do the same as `wait_for`, with the lock held."""
         limit_s = None if timeout_s is None else self._link.now_s + timeout_s
         while not condition():
             now_s = self._link.now_s
@@ -191,21 +192,21 @@ class Client(ClientBase):
             instants = (now_s + _LISTEN_S, self._core.deadline_s, limit_s)
             until_s = min(instant for instant in instants if instant is not None)
             if self._listening:
-                self._turn.wait(max(0.0, until_s - now_s))
+                self._condition.wait(max(0.0, until_s - now_s))
             else:
                 self._listen(until_s)
         return True
 
     def _listen(self, until_s: float) -> None:
-        """Give the core what arrives next, or the time; others have their turn meanwhile."""
+        """Pass the next bytes, or the time, to the core. The lock is released while it waits."""
         self._listening = True
-        self._turn.release()
+        self._condition.release()
         try:
             arrival = self._link.receive(until_s)
         finally:
-            self._turn.acquire()
+            self._condition.acquire()
             self._listening = False
-            self._turn.notify_all()
+            self._condition.notify_all()
             if self._closed:
                 self._link.close()
         now_s = self._link.now_s

@@ -1,8 +1,8 @@
-"""ClientCore: the whole client but for its link and its clock (sans I/O).
+"""`ClientCore`: the client without link and clock (sans I/O).
 
-Requests go in and bytes come out; bytes come in and events come out. Here frames are given to the
-exchanges that await them, and time to those that have waited long enough. What an exchange makes
-of a frame stands in `operation` and `transfer`; how bytes get to the wire in `blocking` and `aio`.
+Input: requests and received bytes. Output: bytes to send and events. The core passes each frame to
+the pending operation that expects it, and expires operations after their timeout.
+`pending_operation` and `transfer` interpret the frames; `blocking` and `aio` do the I/O.
 """
 
 from collections import deque
@@ -28,32 +28,32 @@ MAX_REMARKS: Final = 100
 DOWNLOAD_LIMIT_BYTES: Final = 16 * 2**20
 
 _SLOWEST_FRAME_S: Final = MAX_FRAME_BYTES * 1.0
-"""A frame may come in single bytes, with pauses of up to 1 s between them (2/5)."""
+"""A frame may arrive in single bytes, with pauses of up to 1 s between them (2/5)."""
 
 _LEARNED: Final = ("op_get_default", "list_cont")
-"""Readings that are found out by waiting in vain once, and followed from then on."""
+"""Readings that the client detects by one timeout, and uses from then on."""
 
 _ENDS_LINK: Final = ("set_network", "shutdown")
-"""After their ``1`` the loss of the link is normal (4.4/6, 4.35/6)."""
+"""Commands after whose ``1`` the controller may close the link (4.4/6, 4.35/6)."""
 
 _STOP: Final = "emergency_stop"
 
 
 class FrameAccepted(NamedTuple):
-    """A frame was given to the exchange that awaited it."""
+    """A pending operation expected the frame and processed it."""
 
     operation: PendingOperation
     frame: Frame
 
 
 class OperationSettled(NamedTuple):
-    """An exchange is over."""
+    """An operation has ended."""
 
     operation: PendingOperation
 
 
 class UnexpectedFrame(NamedTuple):
-    """A frame that nothing awaited; it was ignored (3/22, 3/33)."""
+    """A frame that no operation expected; it was ignored (3/22, 3/33)."""
 
     frame: Frame
 
@@ -62,21 +62,21 @@ Event = FrameAccepted | OperationSettled | UnexpectedFrame | Skipped
 
 
 class ClientCore:
-    """One connection's worth of client.
+    """The client of one connection.
 
-    Time passes only in `tick`, which is due when nothing has arrived until `deadline_s`: bytes
-    that wait in a socket while the caller is busy are never late.
+    Timeouts expire only in `tick`. Call it when nothing has arrived until `deadline_s`: bytes that
+    wait in a socket while the caller is busy never count as late.
 
     Args:
-        dialect: The readings to speak; every tolerated one is understood whatever it says.
-        login_required: Whether nothing may be sent before a login has succeeded (2/10), as over
-            the network; Bluetooth needs none (L83).
+        dialect: The readings for sending. Received frames may follow any tolerated reading.
+        login_required: Whether a login must succeed before any other command (2/10). True for
+            the network; Bluetooth needs no login (L83).
 
     Attributes:
-        dialect: As given, but for what was found out about the controller since.
+        dialect: The given readings, updated with what was detected about the controller.
         logged_in: Whether commands may be sent.
-        observed_readings: Every reading that the controller's frames gave away, with its options.
-        remarks: The latest things that did not conform, one sentence each.
+        observed_readings: Every reading that the controller's frames show, with its options.
+        remarks: The latest deviations from the document, one sentence each.
     """
 
     def __init__(self, dialect: Dialect = DEFAULT, *, login_required: bool = True) -> None:
@@ -92,27 +92,27 @@ class ClientCore:
         self._last_received_s = 0.0
 
     def command(self, name: str, value: Any = None) -> PendingOperation:
-        """A command of the table, to be sent by `begin`.
+        """Create the operation of a command; `begin` sends it.
 
         Args:
-            name: Its name.
-            value: What its request holds, as the table's payload takes it.
+            name: Name of the command in the command table.
+            value: Value of the request payload.
 
         Raises:
-            PayloadError: The document forbids to send the value.
+            PayloadError: The document does not allow this value.
         """
         return create_operation(BY_NAME[name], value, self.dialect)
 
     def upload(self, name: bytes, content: bytes) -> Upload:
-        """A file to the controller (5.2), to be sent by `begin`; raises as `command` does."""
+        """Create an upload (5.2); `begin` starts it. Raises the same errors as `command`."""
         return Upload(name, content, self.dialect)
 
     def download(self, name: bytes, limit_bytes: int = DOWNLOAD_LIMIT_BYTES) -> Download:
-        """A file from the controller (5.3), to be sent by `begin`; raises as `command` does."""
+        """Create a download (5.3); `begin` starts it. Raises the same errors as `command`."""
         return Download(name, limit_bytes, self.dialect)
 
     def begin(self, operation: PendingOperation, now_s: float) -> None:
-        """Send the request of an exchange.
+        """Send the request of an operation.
 
         Raises:
             LoginFailed: No login has succeeded yet (2/10).
@@ -121,43 +121,47 @@ class ClientCore:
         """
         name = operation.command.name
         if self._lost_reason is not None:
-            raise LinkLost(f"{name} is not sent: {self._lost_reason}")
+            raise LinkLost(
+                UserMessage("{name} is not sent: {reason}", name=name, reason=self._lost_reason)
+            )
         if not self.logged_in and not isinstance(operation, Login):
-            raise LoginFailed(f"{name} is not sent: a login has to succeed first (4.1, L104)")
+            raise LoginFailed(
+                UserMessage("{name} is not sent: log in first (4.1, L104)", name=name)
+            )
         if not self.is_free(operation.slot):
             raise ClientError(
                 UserMessage(
-                    "{name} is not sent: one like it is still unanswered (A-3-14)", name=name
+                    "{name} is not sent: a request of the same kind is pending (A-3-14)", name=name
                 )
             )
         self._open.append(operation)
         self._send(operation.begin(now_s))
 
     def is_free(self, slot: str) -> bool:
-        """Whether a request may be sent: at most one per opcode is unanswered (3/25)."""
+        """Whether a request may be sent: at most one per opcode is pending (3/25)."""
         return not any(e.slot == slot and e.occupies_slot for e in self._open)
 
     @property
     def deadline_s(self) -> float | None:
-        """When `tick` is due if nothing arrives; None if never."""
+        """When to call `tick` if nothing arrives; None for never."""
         deadlines = [self._due_s(e.deadline_s) for e in self._open if e.deadline_s is not None]
         if self._partial_until_s is not None:
             deadlines.append(self._partial_until_s)
         return min(deadlines, default=None)
 
     def bytes_to_send(self) -> bytes:
-        """Hand over what is to be sent."""
+        """Return the bytes to send, and clear them."""
         data = bytes(self._outbox)
         self._outbox.clear()
         return data
 
     def feed(self, data: bytes, now_s: float) -> list[Event]:
-        """Take what arrived."""
+        """Process received bytes and return the events."""
         self._last_received_s = now_s
         return self._process_items(self._framer.feed(data), now_s)
 
     def tick(self, now_s: float) -> list[Event]:
-        """Let time pass: nothing more has arrived until now."""
+        """Expire what is due at `now_s`; nothing more has arrived until then."""
         events: list[Event] = []
         if self._partial_until_s is not None and now_s >= self._partial_until_s:
             events += self._process_items(self._framer.finish(), now_s)
@@ -168,32 +172,41 @@ class ClientCore:
         return events
 
     def connection_lost(self, reason: str, now_s: float) -> list[Event]:
-        """The link has ended: nothing that is open can be settled any more."""
+        """The link has ended: fail all pending operations."""
         if self._lost_reason is not None:
             return []
         events = self._process_items(self._framer.finish(), now_s)
-        self._lost_reason = (
-            f"the link ended, as it may after {self._expected_link_end}"
-            if self._expected_link_end
-            else reason
-        )
+        self._lost_reason = reason
+        if self._expected_link_end:
+            self._lost_reason = UserMessage(
+                "the link ended, as it may after {command}", command=self._expected_link_end
+            )
         for operation in tuple(self._open):
             operation.fail(
-                LinkLost(f"{operation.command.name} was not finished: {self._lost_reason}")
+                LinkLost(
+                    UserMessage(
+                        "{command} was not completed: {reason}",
+                        command=operation.command.name,
+                        reason=self._lost_reason,
+                    )
+                )
             )
             events += self._after_step(operation, now_s)
         return events
 
     @property
     def _partial_until_s(self) -> float | None:
-        """When the frame that is arriving is given up (A-3-11); None if there is none, or never."""
+        """When a partial frame is discarded (A-3-11); None if there is none, or never."""
         seconds = self.dialect.seconds("partial_timeout")
         if not self._framer.held_bytes or seconds is None:
             return None
         return self._last_received_s + seconds
 
     def _due_s(self, deadline_s: float) -> float:
-        """When silence is too long: as long as a frame is arriving, it may be the one awaited."""
+        """When a deadline expires.
+
+        It is extended while a frame is arriving, because that may be the expected one.
+        """
         until_s = self._partial_until_s
         if until_s is None:
             return deadline_s
@@ -207,14 +220,20 @@ class ClientCore:
         events: list[Event] = []
         for item in found:
             if isinstance(item, Skipped):
-                self.remarks.append(f"{item.size_bytes} bytes are no frame ({item.why.value})")
+                self.remarks.append(
+                    UserMessage(
+                        "{byte_count} bytes are not a frame ({reason})",
+                        byte_count=item.size_bytes,
+                        reason=item.why.value,
+                    )
+                )
                 events.append(item)
             else:
                 events += self._dispatch(item, now_s)
         return events
 
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        """Give a frame to the first exchange that awaits it."""
+        """Pass a frame to the first operation that expects it."""
         parsed = parse_frame(frame)
         if parsed is not None:
             for operation in self._open:
@@ -223,19 +242,19 @@ class ClientCore:
                     self._send(operation.take(parsed, frame.data, now_s))
                     return [FrameAccepted(operation, frame), *self._after_step(operation, now_s)]
             self._refuse_stray_chunk(parsed)
-        self.remarks.append(f"nothing awaited this frame: {frame}")
+        self.remarks.append(UserMessage("this frame was not expected: {frame}", frame=frame))
         return [UnexpectedFrame(frame)]
 
     def _refuse_stray_chunk(self, parsed: Parsed) -> None:
-        """Answer a chunk of no transfer with ``0``: each is answered once (5.3/5).
+        """Reply ``0`` to a chunk outside a transfer: each chunk gets one reply (5.3/5).
 
-        The error signal of length 0 gets no answer (A-5-10).
+        The error signal of length 0 gets no reply (A-5-10).
         """
         if parsed.part == "request" and parsed.decoded.value and parsed.decoded.value.length:
             self._send([chunk_reply(accepted=False, dialect=self.dialect)])
 
     def _record_readings(self, frame: Frame, parsed: Parsed) -> None:
-        """Keep what a frame says about the controller besides its value."""
+        """Record the readings and the deviations that a frame shows."""
         for key, option in parsed.decoded.readings:
             self._observe(key, option)
         if parsed.command.alternate_opcode is not None:
@@ -245,7 +264,14 @@ class ClientCore:
         if parsed.part == "result" and self._executing(_STOP) and parsed.command.name != _STOP:
             self._observe("estop_interrupted", "first")
         for complaint in parsed.decoded.issues:
-            self.remarks.append(f"{parsed.part} of {parsed.command.name}: {complaint.text}")
+            self.remarks.append(
+                UserMessage(
+                    "{part} of {command}: {issue}",
+                    part=parsed.part,
+                    command=parsed.command.name,
+                    issue=complaint.text,
+                )
+            )
 
     def _observe(self, key: str, option: str) -> None:
         self.observed_readings.setdefault(key, set()).add(option)
@@ -253,7 +279,7 @@ class ClientCore:
             self.dialect = self.dialect.replace(**{key: option})
 
     def _after_step(self, operation: PendingOperation, now_s: float) -> list[Event]:
-        """Draw the consequences of a step of an exchange."""
+        """Update the core after a step of an operation, and return the events."""
         for key, option in operation.observed.items():
             self._observe(key, option)
         ended = (
@@ -269,20 +295,20 @@ class ClientCore:
         return [*ended, OperationSettled(operation)]
 
     def _after_two_stage_step(self, operation: TwoStage, now_s: float) -> list[Event]:
-        """What one two-stage command says about others that execute."""
+        """Interrupt other executing commands, if this step implies that they have ended."""
         events: list[Event] = []
         if operation.stage is Stage.EXECUTING:
             for other in self._executing(operation.command.name):
-                if other is not operation:  # while one executes none is accepted (A-4-2)
-                    other.give_up("it was begun anew before a result of its own came")
+                if other is not operation:  # an executing command excludes a new one (A-4-2)
+                    other.interrupt("it was started again before its own result arrived")
                     events += self._after_step(other, now_s)
         elif operation.command.name == _STOP and operation.error is None:
             for other in self._executing():
-                other.stopped(now_s)
+                other.on_emergency_stop(now_s)
         return events
 
     def _executing(self, name: str = "") -> list[TwoStage]:
-        """Two-stage commands that were accepted and are not over; only those of a name if given."""
+        """Return the executing two-stage commands, only those called `name` if given."""
         return [
             e
             for e in self._open

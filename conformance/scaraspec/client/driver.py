@@ -1,9 +1,9 @@
-"""Driver: the reference client behind JSON Lines on stdio, for a tester that plays the controller.
+"""The driver: the reference client controlled by JSON Lines on stdio, to certify this client.
 
-One object a line each way: ``{"id": 1, "do": "get_status"}`` in, ``{"id": 1, "ok": true, "result":
-"00"}``, ``{"id": 1, "ok": false, "error": "..."}`` or ``{"id": 1, "unimplemented": true}`` out, in
-the order in which operations end. What the words mean is in `words`; which operations there are,
-in the command table.
+One object per line. Input: ``{"id": 1, "do": "get_status"}``. Output: ``{"id": 1, "ok": true,
+"result": "00"}``, ``{"id": 1, "ok": false, "error": "..."}`` or ``{"id": 1, "unimplemented":
+true}``, in the order in which the operations end. `text_interface` defines the names and values;
+the command table defines the operations.
 """
 
 import asyncio
@@ -27,17 +27,17 @@ from scaraspec.transports.url import join_host_port
 from scaraspec.user_message import UserMessage
 
 MakeClient = Callable[[str, str | None], AsyncClient]
-"""A client for a URL and a password."""
+"""Creates a client for a URL and a password."""
 
 _LINE_BYTES: Final = 2**20
 
 
 class Driver:
-    """Does what the lines say, several things at once.
+    """Executes the commands of the driver protocol concurrently.
 
     Args:
-        write: Takes each answer.
-        make: Makes the clients.
+        write: Called with each answer.
+        make: Creates the clients.
     """
 
     def __init__(self, write: Callable[[Mapping[str, Any]], None], make: MakeClient) -> None:
@@ -46,21 +46,21 @@ class Driver:
         self._tasks: set[asyncio.Task[None]] = set()
 
     def take(self, line: str) -> None:
-        """Begin what a line says; it goes on by itself."""
+        """Start the command of one line as a task."""
         try:
-            order = json.loads(line)
-            number, name = order["id"], order["do"]
+            request = json.loads(line)
+            number, name = request["id"], request["do"]
         except (ValueError, KeyError, TypeError):
-            told = UserMessage("no line of the driver protocol: {line!r}", line=line[:80])
-            self._write({"id": None, "ok": False, "error": told})
+            error = UserMessage("not a line of the driver protocol: {line!r}", line=line[:80])
+            self._write({"id": None, "ok": False, "error": error})
             return
-        values = {key: value for key, value in order.items() if key not in ("id", "do")}
+        values = {key: value for key, value in request.items() if key not in ("id", "do")}
         task = asyncio.get_running_loop().create_task(self._do(number, name, values))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
     async def end(self) -> None:
-        """Close the link, and give up what is under way."""
+        """Close the link, and wait until the pending commands have failed."""
         if self._client:
             await self._client.close()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -95,11 +95,11 @@ class Driver:
     async def _operate(self, name: str, values: dict[str, Any]) -> Any:
         client = self._client
         if client is None:
-            raise ClientError("there is no connection: connect comes first")
+            raise ClientError("there is no connection: send connect first")
         operate = getattr(client, name)
         command = BY_NAME.get(name)
         if command is None or not (command.two_stage or name == "shutdown"):
-            return _told(name, await operate(*_arguments(name, values)))
+            return _driver_result(name, await operate(*_arguments(name, values)))
         try:
             await operate(*_arguments(name, values))
         except Refused as refused:
@@ -110,27 +110,29 @@ class Driver:
 
 
 def _arguments(name: str, values: Mapping[str, Any]) -> list[Any]:
-    """The arguments of an operation, in its order.
+    """Return the arguments of an operation, in its order.
 
     Raises:
-        PayloadError: One is missing, unknown or unreadable.
+        PayloadError: An argument is missing, unknown or not valid.
     """
-    takes = [parameter.strip("[]") for parameter in OPERATIONS[name]]
-    if unknown := values.keys() - set(takes):
+    names = [parameter.strip("[]") for parameter in OPERATIONS[name]]
+    if unknown := values.keys() - set(names):
         raise PayloadError(
-            UserMessage("{name} takes no {unknown}", name=name, unknown=min(unknown))
+            UserMessage("{name} has no argument {unknown}", name=name, unknown=min(unknown))
         )
-    if missing := [parameter for parameter in takes if parameter not in values]:
-        raise PayloadError(UserMessage("{name} wants {missing} too", name=name, missing=missing[0]))
+    if missing := [parameter for parameter in names if parameter not in values]:
+        raise PayloadError(
+            UserMessage("{name} needs the argument {missing}", name=name, missing=missing[0])
+        )
     if name in TRANSFERS:
-        return [values[parameter] for parameter in takes]
-    if takes == ["direction"]:
+        return [values[parameter] for parameter in names]
+    if names == ["direction"]:
         return [parse_direction(values["direction"])]
     return [values[field.name] for field in BY_NAME[name].request.fields]
 
 
-def _told(name: str, result: Any) -> Any:
-    """A result in the words of the driver protocol: times and codes as they are on the wire."""
+def _driver_result(name: str, result: Any) -> Any:
+    """Convert a result to the driver protocol: times and codes as on the wire."""
     if isinstance(result, datetime):
         return f"{result:%Y%m%d%H%M%S}"
     if isinstance(result, Status):
@@ -141,7 +143,7 @@ def _told(name: str, result: Any) -> Any:
 
 
 async def serve(make: MakeClient) -> None:
-    """Serve stdin until it ends."""
+    """Execute the lines of stdin until it ends."""
     loop = asyncio.get_running_loop()
     reader = asyncio.StreamReader(limit=_LINE_BYTES)
     await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
@@ -155,6 +157,6 @@ async def serve(make: MakeClient) -> None:
         while line := await reader.readline():
             driver.take(line.decode("utf-8", "replace"))
     except (ValueError, BrokenPipeError):
-        pass  # a line without end, or nobody reads any more
+        pass  # a line is too long, or stdout is closed
     finally:
         await driver.end()

@@ -1,6 +1,6 @@
-"""Local files: read whole, and written whole or not at all, never over another (5.3/12).
+"""Local files of downloads: written completely or not at all, never over a file (5.3/12).
 
-Errors are `OSError` with a file name and a reason that a user understands.
+Errors are `OSError` with the file name and a reason for the user.
 """
 
 import contextlib
@@ -11,22 +11,22 @@ from pathlib import Path
 
 
 def check_new(path: Path) -> None:
-    """Make sure that a file can be made there, before anything is asked for.
+    """Check, before a download starts, that the file can be created.
 
     Raises:
-        OSError: Something is there already, or there is no such directory.
+        OSError: The path exists, or its directory does not exist.
     """
     if os.path.lexists(path):
         raise _exists(path)
     if not path.parent.is_dir():
-        raise NotADirectoryError(errno.ENOTDIR, "this is no directory", str(path.parent))
+        raise NotADirectoryError(errno.ENOTDIR, "not a directory", str(path.parent))
 
 
 def write_new(path: Path, content: bytes) -> None:
-    """Make the file, whole; after a failure nothing is left of it.
+    """Create the file with its complete content. A failure leaves no file.
 
     Raises:
-        OSError: Something is there already, or it cannot be written.
+        OSError: The path exists, or the file cannot be written.
     """
     handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     try:
@@ -35,7 +35,7 @@ def write_new(path: Path, content: bytes) -> None:
             file.flush()
             os.fsync(handle)
         try:
-            os.link(temporary, path)  # unlike a rename it never replaces a file
+            os.link(temporary, path)  # unlike a rename, it never replaces a file
         except FileExistsError:
             raise _exists(path) from None
         except OSError:  # a file system without hard links
@@ -48,5 +48,5 @@ def write_new(path: Path, content: bytes) -> None:
 
 def _exists(path: Path) -> FileExistsError:
     return FileExistsError(
-        errno.EEXIST, "it exists and is not overwritten, name another file (L739)", str(path)
+        errno.EEXIST, "the file exists and is not overwritten: use another name (L739)", str(path)
     )

@@ -1,7 +1,8 @@
-"""Operations: one method for each row of the table, written once for both shells.
+"""Operations: one method for each command, written once for both clients.
 
-A method says what to ask of the core and how its caller is told; the shell that it is called on
-carries that out, blocking in `Client`, awaited in `AsyncClient`. To add a row, add its method.
+A method describes a `Call`: how to prepare the request and how to convert the result. `Client`
+performs the call and blocks; `AsyncClient` performs it and is awaited. A new command needs one new
+method here.
 """
 
 import os
@@ -42,13 +43,22 @@ T = TypeVar("T")
 _CLOCK = Clock("time")
 
 Text = str | bytes
-"""A name or a password. `str` goes out in the dialect's encoding, UTF-8 unless it says otherwise,
-and comes back so; bytes that are none come back as surrogate escapes, and go out unharmed (T/8)."""
+"""A name or a password.
+
+A `str` is encoded and decoded with the ``text_encoding`` of the dialect, UTF-8 by default. Bytes
+that are not valid in it are decoded to surrogate escapes, which encode to the same bytes (T/8).
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Call(Generic[T]):
-    """An operation with its arguments: what to ask of the core, and what to tell the caller."""
+    """An operation with its arguments.
+
+    Attributes:
+        prepare: Creates the pending operation with a core.
+        convert: Converts the value of the pending operation to the result for the caller.
+        progress: Callback for the progress of a file transfer.
+    """
 
     prepare: Callable[[ClientCore], PendingOperation]
     convert: Callable[[Any], T]
@@ -56,7 +66,7 @@ class Call(Generic[T]):
 
 
 class operation(Generic[P, T]):  # noqa: N801 - a decorator
-    """Makes a method that describes a `Call` one that carries it out."""
+    """Decorator: turns a method that describes a `Call` into one that performs it."""
 
     def __init__(self, describe: Callable[Concatenate[Any, P], Call[T]]) -> None:
         self.describe = describe
@@ -78,9 +88,10 @@ class operation(Generic[P, T]):  # noqa: N801 - a decorator
 
 
 class start_method(Generic[P]):  # noqa: N801 - a decorator
-    """The other form of a two-stage operation: it ends with the first reply.
+    """The ``start_`` form of a two-stage operation: it returns after the first reply.
 
-    What it returns is waited for separately (`Pending`, `AsyncPending`); a refusal shows there.
+    It returns a `Pending` or an `AsyncPending`, whose `wait` waits for the final result and raises
+    `Refused` if the controller refused the command.
     """
 
     def __init__(self, whole: operation[P, None]) -> None:
@@ -105,82 +116,92 @@ class start_method(Generic[P]):  # noqa: N801 - a decorator
 def _command_call(
     name: str, value: Any = None, convert: Callable[[Any], Any] = lambda value: value
 ) -> Call[Any]:
-    """The call of a command of the table."""
+    """Describe the call of a command from the command table."""
     return Call(lambda core: core.command(name, value), convert)
 
 
 class Operations(ABC):
-    """What a client can do.
+    """The commands of a client.
 
     Every method may raise:
 
-    - `PayloadError`: the document forbids to send that; nothing was sent.
-    - `LoginFailed`: the login failed, or there was none yet.
-    - `Refused`, `Failed`, `Interrupted`: the controller did not do it; `.code` says why.
-    - `ReplyTimeout`, `LinkLost`: it did not answer. Whether it did it is not known: ask
-      `get_status` before anything else, after a new connection too (A-2-9).
-    - `ProtocolError`: its answer makes no sense.
+    - `PayloadError`: The document does not allow this value. Nothing was sent.
+    - `LoginFailed`: The login failed, or no login has succeeded yet.
+    - `Refused`, `Failed`, `Interrupted`: The controller did not execute the command. `.code` is
+      the reason.
+    - `ReplyTimeout`, `LinkLost`: The controller did not reply. It is unknown whether it executed
+      the command: call `get_status` first, also after a new connection (A-2-9).
+    - `ProtocolError`: The reply cannot be decoded.
 
-    Two-stage methods return when the final result is in, for which there is no bound (A-3-15);
-    their ``start_`` forms return with the first reply.
+    Two-stage methods return after the final result, for which there is no timeout (A-3-15). Their
+    ``start_`` forms return after the first reply.
     """
 
     @property
     @abstractmethod
     def dialect(self) -> Dialect:
-        """The readings that are spoken."""
+        """The readings in use."""
 
     # 4.1 - 4.8: session and settings
 
     @operation
     def login(self, password: Text) -> Call[None]:
-        """Log in; nothing else is sent before that has succeeded (4.1, L104)."""
+        """Log in. The client sends nothing else before a login has succeeded (4.1, L104)."""
         return _command_call("login", self._bytes(password))
 
     @operation
     def set_password(self, old: Text, new: Text) -> Call[None]:
-        """Replace the password (4.2, L123-125)."""
+        """Replace the password `old` by `new` (4.2, L123-125)."""
         return _command_call("set_password", PasswordChange(self._bytes(old), self._bytes(new)))
 
     @operation
     def get_network(self) -> Call[Network]:
-        """The controller's address, mask and gateway (4.3, L145-153)."""
+        """Return the IP address, subnet mask and gateway of the controller (4.3, L145-153)."""
         return _command_call("get_network")
 
     @operation
     def set_network(self, ip: str, mask: str, gateway: str) -> Call[None]:
-        """Set address, mask and gateway; the link may end after that (4.4, L157-162)."""
+        """Set IP address, subnet mask and gateway (4.4, L157-162).
+
+        The controller may close the link afterwards.
+
+        Args:
+            ip: IPv4 address in dotted decimal.
+            mask: Subnet mask in dotted decimal.
+            gateway: IPv4 address of the gateway in dotted decimal.
+        """
         return _command_call("set_network", Network(ip, mask, gateway))
 
     @operation
     def set_time(self, time: datetime | str) -> Call[None]:
-        """Set the clock, to the second; a time zone is not sent (4.5, L169; A-4.5-1).
+        """Set the clock of the controller (4.5, L169; A-4.5-1).
 
         Args:
-            time: A time, or its text as YYYYMMDDHHMMSS.
+            time: A datetime, or text of the form YYYYMMDDHHMMSS. Fractions of a second and the
+                time zone are not sent.
         """
         return _command_call("set_time", time if isinstance(time, datetime) else _time(time))
 
     @operation
     def get_time(self) -> Call[datetime]:
-        """The controller's clock, without a time zone (4.6, L181-189)."""
+        """Return the clock of the controller, a datetime without time zone (4.6, L181-189)."""
         return _command_call("get_time")
 
     @operation
     def get_version(self) -> Call[str]:
-        """The version of the controller's software (4.7, L193-203)."""
+        """Return the software version of the controller (4.7, L193-203)."""
         return _command_call("get_version")
 
     @operation
     def get_status(self) -> Call[Status]:
-        """Whether the robot is idle, running or in error, and why (4.8, L207-217)."""
+        """Return the robot's state (idle, running or error) and its status code (4.8, L207-217)."""
         return _command_call("get_status", convert=Status.of)
 
     # 4.9 - 4.16: programs
 
     @operation
     def get_running_program(self) -> Call[RunningProgram | None]:
-        """The program that runs and since when; None if none runs (4.9, L221-237)."""
+        """Return the running program and its run time; None if no program runs (4.9, L221-237)."""
         return _command_call(
             "get_running_program",
             convert=lambda run: run and RunningProgram(self._text(run.name), run.run_time_s),
@@ -188,39 +209,39 @@ class Operations(ABC):
 
     @operation
     def list_programs(self) -> Call[tuple[str, ...]]:
-        """The names of all programs, in the controller's order (4.10, L241-251)."""
+        """Return the names of all programs, in the order of the controller (4.10, L241-251)."""
         return _command_call("list_programs", convert=lambda names: tuple(map(self._text, names)))
 
     @operation
     def delete_program(self, name: Text) -> Call[None]:
-        """Delete a program (4.11, L255-263)."""
+        """Delete the program `name` (4.11, L255-263)."""
         return _command_call("delete_program", self._bytes(name))
 
     @operation
     def get_default_program(self) -> Call[str | None]:
-        """The default program's name; None if none is set (4.12, L267-275)."""
+        """Return the name of the default program; None if none is set (4.12, L267-275)."""
         return _command_call("get_default_program", convert=lambda name: self._text(name) or None)
 
     @operation
     def set_default_program(self, name: Text) -> Call[None]:
-        """Set the default program, which may act at the next power-on (4.13; A-4.12-3)."""
+        """Set the default program; it may take effect at the next power-on (4.13; A-4.12-3)."""
         return _command_call("set_default_program", self._bytes(name))
 
     @operation
     def get_motor_temperatures(self) -> Call[JointValues]:
-        """The temperatures of the four motors, in °C (4.14, L291-302)."""
+        """Return the temperatures of the four motors in °C (4.14, L291-302)."""
         return _command_call("get_motor_temperatures")
 
     @operation
     def run_program(self, name: Text) -> Call[None]:
-        """Run a program to its end (4.15, L306-328)."""
+        """Run the program `name` to its end (4.15, L306-328). The robot moves."""
         return _command_call("run_program", self._bytes(name))
 
     start_run_program = start_method(run_program)
 
     @operation
     def simulate_program(self, name: Text) -> Call[None]:
-        """Simulate a program to its end; the arm may move all the same (4.16; A-4.16-1)."""
+        """Simulate the program `name` to its end (4.16). The arm may still move (A-4.16-1)."""
         return _command_call("simulate_program", self._bytes(name))
 
     start_simulate_program = start_method(simulate_program)
@@ -229,10 +250,10 @@ class Operations(ABC):
 
     @operation
     def emergency_stop(self) -> Call[None]:
-        """Stop the robot (4.17, L358-383); no substitute for a hardware emergency stop.
+        """Stop the robot (4.17, L358-383). Not a substitute for a hardware emergency stop.
 
-        May be called while other calls wait, from another thread or task. Where nothing has to
-        be stopped the controller refuses it (L363).
+        Other threads or tasks may call it while a call waits. The controller refuses it if there
+        is nothing to stop (L363).
         """
         return _command_call("emergency_stop")
 
@@ -240,36 +261,42 @@ class Operations(ABC):
 
     @operation
     def reset(self) -> Call[None]:
-        """Reset the robot, which may move it (4.18, L387-419; A-4.18-3)."""
+        """Reset the robot (4.18, L387-419). The robot may move (A-4.18-3)."""
         return _command_call("reset")
 
     start_reset = start_method(reset)
 
     @operation
     def get_gripper_center(self) -> Call[Point]:
-        """The gripper's working point relative to the tool, in mm (4.19, L423-431)."""
+        """Return the gripper center relative to the tool, in mm (4.19, L423-431)."""
         return _command_call("get_gripper_center")
 
     @operation
     def set_gripper_center(self, x: float, y: float, z: float) -> Call[None]:
-        """Set the gripper's working point relative to the tool, in mm (4.20, L435-443)."""
+        """Set the gripper center relative to the tool, in mm (4.20, L435-443)."""
         return _command_call("set_gripper_center", Point(x, y, z))
 
     @operation
     def set_initial_tool_position(  # noqa: PLR0913, PLR0917 - the six fields of L447
         self, x: float, y: float, z: float, theta_x: float, theta_y: float, theta_z: float
     ) -> Call[None]:
-        """Store the initial tool position, in mm and degrees (4.21, L447-455)."""
+        """Set the initial tool position, in mm and degrees (4.21, L447-455)."""
         return _command_call("set_initial_tool_position", Pose(x, y, z, theta_x, theta_y, theta_z))
 
     @operation
     def get_initial_tool_position(self) -> Call[Pose]:
-        """The initial tool position; thetaY and thetaZ mean nothing (4.22, L459-467; L1006)."""
+        """Return the initial tool position in mm and degrees (4.22, L459-467).
+
+        theta_y and theta_z have no meaning (L1006).
+        """
         return _command_call("get_initial_tool_position")
 
     @operation
     def get_tool_coordinates(self) -> Call[Pose]:
-        """Where the tool is; thetaY and thetaZ mean nothing (4.23, L471-479; L1006)."""
+        """Return the tool coordinates in mm and degrees (4.23, L471-479).
+
+        theta_y and theta_z have no meaning (L1006).
+        """
         return _command_call("get_tool_coordinates")
 
     @operation
@@ -283,7 +310,17 @@ class Operations(ABC):
         theta_y: float,
         theta_z: float,
     ) -> Call[None]:
-        """Move the tool there, in mm and degrees, at 1 to 100 % of full speed (4.24, L483-516)."""
+        """Move the tool to a position (4.24, L483-516).
+
+        Args:
+            speed: 1 to 100 % of full speed.
+            x: In mm.
+            y: In mm.
+            z: In mm.
+            theta_x: In degrees.
+            theta_y: Has no meaning (L1006).
+            theta_z: Has no meaning (L1006).
+        """
         target = MoveTarget(speed, x, y, z, theta_x, theta_y, theta_z)
         return _command_call("set_tool_coordinates", target)
 
@@ -291,7 +328,7 @@ class Operations(ABC):
 
     @operation
     def release_joints(self) -> Call[None]:
-        """Release all joints, so that they move freely; the wrist may fall (4.25, L520-549)."""
+        """Release all joints so that they move freely (4.25, L520-549). The wrist may fall."""
         return _command_call("release_joints")
 
     start_release_joints = start_method(release_joints)
@@ -305,14 +342,14 @@ class Operations(ABC):
 
     @operation
     def get_joint_angles(self) -> Call[JointValues]:
-        """The four joints in degrees, the wrist in mm (4.27, L586-594; A-4.27-3)."""
+        """Return the joint positions in degrees, the wrist in mm (4.27, L586-594; A-4.27-3)."""
         return _command_call("get_joint_angles")
 
     @operation
     def jog(self, direction: JogDirection | str) -> Call[None]:
         """Move along ``+y``, ``-y``, ``+x`` or ``-x`` until stopped (4.28, L598-637).
 
-        The document names no way to stop it; `emergency_stop` does (A-4.28-3).
+        The document does not say how to stop a jog; `emergency_stop` stops it (A-4.28-3).
         """
         return _command_call("jog", parse_direction(direction))
 
@@ -322,27 +359,30 @@ class Operations(ABC):
 
     @operation
     def get_digital_inputs(self) -> Call[str]:
-        """The digital inputs, a digit each, port 8 leftmost (4.31, L641-651)."""
+        """Return the digital inputs, one digit per port, port 8 leftmost (4.31, L641-651)."""
         return _command_call("get_digital_inputs")
 
     @operation
     def set_digital_output(self, port: int, value: int) -> Call[None]:
-        """Set a digital output to 0 or 1 (4.32, L655-663)."""
+        """Set the digital output `port` to `value`, 0 or 1 (4.32, L655-663)."""
         return _command_call("set_digital_output", PortValue(port, value))
 
     @operation
     def get_analog_input(self, port: int) -> Call[float]:
-        """The value of an analog input, on a scale that is not told (4.33, L667-675; A-4.33-1)."""
+        """Return the value of an analog input (4.33, L667-675).
+
+        The document gives no unit and no scale (A-4.33-1).
+        """
         return _command_call("get_analog_input", port)
 
     @operation
     def get_digital_outputs(self) -> Call[str]:
-        """The digital outputs, a digit each, port 16 leftmost (4.34, L679-687)."""
+        """Return the digital outputs, one digit per port, port 16 leftmost (4.34, L679-687)."""
         return _command_call("get_digital_outputs")
 
     @operation
     def shutdown(self) -> Call[None]:
-        """Shut the robot down; the link may end after that (4.35, L691-706)."""
+        """Shut down the robot (4.35, L691-706). The controller may close the link afterwards."""
         return _command_call("shutdown")
 
     # 5: files
@@ -354,16 +394,17 @@ class Operations(ABC):
         remote: Text | None = None,
         progress: Progress | None = None,
     ) -> Call[None]:
-        """Send a file to the controller (5.2, L743-763).
+        """Upload a file to the controller (5.2, L743-763).
 
         Args:
-            local: The file.
-            remote: Its name on the controller; the local file's own if not given.
-            progress: Called after each chunk; an exception from it aborts the upload.
+            local: Path of the local file.
+            remote: Name on the controller; by default the name of the local file.
+            progress: Callback after each chunk. An exception that it raises aborts the upload.
 
         Raises:
-            OSError: The file cannot be read; nothing was sent.
-            TransferFailed: It did not arrive; what of it stays behind is open (A-5-12).
+            OSError: The file cannot be read. Nothing was sent.
+            TransferFailed: The upload failed. The document leaves open whether a part of the file
+                remains on the controller (A-5-12).
         """
         path = Path(local)
         return self._upload(path.name if remote is None else remote, path.read_bytes(), progress)
@@ -372,7 +413,7 @@ class Operations(ABC):
     def upload_bytes(
         self, content: bytes, remote: Text, progress: Progress | None = None
     ) -> Call[None]:
-        """Send `content` as a file to the controller; otherwise as `upload`."""
+        """Upload `content` as the file `remote`; otherwise like `upload`."""
         return self._upload(remote, content, progress)
 
     @operation
@@ -382,19 +423,20 @@ class Operations(ABC):
         local: str | os.PathLike[str] | None = None,
         progress: Progress | None = None,
     ) -> Call[Path]:
-        """Fetch a file from the controller (5.3, L767-787).
+        """Download a file from the controller (5.3, L767-787).
 
         Args:
-            remote: Its name on the controller.
-            local: The file to make; one of the same name in the working directory if not given.
-            progress: Called after each chunk; an exception from it aborts the download.
+            remote: Name on the controller.
+            local: Path of the new local file; by default `remote` in the working directory.
+            progress: Callback after each chunk. An exception that it raises aborts the download.
 
         Returns:
-            The file that was made.
+            The path of the new file.
 
         Raises:
-            OSError: The file exists or cannot be made; before the transfer where that shows.
-            TransferFailed: It did not arrive; there is no file then.
+            OSError: The local file exists or cannot be created. If possible, this is detected
+                before the transfer starts.
+            TransferFailed: The download failed. No local file was created.
         """
         name = self._bytes(remote)
         path = Path(self._text(name) if local is None else local)
@@ -408,7 +450,7 @@ class Operations(ABC):
 
     @operation
     def download_bytes(self, remote: Text, progress: Progress | None = None) -> Call[bytes]:
-        """Fetch the content of a file from the controller; otherwise as `download`."""
+        """Download the file `remote` and return its content; otherwise like `download`."""
         name = self._bytes(remote)
         return Call(lambda core: core.download(name), bytes, progress)
 
@@ -424,7 +466,7 @@ class Operations(ABC):
         except UnicodeEncodeError as error:
             raise PayloadError(
                 UserMessage(
-                    "{text!r} cannot be written in {encoding}", text=text, encoding=error.encoding
+                    "{text!r} cannot be encoded in {encoding}", text=text, encoding=error.encoding
                 )
             ) from None
 
@@ -438,32 +480,32 @@ class Operations(ABC):
 
 
 def _time(text: str) -> datetime:
-    """The time that a text of the protocol means.
+    """Parse a time of the form YYYYMMDDHHMMSS.
 
     Raises:
-        PayloadError: It means none.
+        PayloadError: The text is not a time.
     """
     time = _CLOCK.read(str(text).encode(), Diagnostics())
     if time is None:
         raise PayloadError(
-            UserMessage("{text!r} is no time: it is written as YYYYMMDDHHMMSS (L172)", text=text)
+            UserMessage("{text!r} is not a time of the form YYYYMMDDHHMMSS (L172)", text=text)
         )
     return time
 
 
 def parse_direction(direction: JogDirection | str) -> JogDirection:
-    """The direction of a jog by its name, ``+y``, ``-y``, ``+x`` or ``-x`` (L605-608).
+    """Parse the direction of a jog: ``+y``, ``-y``, ``+x`` or ``-x`` (L605-608).
 
     Raises:
-        PayloadError: There is no such direction.
+        PayloadError: The text is not a direction.
     """
     for known in JogDirection:
         if direction in (known, str(known)):
             return known
     raise PayloadError(
         UserMessage(
-            "direction {direction!r} is none of {jogdirection}",
+            "direction {direction!r} is not one of {known_directions}",
             direction=direction,
-            jogdirection=", ".join(map(str, JogDirection)),
+            known_directions=", ".join(map(str, JogDirection)),
         )
     )

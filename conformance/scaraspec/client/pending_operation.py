@@ -1,8 +1,8 @@
-"""Exchanges: one request and everything that comes of it, one class per shape of conversation.
+"""Pending operations: one request with all its replies, one class per kind of operation.
 
-An exchange says which frames it waits for and what it makes of them, and how long it waits; it is
-settled once, with a value or a problem. Whose turn it is, and which bytes are frames, stands in
-`core`; file transfers in `transfer`. Nothing here reads a clock: time comes in as `now_s`.
+A pending operation decides which frames it expects, how it interprets them and how long it waits.
+It is settled once, with a value or an error. `core` finds the frames and dispatches them;
+`transfer` contains the file transfers. No code here reads a clock: the time is passed as `now_s`.
 """
 
 from collections.abc import Callable
@@ -26,31 +26,31 @@ from scaraspec.protocol.readings import Dialect
 from scaraspec.user_message import UserMessage
 
 MAX_LIST_PARTS: Final = 4096
-"""A program list of a megabyte ends somewhere; one that does not is cut off here."""
+"""Limit for a program list without end: about one megabyte of names."""
 
 Progress = Callable[[int, int | None], None]
-"""Told during a transfer: bytes moved so far, and in all where that is known."""
+"""Callback of a transfer: bytes transferred so far, and the file size (None if unknown)."""
 
 
 class Stage(Enum):
-    """How far an exchange is."""
+    """The stage of a pending operation."""
 
-    REQUESTED = "asked"  # the first reply is due
-    EXECUTING = "executing"  # accepted: the final result, or the rest of the file, is due
+    REQUESTED = "requested"  # the first reply is expected
+    EXECUTING = "executing"  # accepted: the final result, or the rest of the file, is expected
     SETTLED = "settled"
 
 
 class PendingOperation:
-    """A request with a single reply; the base of the other shapes.
+    """A request with a single reply; the base class of the other operations.
 
     Attributes:
-        command: Its row of the table.
-        stage: How far it is.
-        accepted: What the first reply said; None until it is in.
-        deadline_s: When `expire` is due; None where there is no bound.
-        value: What came of it, once settled without a problem.
-        problem: Why nothing came of it.
-        observed: Readings that its course gave away.
+        command: The row of the command table.
+        stage: The current stage.
+        accepted: Whether the first reply accepted the request; None before it arrives.
+        deadline_s: When to call `expire`; None if there is no timeout.
+        value: The value, if the operation is settled without an error.
+        error: The error, if the operation failed.
+        observed: Readings that the course of the operation shows.
     """
 
     def __init__(self, command: Command, value: Any, dialect: Dialect) -> None:
@@ -63,21 +63,21 @@ class PendingOperation:
         self.observed: dict[str, str] = {}
         self._dialect = dialect
         self._request = Frame(A2C, command.opcode, command.request.encode(value, dialect))
-        self._opcodes = {command.opcode, command.alternate_reply_opcode}  # what a reply may bear
+        self._opcodes = {command.opcode, command.alternate_reply_opcode}  # opcodes of a reply
 
     @property
     def slot(self) -> str:
-        """What at most one exchange at a time may occupy: the opcode (A-3-14)."""
+        """The key of which at most one operation may be pending: the command (A-3-14)."""
         return self.command.name
 
     @property
     def occupies_slot(self) -> bool:
-        """Whether another exchange of this slot has to wait."""
+        """Whether another operation of this slot has to wait."""
         return self.stage is not Stage.SETTLED
 
     @property
     def settled(self) -> bool:
-        """Whether all is over."""
+        """Whether the operation has ended."""
         return self.stage is Stage.SETTLED
 
     @property
@@ -86,24 +86,24 @@ class PendingOperation:
         return False
 
     def report(self, progress: Progress | None) -> None:
-        """Tell the progress that was made since the last report."""
+        """Report the progress since the last report."""
 
     def outcome(self) -> Any:
-        """The value of a settled exchange.
+        """Return the value of a settled operation.
 
         Raises:
-            ClientError: Its problem, where it has one.
+            ClientError: The error, if the operation failed.
         """
         if self.error is not None:
             raise self.error
         return self.value
 
     def begin(self, now_s: float) -> list[Frame]:
-        """Start the clock; return what to send."""
+        """Start the timeout and return the frames to send."""
         return self._send_request(now_s)
 
     def expects(self, frame: Frame, parsed: Parsed) -> bool:
-        """Whether this frame is due to this exchange: its untagged reply (3/33)."""
+        """Whether the operation expects this frame: its untagged reply (3/33)."""
         return (
             self.stage is Stage.REQUESTED
             and parsed.part == "reply"
@@ -112,7 +112,7 @@ class PendingOperation:
         )
 
     def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
-        """Take a frame that was awaited; return what to send next."""
+        """Process an expected frame and return the frames to send next."""
         try:
             value = interpret_reply(parsed, data)
         except ClientError as error:
@@ -122,27 +122,30 @@ class PendingOperation:
         self.accepted = True
         return self._accept(value, now_s)
 
-    def expire(self, now_s: float) -> list[Frame]:  # noqa: ARG002 - other shapes ask again
-        """Make of silence what is to be made of it, at `deadline_s`; return what to send."""
-        seconds = self._dialect.seconds("reply_timeout")
+    def expire(self, now_s: float) -> list[Frame]:  # noqa: ARG002 - subclasses send again
+        """Handle the timeout at `deadline_s` and return the frames to send."""
         self.fail(
             ReplyTimeout(
-                f"{self.command.name} got no reply within {seconds:g} s: "
-                "whether it took effect is not known"
+                UserMessage(
+                    "{command} got no reply within {timeout_s:g} s: "
+                    "it is unknown whether it took effect",
+                    command=self.command.name,
+                    timeout_s=self._dialect.seconds("reply_timeout"),
+                )
             )
         )
         return []
 
     def abort(self) -> None:
-        """The caller gave up. A lone request cannot be called back."""
+        """The caller gave up. A single request cannot be cancelled, so this does nothing."""
 
     def settle(self, value: Any) -> None:
-        """End it with a value."""
+        """End the operation with a value."""
         self.value = value
         self._close()
 
     def fail(self, error: ClientError) -> None:
-        """End it with a problem."""
+        """End the operation with an error."""
         self.error = error
         self._close()
 
@@ -150,7 +153,7 @@ class PendingOperation:
         self.stage, self.deadline_s = Stage.SETTLED, None
 
     def _send_request(self, now_s: float) -> list[Frame]:
-        """Send the request, for the first time or again, and wait for its reply."""
+        """Return the request to send or to repeat, and start the reply timeout."""
         self._start_timeout("reply_timeout", now_s)
         return [self._request]
 
@@ -158,27 +161,28 @@ class PendingOperation:
         seconds = self._dialect.seconds(key)
         self.deadline_s = None if seconds is None else now_s + seconds
 
-    def _accept(self, value: Any, now_s: float) -> list[Frame]:  # noqa: ARG002 - other shapes wait on
+    def _accept(self, value: Any, now_s: float) -> list[Frame]:  # noqa: ARG002 - subclasses need it
         self.settle(value)
         return []
 
 
 class Login(PendingOperation):
-    """The login (4.1): any reply but ``1`` is a failure (4.1/8)."""
+    """The login (4.1): any reply other than ``1`` is a failure (4.1/8)."""
 
     def fail(self, error: ClientError) -> None:
-        """End it; what the controller said against it is a failed login."""
+        """End the login; a refusal or an invalid reply becomes `LoginFailed`."""
         if isinstance(error, Refused):
             error = LoginFailed("the login failed: the controller refused the password (L116)")
         elif isinstance(error, ProtocolError):
-            error = LoginFailed(f"the login failed: {error}")
+            error = LoginFailed(UserMessage("the login failed: {error}", error=error))
         super().fail(error)
 
 
 class ProgramListing(PendingOperation):
-    """The program list (4.10), in one part or several, pushed or fetched (A-4.10-3).
+    """The program list (4.10), in one or more parts, pushed or requested (A-4.10-3).
 
-    Parts are taken as pushed; where none comes within the reply time-out the next is asked for.
+    The operation waits for pushed parts. If no part arrives before the reply timeout, it requests
+    the next part.
     """
 
     def __init__(self, command: Command, value: Any, dialect: Dialect) -> None:
@@ -188,7 +192,7 @@ class ProgramListing(PendingOperation):
         self._requests_sent = 0
 
     def expire(self, now_s: float) -> list[Frame]:
-        """Ask for the next part, unless that is what stays unanswered."""
+        """Request the next part; fail if the last request for a part got no reply."""
         if self._requests_sent > self._parts_received:
             return super().expire(now_s)
         return self._send_request(now_s)
@@ -210,8 +214,8 @@ class ProgramListing(PendingOperation):
             self.fail(
                 ProtocolError(
                     UserMessage(
-                        "the program list has no end after {parts} parts",
-                        parts=self._parts_received,
+                        "the program list does not end after {part_count} parts",
+                        part_count=self._parts_received,
                     )
                 )
             )
@@ -223,7 +227,7 @@ class ProgramListing(PendingOperation):
 
 
 class DefaultProgram(PendingOperation):
-    """The default program (4.12), asked for under 0x0D and, on silence, 0x13 (A-4.12-1)."""
+    """The default program (4.12), requested with 0x0D and after a timeout with 0x13 (A-4.12-1)."""
 
     def __init__(self, command: Command, value: Any, dialect: Dialect) -> None:
         super().__init__(command, value, dialect)
@@ -231,7 +235,7 @@ class DefaultProgram(PendingOperation):
             self._use_printed_opcode()
 
     def expire(self, now_s: float) -> list[Frame]:
-        """Try the printed opcode; where silence means that none is set, that is the answer."""
+        """Try the printed opcode 0x13; then no reply may mean that no default program is set."""
         if self.command.alternate_opcode not in self._opcodes:
             self._use_printed_opcode()
             return self._send_request(now_s)
@@ -247,25 +251,25 @@ class DefaultProgram(PendingOperation):
 
 
 class TwoStage(PendingOperation):
-    """A command with a first reply and, behind the 0x90 tag, a final result (A-3-7).
+    """A command with a first reply and a final result with the tag 0x90 (A-3-7).
 
-    There is no bound for the final result (A-3-15), except where an emergency stop has ended the
-    command: then it may come late or never (A-4.17-4).
+    The final result has no timeout (A-3-15), except after an emergency stop: then the result may
+    arrive late or never (A-4.17-4).
     """
 
     @property
     def occupies_slot(self) -> bool:
-        """Only until the first reply: what the controller makes of a second request is its own."""
+        """Only until the first reply: the controller decides about a second request."""
         return self.stage is Stage.REQUESTED
 
     def expects(self, frame: Frame, parsed: Parsed) -> bool:
-        """The reply while asked, the tagged result while executing: never by payload (4/9)."""
+        """Expect the first reply, then the tagged result; the payload does not decide (4/9)."""
         if self.stage is Stage.EXECUTING:
             return parsed.part == "result" and parsed.command is self.command
         return super().expects(frame, parsed)
 
     def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
-        """Take the first reply, or the result that ends it."""
+        """Process the first reply or the final result."""
         if self.stage is Stage.REQUESTED:
             return super().take(parsed, data, now_s)
         if self.deadline_s is not None:
@@ -277,27 +281,27 @@ class TwoStage(PendingOperation):
         return []
 
     def expire(self, now_s: float) -> list[Frame]:
-        """No first reply; or no result of its own after an emergency stop."""
+        """Handle a missing first reply, or a missing result after an emergency stop."""
         if self.stage is Stage.REQUESTED:
             return super().expire(now_s)
         self.observed["estop_interrupted"] = "none"
-        self.give_up("an emergency stop ended it, and no result of its own came")
+        self.interrupt("an emergency stop ended it, and its own result did not arrive")
         return []
 
-    def stopped(self, now_s: float) -> None:
-        """An emergency stop was carried out: its result comes soon or never."""
+    def on_emergency_stop(self, now_s: float) -> None:
+        """Start a timeout for the result: an emergency stop was executed."""
         self._start_timeout("reply_timeout", now_s)
 
-    def give_up(self, how: str) -> None:
-        """End it without a result."""
-        self.fail(Interrupted(self.command, None, how))
+    def interrupt(self, reason: str) -> None:
+        """End the operation without a result."""
+        self.fail(Interrupted(self.command, None, reason))
 
     def _accept(self, value: Any, now_s: float) -> list[Frame]:  # noqa: ARG002 - a first reply has no value
         self.stage, self.deadline_s = Stage.EXECUTING, None
         return []
 
 
-_SHAPES: Final = {
+_OPERATION_CLASSES: Final = {
     "login": Login,
     "list_programs": ProgramListing,
     "get_default_program": DefaultProgram,
@@ -305,10 +309,10 @@ _SHAPES: Final = {
 
 
 def create_operation(command: Command, value: Any, dialect: Dialect) -> PendingOperation:
-    """An exchange of the shape that the command has.
+    """Create the pending operation of a command.
 
     Raises:
-        PayloadError: The document forbids to send `value`.
+        PayloadError: The document does not allow `value`.
     """
-    shape = _SHAPES.get(command.name, TwoStage if command.two_stage else PendingOperation)
-    return shape(command, value, dialect)
+    default = TwoStage if command.two_stage else PendingOperation
+    return _OPERATION_CLASSES.get(command.name, default)(command, value, dialect)

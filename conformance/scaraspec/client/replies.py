@@ -1,6 +1,7 @@
-"""Replies: what a decoded reply or final result amounts to, as a value or as an error.
+"""Interpretation of decoded replies and final results, as a value or as an exception.
 
-The one place where a yes is told from a no. Who may reply, and when, stands in `operation`.
+Only this module decides whether a reply is a success. `pending_operation` decides which frame is
+expected and when.
 """
 
 from typing import Any, Final
@@ -17,26 +18,26 @@ _CODE_LENGTH: Final = 2
 
 
 def interpret_reply(parsed: Parsed, data: bytes) -> Any:
-    """The value that a reply or a final result gives; None for a plain success.
+    """Return the value of a reply or a final result; None for a success without value.
 
-    A yes must stand as it is drawn, but for a trailing NUL (A-T-3): anything else is no yes
-    (4.1/8). In everything but a yes, what can be understood is taken.
+    A success must have the form in the document, except for a trailing NUL (A-T-3): any other form
+    is not a success (4.1/8). All other replies are decoded tolerantly.
 
     Args:
-        parsed: The frame, read against the table.
-        data: Its data.
+        parsed: The frame, decoded with the command table.
+        data: The data of the frame.
 
     Raises:
-        Refused: A ``0``, with or without a code.
-        Failed: A final ``00|code``; `Interrupted` for the code 00 (A-4.17-4).
-        ProtocolError: Nothing can be made of it.
+        Refused: The reply is ``0``, with or without a code.
+        Failed: The final result is ``00|code``; `Interrupted` for the code 00 (A-4.17-4).
+        ProtocolError: The reply cannot be decoded.
     """
     command, value = parsed.command, parsed.decoded.value
-    wrong = {complaint.defect for complaint in parsed.decoded.issues}
+    defects = {complaint.defect for complaint in parsed.decoded.issues}
     match value:
         case True | Acceptance(accepted=True) | Outcome(done=True):
-            if not wrong <= {Defect.TRAILING_NUL}:
-                raise _unreadable(parsed, data)
+            if not defects <= {Defect.TRAILING_NUL}:
+                raise _undecodable(parsed, data)
             return None
         case False:
             raise Refused(command)
@@ -45,7 +46,7 @@ def interpret_reply(parsed: Parsed, data: bytes) -> Any:
         case Outcome():
             raise _failure(command, _code(value.code, data[3:]))
         case None:
-            return _value_of_none(parsed, data, wrong)
+            return _interpret_without_value(parsed, data, defects)
     return value
 
 
@@ -55,39 +56,39 @@ def _failure(command: Command, code: errors.Code | None) -> Failed:
     return Failed(command, code)
 
 
-def _value_of_none(parsed: Parsed, data: bytes, wrong: set[Defect]) -> str | None:
-    """What it means that no value was found: a ``0`` for an answer, or nothing sensible."""
+def _interpret_without_value(parsed: Parsed, data: bytes, defects: set[Defect]) -> str | None:
+    """Interpret a reply without a value: a ``0`` instead of an answer, or an undecodable reply."""
     reply = parsed.command.reply
-    if isinstance(reply, OptionalRecord) and wrong <= _SPELLING:
+    if isinstance(reply, OptionalRecord) and defects <= _SPELLING:
         if reply.none_reading:
             return None
         raise Refused(parsed.command)
-    if wrong == {Defect.CODE} and len(data) == _CODE_LENGTH:
-        return show(data)  # a status that table 8-1 lacks is told as it came (4.8/11)
-    raise _unreadable(parsed, data)
+    if defects == {Defect.CODE} and len(data) == _CODE_LENGTH:
+        return show(data)  # a status code that is not in table 8-1 is returned as is (4.8/11)
+    raise _undecodable(parsed, data)
 
 
 def lookup_code(text: str) -> errors.Code:
-    """The row of table 8-1 for `text`, or one that says that there is none."""
+    """Return the row of table 8-1 for `text`, or a substitute for an unknown code."""
     return errors.lookup(text) or errors.Code(
-        text, "a code that table 8-1 lacks", "", 0, errors.Kind.RESERVED
+        text, "a code that is not in table 8-1", "", 0, errors.Kind.RESERVED
     )
 
 
 def _code(text: str | None, raw: bytes) -> errors.Code | None:
-    """The code that was understood, else the raw one, else None where none was sent."""
+    """Return the decoded code, else the raw one, or None if no code was sent."""
     return lookup_code(text or show(raw)) if text or raw else None
 
 
-def _unreadable(parsed: Parsed, data: bytes) -> ProtocolError:
-    what = "final result" if parsed.part == "result" else "reply"
+def _undecodable(parsed: Parsed, data: bytes) -> ProtocolError:
+    message = "final result" if parsed.part == "result" else "reply"
     complaints = parsed.decoded.issues
-    why = complaints[0].text if complaints else show(data)
+    reason = complaints[0].text if complaints else show(data)
     return ProtocolError(
         UserMessage(
-            "the {what} of {command} cannot be understood: {why}",
-            what=what,
+            "the {message} of {command} cannot be decoded: {reason}",
+            message=message,
             command=parsed.command.name,
-            why=why,
+            reason=reason,
         )
     )

@@ -1,6 +1,6 @@
-"""Results: what operations return where the table's own types do not suit a caller of a client.
+"""The result types of the client's operations that differ from the command table.
 
-The rest (`Network`, `Point`, `Pose`, `JointValues`) is returned as the table has it.
+`Network`, `Point`, `Pose` and `JointValues` are the types of the command table.
 """
 
 from enum import Enum
@@ -11,7 +11,7 @@ from scaraspec.protocol.errors import Joint, Kind
 
 
 class State(Enum):
-    """The three states of 4.8 (L214)."""
+    """The states of the robot (4.8, L214)."""
 
     IDLE = "idle"
     RUNNING = "running"
@@ -22,9 +22,14 @@ _STATES = {Kind.IDLE: State.IDLE, Kind.RUNNING: State.RUNNING}
 
 
 class Status(NamedTuple):
-    """What 0x09 reports: the state, and the code of table 8-1 that says so with its meaning.
+    """The status that 0x09 reports.
 
-    Whatever is neither idle nor running is an error, unknown codes too (4.8/11).
+    Attributes:
+        state: Idle, running or error. Every code that is not idle or running is an error,
+            including unknown codes (4.8/11).
+        code: The code of table 8-1.
+        meaning: The meaning of the code.
+        joints: The faulty joints, for the codes that name joints.
     """
 
     state: State
@@ -34,13 +39,13 @@ class Status(NamedTuple):
 
     @classmethod
     def of(cls, text: str) -> "Status":
-        """The status behind two characters."""
+        """Return the status for a code of two characters."""
         code = lookup_code(text)
         return cls(_STATES.get(code.kind, State.ERROR), code.text, code.meaning, code.joints)
 
 
 class RunningProgram(NamedTuple):
-    """The running program's name, and for how many seconds it has run (L226)."""
+    """The name of the running program and its run time in seconds (L226)."""
 
     name: str
     run_time_s: int

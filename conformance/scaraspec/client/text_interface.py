@@ -1,7 +1,7 @@
-"""Words: operations with arguments and results as text, for people and for programs.
+"""The text interface of the operations: arguments from text, results as text or JSON.
 
-Made from the table: which arguments an operation takes, how they are read from a command line,
-and how a result is shown in lines or as JSON. Nothing is sent from here.
+It is derived from the command table: which arguments an operation takes, how they are parsed from
+a command line, and how a result is formatted. No code here sends anything.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,11 +31,11 @@ from scaraspec.user_message import UserMessage
 TRANSFERS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {"upload": ("local", "[remote]"), "download": ("remote", "[local]")}
 )
-"""The operations that carry out the four rows of clause 5; what is in brackets may be left out."""
+"""The operations for the four commands of clause 5; arguments in brackets are optional."""
 
 
 def parameter_names(command: Command) -> tuple[str, ...]:
-    """What a command takes, by name and in the order of its request."""
+    """Return the parameter names of a command, in the order of its request."""
     if isinstance(command.request, Jog):
         return ("direction",)
     return tuple(field.name for field in command.request.fields)
@@ -44,25 +44,24 @@ def parameter_names(command: Command) -> tuple[str, ...]:
 OPERATIONS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {c.name: parameter_names(c) for c in COMMANDS if c.clause[0] == "4"} | dict(TRANSFERS)
 )
-"""Every operation of a client that the table asks for, with what it takes."""
+"""Every operation of a client in the command table, with its parameter names."""
 
 
 def parse_arguments(name: str, texts: Sequence[str]) -> list[Any]:
-    """The arguments of an operation, read from text.
+    """Parse the arguments of an operation.
 
     Raises:
-        PayloadError: They are too few or too many, or one of them cannot be read.
+        PayloadError: There are too few or too many arguments, or one is not valid.
     """
-    takes = OPERATIONS[name]
-    least = sum(not parameter.startswith("[") for parameter in takes)
-    if not least <= len(texts) <= len(takes):
-        form = " ".join(takes).upper() or "no arguments"
+    names = OPERATIONS[name]
+    required_count = sum(not parameter.startswith("[") for parameter in names)
+    if not required_count <= len(texts) <= len(names):
         raise PayloadError(
             UserMessage(
-                "{name} takes {form}: {texts_count} given",
+                "{name} takes {parameters}: {given_count} given",
                 name=name,
-                form=form,
-                texts_count=len(texts),
+                parameters=" ".join(names).upper() or "no arguments",
+                given_count=len(texts),
             )
         )
     if name in TRANSFERS:
@@ -70,17 +69,17 @@ def parse_arguments(name: str, texts: Sequence[str]) -> list[Any]:
     request = BY_NAME[name].request
     if isinstance(request, Jog):
         return [parse_direction(text) for text in texts]
-    return [_read(field, text) for field, text in zip(request.fields, texts, strict=True)]
+    return [_parse(field, text) for field, text in zip(request.fields, texts, strict=True)]
 
 
-def _read(field: Field, text: str) -> Any:
+def _parse(field: Field, text: str) -> Any:
     if isinstance(field, Name | Text):
         return text
     if isinstance(field, Clock) and not text.isdigit():
         try:
             return datetime.fromisoformat(text)
         except ValueError:
-            pass  # the field says better what is wrong with it
+            pass  # the field reports the error
     notes = Diagnostics()
     value = field.read(text.encode("utf-8", "surrogateescape"), notes)
     if notes.issues:
@@ -89,12 +88,12 @@ def _read(field: Field, text: str) -> Any:
 
 
 def format_result(name: str, result: Any) -> list[str]:
-    """A result for people, with units."""
+    """Format a result as lines for the user, with units."""
     fields = {} if name in TRANSFERS else {f.name: f for f in BY_NAME[name].reply.fields}
     match result:
         case None:
-            answers = {"get_running_program": "no program runs", "get_default_program": "none"}
-            return [answers.get(name, "done")]
+            texts = {"get_running_program": "no program runs", "get_default_program": "none"}
+            return [texts.get(name, "done")]
         case Status():
             meaning = "" if result.meaning == result.state.value else f", {result.meaning}"
             return [f"{result.state.value} ({result.code}{meaning})"]
@@ -118,7 +117,7 @@ def _plain(value: Any) -> str:
 
 
 def to_json(value: Any) -> Any:
-    """A result, or a part of one, in the types of JSON; bytes in names as surrogate escapes."""
+    """Convert a result to JSON types. Undecodable bytes in names become surrogate escapes."""
     match value:
         case tuple() if hasattr(value, "_asdict"):
             return {key: to_json(item) for key, item in value._asdict().items()}
@@ -134,11 +133,11 @@ def to_json(value: Any) -> Any:
 
 
 def error_to_json(error: Exception) -> dict[str, Any]:
-    """A problem in the types of JSON; what has no code has none there."""
-    told: dict[str, Any] = {"kind": type(error).__name__, "message": str(error)}
+    """Convert an error to JSON types: kind, message, and the code if it can have one."""
+    json_error: dict[str, Any] = {"kind": type(error).__name__, "message": str(error)}
     if isinstance(error, Refused | Failed):
         code = error.code
-        told["code"] = code and code.text
-        told["meaning"] = code and code.meaning
-        told["joints"] = to_json(code.joints) if code else []
-    return told
+        json_error["code"] = code and code.text
+        json_error["meaning"] = code and code.meaning
+        json_error["joints"] = to_json(code.joints) if code else []
+    return json_error

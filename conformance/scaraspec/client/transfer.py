@@ -1,7 +1,7 @@
-"""File transfers (clause 5) as exchanges: a name, its answer, then chunk by chunk.
+"""File transfers (clause 5) as pending operations: the name, its reply, then chunk by chunk.
 
-What a chunk may be, and when a transfer is over, stands in `protocol.transfer`; what becomes of
-the file on this side in `files`.
+`protocol.transfer` decides which chunks are valid and when a transfer ends; `local_files` reads and
+writes the local file.
 """
 
 from typing import ClassVar, Final
@@ -15,28 +15,29 @@ from scaraspec.protocol.fields import PayloadError, show
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import Dialect
 from scaraspec.protocol.transfer import Chunk, Receiver, Sender, State
+from scaraspec.user_message import UserMessage
 
 _UPLOAD_NAME: Final = BY_NAME["upload_name"]
 _UPLOAD_CHUNK: Final = BY_NAME["upload_chunk"]
 _DOWNLOAD_NAME: Final = BY_NAME["download_name"]
 _DOWNLOAD_CHUNK: Final = BY_NAME["download_chunk"]
 
-_BEYOND_S: Final = 0.001
-"""等待时间超过 30 秒: given up not at the limit but beyond it (L795)."""
+_TIMEOUT_MARGIN_S: Final = 0.001
+"""等待时间超过 30 秒: the timeout expires after the limit, not at it (L795)."""
 
 
 def chunk_reply(*, accepted: bool, dialect: Dialect) -> Frame:
-    """The answer to a chunk of a download (L782-785)."""
+    """Return the reply to a chunk of a download (L782-785)."""
     data = _DOWNLOAD_CHUNK.reply.encode(accepted, dialect)
     return Frame(A2C, _DOWNLOAD_CHUNK.opcode, data)
 
 
 class FileTransfer(PendingOperation):
-    """What both directions share: one at a time (A-5-17), 30 s of patience, a count of bytes.
+    """Base class of both directions: one transfer at a time (A-5-17), 30 s timeout, byte count.
 
     Attributes:
-        moved_bytes: How much of the file is known to have arrived at the other end.
-        total_bytes: Its size; None until it is known.
+        moved_bytes: How many bytes of the file the receiver has confirmed.
+        total_bytes: Size of the file; None while unknown.
     """
 
     def __init__(self, command: Command, name: bytes, dialect: Dialect) -> None:
@@ -44,34 +45,38 @@ class FileTransfer(PendingOperation):
         self.moved_bytes = 0
         self.total_bytes: int | None = None
         self._reported_bytes = 0
-        self._what = f"{command.name.removesuffix('_name')} of {show(name)!r}"
+        self._description = f"{command.name.removesuffix('_name')} of {show(name)!r}"
         self._aborted = False
 
     @property
     def slot(self) -> str:
-        """One for both directions."""
+        """The key that both directions share."""
         return "transfer"
 
     @property
     def has_progress(self) -> bool:
-        """Whether bytes have moved that nobody was told of."""
+        """Whether bytes were transferred since the last report."""
         return self.moved_bytes > self._reported_bytes
 
     def report(self, progress: Progress | None) -> None:
-        """Tell how far it is, if that has changed."""
+        """Call `progress` if bytes were transferred since the last report."""
         if self.has_progress:
             self._reported_bytes = self.moved_bytes
             if progress is not None:
                 progress(self.moved_bytes, self.total_bytes)
 
-    def expire(self, now_s: float) -> list[Frame]:  # noqa: ARG002 - nothing is asked again
-        """Give up; the link stays usable (5.4/6)."""
-        seconds = self._dialect.seconds("xfer_timeout")
-        self._fail_transfer(f"nothing heard for {seconds:g} s (L763, L795)")
+    def expire(self, now_s: float) -> list[Frame]:  # noqa: ARG002 - nothing is repeated
+        """Fail the transfer; the link stays usable (5.4/6)."""
+        self._fail_transfer(
+            UserMessage(
+                "no frame for {timeout_s:g} s (L763, L795)",
+                timeout_s=self._dialect.seconds("xfer_timeout"),
+            )
+        )
         return []
 
     def abort(self) -> None:
-        """End it at the next frame, which is the first occasion to say so."""
+        """Abort at the next frame, the first opportunity to signal it to the controller."""
         self._aborted = True
 
     def _send_request(self, now_s: float) -> list[Frame]:
@@ -79,29 +84,29 @@ class FileTransfer(PendingOperation):
         return [self._request]
 
     def _restart_timeout(self, now_s: float) -> None:
-        """Wait for the next frame; the 30 s hold for the answer to the name too (L763)."""
+        """Restart the timeout for the next frame; it also applies to the name's reply (L763)."""
         self._start_timeout("xfer_timeout", now_s)
         if self.deadline_s is not None:
-            self.deadline_s += _BEYOND_S
+            self.deadline_s += _TIMEOUT_MARGIN_S
 
     def _fail_transfer(self, reason: str) -> None:
-        self.fail(TransferFailed(self._what, reason))
+        self.fail(TransferFailed(self._description, reason))
 
 
 class Upload(FileTransfer):
-    """The client sends a file (5.2): one chunk, its answer, the next chunk (5.2/7).
+    """Upload of a file to the controller (5.2): a chunk, its reply, the next chunk (5.2/7).
 
     Args:
-        name: The file's name on the controller.
-        content: Its bytes.
-        dialect: Among others whether, and how, an empty file is sent (A-5-10).
+        name: Name of the file on the controller.
+        content: Content of the file.
+        dialect: The readings; they decide whether and how an empty file is sent (A-5-10).
 
     Raises:
         PayloadError: The name or the file cannot be sent.
     """
 
     sender: ClassVar[type[Sender]] = Sender
-    """What cuts the file; an upload that is wrong on purpose has another one."""
+    """The class that splits the file into chunks; mutants replace it."""
 
     def __init__(self, name: bytes, content: bytes, dialect: Dialect) -> None:
         super().__init__(_UPLOAD_NAME, name, dialect)
@@ -113,20 +118,23 @@ class Upload(FileTransfer):
         self._content = content
         self._sender: Sender | None = None
 
-    def expects(self, frame: Frame, parsed: Parsed) -> bool:  # noqa: ARG002 - the table tells it
-        """The answer to the name, then to each chunk."""
-        awaited = _UPLOAD_NAME if self.stage is Stage.REQUESTED else _UPLOAD_CHUNK
-        return parsed.part == "reply" and parsed.command is awaited
+    def expects(self, frame: Frame, parsed: Parsed) -> bool:  # noqa: ARG002 - `parsed` suffices
+        """Expect the reply to the name, then the reply to each chunk."""
+        command = _UPLOAD_NAME if self.stage is Stage.REQUESTED else _UPLOAD_CHUNK
+        return parsed.part == "reply" and parsed.command is command
 
     def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
-        """Send the next chunk after a ``1``; stop after anything else (A-5-14)."""
+        """Send the next chunk after a ``1``; fail after any other reply (A-5-14)."""
         try:
             interpret_reply(parsed, data)
         except Refused:
             self._fail_transfer(
-                "the controller refused its name; perhaps it has such a file (L748)"
+                "the controller refused the name; the file may exist already (L748)"
                 if self.stage is Stage.REQUESTED
-                else f"the controller refused the chunk at {self.moved_bytes} (L758)"
+                else UserMessage(
+                    "the controller refused the chunk at byte {position} (L758)",
+                    position=self.moved_bytes,
+                )
             )
         except ClientError as error:
             self._fail_transfer(str(error))
@@ -139,7 +147,7 @@ class Upload(FileTransfer):
         return []
 
     def _next(self, now_s: float) -> Chunk | None:
-        """The chunk that follows what was just answered; None behind the last."""
+        """Return the next chunk; None after the last one."""
         if self._sender is None:
             self.accepted, self.stage = True, Stage.EXECUTING
             self._sender = self.sender(self._content, now_s, self._dialect)
@@ -155,7 +163,7 @@ class Upload(FileTransfer):
         return self._sender.next_chunk()
 
     def _next_of_empty_file(self) -> Chunk | None:
-        """The same for an empty file: a name alone, or one chunk of length 0 (A-5-10)."""
+        """Return the next chunk of an empty file: none, or one of length 0 (A-5-10)."""
         if self.stage is Stage.REQUESTED and self._dialect["empty_file"] == "chunk":
             self.accepted, self.stage = True, Stage.EXECUTING
             return Chunk(0, 0, 0, b"")
@@ -164,19 +172,19 @@ class Upload(FileTransfer):
 
 
 class Download(FileTransfer):
-    """The controller sends a file (5.3); its content is the value of the exchange.
+    """Download of a file from the controller (5.3); the value is the content of the file.
 
     Args:
-        name: The file's name on the controller.
-        limit_bytes: The largest file that is taken.
-        dialect: Among others which order of chunks is taken.
+        name: Name of the file on the controller.
+        limit_bytes: Largest accepted file.
+        dialect: The readings; they decide which order of chunks is accepted.
 
     Raises:
         PayloadError: The name cannot be sent.
     """
 
     receiver: ClassVar[type[Receiver]] = Receiver
-    """What judges the chunks; a download that is wrong on purpose has another one."""
+    """The class that checks the chunks; mutants replace it."""
 
     def __init__(self, name: bytes, limit_bytes: int, dialect: Dialect) -> None:
         super().__init__(_DOWNLOAD_NAME, name, dialect)
@@ -184,13 +192,13 @@ class Download(FileTransfer):
         self._receiver: Receiver | None = None
 
     def expects(self, frame: Frame, parsed: Parsed) -> bool:
-        """The answer to the name, then each chunk, which is the controller's request (A-5-19)."""
+        """Expect the reply to the name, then the chunks, which are requests (A-5-19)."""
         if self._receiver is None:
             return super().expects(frame, parsed)
         return parsed.part == "request" and parsed.command is _DOWNLOAD_CHUNK
 
     def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
-        """Take the answer to the name, or answer a chunk, once each (5.3/5)."""
+        """Process the reply to the name, or reply to a chunk; each once (5.3/5)."""
         self._restart_timeout(now_s)
         receiver = self._receiver
         if receiver is None:
@@ -214,7 +222,7 @@ class Download(FileTransfer):
         try:
             interpret_reply(parsed, data)
         except Refused:
-            self._fail_transfer("the controller cannot send it; perhaps it has no such file (L772)")
+            self._fail_transfer("the controller refused the name; the file may not exist (L772)")
         except ClientError as error:
             self._fail_transfer(str(error))
         else:

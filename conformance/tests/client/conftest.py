@@ -1,4 +1,4 @@
-"""What the tests of the client share: plays, in which a test is the controller and the clock."""
+"""Fixtures of the client tests: in a `Play` the test is the controller and the clock."""
 
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -15,7 +15,7 @@ from scaraspec.transports.link import Arrival, Ending, LinkError
 
 
 def frames_of(data: bytes) -> list[tuple[int, bytes]]:
-    """Opcode and data of what a client sent, which must be whole untagged frames (3/1, 3/15)."""
+    """Return opcode and data of sent frames; they must be complete and untagged (3/1, 3/15)."""
     framer = Framer(A2C)
     found = framer.feed(data)
     assert framer.held_bytes == 0
@@ -24,35 +24,35 @@ def frames_of(data: bytes) -> list[tuple[int, bytes]]:
 
 
 class Play:
-    """A core on the stage: the test asks, speaks for the controller and lets time pass."""
+    """A client core; the test sends requests, acts as the controller and advances the time."""
 
     def __init__(self, dialect: Dialect = DEFAULT, *, login_required: bool = False) -> None:
         self.core = ClientCore(dialect, login_required=login_required)
         self.now_s = 100.0
 
     def ask(self, name: str, value: Any = None) -> PendingOperation:
-        """The user gives a command."""
+        """Start a command."""
         return self.begin(self.core.command(name, value))
 
     def begin(self, operation: PendingOperation) -> PendingOperation:
-        """The user gives a command that was prepared."""
+        """Start a prepared operation."""
         self.core.begin(operation, self.now_s)
         return operation
 
     def sent(self) -> list[tuple[int, bytes]]:
-        """What the client has sent since the last look, as opcode and data."""
+        """Return opcode and data of the frames sent since the last call."""
         return frames_of(self.core.bytes_to_send())
 
     def says(self, opcode: int, data: bytes = b"", *, tagged: bool = False) -> list[Event]:
-        """The controller sends a frame."""
+        """Receive a frame from the controller."""
         return self.hears(Frame(C2A, opcode, data, tagged).encode())
 
     def hears(self, data: bytes) -> list[Event]:
-        """Bytes arrive."""
+        """Receive bytes."""
         return self.core.feed(data, self.now_s)
 
     def waits(self, seconds: float) -> None:
-        """Nothing arrives for so long; time goes from deadline to deadline, as in a shell."""
+        """Receive nothing for `seconds`; the time advances from deadline to deadline."""
         until_s = self.now_s + seconds
         while (due_s := self.core.deadline_s) is not None and due_s <= until_s:
             self.now_s = max(self.now_s, due_s)
@@ -61,10 +61,10 @@ class Play:
 
 
 class ScriptedLink:
-    """A link to a controller that is a function: a request in, delayed bytes out; time is free.
+    """A link to a scripted controller: a function maps a request to delayed bytes. No real time.
 
     Args:
-        answer: Gives for each frame the bytes to send back, or the ending, each with its delay.
+        answer: Returns the reply bytes, or the ending, with a delay in seconds, for each frame.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class ScriptedLink:
         self._coming: deque[tuple[float, bytes | Ending]] = deque()
 
     def send(self, data: bytes) -> int:
-        """Take requests and plan the answers."""
+        """Record requests and schedule the replies."""
         for opcode, request in frames_of(data):
             self.asked.append((opcode, request))
             for delay_s, what in self._answer(opcode, request):
@@ -86,7 +86,7 @@ class ScriptedLink:
         return 0
 
     def receive(self, deadline_s: float) -> Arrival | None:
-        """Go to the next arrival or to the deadline."""
+        """Advance to the next arrival or to the deadline."""
         if self.closed:
             raise LinkError("this link has been closed")
         if self._coming and self._coming[0][0] <= deadline_s:
@@ -97,31 +97,31 @@ class ScriptedLink:
         return None
 
     def half_close(self) -> None:
-        """Fail: no client does this."""
+        """Fail: a client never does this."""
         raise AssertionError("a client has half-closed or reset its link")
 
     def close(self) -> None:
-        """End it."""
+        """Close the link."""
         self.closed = True
 
     def reset(self) -> None:
-        """Fail: no client does this."""
+        """Fail: a client never does this."""
         raise AssertionError("a client has half-closed or reset its link")
 
 
 @pytest.fixture(scope="session")
 def new_play() -> type[Play]:
-    """Makes plays."""
+    """Return the class `Play`."""
     return Play
 
 
 @pytest.fixture
 def play() -> Play:
-    """A play in the default dialect, logged in."""
+    """A logged-in `Play` in the default dialect."""
     return Play()
 
 
 @pytest.fixture(scope="session")
 def scripted_link() -> type[ScriptedLink]:
-    """Makes links to scripted controllers."""
+    """Return the class `ScriptedLink`."""
     return ScriptedLink

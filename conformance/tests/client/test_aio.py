@@ -1,4 +1,4 @@
-"""The asyncio shell, on a loop whose time jumps: it costs nothing to wait."""
+"""The asyncio client, on an event loop with simulated time."""
 
 import asyncio
 import contextlib
@@ -36,7 +36,7 @@ PASSWORD = "password"
 
 
 class _JumpingSelector(selectors.DefaultSelector):
-    """Where nothing is ready, time goes on to the next timer at once."""
+    """If nothing is ready, the time jumps to the next timer."""
 
     now_s = 0.0
 
@@ -49,7 +49,7 @@ class _JumpingSelector(selectors.DefaultSelector):
 
 
 class Loop(asyncio.SelectorEventLoop):
-    """A loop with its own time, in which every connection leads to the controller's socket."""
+    """An event loop with simulated time; every connection leads to the controller's socket."""
 
     def __init__(self) -> None:
         self._jumping = _JumpingSelector()
@@ -64,7 +64,7 @@ class Loop(asyncio.SelectorEventLoop):
 
 
 class Controller:
-    """The other end: it waits for requests and says what the test says."""
+    """The controller: it waits for requests and sends what the test tells it."""
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._reader = reader
@@ -87,7 +87,7 @@ class Controller:
 
 
 def perform(play: Callable[[AsyncClient, Controller], Awaitable[None]], **options: Any) -> None:
-    """Connect a client without a login, and play."""
+    """Connect a client without a login and run the test."""
 
     async def main() -> None:
         loop = asyncio.get_running_loop()
@@ -109,7 +109,7 @@ def perform(play: Callable[[AsyncClient, Controller], Awaitable[None]], **option
 
 
 def test_async_with_logs_in_and_closes() -> None:
-    """2/10: the login comes first."""
+    """2/10: the login is the first request."""
 
     async def main() -> None:
         loop = asyncio.get_running_loop()
@@ -144,7 +144,7 @@ def test_a_failed_login_closes() -> None:
     perform(play)
 
 
-def test_a_reply_comes_in_time_or_does_not() -> None:
+def test_reply_or_timeout() -> None:
     """A-3-15, T/9."""
 
     async def play(client: AsyncClient, controller: Controller) -> None:
@@ -162,8 +162,8 @@ def test_a_reply_comes_in_time_or_does_not() -> None:
     perform(play)
 
 
-def test_a_stop_overtakes_a_run() -> None:
-    """4.17/10, 4.17/9: from another task; the run has no result of its own."""
+def test_emergency_stop_interrupts_a_run() -> None:
+    """4.17/10, 4.17/9: another task stops the run, which gets no result of its own."""
 
     async def play(client: AsyncClient, controller: Controller) -> None:
         run = asyncio.create_task(client.run_program("a.rob"))
@@ -175,14 +175,14 @@ def test_a_stop_overtakes_a_run() -> None:
         controller.say(0x32)
         controller.say(0x32, b"11", tagged=True)
         await halt
-        with pytest.raises(Interrupted, match="no result of its own"):
+        with pytest.raises(Interrupted, match="its own result did not arrive"):
             await run
 
     perform(play)
 
 
-def test_a_pending_command_leaves_room_for_others() -> None:
-    """A-4-3; waiting may be bounded, and taken up again; a refusal shows."""
+def test_other_commands_work_while_one_is_pending() -> None:
+    """A-4-3; `wait` accepts a timeout and can be repeated; it raises a refusal."""
 
     async def play(client: AsyncClient, controller: Controller) -> None:
         starting = asyncio.create_task(client.start_reset())
@@ -207,7 +207,7 @@ def test_a_pending_command_leaves_room_for_others() -> None:
     perform(play)
 
 
-def test_equal_requests_take_turns() -> None:
+def test_equal_requests_are_serialised() -> None:
     """3/25."""
 
     async def play(client: AsyncClient, controller: Controller) -> None:
@@ -221,7 +221,7 @@ def test_equal_requests_take_turns() -> None:
 
 
 def test_files_are_transferred(tmp_path: Path) -> None:
-    """Both ways, with progress."""
+    """Upload and download with progress."""
     content, told = bytes(range(250)) * 2, []
     (tmp_path / "a.rob").write_bytes(content)
 
@@ -249,7 +249,7 @@ def test_files_are_transferred(tmp_path: Path) -> None:
 
 
 def test_a_cancelled_upload_is_signalled() -> None:
-    """L787: by a length of 0 in its turn."""
+    """L787: a chunk of length 0 in place of the next chunk."""
 
     async def play(client: AsyncClient, controller: Controller) -> None:
         upload = asyncio.create_task(client.upload_bytes(b"x" * 500, "a.rob"))
@@ -265,11 +265,11 @@ def test_a_cancelled_upload_is_signalled() -> None:
     perform(play)
 
 
-def test_a_silent_transfer_is_given_up() -> None:
+def test_transfer_timeout() -> None:
     """5.2/9."""
 
     async def play(client: AsyncClient, controller: Controller) -> None:
-        with pytest.raises(TransferFailed, match="nothing heard for 30 s"):
+        with pytest.raises(TransferFailed, match="no frame for 30 s"):
             await client.download_bytes("a.rob")
         await controller.expect(0x54)
 
@@ -277,7 +277,7 @@ def test_a_silent_transfer_is_given_up() -> None:
 
 
 def test_it_talks_to_the_virtual_controller(tmp_path: Path) -> None:
-    """Over a real network, such as there is in one process."""
+    """Over TCP in one process."""
 
     async def main() -> None:
         plant = Plant(datetime(2014, 12, 22), now_s=0.0)  # noqa: DTZ001 - the document names no zone
@@ -298,8 +298,8 @@ def test_it_talks_to_the_virtual_controller(tmp_path: Path) -> None:
     assert (tmp_path / "a.rob").read_bytes() == b"content"
 
 
-def test_the_end_of_the_link_is_told() -> None:
-    """To whoever waits, and whoever comes after."""
+def test_link_end_raises_link_lost() -> None:
+    """For waiting calls and for later calls."""
 
     async def play(client: AsyncClient, controller: Controller) -> None:
         status = asyncio.create_task(client.get_status())
@@ -312,8 +312,8 @@ def test_the_end_of_the_link_is_told() -> None:
     perform(play)
 
 
-def test_a_controller_that_is_not_there_is_told() -> None:
-    """With where it was looked for."""
+def test_failed_connection_raises_link_lost() -> None:
+    """The message contains the address."""
 
     async def main() -> None:
         with socket.socket() as unused:
@@ -325,8 +325,8 @@ def test_a_controller_that_is_not_there_is_told() -> None:
     asyncio.run(main())
 
 
-def test_only_the_network_is_spoken() -> None:
-    """It is said what to use instead; and what to do first."""
+def test_only_network_links_are_accepted() -> None:
+    """The message says what to use instead; a call before `connect` says to connect."""
     with pytest.raises(UrlError, match="use Client"):
         AsyncClient("serial:///dev/rfcomm0")
 

@@ -1,4 +1,4 @@
-"""The blocking shell: connecting, waiting, several threads, files."""
+"""The blocking client: connection, waiting, several threads, files."""
 
 import queue
 import socket
@@ -36,7 +36,7 @@ def c2a(opcode: int, data: bytes = b"", *, tagged: bool = False) -> bytes:
 
 
 def polite(opcode: int, _data: bytes) -> list[tuple[float, Any]]:
-    """A controller that grants everything: a run takes an hour."""
+    """A controller that accepts everything; a run takes an hour."""
     if opcode == 0x30:
         return [(0.1, c2a(0x30, b"1")), (3600, c2a(0x30, b"11", tagged=True))]
     if opcode == 0x54:
@@ -46,7 +46,7 @@ def polite(opcode: int, _data: bytes) -> list[tuple[float, Any]]:
 
 
 def test_with_connects_logs_in_and_closes(scripted_link: Any) -> None:
-    """2/10: the login comes first."""
+    """2/10: the login is the first request."""
     link = scripted_link(polite)
     with Client(link, password="secret") as client:
         assert client.get_status().code == "00"
@@ -67,15 +67,15 @@ def test_a_failed_login_closes(scripted_link: Any) -> None:
 
 
 def test_nothing_works_before_connecting() -> None:
-    """It is said what to do."""
+    """The message says to connect."""
     client = Client("tcp://127.0.0.1")
     with pytest.raises(LinkLost, match="call connect"):
         client.login("password")
     client.close()
 
 
-def test_a_controller_that_is_not_there_is_told() -> None:
-    """In one sentence, with where it was looked for."""
+def test_failed_connection_raises_link_lost() -> None:
+    """The message is one sentence with the address."""
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         port = unused.getsockname()[1]
@@ -83,7 +83,7 @@ def test_a_controller_that_is_not_there_is_told() -> None:
             pytest.fail("nothing listens there")
 
 
-def test_a_url_that_is_none_is_told_at_once() -> None:
+def test_invalid_url_is_rejected_at_once() -> None:
     """Before anything is opened."""
     with pytest.raises(UrlError):
         Client("robot.local")
@@ -95,8 +95,8 @@ def test_no_login_is_needed_over_a_serial_line() -> None:
     assert not Client("tcp://127.0.0.1")._core.logged_in
 
 
-def test_a_reply_comes_or_does_not(scripted_link: Any) -> None:
-    """A-3-15: 5 s, in the link's own time; afterwards the link works on."""
+def test_reply_or_timeout(scripted_link: Any) -> None:
+    """A-3-15: 5 s, in the time of the link; the link stays usable."""
     silent = [True, False]
     link = scripted_link(lambda *frame: [] if silent.pop(0) else polite(*frame))
     client = Client(link)
@@ -109,17 +109,17 @@ def test_a_reply_comes_or_does_not(scripted_link: Any) -> None:
 
 
 @pytest.mark.parametrize("ending", Ending)
-def test_the_end_of_the_link_is_told(scripted_link: Any, ending: Ending) -> None:
-    """By whoever waits, and by whoever comes after."""
+def test_link_end_raises_link_lost(scripted_link: Any, ending: Ending) -> None:
+    """For waiting calls and for later calls."""
     client = Client(scripted_link(lambda *_: [(1, ending)]))
     client._core.logged_in = True
     for _ in range(2):
-        with pytest.raises(LinkLost, match=r"the controller has (closed|cut) the connection"):
+        with pytest.raises(LinkLost, match=r"the controller (closed|reset) the connection"):
             client.get_status()
 
 
-def test_a_two_stage_operation_waits_for_its_end(scripted_link: Any) -> None:
-    """4/11: an hour, which costs nothing here."""
+def test_a_two_stage_operation_waits_for_its_result(scripted_link: Any) -> None:
+    """4/11: an hour, in simulated time."""
     link = scripted_link(polite)
     with Client(link, password="p") as client:
         began_s = link.now_s
@@ -127,8 +127,8 @@ def test_a_two_stage_operation_waits_for_its_end(scripted_link: Any) -> None:
         assert link.now_s - began_s == pytest.approx(3600)
 
 
-def test_a_pending_command_leaves_room_for_others(scripted_link: Any) -> None:
-    """A-4-3; waiting may be bounded, and taken up again."""
+def test_other_commands_work_while_one_is_pending(scripted_link: Any) -> None:
+    """A-4-3; `wait` accepts a timeout and can be repeated."""
     with Client(scripted_link(polite), password="p") as client:
         pending = client.start_run_program("a.rob")
         assert (pending.accepted, pending.done) == (True, False)
@@ -139,8 +139,8 @@ def test_a_pending_command_leaves_room_for_others(scripted_link: Any) -> None:
         assert pending.done
 
 
-def test_a_refusal_shows_in_the_pending_command(scripted_link: Any) -> None:
-    """4/13: it is over, and was not accepted."""
+def test_a_pending_command_raises_its_refusal(scripted_link: Any) -> None:
+    """4/13: it is done and was not accepted."""
     client = Client(scripted_link(lambda opcode, _: [(0, c2a(opcode, b"0|01"))]))
     client._core.logged_in = True
     pending = client.start_jog("+x")
@@ -149,25 +149,25 @@ def test_a_refusal_shows_in_the_pending_command(scripted_link: Any) -> None:
         pending.wait()
 
 
-def test_a_first_reply_that_is_missing_leaves_nothing_pending(scripted_link: Any) -> None:
-    """It is not known whether it was accepted."""
+def test_missing_first_reply_raises_a_timeout(scripted_link: Any) -> None:
+    """It is unknown whether the command was accepted."""
     client = Client(scripted_link(lambda *_: []))
     client._core.logged_in = True
     with pytest.raises(ReplyTimeout):
         client.start_reset()
 
 
-def test_what_was_seen_can_be_asked_for(scripted_link: Any) -> None:
-    """Readings and remarks."""
+def test_observed_readings_and_remarks(scripted_link: Any) -> None:
+    """They are properties of the client."""
     client = Client(scripted_link(lambda opcode, _: [(0, b"?" + c2a(opcode, b"0a"))]))
     client._core.logged_in = True
     assert client.list_programs() == ("a",)
     assert client.observed_readings == {"list_prefix_sep": {"0a"}}
-    assert client.remarks == ("1 bytes are no frame (stray)",)
+    assert client.remarks == ("1 bytes are not a frame (stray)",)
 
 
-def test_progress_is_told(scripted_link: Any, tmp_path: Path) -> None:
-    """After every chunk, with the whole."""
+def test_progress_is_reported(scripted_link: Any, tmp_path: Path) -> None:
+    """After every chunk, with the file size."""
     told: list[tuple[int, int | None]] = []
     with Client(scripted_link(polite), password="p") as client:
         client.upload_bytes(b"x" * 500, "a.rob", lambda *progress: told.append(progress))
@@ -179,7 +179,7 @@ def test_progress_is_told(scripted_link: Any, tmp_path: Path) -> None:
 def test_a_download_goes_to_the_working_directory(
     scripted_link: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Under its own name, if no other is given."""
+    """With its own name, if no other name is given."""
     monkeypatch.chdir(tmp_path)
     with Client(scripted_link(polite), password="p") as client:
         assert client.download("a.rob") == Path("a.rob")
@@ -188,7 +188,7 @@ def test_a_download_goes_to_the_working_directory(
 
 
 def test_a_local_file_is_never_overwritten(scripted_link: Any, tmp_path: Path) -> None:
-    """5.3/12: the transfer is not begun."""
+    """5.3/12: the transfer does not start."""
     (tmp_path / "a.rob").write_bytes(b"old")
     link = scripted_link(polite)
     with Client(link, password="p") as client:
@@ -199,13 +199,13 @@ def test_a_local_file_is_never_overwritten(scripted_link: Any, tmp_path: Path) -
     assert [opcode for opcode, _ in link.asked] == [0x01]
 
 
-def test_nothing_is_left_of_a_failed_download(scripted_link: Any, tmp_path: Path) -> None:
-    """5.2/19: neither a file nor a part of one."""
+def test_a_failed_download_leaves_no_file(scripted_link: Any, tmp_path: Path) -> None:
+    """5.2/19: not even a partial file."""
     chunk = next(chunks_of(b"x" * 500))
     first = c2a(0x54, b"1") + c2a(0x56, FILE_DATA.encode(chunk, DEFAULT))
     client = Client(scripted_link(lambda opcode, _: [(0, first)] if opcode == 0x54 else []))
     client._core.logged_in = True
-    with pytest.raises(TransferFailed, match="nothing heard for 30 s"):
+    with pytest.raises(TransferFailed, match="no frame for 30 s"):
         client.download("a.rob", tmp_path / "a.rob")
     assert list(tmp_path.iterdir()) == []
 
@@ -215,7 +215,7 @@ class Stop(Exception):  # noqa: N818 - a test's own signal
 
 
 def test_an_exception_from_progress_aborts_with_a_signal(scripted_link: Any) -> None:
-    """L787: the controller is told by a length of 0; the exception is passed on."""
+    """L787: the client sends a chunk of length 0 and raises the exception again."""
 
     def stop(_moved: int, _total: int | None) -> None:
         raise Stop
@@ -230,7 +230,7 @@ def test_an_exception_from_progress_aborts_with_a_signal(scripted_link: Any) -> 
 
 
 class Stage:
-    """A controller at the other end of a socket, spoken for by the test's own thread."""
+    """A controller at the other end of a socket; the thread of the test controls it."""
 
     def __init__(self) -> None:
         ours, theirs = socket.socketpair()
@@ -278,14 +278,14 @@ class Stage:
 
 @pytest.fixture
 def stage() -> Iterator[Stage]:
-    """A stage, cleared afterwards."""
+    """A `Stage`, closed afterwards."""
     stage = Stage()
     yield stage
     stage.end()
 
 
-def test_a_stop_overtakes_a_call_that_waits(stage: Stage) -> None:
-    """4.17/10, 4.17/9: from another thread, while the first reply to a query is due too."""
+def test_emergency_stop_during_a_waiting_call(stage: Stage) -> None:
+    """4.17/10, 4.17/9: from another thread, while a query also waits for its reply."""
     run = stage.do(lambda: stage.client.run_program("a.rob"))
     stage.expect(0x30)
     stage.say(0x30, b"1")
@@ -302,8 +302,8 @@ def test_a_stop_overtakes_a_call_that_waits(stage: Stage) -> None:
     assert status.get(timeout=ANSWER_WITHIN_S).code == "00"
 
 
-def test_equal_requests_of_two_threads_take_turns(stage: Stage) -> None:
-    """3/25: the second is sent when the first is answered."""
+def test_equal_requests_of_two_threads_are_serialised(stage: Stage) -> None:
+    """3/25: the second is sent after the reply to the first."""
     first = stage.do(stage.client.get_status)
     stage.expect(0x09)
     second = stage.do(stage.client.get_status)
@@ -315,7 +315,7 @@ def test_equal_requests_of_two_threads_take_turns(stage: Stage) -> None:
 
 
 def test_closing_ends_every_call_that_waits(stage: Stage) -> None:
-    """The one that listens, and the others."""
+    """The call that receives, and the others."""
     run = stage.do(lambda: stage.client.run_program("a.rob"))
     stage.expect(0x30)
     stage.say(0x30, b"1")
@@ -326,8 +326,8 @@ def test_closing_ends_every_call_that_waits(stage: Stage) -> None:
         assert isinstance(outcome.get(timeout=ANSWER_WITHIN_S), LinkLost)
 
 
-def test_a_failed_run_is_told_with_its_code(stage: Stage) -> None:
-    """And with the joints at fault."""
+def test_a_failed_run_raises_its_code(stage: Stage) -> None:
+    """The error contains the faulty joints."""
     run = stage.do(lambda: stage.client.run_program("a.rob"))
     stage.expect(0x30)
     stage.say(0x30, b"1")

@@ -22,12 +22,12 @@ ENDS_WITHIN_S = 30
 
 
 def program_of(duration_s: int) -> bytes:
-    """A program that waits so long."""
+    """Return a program that waits for this time."""
     return build(Program(nodes=(Node(b"", NodeType.WAIT_SECONDS, data=WaitSeconds(duration_s)),)))
 
 
 def call(url: str, *arguments: str) -> tuple[int, str]:
-    """What a call answers on its standard output, or the sentence it fails with."""
+    """Return the exit status, and standard output or the error sentence."""
     result = CliRunner().invoke(group, ["call", url, *arguments])
     if isinstance(result.exception, Problem):
         return int(result.exception.exit_status), str(result.exception)
@@ -37,7 +37,7 @@ def call(url: str, *arguments: str) -> tuple[int, str]:
 
 @pytest.fixture
 def controller() -> Iterator[str]:
-    """The URL of a virtual controller whose time runs 20 times as fast as ours."""
+    """The URL of a virtual controller with 20-fold time scale."""
     arguments = ["--listen", "127.0.0.1:0", "--time-scale", "20"]
     with subprocess.Popen(
         [SCARASPEC, "controller", *arguments], stdout=subprocess.PIPE, text=True
@@ -100,7 +100,7 @@ SESSION: list[tuple[list[str], Any]] = [
 def test_every_command_of_the_table(
     controller: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Exit status 0 and the right result; a new row without a call here fails."""
+    """Exit status 0 and the expected result; fails for a new command without a call here."""
     monkeypatch.chdir(tmp_path)
     Path("a.rob").write_bytes(program_of(1))
     assert call(controller, "emergency_stop", "--json")[0] == 1  # nothing is there to stop
@@ -114,8 +114,8 @@ def test_every_command_of_the_table(
     assert {arguments[0] for arguments, _ in SESSION} | {"emergency_stop"} == set(OPERATIONS)
 
 
-def test_people_get_lines(controller: str) -> None:
-    """Hyphens will do; options stand anywhere; what is negative is a number."""
+def test_output_is_readable_lines(controller: str) -> None:
+    """Hyphens are accepted, options may be anywhere, negative numbers are arguments."""
     assert call(controller, "set-gripper-center", "1", "-2", "-0.5") == (0, "done")
     shown = call("--timeout", "5", controller, "get_gripper_center")
     assert shown == (0, "x  1 mm\ny  -2 mm\nz  -0.5 mm")
@@ -123,7 +123,7 @@ def test_people_get_lines(controller: str) -> None:
 
 
 def test_refusals_and_failures_are_status_1(controller: str) -> None:
-    """With the reason, as a sentence or as JSON."""
+    """The reason is a sentence or JSON."""
     status, sentence = call(controller, "run_program", "missing.rob")
     assert (status, sentence) == (
         1,
@@ -135,7 +135,7 @@ def test_refusals_and_failures_are_status_1(controller: str) -> None:
     status, sentence = call(controller, "get_status", "--password", "wrong")
     assert (status, "refused the password" in sentence) == (1, True)
     status, sentence = call(controller, "download", "missing.rob")
-    assert (status, "cannot send it" in sentence) == (1, True)
+    assert (status, "refused the name" in sentence) == (1, True)
 
 
 def test_the_password_may_come_from_the_environment(
@@ -153,7 +153,7 @@ def test_the_password_may_come_from_the_environment(
     [
         (["tcp://127.0.0.1", "get_statu"], "there is no command 'get_statu': did you mean get_st"),
         (["tcp://127.0.0.1", "?"], "there is no command '?': scaraspec call --help lists them"),
-        (["tcp://127.0.0.1", "jog", "up"], "direction 'up' is none of +y, -y, +x, -x"),
+        (["tcp://127.0.0.1", "jog", "up"], "direction 'up' is not one of +y, -y, +x, -x"),
         (["tcp://127.0.0.1", "jog"], "jog takes DIRECTION: 0 given"),
         (["tcp://127.0.0.1", "set_digital_output", "8", "2"], "value 2 is out of range: 0 to 1"),
         (["tcp://127.0.0.1", "get_version", "--jsn"], "get_version takes no arguments: 1 given"),
@@ -168,7 +168,7 @@ def test_wrong_usage_is_status_2(arguments: list[str], sentence: str) -> None:
 
 
 def test_no_answer_is_status_3() -> None:
-    """Neither from a controller that is silent, nor from one that is not there."""
+    """From a silent controller, and without a controller."""
     with socket.create_server(("127.0.0.1", 0)) as silent:
         url = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
         status, sentence = call(url, "get_version", "--timeout", "0.1")
@@ -177,8 +177,8 @@ def test_no_answer_is_status_3() -> None:
     assert (status, json.loads(sentence)["error"]["kind"]) == (3, "LinkLost")
 
 
-def test_a_time_limit_holds_for_the_final_result_too(controller: str, tmp_path: Path) -> None:
-    """And says that the robot may still be busy, which it is; another call stops it."""
+def test_timeout_applies_to_the_final_result(controller: str, tmp_path: Path) -> None:
+    """The message says that the robot may be busy; another call stops it."""
     (tmp_path / "long.rob").write_bytes(program_of(200))
     assert call(controller, "upload", str(tmp_path / "long.rob")) == (0, "done")
     status, sentence = call(controller, "run_program", "long.rob", "--timeout", "1")
@@ -188,10 +188,10 @@ def test_a_time_limit_holds_for_the_final_result_too(controller: str, tmp_path: 
     assert call(controller, "get_status") == (0, "idle (00)")
 
 
-def test_an_interrupt_ends_only_the_waiting(
+def test_an_interrupt_does_not_stop_the_robot(
     controller: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It is said that the robot goes on, and what stops it."""
+    """The message says that the robot continues and how to stop it."""
 
     def interrupt(_pending: Pending, _timeout_s: float | None) -> None:
         raise KeyboardInterrupt
@@ -202,7 +202,7 @@ def test_an_interrupt_ends_only_the_waiting(
 
 
 def test_a_local_file_is_not_overwritten(controller: str, tmp_path: Path) -> None:
-    """Usage: another name is needed, and nothing was transferred."""
+    """A usage error: nothing was transferred."""
     (tmp_path / "a.rob").write_bytes(b"old")
     status, sentence = call(controller, "download", "a.rob", str(tmp_path / "a.rob"))
     assert (status, "is not overwritten" in sentence) == (2, True)
@@ -213,7 +213,7 @@ def test_a_local_file_is_not_overwritten(controller: str, tmp_path: Path) -> Non
 def test_a_terminal_shows_progress(
     controller: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """On standard error, so that standard output holds the result alone."""
+    """On standard error; standard output contains only the result."""
     monkeypatch.setenv("FORCE_COLOR", "1")
     (tmp_path / "a.bin").write_bytes(bytes(1000))
     result = CliRunner().invoke(group, ["call", controller, "upload", str(tmp_path / "a.bin")])
@@ -232,7 +232,7 @@ def test_help_names_every_command_with_its_arguments() -> None:
 
 
 def test_a_call_is_a_process(controller: str) -> None:
-    """The sentence goes to standard error, the status to the shell."""
+    """The sentence is on standard error; the exit status is set."""
     done = subprocess.run(
         [SCARASPEC, "call", controller, "delete_program", "missing.rob"],
         capture_output=True,

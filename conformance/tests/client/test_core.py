@@ -1,4 +1,4 @@
-"""ClientCore: which frames are replies to what, and what becomes of all others."""
+"""`ClientCore`: which frame is the reply to which request, and the handling of all others."""
 
 from datetime import datetime
 from itertools import pairwise
@@ -53,7 +53,7 @@ VALUES: dict[str, Any] = {
 
 
 def test_a_request_waits_for_the_reply_with_its_opcode(play: Any) -> None:
-    """3/33: a reply to something else settles nothing; the one to it does."""
+    """3/33: only the reply to this request settles it."""
     time = play.ask("get_time")
     assert play.sent() == [(0x07, b"")]
     assert play.says(0x08, b"1.0.0") == [UnexpectedFrame(Frame(C2A, 0x08, b"1.0.0"))]
@@ -63,7 +63,7 @@ def test_a_request_waits_for_the_reply_with_its_opcode(play: Any) -> None:
     assert time.outcome() == NOON
 
 
-def test_a_tagged_frame_is_no_reply(play: Any) -> None:
+def test_a_tagged_frame_is_not_a_reply(play: Any) -> None:
     """4/9, 3/33: neither for a one-stage command nor as the first reply of a two-stage one."""
     time, run = play.ask("get_time"), play.ask("run_program", b"a.rob")
     assert isinstance(play.says(0x07, TIME, tagged=True)[0], UnexpectedFrame)
@@ -73,7 +73,7 @@ def test_a_tagged_frame_is_no_reply(play: Any) -> None:
 
 
 def test_replies_interleave(play: Any) -> None:
-    """3/27: several commands may be open, and are answered in any order."""
+    """3/27: several commands may be pending; replies arrive in any order."""
     run = play.ask("run_program", b"a.rob")
     status, version = play.ask("get_status"), play.ask("get_version")
     play.says(0x08, b"2.10.3-beta")
@@ -84,11 +84,11 @@ def test_replies_interleave(play: Any) -> None:
 
 
 def test_at_most_one_request_per_opcode(play: Any) -> None:
-    """3/25: the slot is free again only with the reply."""
+    """3/25: the reply frees the slot."""
     play.ask("get_time")
     assert not play.core.is_free("get_time")
     assert play.core.is_free("get_status")
-    with pytest.raises(ClientError, match="still unanswered"):
+    with pytest.raises(ClientError, match="of the same kind is pending"):
         play.ask("get_time")
     play.says(0x07, TIME)
     assert play.core.is_free("get_time")
@@ -97,7 +97,7 @@ def test_at_most_one_request_per_opcode(play: Any) -> None:
 
 @given(st.data())
 def test_any_split_of_the_stream_gives_the_same_events(new_play: Any, data: st.DataObject) -> None:
-    """2/5, 2/6: byte by byte, all at once, or anything between."""
+    """2/5, 2/6: byte by byte, all at once, or any other split."""
     stream = b"".join(
         (
             Frame(C2A, 0x0B, b"1|a.rob|b.rob").encode(),
@@ -145,7 +145,7 @@ FRAMES = st.builds(
 
 @given(st.lists(st.one_of(FRAMES.map(Frame.encode), st.binary(max_size=30), st.floats(0, 40))))
 def test_nothing_that_arrives_raises(new_play: Any, happenings: list[bytes | float]) -> None:
-    """Bad input is normal: every exchange is settled in the end, and the core works on."""
+    """Every operation is settled in the end, and the core stays usable."""
     play = new_play()
     exchanges = [play.ask(c.name, VALUES.get(c.name)) for c in COMMANDS if c.clause[0] == "4"]
     exchanges.append(play.begin(play.core.upload(b"a.rob", b"content")))
@@ -163,33 +163,33 @@ def test_nothing_that_arrives_raises(new_play: Any, happenings: list[bytes | flo
     assert play.core.deadline_s is None
 
 
-def test_data_may_hold_start_and_end_bytes(play: Any) -> None:
-    """3/9: the length alone ends a frame."""
+def test_data_may_contain_start_and_end_bytes(play: Any) -> None:
+    """3/9: only the length ends a frame."""
     listing = play.ask("list_programs")
     play.says(0x0B, b"0|\xcc\x07\xaa|\xaa\xcc")
     assert listing.outcome() == (b"\xcc\x07\xaa", b"\xaa\xcc")
 
 
-def test_noise_is_survived_and_remarked(play: Any) -> None:
+def test_invalid_bytes_are_skipped_and_recorded(play: Any) -> None:
     """3/19, 3/20, 3/22: stray bytes, a wrong end byte and an undefined opcode lose no reply."""
     time = play.ask("get_time")
     play.hears(b"\x00\xaa garbage \xcc\x09\x02\x30\x30\x00")
     play.says(0xEE, b"?")
     play.says(0x07, TIME)
     assert time.outcome() == NOON
-    assert any("no frame" in remark for remark in play.core.remarks)
+    assert any("not a frame" in remark for remark in play.core.remarks)
     assert any("C2A EE" in remark for remark in play.core.remarks)
 
 
 def test_remarks_are_bounded(play: Any) -> None:
-    """A controller that talks nonsense for ever fills no memory."""
+    """Endless invalid data does not fill the memory."""
     for _ in range(3 * MAX_REMARKS):
         play.says(0xEE)
     assert len(play.core.remarks) == MAX_REMARKS
 
 
-def test_an_unfinished_frame_is_given_up_after_two_seconds(play: Any) -> None:
-    """A-3-11: a false start with a great length blocks for 2 s; a pause of 1 s loses nothing."""
+def test_a_partial_frame_times_out_after_two_seconds(play: Any) -> None:
+    """A-3-11: a false start byte with a large length blocks for 2 s; a pause of 1 s is harmless."""
     time = play.ask("get_time")
     reply = Frame(C2A, 0x07, TIME).encode()
     play.hears(reply[:5])
@@ -203,8 +203,8 @@ def test_an_unfinished_frame_is_given_up_after_two_seconds(play: Any) -> None:
     assert time.outcome() == NOON
 
 
-def test_silence_is_a_time_out(play: Any) -> None:
-    """A-3-15: not before 5 s; a reply that comes later is unexpected; the next request works."""
+def test_reply_timeout(play: Any) -> None:
+    """A-3-15: after 5 s; a later reply is unexpected; the next request works."""
     time = play.ask("get_time")
     play.waits(4.9)
     assert not time.settled
@@ -217,8 +217,8 @@ def test_silence_is_a_time_out(play: Any) -> None:
     assert again.outcome() == NOON
 
 
-def test_a_reply_that_is_arriving_is_waited_for(play: Any) -> None:
-    """2/5: single bytes, a second apart, far beyond the 5 s; noise is not waited for for ever."""
+def test_an_arriving_reply_extends_the_timeout(play: Any) -> None:
+    """2/5: single bytes, a second apart, beyond the 5 s; invalid bytes do not extend it forever."""
     time = play.ask("get_time")
     for byte in Frame(C2A, 0x07, TIME).encode():
         play.waits(1)
@@ -232,7 +232,7 @@ def test_a_reply_that_is_arriving_is_waited_for(play: Any) -> None:
 
 
 def test_a_late_frame_is_not_timed_out_by_a_busy_caller(play: Any) -> None:
-    """Time passes in `tick` alone: what waits in a socket while a caller is busy is in time."""
+    """Timeouts expire only in `tick`: bytes that wait in a socket count as on time."""
     time = play.ask("get_time")
     play.now_s += 60
     play.says(0x07, TIME)
@@ -240,9 +240,9 @@ def test_a_late_frame_is_not_timed_out_by_a_busy_caller(play: Any) -> None:
 
 
 def test_nothing_is_sent_before_a_login(new_play: Any) -> None:
-    """2/10, 4.1/5: not before the first, not after a failed one."""
+    """2/10, 4.1/5: before the first login, and after a failed one."""
     play = new_play(login_required=True)
-    with pytest.raises(LoginFailed, match="has to succeed first"):
+    with pytest.raises(LoginFailed, match="log in first"):
         play.ask("get_time")
     play.ask("login", b"password")
     with pytest.raises(LoginFailed):
@@ -260,7 +260,7 @@ def test_nothing_is_sent_before_a_login(new_play: Any) -> None:
 
 @pytest.mark.parametrize("data", [b"", b"2", b"11", b"1|", b"\x01", b"1 ", b'"1"', b"01", b"yes"])
 def test_a_login_fails_with_any_other_reply(new_play: Any, data: bytes) -> None:
-    """4.1/8: only ``1`` is a yes."""
+    """4.1/8: only ``1`` is a success."""
     play = new_play(login_required=True)
     login = play.ask("login", b"password")
     play.says(0x01, data)
@@ -270,7 +270,7 @@ def test_a_login_fails_with_any_other_reply(new_play: Any, data: bytes) -> None:
 
 
 def test_a_trailing_nul_is_tolerated(play: Any) -> None:
-    """A-T-3, everywhere, a yes included; and it is observed."""
+    """A-T-3: in all replies, including a success; the reading is observed."""
     stop, time, status = play.ask("set_time", NOON), play.ask("get_time"), play.ask("get_status")
     play.says(0x06, b"1\0")
     play.says(0x07, TIME + b"\0")
@@ -280,18 +280,18 @@ def test_a_trailing_nul_is_tolerated(play: Any) -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"2", b"\x01", b"11", b"1|1"])
-def test_no_other_command_takes_anything_else_for_a_yes(play: Any, data: bytes) -> None:
-    """T/3: neither a flag nor a first reply."""
+def test_only_the_exact_form_is_a_success(play: Any, data: bytes) -> None:
+    """T/3: for flags and first replies."""
     done, begun = play.ask("set_default_program", b"a"), play.ask("reset")
     play.says(0x0E, data)
     play.says(0x33, data)
     for operation in (done, begun):
-        with pytest.raises(ProtocolError, match="cannot be understood"):
+        with pytest.raises(ProtocolError, match="cannot be decoded"):
             operation.outcome()
 
 
 def test_a_flag_of_zero_is_a_refusal(play: Any) -> None:
-    """No reason is given for it."""
+    """The error has no code."""
     deletion = play.ask("delete_program", b"gone.rob")
     play.says(0x0C, b"0")
     with pytest.raises(Refused, match=r"delete_program was refused: .* no reason") as caught:
@@ -338,7 +338,7 @@ READABLE: list[tuple[str, int, bytes, Any]] = [
 def test_every_tolerated_form_is_understood(
     play: Any, name: str, opcode: int, data: bytes, value: Any
 ) -> None:
-    """T/9 and the register's readings: the value is the same however it is written."""
+    """T/9 and the readings of the register: every form gives the same value."""
     operation = play.ask(name, 8 if name == "get_analog_input" else None)
     play.says(opcode, data)
     assert operation.outcome() == value
@@ -363,11 +363,13 @@ UNREADABLE = [
 
 
 @pytest.mark.parametrize(("name", "opcode", "data"), UNREADABLE)
-def test_nonsense_is_a_problem_and_no_value(play: Any, name: str, opcode: int, data: bytes) -> None:
-    """A reply that says nothing is told as such; the client goes on."""
+def test_an_undecodable_reply_is_a_protocol_error(
+    play: Any, name: str, opcode: int, data: bytes
+) -> None:
+    """The client stays usable."""
     operation = play.ask(name, 8 if name == "get_analog_input" else None)
     play.says(opcode, data)
-    with pytest.raises(ProtocolError, match=f"reply of {name} cannot be understood: ."):
+    with pytest.raises(ProtocolError, match=f"reply of {name} cannot be decoded: ."):
         operation.outcome()
     version = play.ask("get_version")
     play.says(0x08, b"1.0.0")
@@ -375,8 +377,8 @@ def test_nonsense_is_a_problem_and_no_value(play: Any, name: str, opcode: int, d
 
 
 @pytest.mark.parametrize("name", ["get_digital_inputs", "get_analog_input", "get_digital_outputs"])
-def test_an_answer_of_zero_is_an_error_and_no_value(play: Any, name: str) -> None:
-    """4.33/4: ``0`` is no ``1|0``."""
+def test_an_answer_of_zero_is_an_error(play: Any, name: str) -> None:
+    """4.33/4: ``0`` is not ``1|0``."""
     operation = play.ask(name, 8 if name == "get_analog_input" else None)
     play.says(operation.command.opcode, b"0")
     with pytest.raises(Refused):
@@ -384,7 +386,7 @@ def test_an_answer_of_zero_is_an_error_and_no_value(play: Any, name: str) -> Non
 
 
 def test_readings_are_observed(play: Any) -> None:
-    """What a controller's dialect is shows in its frames."""
+    """The frames of a controller show its dialect."""
     play.ask("list_programs")
     play.ask("get_motor_temperatures")
     play.ask("get_running_program")
@@ -398,7 +400,7 @@ def test_readings_are_observed(play: Any) -> None:
     }
 
 
-def test_temperatures_and_the_default_program_are_not_mistaken(play: Any) -> None:
+def test_temperatures_and_default_program_share_an_opcode(play: Any) -> None:
     """4.14/4: under 0x0E four fields are temperatures and one digit is a set default program."""
     temperatures, default = (
         play.ask("get_motor_temperatures"),
@@ -414,8 +416,8 @@ def test_temperatures_and_the_default_program_are_not_mistaken(play: Any) -> Non
     assert not late.settled
 
 
-def test_the_default_program_is_asked_for_twice(play: Any) -> None:
-    """A-4.12-1: 0x0D, on silence 0x13; what was found out holds from then on."""
+def test_the_default_program_is_requested_with_both_opcodes(play: Any) -> None:
+    """A-4.12-1: 0x0D, after a timeout 0x13; the client remembers the result."""
     first = play.ask("get_default_program")
     assert isinstance(play.says(0x13, b"a.rob")[0], UnexpectedFrame)  # not asked for yet
     play.waits(5)
@@ -429,16 +431,16 @@ def test_the_default_program_is_asked_for_twice(play: Any) -> None:
     assert play.core.dialect["op_get_default"] == "0x13"
 
 
-def test_a_late_reply_under_the_first_opcode_counts(play: Any) -> None:
-    """Both were asked, so either may answer."""
+def test_a_late_reply_with_the_first_opcode_counts(play: Any) -> None:
+    """Both requests were sent, so both replies are valid."""
     operation = play.ask("get_default_program")
     play.waits(6)
     play.says(0x0D, b"a.rob")
     assert operation.outcome() == b"a.rob"
 
 
-def test_silence_may_mean_that_there_is_no_default_program(new_play: Any) -> None:
-    """A-4.12-2, reading (c), where the dialect says so."""
+def test_a_timeout_can_mean_no_default_program(new_play: Any) -> None:
+    """A-4.12-2, reading (c)."""
     play = new_play(Dialect.of(default_none="silence"))
     operation = play.ask("get_default_program")
     play.waits(10)
@@ -446,7 +448,7 @@ def test_silence_may_mean_that_there_is_no_default_program(new_play: Any) -> Non
 
 
 def test_a_pushed_list_is_joined(play: Any) -> None:
-    """4.10/10: with other replies between the parts, and pauses."""
+    """4.10/10: other replies and pauses between the parts."""
     listing = play.ask("list_programs")
     play.says(0x0B, b"1|a|b")
     status = play.ask("get_status")
@@ -461,8 +463,8 @@ def test_a_pushed_list_is_joined(play: Any) -> None:
     assert play.core.observed_readings["list_cont"] == {"push"}
 
 
-def test_a_list_that_is_not_pushed_is_fetched(play: Any) -> None:
-    """4.10/10, A-4.10-3 (b): after a silence once, and without waiting from then on."""
+def test_a_list_that_is_not_pushed_is_requested(play: Any) -> None:
+    """4.10/10, A-4.10-3 (b): after one timeout, then without waiting."""
     listing = play.ask("list_programs")
     play.says(0x0B, b"1|a")
     assert play.sent() == [(0x0B, b"")]
@@ -477,8 +479,8 @@ def test_a_list_that_is_not_pushed_is_fetched(play: Any) -> None:
     assert again.outcome() == (b"a", b"b")
 
 
-def test_a_list_that_breaks_off_is_no_list(play: Any) -> None:
-    """Some of the names are not all of them (T/9)."""
+def test_an_incomplete_list_is_an_error(play: Any) -> None:
+    """The client returns no partial list (T/9)."""
     listing = play.ask("list_programs")
     play.says(0x0B, b"1|a")
     play.waits(10)
@@ -486,12 +488,12 @@ def test_a_list_that_breaks_off_is_no_list(play: Any) -> None:
         listing.outcome()
 
 
-def test_a_list_without_end_is_cut_off(play: Any) -> None:
-    """Memory is bounded."""
+def test_an_endless_list_is_an_error(play: Any) -> None:
+    """The memory is limited."""
     listing = play.ask("list_programs")
     for _ in range(MAX_LIST_PARTS):
         play.says(0x0B, b"1|a")
-    with pytest.raises(ProtocolError, match="no end"):
+    with pytest.raises(ProtocolError, match="does not end"):
         listing.outcome()
 
 
@@ -518,8 +520,8 @@ FORBIDDEN: list[tuple[str, Any]] = [
 
 
 @pytest.mark.parametrize(("name", "value"), FORBIDDEN)
-def test_what_the_document_forbids_is_not_sent(play: Any, name: str, value: Any) -> None:
-    """3/28, 4.2/7, T/6, 4.24/2, 4.32/2: it is refused before, in one sentence."""
+def test_invalid_values_are_not_sent(play: Any, name: str, value: Any) -> None:
+    """3/28, 4.2/7, T/6, 4.24/2, 4.32/2: the error is one sentence."""
     with pytest.raises(PayloadError):
         play.ask(name, value)
     assert play.sent() == []
@@ -533,20 +535,20 @@ def test_the_longest_pair_of_passwords_is_sent(play: Any) -> None:
 
 
 def test_a_lost_link_settles_everything(play: Any) -> None:
-    """Nothing waits for ever, and nothing is sent any more."""
+    """No operation stays pending, and nothing more is sent."""
     time, run = play.ask("get_time"), play.ask("run_program", b"a")
     play.says(0x30, b"1")
     play.core.connection_lost("the cable is out", play.now_s)
     assert play.core.connection_lost("again", play.now_s) == []
     for operation in (time, run):
-        with pytest.raises(LinkLost, match="was not finished: the cable is out"):
+        with pytest.raises(LinkLost, match="was not completed: the cable is out"):
             operation.outcome()
     with pytest.raises(LinkLost, match="is not sent: the cable is out"):
         play.ask("get_time")
 
 
 def test_a_frame_hidden_in_an_unfinished_one_counts_when_the_link_ends(play: Any) -> None:
-    """3/20: what is held back is searched once more."""
+    """3/20: the bytes of the partial frame are searched again."""
     time = play.ask("get_time")
     play.hears(b"\xcc\x08\xff" + Frame(C2A, 0x07, TIME).encode())
     play.core.connection_lost("it ended", play.now_s)
@@ -560,7 +562,7 @@ def test_a_frame_hidden_in_an_unfinished_one_counts_when_the_link_ends(play: Any
 def test_the_link_may_end_after_some_commands(
     play: Any, name: str, value: Any, opcode: int
 ) -> None:
-    """4.4/6, 4.35/6: the command is done; what comes after is told why it cannot be sent."""
+    """4.4/6, 4.35/6: the command succeeds; later commands raise the reason."""
     operation = play.ask(name, value)
     play.says(opcode, b"1")
     play.core.connection_lost("cut", play.now_s)

@@ -1,4 +1,4 @@
-"""The client against the virtual controller in every dialect, in one process and no time."""
+"""The client with the virtual controller in every dialect, in one process and simulated time."""
 
 from datetime import datetime
 
@@ -33,8 +33,8 @@ SPOKEN = {("jog_byte", "binary")}
 
 
 @pytest.mark.parametrize(("key", "option"), CHOICES, ids=map("=".join, CHOICES))
-def test_a_session_goes_the_same_way_in_every_dialect(key: str, option: str) -> None:
-    """The client understands every tolerated reading, and sees which one it is."""
+def test_a_session_works_in_every_dialect(key: str, option: str) -> None:
+    """The client accepts every tolerated reading and detects it."""
     dialect = Dialect.of(**{key: option})
     plant = Plant(datetime(2014, 12, 22), now_s=0.0)  # noqa: DTZ001 - the document names no zone
     network = MemoryNetwork(ControllerCore(plant, Store(), dialect))

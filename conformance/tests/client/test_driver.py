@@ -15,7 +15,7 @@ Run = Callable[..., list[Mapping[str, Any]]]
 
 @pytest.fixture
 def run() -> Run:
-    """What the driver answers to these orders, by the time that each was answered."""
+    """Return the answers of the driver to these requests, in the order of completion."""
 
     def talk(*orders: str) -> list[Mapping[str, Any]]:
         async def serve() -> list[Mapping[str, Any]]:
@@ -35,14 +35,14 @@ def run() -> Run:
     return talk
 
 
-def test_an_operation_that_nobody_has(run: Run) -> None:
-    """It is unimplemented, connected or not."""
+def test_unknown_operation(run: Run) -> None:
+    """The answer is unimplemented, connected or not."""
     assert run('{"id": "a", "do": "levitate"}') == [{"id": "a", "unimplemented": True}]
 
 
 @pytest.mark.parametrize("line", ["nonsense", "[]", "{}", '{"id": 1}', "null"])
-def test_what_is_no_order(run: Run, line: str) -> None:
-    """It is told, and the driver lives."""
+def test_invalid_line(run: Run, line: str) -> None:
+    """The answer is an error, and the driver continues."""
     answer, after = run(line, '{"id": 2, "do": "levitate"}')
     assert answer["id"] is None
     assert answer["ok"] is False
@@ -52,13 +52,13 @@ def test_what_is_no_order(run: Run, line: str) -> None:
 @pytest.mark.parametrize(
     ("order", "says"),
     [
-        ({"do": "get_status"}, "connect comes first"),
+        ({"do": "get_status"}, "send connect first"),
         ({"do": "connect", "host": "127.0.0.1", "port": 1}, "cannot connect"),
         ({"do": "connect", "port": 1}, "host"),
     ],
 )
-def test_what_cannot_be_done(run: Run, order: Mapping[str, Any], says: str) -> None:
-    """An error in one sentence."""
+def test_failed_request(run: Run, order: Mapping[str, Any], says: str) -> None:
+    """The answer is an error of one sentence."""
     (answer,) = run(json.dumps({"id": 1, **order}))
     assert answer["ok"] is False
     assert says in answer["error"]

@@ -1,4 +1,4 @@
-"""Local files: whole or not at all, never over another."""
+"""Local files: written completely or not at all, never over a file."""
 
 import os
 from pathlib import Path
@@ -9,18 +9,18 @@ from scaraspec.client.local_files import check_new, write_new
 
 
 def names_in(directory: Path) -> list[str]:
-    """What is there, hidden files included."""
+    """Return the names in the directory, including hidden files."""
     return sorted(path.name for path in directory.iterdir())
 
 
-def test_a_file_is_written_whole_and_alone(tmp_path: Path) -> None:
-    """Nothing else stays in the directory."""
+def test_a_file_is_written_completely(tmp_path: Path) -> None:
+    """No other file remains in the directory."""
     write_new(tmp_path / "a.rob", b"content")
     assert (tmp_path / "a.rob").read_bytes() == b"content"
     assert names_in(tmp_path) == ["a.rob"]
 
 
-def test_what_is_there_stays(tmp_path: Path) -> None:
+def test_existing_paths_are_not_overwritten(tmp_path: Path) -> None:
     """5.3/12: a file, a directory, a link to nowhere."""
     (tmp_path / "file").write_bytes(b"old")
     (tmp_path / "directory").mkdir()
@@ -35,13 +35,13 @@ def test_what_is_there_stays(tmp_path: Path) -> None:
 
 
 def test_a_directory_is_needed(tmp_path: Path) -> None:
-    """It is told before anything is asked of a controller."""
-    with pytest.raises(NotADirectoryError, match="no directory"):
+    """The error is raised before the transfer."""
+    with pytest.raises(NotADirectoryError, match="not a directory"):
         check_new(tmp_path / "nowhere" / "a.rob")
 
 
-def test_nothing_is_left_after_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A full disk shows when the bytes are to be made durable."""
+def test_a_failure_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A full disk is detected by fsync."""
 
     def fail(_handle: int) -> None:
         raise OSError(28, "No space left on device")
@@ -52,10 +52,10 @@ def test_nothing_is_left_after_a_failure(tmp_path: Path, monkeypatch: pytest.Mon
     assert names_in(tmp_path) == []
 
 
-def test_a_file_system_without_hard_links_will_do(
+def test_a_file_system_without_hard_links_works(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """FAT has none; a file that appears meanwhile stays even there."""
+    """FAT has none; a file that appears during the write is not overwritten there either."""
 
     def refuse(_source: str, _target: Path) -> None:
         raise PermissionError(1, "Operation not permitted")

@@ -1,4 +1,4 @@
-"""Operations: one for each row of the table, with its arguments, its request and its result."""
+"""Operations: one per command of the table, with its arguments, request and result."""
 
 import inspect
 from collections.abc import Callable
@@ -65,7 +65,7 @@ CALLS: dict[str, tuple[tuple[Any, ...], bytes, bytes, Any]] = {
 
 
 def talk(scripted_link: Any, *replies: bytes, **options: Any) -> tuple[Client, Any]:
-    """A client, and its link to a controller that answers with these replies, then ``11``."""
+    """Return a client and its link to a controller that sends these replies, then ``11``."""
     coming = list(replies)
 
     def answer(opcode: int, _data: bytes) -> list[tuple[float, bytes]]:
@@ -78,8 +78,8 @@ def talk(scripted_link: Any, *replies: bytes, **options: Any) -> tuple[Client, A
     return client, link
 
 
-def test_every_row_has_an_operation() -> None:
-    """A row of the table without a method, or a method without a row, fails here."""
+def test_every_command_has_an_operation() -> None:
+    """Fails for a command without a method, and a method without a command."""
     methods = {name for name, value in vars(Operations).items() if isinstance(value, operation)}
     contents = {"upload_bytes", "download_bytes"}
     assert methods - contents == set(OPERATIONS)
@@ -104,7 +104,7 @@ def test_arguments_are_those_of_the_table(command: Any) -> None:
 def test_an_operation_sends_its_request_and_returns_its_result(
     scripted_link: Any, name: str
 ) -> None:
-    """T/9, T/10: values in the documented order, unchanged, both ways."""
+    """T/9, T/10: values in the documented order, unchanged in both directions."""
     parse_arguments, request, reply, result = CALLS[name]
     client, link = talk(scripted_link, reply)
     assert getattr(client, name)(*parse_arguments) == result
@@ -114,7 +114,7 @@ def test_an_operation_sends_its_request_and_returns_its_result(
 
 @pytest.mark.parametrize("name", ["程序.rob", b"\xb3\xcc\xd0\xf2.rob", "a b.rob", b"\xff\xfe"])
 def test_names_survive_the_round_trip(scripted_link: Any, name: str | bytes) -> None:
-    """T/8: bytes go out as they came in, whatever they spell."""
+    """T/8: bytes are sent as they were received."""
     raw = name.encode() if isinstance(name, str) else name
     client, link = talk(scripted_link, b"0|" + raw, b"1", raw)
     (listed,) = client.list_programs()
@@ -124,19 +124,19 @@ def test_names_survive_the_round_trip(scripted_link: Any, name: str | bytes) -> 
     assert isinstance(name, bytes) or listed == name
 
 
-def test_text_goes_out_in_the_encoding_of_the_dialect(scripted_link: Any) -> None:
-    """A-T-2: GB18030 where the controller speaks it; what cannot be written is not sent."""
+def test_text_is_sent_in_the_encoding_of_the_dialect(scripted_link: Any) -> None:
+    """A-T-2: such as GB18030; a name that cannot be encoded is not sent."""
     client, link = talk(scripted_link, b"1", dialect=Dialect.of(text_encoding="gb18030"))
     client.delete_program("程序")
     assert link.asked == [(0x0C, b"\xb3\xcc\xd0\xf2")]
     client, link = talk(scripted_link, dialect=Dialect.of(text_encoding="ascii"))
-    with pytest.raises(PayloadError, match="cannot be written in ascii"):
+    with pytest.raises(PayloadError, match="cannot be encoded in ascii"):
         client.delete_program("程序")
     assert link.asked == []
 
 
 def test_there_may_be_no_program(scripted_link: Any) -> None:
-    """Neither one that runs, nor a default one, nor any at all."""
+    """No running program, no default program, no program at all."""
     client, _ = talk(scripted_link, b"0", b"", b"0")
     assert client.get_running_program() is None
     assert client.get_default_program() is None
@@ -145,7 +145,7 @@ def test_there_may_be_no_program(scripted_link: Any) -> None:
 
 @pytest.mark.parametrize("code", TABLE_8_1.values(), ids=lambda code: code.text)
 def test_every_code_is_one_of_three_states(scripted_link: Any, code: Any) -> None:
-    """4.8/11, in either case of letters."""
+    """4.8/11, in upper and lower case."""
     states = {Kind.IDLE: State.IDLE, Kind.RUNNING: State.RUNNING}
     expected = Status(states.get(code.kind, State.ERROR), code.text, code.meaning, code.joints)
     client, _ = talk(scripted_link, code.text.encode(), code.text.lower().encode())
@@ -153,26 +153,26 @@ def test_every_code_is_one_of_three_states(scripted_link: Any, code: Any) -> Non
 
 
 def test_an_unknown_status_is_an_error_with_its_code(scripted_link: Any) -> None:
-    """4.8/11: it is survived and told."""
+    """4.8/11: the status contains the unknown code."""
     client, _ = talk(scripted_link, b"zz")
     status = client.get_status()
     assert (status.state, status.code) == (State.ERROR, "zz")
-    assert "lacks" in status.meaning
+    assert "not in table 8-1" in status.meaning
 
 
 def test_directions_have_names(scripted_link: Any) -> None:
-    """4.28/3, and both spellings in Python."""
+    """4.28/3: as text and as enum."""
     names = ("+y", "-y", "+x", "-x")
     client, link = talk(scripted_link, *[b"1"] * 8)
     for direction in (*names, *JogDirection):
         client.jog(direction)
     assert [data for _, data in link.asked] == [b"1", b"2", b"3", b"4"] * 2
-    with pytest.raises(PayloadError, match=r"'up' is none of \+y, -y, \+x, -x"):
+    with pytest.raises(PayloadError, match=r"'up' is not one of \+y, -y, \+x, -x"):
         client.jog("up")
 
 
 @pytest.mark.parametrize("call", [lambda c: c.jog("+z"), lambda c: c.delete_program("a|b")])
-def test_what_is_forbidden_is_told_before_anything_is_sent(
+def test_invalid_values_raise_before_anything_is_sent(
     scripted_link: Any, call: Callable[[Client], None]
 ) -> None:
     """T/6."""
@@ -191,7 +191,7 @@ def test_an_upload_is_named_after_its_file(scripted_link: Any, tmp_path: Path) -
     assert [data for opcode, data in link.asked if opcode == 0x50] == [b"a.rob", b"b.rob"]
 
 
-def test_a_file_that_is_not_there_is_not_sent(scripted_link: Any, tmp_path: Path) -> None:
+def test_a_missing_file_is_not_sent(scripted_link: Any, tmp_path: Path) -> None:
     """The name is not sent either (5.2/19)."""
     client, link = talk(scripted_link)
     with pytest.raises(FileNotFoundError):

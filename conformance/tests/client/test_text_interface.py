@@ -1,4 +1,4 @@
-"""Words: arguments from text, results as lines and as JSON."""
+"""The text interface: arguments from text, results as lines and as JSON."""
 
 import json
 from datetime import datetime
@@ -40,10 +40,10 @@ NOON = datetime(2014, 12, 22, 14, 30)  # noqa: DTZ001 - the document names no zo
         ("download", ["a.rob", "b.rob"], ["a.rob", "b.rob"]),
     ],
 )  # fmt: skip
-def test_arguments_are_read_as_the_table_has_them(
+def test_arguments_are_parsed_to_the_types_of_the_table(
     name: str, texts: list[str], values: list[Any]
 ) -> None:
-    """Numbers as numbers, times as times, names and passwords as they are."""
+    """Numbers and times are converted; names and passwords stay text."""
     assert parse_arguments(name, texts) == values
 
 
@@ -63,8 +63,8 @@ def test_arguments_are_read_as_the_table_has_them(
         ("set_network", ["999.1.1.1", "255.0.0.0", "1.1.1.1"], "ip '999.1.1.1' is not a dotted"),
     ],
 )
-def test_wrong_arguments_are_told_in_a_sentence(name: str, texts: list[str], sentence: str) -> None:
-    """Which one, and what is wrong with it."""
+def test_invalid_arguments_raise_one_sentence(name: str, texts: list[str], sentence: str) -> None:
+    """The message says which argument is wrong and why."""
     with pytest.raises(PayloadError, match=sentence):
         parse_arguments(name, texts)
 
@@ -100,23 +100,21 @@ RESULTS: list[tuple[str, Any, list[str], Any]] = [
 
 
 @pytest.mark.parametrize(("name", "result", "shown", "told"), RESULTS)
-def test_results_are_told_to_people_and_programs(
-    name: str, result: Any, shown: list[str], told: Any
-) -> None:
-    """With units and without control characters; with everything."""
+def test_results_as_lines_and_as_json(name: str, result: Any, shown: list[str], told: Any) -> None:
+    """Lines have units and no control characters; JSON is complete."""
     assert format_result(name, result) == shown
     assert json.loads(json.dumps(to_json(result))) == told
 
 
-def test_bytes_that_are_no_text_are_told_too() -> None:
-    """T/8: a terminal gets something to read, a program gets them unharmed."""
+def test_undecodable_bytes() -> None:
+    """T/8: lines show them escaped; JSON keeps them unchanged."""
     (shown,) = format_result("get_default_program", "\udcb3\udccc")
     assert shown.isprintable()
     assert json.loads(json.dumps(to_json("\udcb3\udccc"))) == "\udcb3\udccc"
 
 
-def test_errors_are_told_with_code_meaning_and_joints() -> None:
-    """Where they have one."""
+def test_errors_have_code_meaning_and_joints() -> None:
+    """If the error has a code."""
     command = BY_NAME["reset"]
     assert error_to_json(Failed(command, TABLE_8_1["13"])) == {
         "kind": "Failed",
@@ -131,6 +129,6 @@ def test_errors_are_told_with_code_meaning_and_joints() -> None:
 
 
 def test_every_operation_names_its_parameters_once() -> None:
-    """So that the command line can list them."""
+    """The command line lists them."""
     for takes in OPERATIONS.values():
         assert len(set(takes)) == len(takes)

@@ -1,4 +1,4 @@
-"""File transfers: against the other end as `protocol.transfer` has it, and against a rude one."""
+"""File transfers: with the receiver and sender of `protocol.transfer`, and with invalid chunks."""
 
 from typing import Any
 
@@ -14,30 +14,30 @@ UP, UP_CHUNK, DOWN, DOWN_CHUNK = 0x50, 0x52, 0x54, 0x56
 
 
 def content_of(size: int) -> bytes:
-    """Bytes of every value, start and end bytes among them."""
+    """Return bytes of all values, including start and end bytes."""
     return bytes(i * 7 % 256 for i in range(size))
 
 
 def chunk(file_size: int, position: int, length: int, data: bytes = b"") -> bytes:
-    """A chunk as a controller might send it, right or wrong."""
+    """Return a valid or invalid chunk of a controller."""
     return FILE_DATA.encode(Chunk(file_size, position, length, data), DEFAULT)
 
 
 def upload(play: Any, content: bytes, name: bytes = b"a.rob") -> Any:
-    """An upload that has begun."""
+    """Return a started upload."""
     return play.begin(play.core.upload(name, content))
 
 
 def download(play: Any, name: bytes = b"a.rob", **options: int) -> Any:
-    """A download that was granted."""
+    """Return a download whose name was accepted."""
     operation = play.begin(play.core.download(name, **options))
     play.says(DOWN, b"1")
     return operation
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_an_upload_arrives_whole(play: Any, size: int) -> None:
-    """5.2/16, 5.1, 5.2/7: one chunk at a time, and nothing after the last answer."""
+def test_an_upload_is_complete(play: Any, size: int) -> None:
+    """5.2/16, 5.1, 5.2/7: one chunk at a time, and nothing after the last reply."""
     content, receiver = content_of(size), Receiver(0.0)
     transfer = upload(play, content)
     assert play.sent() == [(UP, b"a.rob")]
@@ -56,8 +56,8 @@ def test_an_upload_arrives_whole(play: Any, size: int) -> None:
 @pytest.mark.parametrize("endian", ["little", "big"])
 @pytest.mark.parametrize("trunc", ["full", "truncated"])
 @pytest.mark.parametrize("size", SIZES)
-def test_a_download_arrives_whole(play: Any, size: int, trunc: str, endian: str) -> None:
-    """5.2/16, 5.3/5, A-5-2, A-5-3: whatever the controller's chunks look like."""
+def test_a_download_is_complete(play: Any, size: int, trunc: str, endian: str) -> None:
+    """5.2/16, 5.3/5, A-5-2, A-5-3: for every form of chunk."""
     dialect = Dialect.of(endian=endian, chunk_trunc=trunc)
     content, transfer = content_of(size), download(play)
     sender = Sender(content, 0.0, dialect)
@@ -72,7 +72,7 @@ def test_a_download_arrives_whole(play: Any, size: int, trunc: str, endian: str)
     assert (transfer.moved_bytes, transfer.total_bytes) == (size, size)
 
 
-def test_other_commands_are_served_during_a_transfer(play: Any) -> None:
+def test_other_commands_work_during_a_transfer(play: Any) -> None:
     """A-5-17; a second transfer has to wait."""
     upload(play, content_of(500))
     play.says(UP, b"1")
@@ -83,7 +83,7 @@ def test_other_commands_are_served_during_a_transfer(play: Any) -> None:
 
 
 @pytest.mark.parametrize("answer", [b"0", b"", b"2", b"\x01", b"11"])
-def test_no_content_follows_a_name_that_was_not_taken(play: Any, answer: bytes) -> None:
+def test_a_refused_name_is_not_followed_by_content(play: Any, answer: bytes) -> None:
     """5.2/4, 5.2/19."""
     transfer = upload(play, b"content")
     play.says(UP, answer)
@@ -93,8 +93,8 @@ def test_no_content_follows_a_name_that_was_not_taken(play: Any, answer: bytes) 
 
 
 @pytest.mark.parametrize("answer", [b"0", b"", b"2", b"11"])
-def test_an_upload_ends_with_a_chunk_that_was_not_taken(play: Any, answer: bytes) -> None:
-    """5.2/8, 5.2/19: even with the last one; nothing is sent after it."""
+def test_a_refused_chunk_ends_an_upload(play: Any, answer: bytes) -> None:
+    """5.2/8, 5.2/19: also the last chunk; nothing is sent after it."""
     transfer = upload(play, content_of(300))
     play.says(UP, b"1")
     play.says(UP_CHUNK, b"1")
@@ -106,8 +106,8 @@ def test_an_upload_ends_with_a_chunk_that_was_not_taken(play: Any, answer: bytes
 
 
 @pytest.mark.parametrize("answers", [[], [UP], [UP, UP_CHUNK]])
-def test_an_upload_survives_25_s_and_not_60(play: Any, answers: list[int]) -> None:
-    """5.2/9, 5.4/5: at the name and at every chunk, time and again; then the link works on."""
+def test_an_upload_times_out_between_25_and_60_s(play: Any, answers: list[int]) -> None:
+    """5.2/9, 5.4/5: for the name and every chunk; the link stays usable."""
     transfer = upload(play, content_of(500))
     for opcode in answers:
         play.waits(25)
@@ -115,7 +115,7 @@ def test_an_upload_survives_25_s_and_not_60(play: Any, answers: list[int]) -> No
     play.waits(30)
     assert not transfer.settled
     play.waits(5)
-    with pytest.raises(TransferFailed, match="nothing heard for 30 s"):
+    with pytest.raises(TransferFailed, match="no frame for 30 s"):
         transfer.outcome()
     assert [opcode for opcode, _ in play.sent()] == [UP, UP_CHUNK, UP_CHUNK][: len(answers) + 1]
     version = play.ask("get_version")
@@ -124,7 +124,7 @@ def test_an_upload_survives_25_s_and_not_60(play: Any, answers: list[int]) -> No
 
 
 @pytest.mark.parametrize("granted", [False, True])
-def test_a_download_survives_25_s_and_not_60(play: Any, granted: bool) -> None:  # noqa: FBT001 - a parameter of the test
+def test_a_download_times_out_between_25_and_60_s(play: Any, granted: bool) -> None:  # noqa: FBT001 - a parameter of the test
     """5.4/5, 5.4/6."""
     transfer = play.begin(play.core.download(b"a.rob"))
     if granted:
@@ -141,8 +141,8 @@ def test_a_download_survives_25_s_and_not_60(play: Any, granted: bool) -> None: 
     assert version.settled
 
 
-def test_the_limit_follows_the_dialect(new_play: Any) -> None:
-    """A subject may claim another limit than the tentative 30 s (A-5-13)."""
+def test_the_timeout_follows_the_dialect(new_play: Any) -> None:
+    """A SUT may claim another timeout than the tentative 30 s (A-5-13)."""
     play = new_play(Dialect.of(xfer_timeout="2"))
     transfer = upload(play, b"content")
     play.waits(2)
@@ -151,11 +151,11 @@ def test_the_limit_follows_the_dialect(new_play: Any) -> None:
     assert transfer.settled
 
 
-def test_a_download_that_is_not_granted_fails(play: Any) -> None:
+def test_a_refused_download_fails(play: Any) -> None:
     """L772."""
     transfer = play.begin(play.core.download(b"a.rob"))
     play.says(DOWN, b"0")
-    with pytest.raises(TransferFailed, match="cannot send it"):
+    with pytest.raises(TransferFailed, match="refused the name"):
         transfer.outcome()
 
 
@@ -170,7 +170,7 @@ BAD_CHUNKS = {
 
 @pytest.mark.parametrize("bad", BAD_CHUNKS.values(), ids=BAD_CHUNKS)
 def test_a_bad_chunk_is_rejected_once(play: Any, bad: bytes) -> None:
-    """5.3/13, 5.1/13: answered ``0``, and the download has failed."""
+    """5.3/13, 5.1/13: the reply is ``0``, and the download fails."""
     transfer = download(play)
     play.says(DOWN_CHUNK, chunk(300, 0, 200, content_of(200)))
     play.sent()
@@ -180,7 +180,7 @@ def test_a_bad_chunk_is_rejected_once(play: Any, bad: bytes) -> None:
 
 
 @pytest.mark.parametrize("signal", [b"", chunk(300, 0, 0), chunk(0, 0, 0), chunk(300, 200, 0)])
-def test_a_length_of_zero_ends_a_download_unanswered(play: Any, signal: bytes) -> None:
+def test_a_length_of_zero_ends_a_download_without_reply(play: Any, signal: bytes) -> None:
     """5.3/8, A-5-10."""
     transfer = download(play)
     play.sent()
@@ -198,7 +198,7 @@ def test_padding_is_ignored(play: Any) -> None:
 
 
 def test_a_file_that_is_too_large_is_refused_at_once(play: Any) -> None:
-    """A-5-25: memory is bounded."""
+    """A-5-25: the memory is limited."""
     transfer = download(play, limit_bytes=1000)
     play.sent()
     play.says(DOWN_CHUNK, chunk(1001, 0, 200, content_of(200)))
@@ -206,8 +206,8 @@ def test_a_file_that_is_too_large_is_refused_at_once(play: Any) -> None:
     assert isinstance(transfer.error, TransferFailed)
 
 
-def test_chunks_in_any_order_where_the_dialect_takes_them(new_play: Any) -> None:
-    """A-5-8: complete is what has no hole."""
+def test_chunks_in_any_order_if_the_dialect_allows_it(new_play: Any) -> None:
+    """A-5-8: a file without gaps is complete."""
     play = new_play(Dialect.of(chunk_order="any"))
     content, transfer = content_of(500), download(play)
     for piece in reversed(list(chunks_of(content))):
@@ -216,8 +216,8 @@ def test_chunks_in_any_order_where_the_dialect_takes_them(new_play: Any) -> None
     assert transfer.outcome() == content
 
 
-def test_a_stray_chunk_is_answered_no(play: Any) -> None:
-    """5.3/5: each is answered once; without a transfer there is nothing to take it."""
+def test_a_chunk_without_transfer_is_refused(play: Any) -> None:
+    """5.3/5: each chunk gets one reply."""
     play.says(DOWN_CHUNK, chunk(3, 0, 3, b"abc"))
     assert play.sent() == [(DOWN_CHUNK, b"0")]
     play.says(DOWN_CHUNK, b"")
@@ -225,7 +225,7 @@ def test_a_stray_chunk_is_answered_no(play: Any) -> None:
     assert play.sent() == []
 
 
-def test_a_chunk_before_the_answer_to_the_name_is_stray(play: Any) -> None:
+def test_a_chunk_before_the_reply_to_the_name_is_refused(play: Any) -> None:
     """A-5-23: the reply comes first."""
     transfer = play.begin(play.core.download(b"a.rob"))
     play.says(DOWN_CHUNK, chunk(3, 0, 3, b"abc"))
@@ -253,7 +253,7 @@ def test_an_empty_file_is_not_sent(play: Any) -> None:
     ("reading", "answers", "sent"),
     [("name-only", [UP], []), ("chunk", [UP, UP_CHUNK], [(UP_CHUNK, chunk(0, 0, 0))])],
 )
-def test_an_empty_file_is_sent_as_the_dialect_has_it(
+def test_an_empty_file_is_sent_as_in_the_dialect(
     new_play: Any, reading: str, answers: list[int], sent: list[Any]
 ) -> None:
     """A-5-10, readings (b) and (c)."""
@@ -266,7 +266,7 @@ def test_an_empty_file_is_sent_as_the_dialect_has_it(
     assert play.sent() == [(UP, b"a.rob"), *sent]
 
 
-def test_an_empty_file_is_taken_where_the_dialect_has_it(new_play: Any) -> None:
+def test_an_empty_file_is_accepted_if_the_dialect_allows_it(new_play: Any) -> None:
     """A-5-10, reading (c)."""
     play = new_play(Dialect.of(empty_file="chunk"))
     transfer = download(play)
@@ -274,8 +274,8 @@ def test_an_empty_file_is_taken_where_the_dialect_has_it(new_play: Any) -> None:
     assert transfer.outcome() == b""
 
 
-def test_an_aborted_upload_is_signalled_in_its_turn(play: Any) -> None:
-    """L787, 5.2/7: a length of 0 instead of the next chunk, once the one before is answered."""
+def test_an_aborted_upload_sends_the_error_signal(play: Any) -> None:
+    """L787, 5.2/7: a length of 0 instead of the next chunk, after the reply to the previous one."""
     transfer = upload(play, content_of(500))
     play.says(UP, b"1")
     transfer.abort()
@@ -286,8 +286,8 @@ def test_an_aborted_upload_is_signalled_in_its_turn(play: Any) -> None:
         transfer.outcome()
 
 
-def test_an_abort_comes_too_late_for_the_last_chunk(play: Any) -> None:
-    """What was taken whole is done (5.2/19)."""
+def test_an_abort_after_the_last_chunk_has_no_effect(play: Any) -> None:
+    """A complete upload succeeds (5.2/19)."""
     transfer = upload(play, b"content")
     play.says(UP, b"1")
     transfer.abort()
@@ -306,8 +306,8 @@ def test_an_aborted_download_is_refused_at_the_next_chunk(play: Any) -> None:
         transfer.outcome()
 
 
-def test_a_lost_link_ends_a_transfer(play: Any) -> None:
-    """5.2/19: not done."""
+def test_a_lost_link_fails_a_transfer(play: Any) -> None:
+    """5.2/19: the transfer fails."""
     transfer = upload(play, b"content")
     play.core.connection_lost("the cable is out", play.now_s)
     with pytest.raises(LinkLost):

@@ -24,12 +24,12 @@ REASONED = [command for command in TWO_STAGE if command.name != "emergency_stop"
 
 @pytest.fixture(params=TWO_STAGE, ids=lambda command: command.name)
 def command(request: pytest.FixtureRequest) -> Any:
-    """Each of the eight."""
+    """Each of the eight two-stage commands."""
     return request.param
 
 
-def test_it_is_done_with_the_final_result(play: Any, command: Any) -> None:
-    """A-3-7: accepted by the first reply, which is not the end; done by the tagged frame."""
+def test_the_final_result_ends_the_command(play: Any, command: Any) -> None:
+    """A-3-7: the first reply accepts it; the tagged frame ends it."""
     operation = play.ask(command.name, VALUES.get(command.name))
     play.says(command.opcode, b"1")
     assert operation.accepted
@@ -47,7 +47,7 @@ def test_the_result_may_share_a_segment_with_the_reply(play: Any, command: Any) 
 
 
 def test_the_result_may_take_hours(play: Any, command: Any) -> None:
-    """4/11, A-3-15: no bound, and other commands are served meanwhile (A-4-3)."""
+    """4/11, A-3-15: no timeout, and other commands work during it (A-4-3)."""
     operation = play.ask(command.name, VALUES.get(command.name))
     play.says(command.opcode, b"1")
     play.waits(10)
@@ -60,18 +60,18 @@ def test_the_result_may_take_hours(play: Any, command: Any) -> None:
     assert operation.outcome() is None
 
 
-def test_a_first_reply_is_due_in_time(play: Any, command: Any) -> None:
-    """A-3-15; and nothing is repeated by itself (4/16)."""
+def test_timeout_of_the_first_reply(play: Any, command: Any) -> None:
+    """A-3-15; the client does not repeat the request (4/16)."""
     operation = play.ask(command.name, VALUES.get(command.name))
     play.waits(60)
-    with pytest.raises(ReplyTimeout, match="whether it took effect is not known"):
+    with pytest.raises(ReplyTimeout, match="it is unknown whether it took effect"):
         operation.outcome()
     assert [opcode for opcode, _ in play.sent()] == [command.opcode]
 
 
 @pytest.mark.parametrize("data", [b"12", b"11|12", b"0|12", b"1", b"", b"11 "])
-def test_a_result_that_says_nothing_is_no_success(play: Any, command: Any, data: bytes) -> None:
-    """A-3-8: success is the whole of ``11``."""
+def test_an_invalid_result_is_not_a_success(play: Any, command: Any, data: bytes) -> None:
+    """A-3-8: only ``11`` is a success."""
     operation = play.ask(command.name, VALUES.get(command.name))
     play.says(command.opcode, b"1")
     play.says(command.opcode, data, tagged=True)
@@ -81,7 +81,7 @@ def test_a_result_that_says_nothing_is_no_success(play: Any, command: Any, data:
 
 @pytest.mark.parametrize("case", [str.upper, str.lower])
 @pytest.mark.parametrize("code", TABLE_8_1.values(), ids=lambda code: code.text)
-def test_every_code_is_told_with_its_meaning(play: Any, code: Any, case: Any) -> None:
+def test_errors_have_the_meaning_of_the_code(play: Any, code: Any, case: Any) -> None:
     """4/12, 8/4, 8/6: as a refusal and as a failure, in either case, with the faulty joints."""
     text = case(code.text).encode()
     refused, failed = play.ask("reset"), play.ask("run_program", b"a.rob")
@@ -98,7 +98,7 @@ def test_every_code_is_told_with_its_meaning(play: Any, code: Any, case: Any) ->
     assert code.text == "00" or code.meaning in str(failure.value)
 
 
-def test_joints_are_named(play: Any) -> None:
+def test_codes_name_the_joints(play: Any) -> None:
     """8/4: 1A is 2 + 8."""
     reset = play.ask("reset")
     play.says(0x33, b"0|1A")
@@ -106,9 +106,7 @@ def test_joints_are_named(play: Any) -> None:
 
 
 @pytest.mark.parametrize(("data", "code"), [(b"0", None), (b"0|7f", "7f"), (b"0 12", "12")])
-def test_a_refusal_is_understood_however_it_is_written(
-    play: Any, data: bytes, code: str | None
-) -> None:
+def test_tolerated_forms_of_a_refusal(play: Any, data: bytes, code: str | None) -> None:
     """A-4.24-3 (bare 0), 4.8/11 (unknown codes), A-0-2 (a blank): nothing moved (4/13)."""
     move = play.ask("set_tool_coordinates", VALUES["set_tool_coordinates"])
     play.says(0x39, data)
@@ -119,13 +117,13 @@ def test_a_refusal_is_understood_however_it_is_written(
 
 
 def stop(play: Any, *, first: bool = True) -> Any:
-    """An emergency stop during a run, up to its first reply."""
+    """Start an emergency stop during a run, up to its first reply."""
     operation = play.ask("emergency_stop")
     play.says(0x32, b"1" if first else b"0")
     return operation
 
 
-def test_a_stop_overtakes_an_unanswered_request(play: Any) -> None:
+def test_emergency_stop_before_the_first_reply(play: Any) -> None:
     """4.17/10."""
     run = play.ask("run_program", b"a.rob")
     play.ask("get_status")
@@ -136,8 +134,8 @@ def test_a_stop_overtakes_an_unanswered_request(play: Any) -> None:
 
 
 @pytest.mark.parametrize("order", ["first", "after", "none"])
-def test_any_fate_of_an_interrupted_result_is_survived(play: Any, order: str) -> None:
-    """A-4.17-4, 4.17/9: before, after, or never; the stop succeeds, the run is interrupted."""
+def test_interrupted_result_before_after_or_never(play: Any, order: str) -> None:
+    """A-4.17-4, 4.17/9: in all cases the stop succeeds and the run is interrupted."""
     run = play.ask("run_program", b"a.rob")
     play.says(0x30, b"1")
     halt = stop(play)
@@ -158,8 +156,8 @@ def test_any_fate_of_an_interrupted_result_is_survived(play: Any, order: str) ->
     assert again.outcome() is None
 
 
-def test_a_jog_ends_well_by_a_stop(play: Any) -> None:
-    """A-4.17-4: stopping is its normal end, ``11``."""
+def test_a_stopped_jog_succeeds(play: Any) -> None:
+    """A-4.17-4: a stop is its normal end, ``11``."""
     jog = play.ask("jog", JogDirection.MINUS_X)
     assert play.sent() == [(0x3D, b"4")]
     play.says(0x3D, b"1")
@@ -169,8 +167,8 @@ def test_a_jog_ends_well_by_a_stop(play: Any) -> None:
 
 
 @pytest.mark.parametrize("result", [None, b"00|12"])
-def test_a_stop_that_did_not_stop_ends_nothing(play: Any, result: bytes | None) -> None:
-    """Refused or failed, it says nothing about the run, which may still be executing."""
+def test_a_failed_stop_interrupts_nothing(play: Any, result: bytes | None) -> None:
+    """After a refused or failed stop the run may still be executing."""
     run = play.ask("run_program", b"a.rob")
     play.says(0x30, b"1")
     halt = stop(play, first=result is not None)
@@ -182,7 +180,7 @@ def test_a_stop_that_did_not_stop_ends_nothing(play: Any, result: bytes | None) 
 
 
 def test_a_stop_can_be_repeated(play: Any) -> None:
-    """After its first reply, whatever has become of its result."""
+    """After its first reply, with or without a result."""
     first = stop(play)
     second = stop(play)
     play.says(0x32, b"11", tagged=True)
@@ -190,8 +188,8 @@ def test_a_stop_can_be_repeated(play: Any) -> None:
     assert second.outcome() is None
 
 
-def test_a_command_accepted_anew_ends_the_one_before(play: Any) -> None:
-    """FIRM A-4-2: while one executes none is accepted, so the lost result is not waited for."""
+def test_accepting_a_command_again_interrupts_the_first(play: Any) -> None:
+    """FIRM A-4-2: none is accepted while one executes, so the first result was lost."""
     before = play.ask("run_program", b"a.rob")
     play.says(0x30, b"1")
     refused = play.ask("run_program", b"b.rob")

@@ -86,7 +86,7 @@ class _VainStopEndsEverything(ClientCore):
         vain = operation.command.name == _STOP and operation.error is not None
         if vain and operation.accepted is self.accepted:
             for other in self._executing():
-                other.give_up("there was a stop")
+                other.interrupt("there was a stop")
                 events += self._after_step(other, now_s)
         return events
 

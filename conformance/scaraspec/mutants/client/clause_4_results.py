@@ -96,7 +96,7 @@ class RefusalEndsTheFirst(ClientCore):
         events = super()._dispatch(frame, now_s)
         if frame.data[:1] == b"0":
             for operation in first:
-                operation.give_up("it was refused")
+                operation.interrupt("it was refused")
                 events += self._after_step(operation, now_s)
         return events
 
