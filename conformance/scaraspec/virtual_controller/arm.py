@@ -1,8 +1,8 @@
-"""The geometry of the virtual arm: joints to tool pose and back, and what is out of reach.
+"""The geometry of the virtual arm: forward and inverse kinematics, and limits.
 
-Lengths, angles and limits live here; time does not. The document gives no dimensions (A-7-1): the
-arm is that of register section 9. Right-handed base frame, origin on the base plane under joint 1,
-X along the stretched arm, Y to its left, Z up; angles in degrees, counter-clockwise positive.
+The document gives no dimensions (A-7-1): the arm is that of register section 9. Right-handed base
+frame, origin on the base plane under joint 1, X along the stretched arm, Y to its left, Z up;
+angles in degrees, counter-clockwise positive.
 """
 
 import math
@@ -12,8 +12,11 @@ INNER_ARM_MM = 200.0
 OUTER_ARM_MM = 200.0
 
 TOLERANCE = 1e-3
-"""mm or degree by which a limit may be passed: half of it is lost when a pose is shown with three
-decimals, and a pose shown at a limit can be commanded again."""
+"""Tolerance of the limits in mm or degrees.
+
+A pose is sent with three decimals, so it can be off by half of this. A pose that was reported at a
+limit can therefore be commanded again.
+"""
 
 
 class Joints(NamedTuple):
@@ -26,10 +29,10 @@ class Joints(NamedTuple):
 
 
 class Pose(NamedTuple):
-    """A point of the tool in the base frame and its rotation about the vertical (7.1, L1004-1006).
+    """The tool position in the base frame and its rotation about the vertical (7.1, L1004-1006).
 
     thetaX is the orientation in the base frame, not an angle of joint 4 (A-7-2); it is not reduced
-    modulo 360 degrees, since joint 4 turns more than once.
+    modulo 360 degrees, because joint 4 turns more than once.
     """
 
     x_mm: float
@@ -50,24 +53,24 @@ LOWER = Joints(-130.0, -140.0, 150.0, -360.0)
 UPPER = Joints(130.0, 140.0, 350.0, 360.0)
 
 HOME = Pose(300.0, 0.0, 250.0, 0.0)
-"""Where a new arm stands, and its initial tool position until 0x36 sets another."""
+"""The pose at power-on, and the initial tool position until 0x36 sets another."""
 
 
 class UnreachableError(Exception):
-    """The arm cannot take a pose.
+    """The arm cannot reach a pose.
 
     Attributes:
         code: ``05`` outside the annulus or the travel of Z, ``06`` beyond the limit of a joint
             (table 8-1, A-4.24-5).
     """
 
-    def __init__(self, code: str, why: str) -> None:
-        super().__init__(why)
+    def __init__(self, code: str, reason: str) -> None:
+        super().__init__(reason)
         self.code = code
 
 
 def _radius_mm(outer_arm_deg: float) -> float:
-    """Distance of the tool from the axis of joint 1."""
+    """Return the distance of the tool from the axis of joint 1."""
     return math.sqrt(
         INNER_ARM_MM**2
         + OUTER_ARM_MM**2
@@ -80,12 +83,12 @@ OUTER_REACH_MM = INNER_ARM_MM + OUTER_ARM_MM
 
 
 def within_limits(joints: Joints) -> bool:
-    """Whether each joint stands within its range; false for a value that is not finite."""
+    """Whether each joint is within its range; false for values that are not finite."""
     return all(low <= value <= high for low, value, high in zip(LOWER, joints, UPPER, strict=True))
 
 
 def clamp_to_limits(joints: Joints) -> Joints:
-    """The same joints, moved onto a limit where they pass it by less than `TOLERANCE`.
+    """Return the joints, moved to a limit if they exceed it by less than `TOLERANCE`.
 
     Raises:
         UnreachableError: ``05`` for the wrist, ``06`` for another joint.
@@ -98,7 +101,7 @@ def clamp_to_limits(joints: Joints) -> Joints:
 
 
 def forward(joints: Joints) -> Pose:
-    """Where the lower end centre of the screw is (7.1, L1004)."""
+    """Return the position of the lower end centre of the screw (7.1, L1004)."""
     inner = math.radians(joints.inner_arm_deg)
     outer = inner + math.radians(joints.outer_arm_deg)
     return Pose(
@@ -110,9 +113,9 @@ def forward(joints: Joints) -> Pose:
 
 
 def inverse(pose: Pose, near: Joints) -> Joints:
-    """The joints that bring the tool to a pose with the elbow on the side it has at `near`.
+    """Return the joints for a pose, with the elbow on the same side as in `near`.
 
-    A stretched arm has no side and bends counter-clockwise.
+    From a stretched arm, which has no side, the elbow bends counter-clockwise.
 
     Raises:
         UnreachableError: ``05`` outside the annulus or Z, ``06`` beyond the limit of a joint.
@@ -137,7 +140,7 @@ def inverse(pose: Pose, near: Joints) -> Joints:
 
 
 def gripper_point(tool: Pose, centre: Offset) -> Pose:
-    """The working end of the user's tool, whose offset turns with thetaX (7.2, A-4.19-1)."""
+    """Return the gripper center; its offset turns with thetaX (7.2, A-4.19-1)."""
     theta = math.radians(tool.theta_x_deg)
     return Pose(
         x_mm=tool.x_mm + centre.x_mm * math.cos(theta) - centre.y_mm * math.sin(theta),

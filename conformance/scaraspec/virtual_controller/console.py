@@ -1,4 +1,4 @@
-"""The console: control lines from a file descriptor, such as stdin, and an answer for each."""
+"""The console: executes command lines from a file descriptor, such as stdin, and answers each."""
 
 import asyncio
 import os
@@ -13,12 +13,12 @@ _READ_BYTES: Final = 4096
 
 
 class Console:
-    """Obeys the lines that come from a descriptor, until its end.
+    """Executes the lines from a file descriptor until its end.
 
     Args:
-        server: Whose plant they are for.
-        source: The descriptor: a pipe, a terminal or a file.
-        answer: Told ``ok`` and what was done, or ``error`` and why not, for each line.
+        server: The server whose plant the lines change.
+        source: The file descriptor: a pipe, a terminal or a file.
+        answer: Called for each line with ``ok: ...`` or ``error: ...``.
     """
 
     def __init__(self, server: Server, source: int, answer: Callable[[str], None]) -> None:
@@ -29,32 +29,32 @@ class Console:
         self._rest = b""
         try:
             self._loop.add_reader(source, self._read)
-        except PermissionError:  # a plain file cannot be watched, and need not be: it is all there
+        except PermissionError:  # the event loop cannot watch a regular file: read it directly
             self._loop.call_soon(self._read_file)
 
     def _read(self) -> None:
         data = os.read(self._source, _READ_BYTES)
         if data:
-            self._take(data)
+            self._process(data)
         else:
             self._loop.remove_reader(self._source)
 
     def _read_file(self) -> None:
         data = os.read(self._source, _READ_BYTES)
         if data:
-            self._take(data)
+            self._process(data)
             self._loop.call_soon(self._read_file)
 
-    def _take(self, data: bytes) -> None:
+    def _process(self, data: bytes) -> None:
         *lines, self._rest = (self._rest + data).split(b"\n")
         for line in lines:
-            self._obey(line.decode("utf-8", "backslashreplace"))
+            self._execute(line.decode("utf-8", "backslashreplace"))
         if len(self._rest) > MAX_LINE_BYTES:
             self._rest = b""
             self._answer(f"error: a line has at most {MAX_LINE_BYTES} bytes")
 
-    def _obey(self, line: str) -> None:
-        self._server.advance()  # what was due before the line happens before it
+    def _execute(self, line: str) -> None:
+        self._server.advance()  # first process what is due before the line
         try:
             done = execute(line, self._server.core.plant, self._server.now_s)
         except ConsoleCommandError as error:

@@ -1,6 +1,6 @@
-"""Control: lines of text that break, repair and drive the plant while the controller runs.
+"""Console commands: lines that inject faults, repair the plant and set inputs at run time.
 
-What a line means lives here; where lines come from does not.
+`console` reads the lines.
 """
 
 import reprlib
@@ -15,28 +15,33 @@ HELP: Final = """\
 motor-fault JOINT[,JOINT]... [lasting]   joints: inner_arm, outer_arm, wrist, rotation
 position-fault [lasting]                 code 05
 angle-fault [lasting]                    code 06
-repair                                   take lasting causes away; a reset then clears the faults
-clear                                    take all faults and their causes away
-disk-full on|off                         let the disk take nothing more
-input PORT 0|1                           drive a digital input, 1 to 8
-analog PORT VALUE                        drive an analog input, 1 to 8
-help                                     show this"""
+repair                                   remove lasting causes; a reset then clears the faults
+clear                                    remove all faults and their causes
+disk-full on|off                         make the disk full, or not full
+input PORT 0|1                           set a digital input, 1 to 8
+analog PORT VALUE                        set an analog input, 1 to 8
+help                                     show this help"""
 
 _JOINTS: Final = {joint.name.lower(): joint for joint in Joint}
 
 
 class ConsoleCommandError(Exception):
-    """A line that cannot be obeyed; the text is one sentence."""
+    """The line cannot be executed. The text is one sentence."""
 
 
 def execute(line: str, plant: Plant, now_s: float) -> str:
-    """Do what a line says.
+    """Execute a command line.
+
+    Args:
+        line: The command with its arguments.
+        plant: The plant that it changes.
+        now_s: The current time in seconds.
 
     Returns:
-        What was done, in a few words; nothing for an empty line; the whole of `HELP` if asked.
+        A short description of the effect; empty for an empty line; `HELP` for ``help``.
 
     Raises:
-        ControlError: The line says nothing that can be done.
+        ConsoleCommandError: The line is not a valid command.
     """
     words = line.split()
     if not words:
@@ -45,8 +50,8 @@ def execute(line: str, plant: Plant, now_s: float) -> str:
     if command is None:
         raise ConsoleCommandError(
             UserMessage(
-                "there is no command {words}: they are {commands}",
-                words=reprlib.repr(words[0]),
+                "there is no command {name}: the commands are {commands}",
+                name=reprlib.repr(words[0]),
                 commands=", ".join(_COMMANDS),
             )
         )
@@ -58,7 +63,7 @@ def _motor_fault(words: list[str], plant: Plant, now_s: float) -> str:
     if len(names) != 1:
         raise ConsoleCommandError(
             UserMessage(
-                "motor-fault takes joints between commas: {joints}", joints=", ".join(_JOINTS)
+                "motor-fault takes joints separated by commas: {joints}", joints=", ".join(_JOINTS)
             )
         )
     joints = names[0].split(",")
@@ -66,7 +71,7 @@ def _motor_fault(words: list[str], plant: Plant, now_s: float) -> str:
         if name not in _JOINTS:
             raise ConsoleCommandError(
                 UserMessage(
-                    "there is no joint {name}: they are {joints}",
+                    "there is no joint {name}: the joints are {joints}",
                     name=reprlib.repr(name),
                     joints=", ".join(_JOINTS),
                 )
@@ -81,8 +86,8 @@ def _fault(code: str) -> Callable[[list[str], Plant, float], str]:
         if others:
             raise ConsoleCommandError(
                 UserMessage(
-                    "a fault takes no {others}, only the word lasting",
-                    others=reprlib.repr(others[0]),
+                    "a fault has no argument {argument}, only the word lasting",
+                    argument=reprlib.repr(others[0]),
                 )
             )
         return _fail(code, plant, now_s, lasting=lasting)
@@ -100,13 +105,13 @@ def _with_lasting(words: list[str]) -> tuple[list[str], bool]:
 
 
 def _repair(words: list[str], plant: Plant, _: float) -> str:
-    _none(words)
+    _require_no_arguments(words)
     plant.repair()
     return "the causes of all faults are gone"
 
 
 def _clear(words: list[str], plant: Plant, _: float) -> str:
-    _none(words)
+    _require_no_arguments(words)
     plant.repair()
     plant.clear_faults()
     return "all faults are gone"
@@ -123,7 +128,7 @@ def _input(words: list[str], plant: Plant, _: float) -> str:
     port, value = _port(words, "0 or 1")
     if value not in ("0", "1"):
         raise ConsoleCommandError(
-            UserMessage("a digital input is 0 or 1, not {value}", value=reprlib.repr(value))
+            UserMessage("a digital input must be 0 or 1, not {value}", value=reprlib.repr(value))
         )
     try:
         plant.digital_inputs[port] = value == "1"
@@ -140,29 +145,29 @@ def _analog(words: list[str], plant: Plant, _: float) -> str:
         raise ConsoleCommandError(str(error)) from None
     except ValueError:
         raise ConsoleCommandError(
-            UserMessage("no analog input can be {value}", value=reprlib.repr(value))
+            UserMessage("{value} is not a valid analog value", value=reprlib.repr(value))
         ) from None
     return f"analog input {port} is {plant.analog_inputs[port]:g}"
 
 
-def _port(words: list[str], kind: str) -> tuple[int, str]:
+def _port(words: list[str], value_form: str) -> tuple[int, str]:
     match words:
         case [port, value] if port.isdecimal() and len(port) <= 3:  # noqa: PLR2004 - no port has more digits
             return int(port), value
-    raise ConsoleCommandError(UserMessage("an input takes its port, 1 to 8, and {kind}", kind=kind))
+    raise ConsoleCommandError(
+        UserMessage("an input takes a port, 1 to 8, and {value_form}", value_form=value_form)
+    )
 
 
 def _help(words: list[str], _plant: Plant, _now_s: float) -> str:
-    _none(words)
+    _require_no_arguments(words)
     return HELP
 
 
-def _none(words: list[str]) -> None:
+def _require_no_arguments(words: list[str]) -> None:
     if words:
         raise ConsoleCommandError(
-            UserMessage(
-                "this command takes nothing more, not {words}", words=reprlib.repr(words[0])
-            )
+            UserMessage("this command has no argument {argument}", argument=reprlib.repr(words[0]))
         )
 
 

@@ -28,24 +28,23 @@ from scaraspec.virtual_controller.session import Action, Carrier, Close, Request
 from scaraspec.virtual_controller.store import Store
 
 MAX_QUEUED = 16
-"""Requests that wait for a busy robot under the reading ``busy_reply=queue``."""
+"""Maximum number of requests that wait for a busy robot with the reading ``busy_reply=queue``."""
 
-_FORGIVEN = frozenset({Defect.TRAILING_NUL, Defect.LONG_NAME})
-"""Departures in a request that are understood and acted upon (A-T-3, A-5-20)."""
+_TOLERATED_DEFECTS = frozenset({Defect.TRAILING_NUL, Defect.LONG_NAME})
+"""Defects of a request despite which the controller executes it (A-T-3, A-5-20)."""
 
 
-def _ignore(_connection: int, _seen: StreamItem) -> None:
-    """Watch nothing."""
+def _ignore(_connection: int, _item: StreamItem) -> None: ...
 
 
 class ControllerCore(Behaviour):
     """The virtual controller as a state machine.
 
     Args:
-        plant: The physical robot; its clock is the core's.
+        plant: The simulated robot. It uses the same clock as the core.
         store: Programs and settings.
         dialect: One reading of every open point.
-        watch: Told of every frame and every run of skipped bytes, with its connection.
+        watch: Called with each connection number and frame or run of skipped bytes.
     """
 
     def __init__(
@@ -59,19 +58,22 @@ class ControllerCore(Behaviour):
         self._watch = watch
         self._actions: list[Action] = []
         self._queue: deque[tuple[Session, Frame]] = deque()
-        # Replies bear names of the length that clients chose (A-4.9-5).
+        # Replies may contain names of any length that a client chose (A-4.9-5).
         self._reply_dialect = dialect.replace(name_max="255")
 
-    # ------------------------------------------------------------------ what happens
+    # ------------------------------------------------------------------ events
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
         """A client has connected.
 
         Args:
-            connection: A number for it that no other open connection has.
-            now_s: The present instant.
-            link: What it runs over; a serial client needs no login (L83), and is not heard while
-                a network client is connected (L81; A-2-4).
+            connection: The connection number, unique among the open connections.
+            now_s: The current time in seconds.
+            link: Kind of link. A serial client needs no login (L83), and its bytes are ignored
+                while a network client is connected (L81; A-2-4).
+
+        Returns:
+            The actions to perform.
         """
         self._process_due(now_s)
         others = [session for session in self.sessions.values() if session.carrier == "tcp"]
@@ -84,14 +86,14 @@ class ControllerCore(Behaviour):
                 for session in others:
                     self._end(session, now_s)
             for session in list(self.sessions.values()):
-                if session.carrier == "serial":  # to it, being masked is the loss of its link
+                if session.carrier == "serial":  # a masked client counts as disconnected
                     self._remove_session(session, now_s)
                     self._add_session(session.connection, "serial")
         self._add_session(connection, link)
         return self._take_actions()
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
-        """Bytes have arrived from a client."""
+        """Bytes have arrived from a client; return the actions to perform."""
         self._process_due(now_s)
         session = self.sessions.get(connection)
         if session is not None and not self._is_masked(session):
@@ -99,7 +101,7 @@ class ControllerCore(Behaviour):
         return self._take_actions()
 
     def close(self, connection: int, now_s: float) -> list[Action]:
-        """A client is gone, or sends no more: its jog stops, finite motion goes on (A-2-8)."""
+        """A client disconnected or half-closed: its jog stops, finite motion continues (A-2-8)."""
         self._process_due(now_s)
         session = self.sessions.get(connection)
         if session is not None:
@@ -107,27 +109,27 @@ class ControllerCore(Behaviour):
         return self._take_actions()
 
     def advance(self, now_s: float) -> list[Action]:
-        """Time has passed, or the plant was changed from outside."""
+        """Time has passed, or the plant was changed from outside; return the actions to perform."""
         self._process_due(now_s)
         return self._take_actions()
 
     @property
     def next_event_s(self) -> float | None:
-        """When `advance` is due next; None if nothing will happen by itself."""
+        """When to call `advance` next; None if nothing is due."""
         times_s = [self.robot.task.activity.next_event_s] if self.robot.task else []
         for session in self.sessions.values():
             if session.framer.deadline_s is not None:
                 times_s.append(session.framer.deadline_s)
             if session.transfer is not None and session.transfer.end.deadline_s is not None:
-                # Silence must have lasted for more than the time-out (L795).
+                # The silence must last longer than the timeout (L795).
                 times_s.append(math.nextafter(session.transfer.end.deadline_s, math.inf))
-        soonest_s = min(times_s, default=math.inf)
-        return None if soonest_s == math.inf else soonest_s
+        next_s = min(times_s, default=math.inf)
+        return None if next_s == math.inf else next_s
 
-    # ------------------------------------------------------------------ frames in
+    # ------------------------------------------------------------------ received frames
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Serve one frame of a client."""
+        """Process one frame of a client."""
         command = self._command(frame)
         if command is None:
             self._answer_unknown(session, frame, now_s)
@@ -153,31 +155,32 @@ class ControllerCore(Behaviour):
                 self._end(other, now_s)
 
     def _command(self, frame: Frame) -> Command | None:
-        """The row of a frame; None where the dialect does not know its opcode (A-4.12-1)."""
+        """Return the command of a frame; None if the dialect lacks its opcode (A-4.12-1)."""
         command = BY_OPCODE.get(frame.opcode)
         if command and command.alternate_opcode and self.dialect["op_get_default"] == "0x13":
             return command if frame.opcode == command.alternate_opcode else None
         return command
 
     def _is_permitted(self, session: Session, command: Command) -> bool:
-        """Whether a client is served before its login too (A-4-4)."""
+        """Whether the client may use this command; before its login, see A-4-4."""
         if session.logged_in or command.name == "login":
             return True
         reading = self.dialect["prelogin"]
         return reading == "all" or (reading == "reads" and command.hazard is Hazard.READ_ONLY)
 
     def _answer_unknown(self, session: Session, frame: Frame, now_s: float) -> None:
-        """An opcode that nobody defined (A-3-9)."""
+        """Answer an undefined opcode (A-3-9)."""
         match self.dialect["on_unknown"]:
-            case "0" if frame.opcode != TAG:  # behind a start byte it would be the tag (A-3-5)
+            case "0" if frame.opcode != TAG:  # after a start byte it would be the tag (A-3-5)
                 self.emit(session, Frame(C2A, frame.opcode, b"0"))
             case "close":
                 self._end(session, now_s)
 
     def _defer_while_busy(self, session: Session, command: Command, frame: Frame) -> bool:
-        """Whether a busy robot does not answer this now, under other readings than the default.
+        """Whether a busy robot queues or ignores this request, with a non-default ``busy_reply``.
 
-        The emergency stop is always served, and drops what waits: it must not start now (A-4-2).
+        The emergency stop is never deferred. It clears the queue, because queued commands must
+        not start after it (A-4-2).
         """
         if command.name == "emergency_stop":
             self._queue.clear()
@@ -187,33 +190,34 @@ class ControllerCore(Behaviour):
         if self.dialect["busy_reply"] == "queue" and len(self._queue) < MAX_QUEUED:
             self._queue.append((session, frame))
             return True
-        return self.dialect["busy_reply"] == "silence" and command.name != "reset"  # drawn, L397
+        # The document prints the busy reply of the reset (L397).
+        return self.dialect["busy_reply"] == "silence" and command.name != "reset"
 
     def _value(self, command: Command, frame: Frame) -> Any:
-        """What a request says; None where a controller may not act upon it."""
+        """Return the value of a request; None if the controller must not execute it."""
         payload = command.payload(frame)
-        assert payload is not None, "no client's frame bears a tag"
+        assert payload is not None, "frames of a client have no tag"
         decoded = payload.decode(frame.data)
-        if any(complaint.defect not in _FORGIVEN for complaint in decoded.issues):
+        if any(issue.defect not in _TOLERATED_DEFECTS for issue in decoded.issues):
             return None
         if ("jog_byte", "ascii") in decoded.readings and self.dialect["jog_byte"] == "binary":
             return None
         return decoded.value
 
-    # ------------------------------------------------------------------ frames out
+    # ------------------------------------------------------------------ sent frames
 
     def emit(self, session: Session, frame: Frame) -> None:
-        """Send one frame; nothing if its client is gone (A-2-9)."""
+        """Send one frame, unless the client has disconnected (A-2-9)."""
         if self.sessions.get(session.connection) is session:
             self._watch(session.connection, frame)
             self.transmit(session, frame.encode())
 
     def transmit(self, session: Session, data: bytes) -> None:
-        """Send bytes as they are."""
+        """Send bytes unchanged."""
         self._actions.append(Send(session.connection, data))
 
     def _reply(self, session: Session, command: Command, frame: Frame, answer: Any) -> None:
-        """Send a first reply under the opcode of its request, unless printed otherwise."""
+        """Send a first reply with the opcode of the request, or the printed alternate opcode."""
         if answer is SILENCE:
             return
         opcode = frame.opcode
@@ -222,8 +226,8 @@ class ControllerCore(Behaviour):
         self.emit(session, Frame(C2A, opcode, command.reply.encode(answer, self._reply_dialect)))
 
     def _send_deferred(self) -> None:
-        later, self._deferred = self._deferred, []
-        for session, frame in later:
+        deferred, self._deferred = self._deferred, []
+        for session, frame in deferred:
             self.emit(session, frame)
 
     # ------------------------------------------------------------------ clients and time
@@ -239,12 +243,12 @@ class ControllerCore(Behaviour):
         )
 
     def _end(self, session: Session, now_s: float) -> None:
-        """Close a session from this side."""
+        """Close a session and its connection."""
         self._remove_session(session, now_s)
         self._actions.append(Close(session.connection))
 
     def _remove_session(self, session: Session, now_s: float) -> None:
-        """Let go of a client: nothing is sent to it any more, and what needs it ends."""
+        """Remove a session: abort its transfer, drop its queued requests, stop its jog."""
         self.abort_transfer(session)
         del self.sessions[session.connection]
         self._queue = deque(entry for entry in self._queue if entry[0] is not session)
@@ -254,8 +258,8 @@ class ControllerCore(Behaviour):
             self._finish_tasks(now_s)
 
     def _process_items(self, session: Session, found: list[StreamItem], now_s: float) -> None:
-        """Serve what arrived together, in order, as far as the client stays (A-3-14)."""
-        held: list[Action] = []  # under the reading "any-order": what is sent last
+        """Process items that arrived together, in order, until the session ends (A-3-14)."""
+        held: list[Action] = []  # with the reading "any-order": actions to perform last
         frames = 0
         for item in found:
             if self.sessions.get(session.connection) is not session:
@@ -277,7 +281,7 @@ class ControllerCore(Behaviour):
         self._actions += held
 
     def _process_due(self, now_s: float) -> None:
-        """Let everything happen that is due."""
+        """Process everything that is due at `now_s`."""
         for session in list(self.sessions.values()):
             self._process_items(session, session.framer.expire(now_s), now_s)
             if session.transfer is not None:
@@ -287,7 +291,7 @@ class ControllerCore(Behaviour):
         self._finish_tasks(now_s)
 
     def _finish_tasks(self, now_s: float) -> None:
-        """Tell how a task ended, and let the next request that waited for it begin."""
+        """Send the result of an ended task, and start the next queued request."""
         while True:
             ended = self.robot.settle(now_s)
             if ended is not None:
@@ -305,13 +309,13 @@ class ControllerCore(Behaviour):
 
 
 def _only_reads(frame: Frame) -> bool:
-    """Whether the reply to a request may be overtaken without anyone noticing more than that."""
+    """Whether a request only reads, so that its reply may be reordered without side effects."""
     command = BY_OPCODE.get(frame.opcode)
     return command is not None and command.hazard is Hazard.READ_ONLY
 
 
 def _failure(command: Command) -> Any:
-    """The failure form of a first reply, or silence where the document draws none (A-3-9)."""
+    """Return the failure form of a first reply; `SILENCE` if the document has none (A-3-9)."""
     if command.initiator is not A2C:
         return SILENCE
     if isinstance(command.reply, FirstReply):

@@ -1,8 +1,8 @@
-"""The interpreter: a user program (clause 6) as a machine that is advanced to any instant.
+"""The interpreter: runs a user program (clause 6) as a state machine in simulated time.
 
-What each node does and how long it takes lives here. Whether a program may start, and what
-becomes of its outcome, is decided elsewhere. The order and the instants of all effects depend on
-the program and the plant alone, never on how often the machine is advanced.
+It defines what each node does and how long it takes. The behaviour decides whether a program may
+start, and sends its outcome. The order and the times of all effects depend only on the program and
+the plant, not on how often `Run.advance` is called.
 """
 
 import math
@@ -43,22 +43,22 @@ from scaraspec.virtual_controller.motion import Motion, curve, move, straight_li
 from scaraspec.virtual_controller.plant import NoSuchPortError, Plant, Ports, Pwm
 
 NODE_TIME_S = 0.001
-"""The least time that a node takes, so that a loop without a wait takes time too."""
+"""Minimum time of a node, so that a loop without a wait takes time."""
 NODES_PER_ADVANCE = 250
-"""How many nodes one call of `Run.advance` executes, but for the last points of a curve."""
+"""Maximum number of nodes per call of `Run.advance`; the points of a curve may exceed it."""
 BARE_POINT_SPEED_PERCENT = 50
-"""Speed of a move to a point that belongs to no move node (A-6.5-7)."""
+"""Speed of a move to a point outside a move node (A-6.5-7)."""
 
 _T = TypeVar("_T")
 
 _SUCCESS = Outcome(done=True)
-_IMPOSSIBLE = "05"  # the nearest code for an argument that cannot be (A-8-4, A-6.6a-4)
+_INVALID_ARGUMENT = "05"  # the nearest code for an invalid argument (A-8-4, A-6.6a-4)
 
 
 def runnable(program: Program, dialect: Dialect) -> bool:
-    """Whether a program may be started: `lint` finds no error in it (A-4.15-2, 6.5/28).
+    """Whether a program may start: `lint` finds no error in it (A-4.15-2, 6.5/28).
 
-    A loop whose count is a number of iterations may count more than there are nodes (A-6.5-5).
+    If the count of a loop means iterations, it may exceed the number of nodes (A-6.5-5).
     """
     iterations = dialect["loop_iter"] == "counts"
     return not any(
@@ -76,16 +76,16 @@ def runnable(program: Program, dialect: Dialect) -> bool:
 class Run:
     """One run of a program, simulated or real.
 
-    A simulated run takes the same time and meets the same failures, but moves and sets nothing
-    (A-4.16-1). A real run moves the plant from where its arm stands; to break it off, stop the
-    plant and drop the run. A program for which `runnable` is false may fail in any way.
+    A simulated run takes the same time and has the same failures, but moves and sets nothing
+    (A-4.16-1). A real run moves the plant from its current position; to abort it, stop the plant
+    and discard the run. The result is undefined for a program that is not `runnable`.
 
     Attributes:
-        outcome: How the run ended; None while it goes on.
-        next_event_s: When `advance` has something to do: infinite while only a change of an input
-            can end a wait, and once the run has ended. It may lie in the past, after a call that
-            reached `NODES_PER_ADVANCE`; then the run has fallen behind and is to be advanced
-            again. A new setting of the clock can change it at the next call.
+        outcome: How the run ended; None while it runs.
+        next_event_s: When to call `advance`. Infinite while only a change of an input can end a
+            wait, and after the end of the run. It can be in the past after a call that reached
+            `NODES_PER_ADVANCE`; then call `advance` again. Setting the clock can change it at the
+            next call.
     """
 
     def __init__(
@@ -102,22 +102,22 @@ class Run:
         self._joints = plant.joints(now_s)
         self._index = 0
         self._executed = 0
-        self._repeats: dict[int, int] = {}  # by index of a loop's start: how often it comes again
+        self._repeats: dict[int, int] = {}  # remaining iterations by index of the loop's start
         self._wait: WaitInput | WaitTimer | None = None
         self._seen_s = now_s
 
     def advance(self, now_s: float) -> Outcome | None:
-        """Execute what is due by `now_s`, and return the outcome if the run has ended.
+        """Execute what is due at `now_s`, and return the outcome if the run has ended.
 
-        To be called at `next_event_s` or later, and whenever an input, the clock or a fault of the
-        plant has changed.
+        Call it at `next_event_s` or later, and after a change of an input, the clock or a fault of
+        the plant.
         """
         if self.outcome is None and self._plant.fault_code:
             self._end(Outcome(done=False, code=self._plant.fault_code))
         if self._wait is not None:
             self.next_event_s = self._wait_ends_s(self._wait, now_s)
-        enough = self._executed + NODES_PER_ADVANCE
-        while self.next_event_s <= now_s and self._executed < enough:
+        limit = self._executed + NODES_PER_ADVANCE
+        while self.next_event_s <= now_s and self._executed < limit:
             self._step(self.next_event_s)
         self._seen_s = now_s
         return self.outcome
@@ -128,7 +128,7 @@ class Run:
         self._wait = None
 
     def _step(self, now_s: float) -> None:
-        """Begin the next node; the one before it is over."""
+        """Start the next node; the previous one has ended."""
         self._wait = None
         if self._index >= len(self._program.nodes):
             self._end(_SUCCESS)
@@ -140,14 +140,14 @@ class Run:
         except UnreachableError as error:
             self._end(Outcome(done=False, code=error.code))
         except (NoSuchPortError, ZeroDivisionError):
-            self._end(Outcome(done=False, code=_IMPOSSIBLE))
+            self._end(Outcome(done=False, code=_INVALID_ARGUMENT))
         else:
             self._index += 1
             self._executed += 1
             self.next_event_s = max(ends_s, now_s + NODE_TIME_S * (self._executed - executed))
 
     def _begin(self, node: Node, now_s: float) -> float:
-        """Begin a node and return when it ends; `_index` is left on the last node it concerns."""
+        """Start a node and return when it ends; `_index` is then its last node."""
         match node.data:
             case Point() as point:
                 return self._move(self._motion_to(point), now_s)
@@ -169,7 +169,7 @@ class Run:
                 return self._begin_marker(node, now_s)
         return now_s
 
-    # ------------------------------------------------------------------ flow
+    # ------------------------------------------------------------------ control flow
 
     def _begin_marker(self, node: Node, now_s: float) -> float:
         match node.type:
@@ -186,13 +186,13 @@ class Run:
         return now_s
 
     def _partner(self) -> int:
-        """The marker that belongs to the present one."""
+        """Return the index of the marker that belongs to the current one."""
         partner = self._structure.partners[self._index]
         assert partner is not None, "runnable programs are balanced"
         return partner
 
     def _repeat(self, start: int) -> None:
-        """Return to the start of a loop, for ever or as often as it counts (A-6.5-5)."""
+        """Jump to the start of a loop, forever or for its number of iterations (A-6.5-5)."""
         if self._repeats.get(start) == 0:
             return
         if start in self._repeats:
@@ -225,7 +225,7 @@ class Run:
         return curve(self._joints, targets, node.speed_rate)
 
     def _target(self, point: Point, near: Joints) -> Joints:
-        """The joints that a point stands for (A-6.5-2)."""
+        """Return the joints for a point of the program (A-6.5-2)."""
         if self._dialect["point_meaning"] == "pose":
             return inverse(Pose(*point.values), near)
         return clamp_to_limits(Joints(*point.values))
@@ -233,11 +233,11 @@ class Run:
     # ------------------------------------------------------------------ waits and ports
 
     def _wait_ends_s(self, wait: WaitInput | WaitTimer, now_s: float) -> float:
-        """When a wait ends as things stand; infinite if it does not (L930-938, A-6.5-10)."""
+        """Return when a wait ends with the current inputs; or infinity (L930-938, A-6.5-10)."""
         match wait:
             case WaitTimer(seconds, microseconds):
                 due_s = self._plant.clock.when_s(seconds + microseconds / SECOND_US)
-                return max(due_s, self._seen_s)  # a clock set forward does not undo the past
+                return max(due_s, self._seen_s)  # a clock change is not retroactive
             case WaitInput(port, value, condition):
                 state = self._input(port)
                 if self._dialect["wait_scale"] == "all" and not self._is_analog(port):
@@ -246,12 +246,12 @@ class Run:
                 return now_s if Condition(condition).holds(state, value) else math.inf
 
     def _is_analog(self, port: int) -> bool:
-        """Whether an input port is analog; the configuration says it, the number does not."""
+        """Whether an input port is analog according to the port configuration."""
         ports = self._program.ports
         return 1 <= port <= len(ports) and ports[port - 1] == PortType.ANALOG_INPUT
 
     def _input(self, port: int) -> int:
-        """A digital input as 0 or 1, an analog one as 100 times its value (L934, A-6.6a-5)."""
+        """Return a digital input as 0 or 1, an analog one times 100 (L934, A-6.6a-5)."""
         if self._is_analog(port):
             return round(self._plant.analog_inputs[port] * 100)
         return int(self._plant.digital_inputs[port])
@@ -264,7 +264,7 @@ class Run:
             self._set(self._plant.digital_outputs, output.port, output.value != 0)
 
     def _set(self, ports: Ports[_T], port: int, value: _T) -> None:
-        """Set an output; a simulated run meets a missing port too, but sets nothing."""
+        """Set an output; a simulated run only checks that the port exists."""
         ports[port] = ports[port] if self._simulated else value
 
     # ------------------------------------------------------------------ operations
@@ -284,21 +284,25 @@ class Run:
         )
 
     def _holds(self, operation: Operation) -> bool:
-        """Whether an IF takes its first branch (L962, A-6.6a-1)."""
+        """Whether an IF executes its first branch (L962, A-6.6a-1)."""
         holds = _COMPARISONS[operation.opt](*self._operands(operation))
         inverted = self._dialect["cmp_result"] == "polarity" and operation.result != 0
         return holds != inverted
 
     def _compute(self, operation: Operation) -> None:
-        """Calculate, assign or set a port (L963-965); a comparison alone has no effect."""
+        """Calculate, assign or set a port (L963-965); a comparison has no effect here."""
         if operation.result_type == ResultType.COMPARISON:
             return
         a, b = self._operands(operation)
-        # An assignment may hold an expression, unless any operator is ignored (A-6.6a-2).
-        plain = (
+        # An assignment may contain an expression, unless its operator is ignored (A-6.6a-2).
+        ignores_operator = (
             operation.result_type != ResultType.CALCULATION and self._dialect["assign_opt"] == "any"
         )
-        if plain or operation.value_b_type == ValueType.NONE or operation.opt not in _ARITHMETIC:
+        if (
+            ignores_operator
+            or operation.value_b_type == ValueType.NONE
+            or operation.opt not in _ARITHMETIC
+        ):
             value = a
         else:
             value = _int32(_ARITHMETIC[operation.opt](a, b))
@@ -319,7 +323,7 @@ def _divide(a: int, b: int) -> int:
 
 
 def _int32(value: int) -> int:
-    """The value as a C int32 that overflowed (A-6.6a-4)."""
+    """Wrap the value like a C int32 overflow (A-6.6a-4)."""
     return (value + 2**31) % 2**32 - 2**31
 
 

@@ -1,8 +1,8 @@
-"""Motion as a function of time: where the joints are so many seconds after it began.
+"""Motion as a function of time: the joint positions at a time after the start.
 
-A motion is planned whole, before it starts, or not at all; afterwards nothing can fail, so that it
-can be asked for any instant and broken off at any. What starts, stops and fails lives elsewhere.
-The document gives no speeds: those of the virtual arm are below.
+A motion is planned completely before it starts. After that it cannot fail, so its position can be
+computed for any time and it can be stopped at any time. The document gives no speeds; this module
+defines those of the virtual arm.
 """
 
 import math
@@ -24,16 +24,16 @@ from scaraspec.virtual_controller.arm import (
 )
 
 JOINT_SPEEDS = Joints(150.0, 200.0, 150.0, 300.0)
-"""The fastest each joint turns (degrees per second) or slides (mm per second)."""
+"""Maximum speed of each joint, in degrees or mm per second."""
 TOOL_SPEED_MM_S = 400.0
-"""The fastest the tool goes on a straight or curved path."""
+"""Maximum speed of the tool on a straight or curved path."""
 JOG_SPEED_MM_S = 20.0
-"""Speed of a continuous jog; 4.28 names none (A-4.28-4)."""
+"""Speed of a continuous jog; 4.28 gives none (A-4.28-4)."""
 RAMP_S = 0.25
-"""Seconds from rest to full speed at the greatest acceleration."""
+"""Seconds from rest to full speed at maximum acceleration."""
 
-_STEP_MM = 10.0  # between path points; between two of them the tool strays by some 0.1 mm at most
-_FINEST_MM = 1e-4  # how exactly a jog finds the limit
+_STEP_MM = 10.0  # between path points; the path deviates by at most about 0.1 mm between them
+_FINEST_MM = 1e-4  # precision with which a jog finds the limit
 # Peak speed and peak acceleration of the minimum-jerk profile over one second and one unit.
 _PEAK_SPEED = 15 / 8
 _PEAK_ACCELERATION = 10 / math.sqrt(3)
@@ -41,14 +41,14 @@ _PEAK_ACCELERATION = 10 / math.sqrt(3)
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """A way through joint space, travelled in a given time.
+    """A path through joint space with a duration.
 
     Attributes:
-        waypoints: Positions passed, each within the limits; between two of them every joint moves
-            evenly, so that the whole way is within the limits.
-        stations_s: For each waypoint the time at which it is passed at full speed, 0 for the first.
-        duration_s: Time from start to end.
-        smooth: Whether speed rises from and falls to zero (minimum jerk) or is constant.
+        waypoints: Positions on the path, each within the limits. Between two of them every joint
+            moves linearly, so that the whole path is within the limits.
+        stations_s: For each waypoint, the time when it is passed at full speed; 0 for the first.
+        duration_s: Time from start to end in seconds.
+        smooth: Whether the speed starts and ends at zero (minimum jerk), or is constant.
     """
 
     waypoints: tuple[Joints, ...]
@@ -57,7 +57,7 @@ class Motion:
     smooth: bool
 
     def joints_at(self, t_s: float) -> Joints:
-        """Where the joints are `t_s` seconds after the start; at rest before and afterwards."""
+        """Return the joints `t_s` seconds after the start; at rest before the start and after."""
         if t_s >= self.duration_s:
             return self.waypoints[-1]
         progress = max(t_s, 0.0) / self.duration_s if self.duration_s else 0.0
@@ -68,18 +68,18 @@ class Motion:
         if after == len(self.stations_s):
             return self.waypoints[-1]
         start_s, end_s = self.stations_s[after - 1 : after + 1]
-        share = (station_s - start_s) / (end_s - start_s)
+        fraction = (station_s - start_s) / (end_s - start_s)
         a, b = self.waypoints[after - 1 : after + 1]
-        return Joints(*(p + (q - p) * share for p, q in zip(a, b, strict=True)))
+        return Joints(*(p + (q - p) * fraction for p, q in zip(a, b, strict=True)))
 
 
 def hold(joints: Joints) -> Motion:
-    """No motion: the arm stays where it is."""
+    """Return a motion of zero length: the arm stays at `joints`."""
     return Motion((joints,), (0.0,), 0.0, smooth=True)
 
 
 def move(start: Joints, target: Joints, speed_percent: float) -> Motion:
-    """A joint-interpolated move, in which all joints start and arrive together (4.24, L504).
+    """Plan a joint-interpolated move; all joints start and arrive together (4.24, L504).
 
     Raises:
         UnreachableError: The target is beyond a limit.
@@ -88,7 +88,7 @@ def move(start: Joints, target: Joints, speed_percent: float) -> Motion:
 
 
 def straight_line(start: Joints, target: Joints, speed_percent: float) -> Motion:
-    """A straight line of the tool (node type 5, L911); thetaX turns evenly with the way.
+    """Plan a straight line of the tool (node type 5, L911); thetaX changes linearly along it.
 
     Raises:
         UnreachableError: The target or a point of the line is out of reach, or the elbow would
@@ -98,7 +98,7 @@ def straight_line(start: Joints, target: Joints, speed_percent: float) -> Motion
 
 
 def curve(start: Joints, targets: Sequence[Joints], speed_percent: float) -> Motion:
-    """A smooth path of the tool through every target in turn (node type 6, L912).
+    """Plan a smooth path of the tool through all targets in order (node type 6, L912).
 
     The path is a Catmull-Rom spline; with one target it is a straight line.
 
@@ -117,9 +117,9 @@ def curve(start: Joints, targets: Sequence[Joints], speed_percent: float) -> Mot
 
 
 def jog(start: Joints, direction: JogDirection) -> Motion:
-    """A straight line along an axis of the base at a slow, even speed, up to a limit (4.28).
+    """Plan a straight line along a base axis at a slow, constant speed, up to a limit (4.28).
 
-    It takes next to no time where the arm already stands at the limit.
+    The duration is close to zero if the arm is already at the limit.
     """
     origin = forward(start)
     dx, dy = {
@@ -157,7 +157,7 @@ def _smooth(waypoints: Sequence[Joints], speed_percent: float, tool_speed_mm_s: 
 
 
 def _stations(waypoints: Sequence[Joints], tool_speed_mm_s: float) -> tuple[float, ...]:
-    """When each waypoint is passed if at any time one joint or the tool is at its full speed."""
+    """Return when each waypoint is passed if always one joint or the tool is at full speed."""
     return tuple(
         accumulate(
             (
@@ -173,7 +173,7 @@ def _stations(waypoints: Sequence[Joints], tool_speed_mm_s: float) -> tuple[floa
 
 
 def _elbow(knots: Sequence[Joints]) -> Joints:
-    """The most bent of the positions, which tells the side of the elbow for the whole path."""
+    """Return the most bent position; it defines the side of the elbow for the whole path."""
     angles = [knot.outer_arm_deg for knot in knots]
     if min(angles) < -TOLERANCE and max(angles) > TOLERANCE:
         raise UnreachableError("06", "the elbow cannot change sides on a straight or curved path")
@@ -181,7 +181,7 @@ def _elbow(knots: Sequence[Joints]) -> Joints:
 
 
 def _spline(poses: Sequence[Pose], index: int) -> Iterator[Pose]:
-    """The points strictly between pose `index` and the next on a Catmull-Rom spline."""
+    """Yield the points between pose `index` and the next on a Catmull-Rom spline."""
     start, end = poses[index], poses[index + 1]
     before = poses[max(index - 1, 0)]
     after = poses[min(index + 2, len(poses) - 1)]

@@ -1,7 +1,7 @@
-"""The plant: what is physical about the virtual robot and can be read, driven or broken.
+"""The plant: the simulated hardware of the virtual robot.
 
-The arm in motion, its motors, the ports, the disk and the clock live here. Commands, replies and
-robot states do not. Times named `now_s` are monotonic seconds of the caller's choosing.
+It contains the moving arm, the motors, the ports, the disk and the clock, without commands,
+replies and robot states. `now_s` is the time in seconds of any monotonic clock.
 """
 
 import math
@@ -20,18 +20,18 @@ OUTPUTS = 16
 
 AMBIENT_C = 25.0
 FULL_SPEED_RISE_C = 60.0
-"""How far above ambient a motor gets that never stops running at its full speed."""
+"""Final temperature above ambient of a motor that always runs at full speed."""
 HEATING_TIME_S = 30.0
-"""Time constant with which a motor warms and cools."""
+"""Time constant of heating and cooling of a motor."""
 
 ANALOG_LIMIT = 1e6
-"""Bound of an analog input, so that 100 times its value is still an int32 (L934)."""
+"""Limit of an analog input: 100 times its value must fit an int32 (L934)."""
 
 _T = TypeVar("_T")
 
 
 class NoSuchPortError(LookupError):
-    """The robot has no port with this number of this kind."""
+    """There is no port with this number."""
 
 
 class Ports(Generic[_T]):
@@ -43,7 +43,7 @@ class Ports(Generic[_T]):
         self._valid = valid
 
     def __getitem__(self, port: int) -> _T:
-        """The present value.
+        """The current value.
 
         Raises:
             NoSuchPortError: There is no such port.
@@ -51,35 +51,35 @@ class Ports(Generic[_T]):
         return self._values[self._index(port)]
 
     def __setitem__(self, port: int, value: _T) -> None:
-        """Set or drive the value.
+        """Set the value.
 
         Raises:
             NoSuchPortError: There is no such port.
-            ValueError: A port of this kind cannot have this value.
+            ValueError: The value is not valid for this kind of port.
         """
         if not self._valid(value):
-            raise ValueError(f"{self._kind} {port} cannot be {value!r}")
+            raise ValueError(f"{value!r} is not a valid value of {self._kind} {port}")
         self._values[self._index(port)] = value
 
     def __iter__(self) -> Iterator[_T]:
-        """The values in the order of the numbers."""
+        """The values in the order of the port numbers."""
         return iter(self._values)
 
     def _index(self, port: int) -> int:
         if not 1 <= port <= len(self._values):
             raise NoSuchPortError(
                 UserMessage(
-                    "no {kind} {port}: they run from 1 to {values_count}",
+                    "there is no {kind} {port}: the ports are 1 to {port_count}",
                     kind=self._kind,
                     port=port,
-                    values_count=len(self._values),
+                    port_count=len(self._values),
                 )
             )
         return port - 1
 
 
 class Pwm(NamedTuple):
-    """What a PWM output is set to; the document gives neither value a unit (A-6.5-12)."""
+    """The value of a PWM output; the document gives no units (A-6.5-12)."""
 
     value: int
     time_base: int
@@ -92,18 +92,18 @@ class WallClock:
         self.set(time, now_s)
 
     def set(self, time: datetime, now_s: float) -> None:
-        """Make the clock show `time`, which names no zone, at `now_s`."""
+        """Set the clock to `time`, a datetime without time zone, at `now_s`."""
         self._set_to, self._set_at_s = time, now_s
 
     def time(self, now_s: float) -> datetime:
-        """What the clock shows; it stands still at the end of the year 9999."""
+        """Return the time of the clock; it stops at the end of the year 9999."""
         try:
             return self._set_to + timedelta(seconds=now_s - self._set_at_s)
         except OverflowError:
             return datetime.max  # noqa: DTZ901 - the document names no zone
 
     def when_s(self, epoch_s: float) -> float:
-        """The `now_s` at which the clock shows so many seconds since 1970 (L938)."""
+        """Return the `now_s` at which the clock shows `epoch_s` seconds since 1970 (L938)."""
         return self._set_at_s + epoch_s - self._set_to.replace(tzinfo=UTC).timestamp()
 
 
@@ -111,22 +111,22 @@ class Plant:
     """The physical side of one robot.
 
     Attributes:
-        digital_inputs: Ports 1-8, driven from outside.
-        analog_inputs: Ports 1-8, driven from outside; real values of no known unit (A-4.33-1).
-        digital_outputs: Ports 1-16, which hold what they were set to.
-        pwm_outputs: Ports 1-16, likewise.
+        digital_inputs: Ports 1-8, set from outside.
+        analog_inputs: Ports 1-8, set from outside; real values without unit (A-4.33-1).
+        digital_outputs: Ports 1-16; they keep their value.
+        pwm_outputs: Ports 1-16; they keep their value.
         clock: The calendar clock.
-        locked: Whether the joints hold against the user's hand (4.25, 4.26).
-        disk_full: Whether the robot's disk takes nothing more, whatever the store has left.
+        locked: Whether the joints resist a push by hand (4.25, 4.26).
+        disk_full: Whether the disk is full, regardless of the limits of the store.
     """
 
     def __init__(self, time: datetime, now_s: float, joints: Joints | None = None) -> None:
         """Switch the robot on.
 
         Args:
-            time: What the calendar clock shows at `now_s`.
-            now_s: The present instant.
-            joints: Where the arm stands; at `HOME` with the elbow to the right if not given.
+            time: The time of the calendar clock at `now_s`.
+            now_s: The current time in seconds.
+            joints: Position of the arm; by default `HOME` with the elbow to the right.
         """
         start = inverse(HOME, near=UPPER) if joints is None else joints
         self.digital_inputs = Ports("digital input", DIGITAL_INPUTS, value=False, valid=_is_bit)
@@ -146,30 +146,30 @@ class Plant:
     # ------------------------------------------------------------------ arm and motors
 
     def joints(self, now_s: float) -> Joints:
-        """Where the joints are."""
+        """Return the joint positions at `now_s`."""
         return self._motion.joints_at(now_s - self._began_s)
 
     @property
     def motion_ends_s(self) -> float:
-        """When the latest motion ends or ended."""
+        """When the latest motion ends or ended, in seconds."""
         return self._began_s + self._motion.duration_s
 
     def start(self, motion: Motion, now_s: float) -> None:
-        """Begin a motion at once in place of any other; it begins where the arm stands."""
+        """Start a motion at the current position; it replaces any other motion."""
         self._warm(now_s)
         self._motion, self._began_s = motion, now_s
 
     def stop(self, now_s: float) -> None:
-        """Hold the arm where it is at this instant."""
+        """Stop the arm at its current position."""
         self.start(hold(self.joints(now_s)), now_s)
 
     def temperatures_c(self, now_s: float) -> tuple[float, ...]:
-        """Motor temperatures in degrees Celsius in the order of 4.14 (L299)."""
+        """Return the motor temperatures in °C, in the order of 4.14 (L299)."""
         self._warm(now_s)
         return tuple(AMBIENT_C + rise_c for rise_c in self._rises_c)
 
     def _warm(self, now_s: float) -> None:
-        """First-order warming towards what the mean speed since the last call would lead to."""
+        """Update the first-order thermal model with the mean speed since the last call."""
         elapsed_s = now_s - self._warmed_s
         if elapsed_s <= 0:
             return
@@ -189,43 +189,43 @@ class Plant:
 
     @property
     def fault_code(self) -> str | None:
-        """The code of table 8-1 for the present faults, motors before 05 and 06; None if sound."""
+        """Code of table 8-1 for the current faults, motors before 05 and 06; None without fault."""
         joints = [fault for fault in self._faults if isinstance(fault, Joint)]
         if joints:
             return code_for_joints(joints).text
         return min((fault for fault in self._faults if isinstance(fault, str)), default=None)
 
     def fail(self, code: str, now_s: float, *, lasting: bool = False) -> None:
-        """Break something: the arm stops, and the fault stays until it is cleared.
+        """Inject a fault: the arm stops, and the fault remains until it is cleared.
 
         Args:
-            code: 05, 06 or 11-1F; motors add to those already broken (A-8-1).
-            now_s: The present instant.
-            lasting: Whether the cause stays too, so that the fault cannot be cleared before
+            code: 05, 06 or 11-1F; motor faults add up (A-8-1).
+            now_s: The current time in seconds.
+            lasting: Whether the cause remains, so that the fault cannot be cleared before
                 `repair`.
 
         Raises:
-            ValueError: The code of table 8-1 is no fault.
+            ValueError: The code is not a fault of table 8-1.
         """
         fault = lookup(code)
         if fault not in FAILURES:
-            raise ValueError(f"{code!r} is no fault: choose 05, 06 or 11 to 1F of table 8-1")
-        broken = fault.joints or (fault.text,)
-        self._faults.update(broken)
+            raise ValueError(f"{code!r} is not a fault: use 05, 06 or 11 to 1F of table 8-1")
+        faults = fault.joints or (fault.text,)
+        self._faults.update(faults)
         if lasting:
-            self._lasting.update(broken)
+            self._lasting.update(faults)
         self.stop(now_s)
 
     def repair(self) -> None:
-        """Take away every lasting cause; the faults stay until they are cleared."""
+        """Remove every lasting cause; the faults remain until they are cleared."""
         self._lasting.clear()
 
     def clear_faults(self) -> None:
-        """Forget the faults whose cause is gone (A-4.18-2)."""
+        """Clear the faults without a lasting cause (A-4.18-2)."""
         self._faults &= self._lasting
 
 
-def _is_bit(value: bool) -> bool:  # noqa: FBT001 - a value that a port is asked to take
+def _is_bit(value: bool) -> bool:  # noqa: FBT001 - the value of a port
     return isinstance(value, bool)
 
 

@@ -1,7 +1,7 @@
-"""The inlet: what one client sends, as frames.
+"""The request framer: finds the frames in the bytes of one client.
 
-How the controller resynchronises (A-3-10) and for how long it waits for the rest of a frame
-(A-3-11) lives here; what a frame means does not.
+It resynchronises after invalid bytes (A-3-10) and times out partial frames (A-3-11). It does not
+interpret the frames.
 """
 
 from scaraspec.protocol.direction import A2C
@@ -13,9 +13,9 @@ _FRAME_BYTES = 4  # of a frame without data
 
 
 class RequestFramer:
-    """Finds a client's frames in its bytes, as a dialect has it; at most 260 bytes are held.
+    """Finds a client's frames according to the dialect. It holds at most 260 bytes.
 
-    Where the reading ``resync`` is "close", whoever meets the first skipped bytes is to close.
+    With the reading ``resync=close`` the caller must close the connection after skipped bytes.
     """
 
     def __init__(self, dialect: Dialect) -> None:
@@ -26,23 +26,23 @@ class RequestFramer:
 
     @property
     def held_bytes(self) -> int:
-        """How many bytes of an unfinished frame are held."""
+        """Number of bytes of a partial frame."""
         return self._framer.held_bytes
 
     @property
     def deadline_s(self) -> float | None:
-        """When silence ends the wait for the rest of a frame; None if none is awaited."""
+        """When a partial frame times out; None if there is none, or no timeout."""
         if self._timeout_s is None or not self._framer.held_bytes:
             return None
         return self._heard_s + self._timeout_s
 
     def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
-        """Take the next bytes and return what they complete, in order."""
+        """Add received bytes and return the completed items, in order."""
         self._heard_s = now_s
         return self._flushed(self._framer.feed(data))
 
     def expire(self, now_s: float) -> list[StreamItem]:
-        """Give up an unfinished frame whose time is over; what it hid may be whole frames."""
+        """Discard a partial frame after its timeout; its bytes may contain complete frames."""
         deadline_s = self.deadline_s
         if deadline_s is None or now_s < deadline_s:
             return []
@@ -52,7 +52,7 @@ class RequestFramer:
         return _WholeCandidates() if self._resync == "framewise" else Framer(A2C)
 
     def _flushed(self, found: list[StreamItem]) -> list[StreamItem]:
-        """Under the reading "flush": forget everything buffered behind the first bad bytes."""
+        """With the reading "flush": discard everything buffered after the first invalid bytes."""
         if self._resync == "flush":
             for index, item in enumerate(found):
                 if isinstance(item, Skipped):
@@ -62,7 +62,7 @@ class RequestFramer:
 
 
 class _WholeCandidates:
-    """Finds frames as `Framer` does, but goes on behind the whole of a bad candidate."""
+    """Finds frames like `Framer`, but continues after the whole of an invalid candidate."""
 
     def __init__(self) -> None:
         self._held = b""

@@ -1,6 +1,7 @@
-"""The robot: which command it is executing, what it refuses meanwhile, and how that ends.
+"""The robot: the command under execution, what the robot refuses during it, and its outcome.
 
-The states of table 8-1 (A-4-5) live here. Frames and clients do not, but for whose task it is.
+It implements the states of table 8-1 (A-4-5). It handles no frames; of the clients it only knows
+the request of its task.
 """
 
 from dataclasses import dataclass
@@ -17,29 +18,29 @@ SIMULATING = "02"
 RESETTING = "03"
 MOVING = "04"
 BAD_ARGUMENT = "05"
-"""The nearest code for a request that says nothing usable (A-8-4)."""
+"""The nearest code for a request with an unusable value (A-8-4)."""
 RELEASED = "06"
-"""The nearest code for joints that do not hold (A-4.25-1)."""
+"""The nearest code for released joints (A-4.25-1)."""
 
 DONE = Outcome(done=True)
 INTERRUPTED = Outcome(done=False, code=IDLE)
-"""Of what an emergency stop interrupts: no motor is to blame (A-4.17-4)."""
+"""Outcome of a command that an emergency stop interrupts; no motor fault (A-4.17-4)."""
 
 
 class Activity(Protocol):
-    """Something that goes on until it has an outcome, such as a run of a program."""
+    """An activity of the robot that ends with an outcome, such as a program run."""
 
     @property
     def next_event_s(self) -> float:
-        """When `advance` has something to do; infinite if nothing is due."""
+        """When to call `advance`; infinite if nothing is due."""
 
     def advance(self, now_s: float) -> Outcome | None:
-        """Do what is due, and return the outcome once there is one."""
+        """Do what is due, and return the outcome or None."""
 
 
 @dataclass(frozen=True, slots=True)
 class Movement:
-    """The act of waiting for the plant's motion to end."""
+    """The activity that ends with the motion of the plant."""
 
     plant: Plant
 
@@ -49,7 +50,7 @@ class Movement:
         return self.plant.motion_ends_s
 
     def advance(self, now_s: float) -> Outcome | None:
-        """Done as soon as the arm has arrived."""
+        """Return `DONE` after the arm has arrived."""
         return DONE if now_s >= self.plant.motion_ends_s else None
 
 
@@ -58,12 +59,12 @@ class Task:
     """A two-stage command under execution.
 
     Attributes:
-        request: Who asked for it, and when.
-        state: The code that 0x09 reports meanwhile.
-        act: What goes on.
-        program: The name of the program it runs or simulates; empty for others.
-        stopped: Its outcome if an emergency stop ends it.
-        needs_link: Whether it ends with the connection that asked for it (A-2-8).
+        request: The request that started it.
+        state: The code that 0x09 reports during the task.
+        activity: The activity in progress.
+        program: The name of the program that it runs or simulates; otherwise empty.
+        outcome_if_stopped: Its outcome if an emergency stop ends it.
+        ends_with_link: Whether it ends with the connection that requested it (A-2-8).
     """
 
     request: Request
@@ -75,7 +76,7 @@ class Task:
 
 
 class Robot:
-    """A plant and the one task it has, if any."""
+    """A plant and its current task, if any."""
 
     def __init__(self, plant: Plant) -> None:
         self.plant = plant
@@ -83,11 +84,11 @@ class Robot:
 
     @property
     def status(self) -> str:
-        """The code of 0x09: a fault before a task before idle (A-4.8-2)."""
+        """The code of 0x09: the fault, else the state of the task, else idle (A-4.8-2)."""
         return self.plant.fault_code or (self.task.state if self.task else IDLE)
 
     def refusal_code(self, *, moves: bool = True) -> str | None:
-        """Why a command cannot start now: busy, at fault or, if it moves, released (A-4-1)."""
+        """Return why a command cannot start: busy, fault or, if it moves, released (A-4-1)."""
         if self.task is not None:
             return self.task.state
         if self.plant.fault_code is not None:
@@ -95,24 +96,25 @@ class Robot:
         return RELEASED if moves and not self.plant.locked else None
 
     def move(self, request: Request, state: str, motion: Motion, *, jogging: bool = False) -> None:
-        """Begin a task that is one motion."""
+        """Start a task that consists of one motion."""
         self.plant.start(motion, request.now_s)
-        outcome_if_stopped = (
-            DONE if jogging else INTERRUPTED
-        )  # a jog ends by being stopped (A-4.17-4)
         self.task = Task(
-            request, state, Movement(self.plant), b"", outcome_if_stopped, ends_with_link=jogging
+            request,
+            state,
+            Movement(self.plant),
+            outcome_if_stopped=DONE if jogging else INTERRUPTED,  # a stop ends a jog (A-4.17-4)
+            ends_with_link=jogging,
         )
 
     def stop(self, now_s: float) -> Task | None:
-        """Stop everything at once; the task that this interrupts, if there is one."""
+        """Stop at once and return the interrupted task, if any."""
         task, self.task = self.task, None
         if task is not None:
             self.plant.stop(now_s)
         return task
 
     def settle(self, now_s: float) -> tuple[Task, Outcome] | None:
-        """Let the task go on until now; the task and its outcome if it has ended."""
+        """Advance the task to `now_s`; return the task and its outcome if it has ended."""
         if self.task is None:
             return None
         task, fault = self.task, self.plant.fault_code

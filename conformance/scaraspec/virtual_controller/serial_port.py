@@ -1,6 +1,6 @@
-"""The serial port: a device such as ``/dev/rfcomm0`` as a client that needs no login (L83).
+"""The serial port: a device such as ``/dev/rfcomm0``, whose client needs no login (L83).
 
-A line that is gone, as Bluetooth lines come and go, is opened again as soon as it is back.
+If the device disappears, as Bluetooth devices do, the server opens it again when it is back.
 """
 
 import asyncio
@@ -13,25 +13,26 @@ from scaraspec.user_message import UserMessage
 from scaraspec.virtual_controller.server import SLICE_BYTES, UNREAD_BYTES, Server
 
 REOPEN_S: Final = 1.0
-"""Between two attempts to open a line that is gone."""
+"""Seconds between two attempts to open a device that has disappeared."""
 
 log = logging.getLogger("scaraspec.virtual_controller")
 
 
 class SerialPortError(Exception):
-    """The device cannot be used; the text is one sentence."""
+    """The device cannot be used. The text is one sentence."""
 
 
 class SerialPort:
-    """A serial line that a server serves until it stops.
+    """A serial device that a server serves until the server stops.
 
     Args:
-        server: Who serves it.
-        device: The device's path.
-        baud: Its speed in bits per second; a pty or an RFCOMM device takes any.
+        server: The server.
+        device: Path of the device.
+        baud: Speed in bits per second; a pty or an RFCOMM device accepts any speed.
 
     Raises:
-        SerialPortError: This system has no such ports, or the device cannot be opened.
+        SerialPortError: This system does not support serial ports, or the device cannot be
+            opened.
     """
 
     def __init__(self, server: Server, device: str, baud: int) -> None:
@@ -42,29 +43,29 @@ class SerialPort:
         self._unsent = bytearray()
         self._connection: int | None = None
         self._line = open_line(device, baud)
-        self._add_session()
+        self._start_session()
 
     def send(self, data: bytes) -> None:
-        """Send these bytes as fast as the line takes them."""
+        """Send bytes, buffered until the device accepts them."""
         self._unsent += data
         self._write()
 
     def finish(self) -> None:
-        """End the session; unless the server stops, the line begins a new one."""
+        """End the session; start a new one unless the server stops."""
         self._end_session()
         if self._server.stopped.is_set():
             self._close()
         else:
-            self._loop.call_soon(self._add_session)
+            self._loop.call_soon(self._start_session)
 
     def abort(self) -> None:
-        """End the session as `finish` does: a line cannot be cut off."""
+        """End the session like `finish`: a serial line cannot be disconnected."""
         self.finish()
 
-    def _add_session(self) -> None:
+    def _start_session(self) -> None:
         self._connection = self._server.add_connection(self, "serial")
         if self._connection is None:  # the server is full
-            self._loop.call_later(REOPEN_S, self._add_session)
+            self._loop.call_later(REOPEN_S, self._start_session)
         else:
             self._loop.add_reader(self._line, self._read)
 
@@ -82,7 +83,7 @@ class SerialPort:
         except OSError:
             data = b""
         if not data:
-            self._lose()
+            self._device_lost()
         elif self._connection is not None:
             self._server.receive(self._connection, data)
 
@@ -92,7 +93,7 @@ class SerialPort:
         except BlockingIOError:
             written = 0
         except OSError:
-            self._lose()
+            self._device_lost()
             return
         del self._unsent[:written]
         if self._unsent:
@@ -105,9 +106,9 @@ class SerialPort:
             else:
                 self._loop.add_reader(self._line, self._read)
 
-    def _lose(self) -> None:
-        """The line is gone: wait for it to come back."""
-        log.info("%s is gone", self._device)
+    def _device_lost(self) -> None:
+        """The device has disappeared: end the session and wait for the device."""
+        log.info("%s has disappeared", self._device)
         self._end_session()
         self._close()
         self._reopen()
@@ -119,7 +120,7 @@ class SerialPort:
             self._loop.call_later(REOPEN_S, self._reopen)
         else:
             log.info("%s is back", self._device)
-            self._add_session()
+            self._start_session()
 
     def _close(self) -> None:
         self._unsent.clear()
@@ -129,30 +130,30 @@ class SerialPort:
 
 
 def open_line(device: str, baud: int) -> int:
-    """Open a serial device for bytes as they are, without waiting for anything.
+    """Open a serial device in raw, non-blocking mode.
 
     Returns:
-        Its file descriptor.
+        The file descriptor.
 
     Raises:
-        SerialPortError: There is none, or it cannot be used so.
+        SerialPortError: The device does not exist or cannot be used.
     """
     try:
         termios, tty = importlib.import_module("termios"), importlib.import_module("tty")
     except ImportError:  # Windows
-        raise SerialPortError("serial ports are served on POSIX systems only") from None
+        raise SerialPortError("serial ports are supported on POSIX systems only") from None
     speed = getattr(termios, f"B{baud}", None)
     if speed is None:
         raise SerialPortError(
-            UserMessage("{device} cannot run at {baud} baud: try 115200", device=device, baud=baud)
+            UserMessage(
+                "{device} does not support {baud} baud: try 115200", device=device, baud=baud
+            )
         )
     try:
         line = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     except OSError as error:
         raise SerialPortError(
-            UserMessage(
-                "{device} cannot be opened: {strerror}", device=device, strerror=error.strerror
-            )
+            UserMessage("{device} cannot be opened: {reason}", device=device, reason=error.strerror)
         ) from None
     try:
         tty.setraw(line)
@@ -163,6 +164,8 @@ def open_line(device: str, baud: int) -> int:
     except termios.error as error:
         os.close(line)
         raise SerialPortError(
-            UserMessage("{device} is no serial device: {args}", device=device, args=error.args[-1])
+            UserMessage(
+                "{device} is not a serial device: {reason}", device=device, reason=error.args[-1]
+            )
         ) from None
     return line

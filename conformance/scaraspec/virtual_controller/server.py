@@ -1,7 +1,7 @@
-"""The server: TCP connections and the clock around a core, in one asyncio loop.
+"""The server: connects a controller core to TCP and to a clock, in one asyncio loop.
 
-What a client may cost lives here: how many there are, how much they may leave unread, and how much
-of what they send is served at a time. What is answered does not.
+It limits the resources of a client: number of connections, unread bytes, and requests per turn.
+The core decides about the replies.
 """
 
 import asyncio
@@ -15,49 +15,49 @@ from scaraspec.virtual_controller.session import Action, Carrier
 
 MAX_CLIENTS: Final = 64
 SLICE_BYTES: Final = 64
-"""Bytes given to the core at once: at most 16 requests, so that answers cannot pile up."""
+"""Bytes per call of the core: at most 16 requests, which limits the replies in the buffer."""
 SLICES_PER_TURN: Final = 64
-"""How many slices of one client are served before the others have their turn."""
+"""How many slices of one client are processed before the other clients."""
 UNREAD_BYTES: Final = 64 * 1024
-"""Unread answers beyond which a client is not served any further."""
+"""Limit of unread reply bytes; above it, the server stops reading from the client."""
 STALL_S: Final = 10.0
-"""For how long a client may not read its answers before it is cut off."""
+"""How long a client may leave its replies unread before the server disconnects it."""
 GRACE_S: Final = 2.0
-"""For how long the end of the server waits until the last answers are read."""
+"""How long the server waits at its end until the clients have read the last replies."""
 
-# Seconds of silence, seconds between probes, probes: a peer that vanished is noticed in a minute,
-# which ends its jog (A-2-8).
+# Seconds of silence, seconds between probes, probes: a lost peer is detected within a minute, which
+# stops its jog (A-2-8).
 _KEEP_ALIVE: Final = (("TCP_KEEPIDLE", 30), ("TCP_KEEPINTVL", 10), ("TCP_KEEPCNT", 3))
-_SOONEST_S: Final = 0.001  # between two events, so that no program keeps the loop to itself
+_MIN_DELAY_S: Final = 0.001  # between two timer events, so that no program blocks the loop
 
 log = logging.getLogger("scaraspec.virtual_controller")
 
 
 class Endpoint(Protocol):
-    """The server's end of one connection."""
+    """The server's endpoint of one connection."""
 
     def send(self, data: bytes) -> None:
-        """Send these bytes when the peer takes them."""
+        """Send bytes, buffered until the peer reads them."""
 
     def finish(self) -> None:
-        """Close once everything is sent."""
+        """Close after everything is sent."""
 
     def abort(self) -> None:
         """Close at once."""
 
 
 class Server:
-    """Serves a core; to be made and used inside a running loop.
+    """Serves a controller core. Create and use it inside a running event loop.
 
     Args:
-        core: The controller; its instant 0 is now.
-        time_scale: How many of its seconds pass in one of ours.
+        core: The controller core; its time starts at 0.
+        time_scale: Simulated seconds per real second.
     """
 
     def __init__(self, core: ControllerCore, time_scale: float = 1.0) -> None:
         self.core = core
         self.stopped = asyncio.Event()
-        """Set once the robot was shut down, or `stop` was called."""
+        """Set after the robot was shut down or `stop` was called."""
         self._loop = asyncio.get_running_loop()
         self._began_s = self._loop.time()
         self._time_scale = time_scale
@@ -69,21 +69,21 @@ class Server:
 
     @property
     def now_s(self) -> float:
-        """The core's present instant."""
+        """The current time of the core in seconds."""
         return (self._loop.time() - self._began_s) * self._time_scale
 
     async def listen(self, host: str, port: int) -> tuple[str, int]:
-        """Accept clients from now on.
+        """Start to accept clients.
 
         Returns:
-            Address and port in use.
+            The address and port in use.
 
         Raises:
-            OSError: The address does not exist here, is in use, or may not be used.
-            UnicodeError: The host is no name.
+            OSError: The address does not exist on this machine, is in use, or is not permitted.
+            UnicodeError: The host name is not valid.
         """
-        found = await self._loop.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-        address = found[0][4]
+        addresses = await self._loop.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+        address = addresses[0][4]
         self._listener = await self._loop.create_server(
             lambda: _Client(self), str(address[0]), int(address[1])
         )
@@ -91,11 +91,11 @@ class Server:
         return used[0], used[1]
 
     def stop(self) -> None:
-        """End serving; `close` does the rest."""
+        """Request the end of the server; `close` closes the connections."""
         self.stopped.set()
 
     async def close(self) -> None:
-        """Close every connection, and wait a little until the last answers are read."""
+        """Close every connection; wait up to `GRACE_S` until the last replies are read."""
         if self._listener is not None:
             self._listener.close()
         if self._timer is not None:
@@ -109,12 +109,12 @@ class Server:
         for endpoint in list(self._endpoints.values()):
             endpoint.abort()
 
-    # ------------------------------------------------------------------ what ends tell
+    # ------------------------------------------------------------------ called by endpoints
 
     def add_connection(self, endpoint: Endpoint, carrier: Carrier) -> int | None:
-        """Give a new connection its number; None if there is no room.
+        """Add a connection and return its number; None if the server is full.
 
-        Where the server is full, the oldest client that has not logged in makes way.
+        A full server disconnects the oldest client that has not logged in.
         """
         if len(self._endpoints) >= MAX_CLIENTS:
             idle = next((n for n, s in self.core.sessions.items() if not s.logged_in), None)
@@ -129,11 +129,11 @@ class Server:
         return self._connections
 
     def receive(self, connection: int, data: bytes) -> None:
-        """Bytes have come from a client."""
+        """Pass received bytes to the core."""
         self._perform(self.core.receive(connection, data, self.now_s))
 
     def remove_connection(self, connection: int) -> None:
-        """A connection has ended."""
+        """Remove a connection that has ended."""
         if self._endpoints.pop(connection, None) is not None:
             log.info("#%d closed", connection)
             self._perform(self.core.close(connection, self.now_s))
@@ -141,7 +141,7 @@ class Server:
                 self._empty.set()
 
     def advance(self) -> None:
-        """Let the core do what is due, or see what was done to its plant."""
+        """Process what is due, or a change of the plant."""
         self._perform(self.core.advance(self.now_s))
 
     def _perform(self, actions: list[Action]) -> None:
@@ -160,19 +160,19 @@ class Server:
         event_s = self.core.next_event_s
         if event_s is not None:
             delay_s = (event_s - self.now_s) / self._time_scale
-            self._timer = self._loop.call_later(max(delay_s, _SOONEST_S), self.advance)
+            self._timer = self._loop.call_later(max(delay_s, _MIN_DELAY_S), self.advance)
 
 
 class _Client(asyncio.Protocol):
-    """One TCP client: what it sends is served slice by slice, as far as it reads the answers."""
+    """One TCP client. Its requests are processed in slices, while it reads the replies."""
 
     def __init__(self, server: Server) -> None:
         self._server = server
         self._loop = asyncio.get_running_loop()
         self._connection: int | None = None
-        self._unserved, self._at = b"", 0
+        self._unprocessed, self._offset = b"", 0
         self._blocked = False
-        self._stall: asyncio.TimerHandle | None = None
+        self._stall_timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
@@ -189,34 +189,34 @@ class _Client(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         self._transport.pause_reading()
-        self._unserved, self._at = data, 0
+        self._unprocessed, self._offset = data, 0
         self._serve()
 
     def eof_received(self) -> None:
-        self._expect_progress(due=True)
+        self._set_stall_timer(active=True)
         self._end()
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's signature
-        self._unserved = b""
-        self._expect_progress(due=False)
+        self._unprocessed = b""
+        self._set_stall_timer(active=False)
         self._end()
 
     def pause_writing(self) -> None:
         self._blocked = True
-        self._expect_progress(due=True)
+        self._set_stall_timer(active=True)
 
     def resume_writing(self) -> None:
         self._blocked = False
-        self._expect_progress(due=self._transport.is_closing())
+        self._set_stall_timer(active=self._transport.is_closing())
         self._serve()
 
     def send(self, data: bytes) -> None:
-        if not self._transport.is_closing():  # asyncio warns of every write to whom has gone
+        if not self._transport.is_closing():  # asyncio warns about writes after a disconnect
             self._transport.write(data)
 
     def finish(self) -> None:
         self._transport.close()
-        self._expect_progress(due=True)
+        self._set_stall_timer(active=True)
 
     def abort(self) -> None:
         self._transport.abort()
@@ -227,21 +227,21 @@ class _Client(asyncio.Protocol):
 
     def _serve(self) -> None:
         for _ in range(SLICES_PER_TURN):
-            if self._blocked or self._at >= len(self._unserved):
+            if self._blocked or self._offset >= len(self._unprocessed):
                 break
-            piece = self._unserved[self._at : self._at + SLICE_BYTES]
-            self._at += SLICE_BYTES
+            slice_ = self._unprocessed[self._offset : self._offset + SLICE_BYTES]
+            self._offset += SLICE_BYTES
             if self._connection is not None:
-                self._server.receive(self._connection, piece)
+                self._server.receive(self._connection, slice_)
         if self._blocked or self._transport.is_closing():
             return
-        if self._at < len(self._unserved):
+        if self._offset < len(self._unprocessed):
             self._loop.call_soon(self._serve)
         else:
             self._transport.resume_reading()
 
-    def _expect_progress(self, *, due: bool) -> None:
-        """Cut the client off in `STALL_S`, unless it has made progress by then."""
-        if self._stall is not None:
-            self._stall.cancel()
-        self._stall = self._loop.call_later(STALL_S, self.abort) if due else None
+    def _set_stall_timer(self, *, active: bool) -> None:
+        """Start the timer that disconnects the client after `STALL_S`, or cancel it."""
+        if self._stall_timer is not None:
+            self._stall_timer.cancel()
+        self._stall_timer = self._loop.call_later(STALL_S, self.abort) if active else None

@@ -1,6 +1,6 @@
-"""Sessions: what the controller knows of one client, and what goes out to it.
+"""Sessions: the state of one client's connection, its requests, and the actions of the core.
 
-State only; who changes it, and when, is decided elsewhere.
+This module contains only data; `core` and `behaviour` change it.
 """
 
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ from scaraspec.protocol.transfer import Receiver, Sender
 from scaraspec.virtual_controller.request_framer import RequestFramer
 
 Carrier = Literal["tcp", "serial"]
-"""What a connection runs over: the network, or a serial line such as Bluetooth's (L77-83)."""
+"""The kind of link of a connection: the network, or a serial line such as Bluetooth (L77-83)."""
 
 
 class Send(NamedTuple):
@@ -24,18 +24,18 @@ class Send(NamedTuple):
 
 
 class Close(NamedTuple):
-    """Close a connection once what was sent on it is out; `data` is always None."""
+    """Close a connection after all bytes are sent; `data` is always None."""
 
     connection: int
     data: None = None
 
 
 Action = Send | Close
-"""What the shell is to do for the core."""
+"""What the server must do for the core."""
 
 
 class OpenTransfer(NamedTuple):
-    """A file on its way: in at a receiver, or out of a sender."""
+    """A file transfer in progress: an upload has a receiver, a download a sender."""
 
     name: bytes
     end: Receiver | Sender
@@ -46,12 +46,12 @@ class Session:
     """One client, from its connection to its end.
 
     Attributes:
-        connection: The number that the shell gave the connection.
-        carrier: What it runs over.
-        inlet: Where its bytes become frames.
-        logged_in: Whether it may use every command (A-4.1-1).
-        transfer: Its file transfer, if one is under way: one at a time (A-5-17).
-        list_rest: Parts of the program list that it has yet to ask for (A-4.10-3).
+        connection: The connection number that the server assigned.
+        carrier: The kind of link.
+        framer: Finds the frames in the bytes of the client.
+        logged_in: Whether the client may use every command (A-4.1-1).
+        transfer: The file transfer in progress, at most one (A-5-17).
+        remaining_list_parts: Parts of the program list that are not requested yet (A-4.10-3).
     """
 
     connection: int
@@ -64,14 +64,14 @@ class Session:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """A frame of a client, read.
+    """A decoded frame of a client.
 
     Attributes:
-        session: Whose it is.
-        command: Its row of the table.
+        session: The session that sent it.
+        command: The row of the command table.
         frame: The frame.
-        value: What it says; None where that is nothing, or nothing a controller may act upon.
-        now_s: When it came.
+        value: The decoded value; None if there is none, or if the controller must not act on it.
+        now_s: When it arrived, in seconds.
     """
 
     session: Session

@@ -1,8 +1,8 @@
-"""The store: program files and settings, in memory or mirrored in a directory.
+"""The store: program files and settings, in memory or also in a directory.
 
-What is kept and how it survives lives here. When a file may be written, and what a setting means,
-is decided elsewhere: names and contents are opaque bytes. A change is on disk before it is seen,
-and it is there whole or not at all: a killed process leaves the old or the new, never a torn file.
+Names and contents are opaque bytes; the behaviour decides when a file may be written and what a
+setting means. A change is written to disk before it becomes visible. Writes are atomic: after a
+kill the disk has the old or the new file, never a partial one.
 """
 
 import contextlib
@@ -24,36 +24,36 @@ from scaraspec.virtual_controller.arm import HOME
 
 NAME_MAX_BYTES = 255
 MAX_BYTES = 4 * 1024 * 1024
-"""Bytes that all programs together may have: some 65 000 nodes, which parse in a second or two."""
+"""Maximum total size of all programs: about 65 000 nodes, which parse in one to two seconds."""
 MAX_FILES = 1000
 
 
 class StoreError(Exception):
-    """The store cannot do what was asked; the text says why."""
+    """The store cannot execute the request. The text is the reason."""
 
 
 class NameRefusedError(StoreError):
-    """The name could leave the store or break a list, or is none."""
+    """The name is empty, or could leave the directory or break a list."""
 
 
 class MissingError(StoreError):
-    """No program has this name."""
+    """There is no program with this name."""
 
 
 class StoreFullError(StoreError):
-    """There is no room."""
+    """There is not enough space."""
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What 0x03, 0x05, 0x0E, 0x35 and 0x36 set; it survives power-off (A-4-6).
+    """The settings of 0x03, 0x05, 0x0E, 0x35 and 0x36; they survive power-off (A-4-6).
 
     Attributes:
-        password: For the login (4.1).
+        password: Password of the login (4.1).
         ip: IPv4 address in dotted decimal (4.4).
         mask: Subnet mask.
-        gateway: Gateway.
-        default_program: Its name (4.13); empty if there is none.
+        gateway: IPv4 address of the gateway.
+        default_program: Name of the default program (4.13); empty if there is none.
         gripper_center: x, y, z in mm relative to the tool (4.20).
         initial_tool_position: x, y, z in mm and thetaX, thetaY, thetaZ in degrees (4.21).
     """
@@ -68,11 +68,11 @@ class Settings:
 
 
 class Store:
-    """Programs and settings in memory, within bounds.
+    """Programs and settings in memory, with limits.
 
     Args:
-        max_bytes: Bytes that all programs together may have.
-        max_files: How many programs there may be.
+        max_bytes: Maximum total size of all programs.
+        max_files: Maximum number of programs.
     """
 
     def __init__(self, max_bytes: int = MAX_BYTES, max_files: int = MAX_FILES) -> None:
@@ -86,46 +86,47 @@ class Store:
         return sorted(self._programs)
 
     def __contains__(self, name: bytes) -> bool:
-        """Whether there is a program of this name."""
+        """Whether there is a program with this name."""
         return name in self._programs
 
     def read(self, name: bytes) -> bytes:
-        """The content of a program.
+        """Return the content of a program.
 
         Raises:
-            MissingError: There is none.
+            MissingError: There is no program with this name.
         """
         if name not in self._programs:
             raise MissingError(UserMessage("there is no program {name}", name=_show(name)))
         return self._programs[name]
 
     def check(self, name: bytes, size_bytes: int) -> None:
-        """Make sure that a program of this size can be written under this name.
+        """Check that a program of this size can be written with this name.
 
         Raises:
-            NameRefusedError: The name is empty, longer than 255 bytes, ``.`` or ``..``, or has a
-                slash, a backslash, a bar or a NUL in it (A-5-20).
-            StoreFullError: There is no room for it.
+            NameRefusedError: The name is empty, longer than 255 bytes, ``.`` or ``..``, or
+                contains a slash, a backslash, a bar or a NUL (A-5-20).
+            StoreFullError: There is not enough space.
         """
         if not 1 <= len(name) <= NAME_MAX_BYTES:
             raise NameRefusedError(
                 UserMessage(
-                    "a name has 1 to {name_max_bytes} bytes, not {name_count}",
-                    name_max_bytes=NAME_MAX_BYTES,
-                    name_count=len(name),
+                    "a name has 1 to {max_bytes} bytes, not {byte_count}",
+                    max_bytes=NAME_MAX_BYTES,
+                    byte_count=len(name),
                 )
             )
         if name in (b".", b"..") or not set(name).isdisjoint(b"/\\|\0"):
             raise NameRefusedError(
                 UserMessage(
-                    "{name} is no name: it has a separator in it, or only dots", name=_show(name)
+                    "{name} is not a valid name: it contains a separator, or only dots",
+                    name=_show(name),
                 )
             )
         others = {other: data for other, data in self._programs.items() if other != name}
         if len(others) >= self._max_files:
             raise StoreFullError(
                 UserMessage(
-                    "the store holds {max_files} programs and takes no more",
+                    "the store is full: it holds {max_files} programs",
                     max_files=self._max_files,
                 )
             )
@@ -133,53 +134,53 @@ class Store:
         if size_bytes > free_bytes:
             raise StoreFullError(
                 UserMessage(
-                    "{size_bytes} bytes are too many: {free_bytes} bytes are free",
+                    "the store is full: {size_bytes} bytes needed, {free_bytes} bytes free",
                     size_bytes=size_bytes,
                     free_bytes=free_bytes,
                 )
             )
 
     def write(self, name: bytes, data: bytes) -> None:
-        """Store a program, in place of another one of this name.
+        """Store a program; it replaces a program with the same name.
 
         Raises:
-            StoreError: As `check`, or the disk failed; then nothing has changed.
+            StoreError: See `check`; or the disk failed, then nothing has changed.
         """
         self.check(name, len(data))
         self._programs[name] = data
 
     def delete(self, name: bytes) -> None:
-        """Forget a program.
+        """Delete a program.
 
         Raises:
-            StoreError: There is none (`MissingError`), or the disk failed.
+            StoreError: There is no such program (`MissingError`), or the disk failed.
         """
         self.read(name)
         del self._programs[name]
 
     @property
     def settings(self) -> Settings:
-        """The present settings."""
+        """The current settings."""
         return self._settings
 
     def save(self, settings: Settings) -> None:
         """Replace the settings.
 
         Raises:
-            StoreError: The disk failed; then nothing has changed.
+            StoreError: The disk failed; nothing has changed.
         """
         self._settings = settings
 
 
 class DirectoryStore(Store):
-    """A store whose content is also in a directory, from which it is read once, at the start.
+    """A store with a copy in a directory, which it reads once, at the start.
 
-    The directory holds ``settings.json`` and the programs in ``programs``. It belongs to one
-    process at a time. Files in it that the store did not make are left alone.
+    The directory contains ``settings.json`` and the programs in ``programs``. Only one process at
+    a time may use it. The store does not touch files that it did not create.
 
     Raises:
-        StoreError: The directory cannot be used or holds more than the bounds allow, or its
-            settings are damaged; nothing in it has been changed then but for leftovers.
+        StoreError: The directory cannot be used or exceeds the limits, or its settings are
+            damaged. Then only leftover temporary files were removed.
     """
 
     def __init__(
@@ -189,9 +190,11 @@ class DirectoryStore(Store):
         self._directory = directory
         self._settings_path = directory / "settings.json"
         self._programs_path = directory / "programs"
-        with _failing(f"{directory} cannot be used as a store"):
+        with _disk_errors(
+            UserMessage("{directory} cannot be used as a store", directory=directory)
+        ):
             self._programs_path.mkdir(parents=True, exist_ok=True)
-            for leftover in directory.glob(f"{_LEFTOVER}*"):
+            for leftover in directory.glob(f"{_TEMPORARY_PREFIX}*"):
                 leftover.unlink()
             if self._settings_path.exists():
                 super().save(_load_settings(self._settings_path))
@@ -208,10 +211,10 @@ class DirectoryStore(Store):
         super().write(name, data)
 
     def delete(self, name: bytes) -> None:
-        """Forget a program on disk, then in memory."""
+        """Delete a program on disk, then in memory."""
         self.read(name)
         path = self._programs_path / _path_of(name)
-        with _failing(f"{_show(name)} cannot be deleted"):
+        with _disk_errors(UserMessage("{name} cannot be deleted", name=_show(name))):
             path.unlink()
             _sync(path.parent)
         super().delete(name)
@@ -222,29 +225,29 @@ class DirectoryStore(Store):
         super().save(settings)
 
     def _put(self, path: Path, data: bytes) -> None:
-        """Write beside, sync, rename: at no instant is there half a file under the name."""
-        with _failing(f"{path} cannot be written"):
+        """Write a file atomically: write a temporary file, sync and rename it."""
+        with _disk_errors(UserMessage("{path} cannot be written", path=path)):
             path.parent.mkdir(parents=True, exist_ok=True)
-            handle, beside = tempfile.mkstemp(prefix=_LEFTOVER, dir=self._directory)
+            handle, temporary = tempfile.mkstemp(prefix=_TEMPORARY_PREFIX, dir=self._directory)
             try:
                 with os.fdopen(handle, "wb") as file:
                     file.write(data)
                     file.flush()
                     os.fsync(file.fileno())
-                Path(beside).replace(path)
+                Path(temporary).replace(path)
             except OSError:
-                Path(beside).unlink(missing_ok=True)
+                Path(temporary).unlink(missing_ok=True)
                 raise
             _sync(path.parent)
 
 
 def import_programs(store: Store, folder: Path) -> None:
-    """Copy the files of a folder into a store, but for hidden ones and names it already has.
+    """Copy the files of a folder into a store, except hidden files and names that exist.
 
     Raises:
-        StoreError: The folder cannot be read, or a file does not fit or has no legal name.
+        StoreError: The folder cannot be read, or a file does not fit or has no valid name.
     """
-    with _failing(f"the programs in {folder} cannot be read"):
+    with _disk_errors(UserMessage("the programs in {folder} cannot be read", folder=folder)):
         for path in sorted(folder.iterdir()):
             name = os.fsencode(path.name)
             if path.is_file() and not path.name.startswith(".") and name not in store:
@@ -254,17 +257,17 @@ def import_programs(store: Store, folder: Path) -> None:
 
 # ---------------------------------------------------------------------- names on disk
 
-_LEFTOVER = ".new-"
+_TEMPORARY_PREFIX = ".new-"
 
-# No upper case, so that file systems which ignore it confuse no two names.
+# No upper case, so that names stay distinct on case-insensitive file systems.
 _PLAIN = frozenset((string.ascii_lowercase + string.digits + "._-").encode())
 
-# A component of at most 255 characters, as file systems want it: "=", three for a byte, one more.
+# A path component has at most 255 characters: "=", three characters per byte, and one more.
 _COMPONENT_BYTES = 64
 
 
 def _path_of(name: bytes) -> Path:
-    """Where a program is stored: percent-encoded, and cut into nested directories where long.
+    """Return the path of a program: percent-encoded, and nested directories if long.
 
     A file is ``=...=`` and a directory ``=...+``: the marks keep them apart and hide leading dots,
     trailing dots and the device names of Windows.
@@ -277,7 +280,7 @@ def _path_of(name: bytes) -> Path:
 
 
 def _name_of(path: Path) -> bytes | None:
-    """The name whose path this is; None for a file that is not ours."""
+    """Return the program name of a path; None for a file that the store did not create."""
     if not str(path).isascii():
         return None
     name = b"".join(unquote_to_bytes(part[1:-1]) for part in path.parts)
@@ -294,7 +297,7 @@ _VERSION = 1
 
 
 def _dump_settings(settings: Settings) -> bytes:
-    """JSON; bytes that are no UTF-8 become lone surrogates, which come back as the same bytes."""
+    """Convert settings to JSON; bytes that are not UTF-8 become surrogate escapes."""
     values = {
         key: value.decode("utf-8", "surrogateescape") if isinstance(value, bytes) else value
         for key, value in asdict(settings).items()
@@ -308,8 +311,8 @@ def _load_settings(path: Path) -> Settings:
     except (ValueError, OverflowError, RecursionError) as error:
         raise StoreError(
             UserMessage(
-                "{path} does not hold the robot's settings ({error}): repair it, or move it "
-                "away to start with the defaults",
+                "{path} is not a valid settings file ({error}): repair it, or move it away to "
+                "start with the defaults",
                 path=path,
                 error=error,
             )
@@ -319,15 +322,15 @@ def _load_settings(path: Path) -> Settings:
 def _parse_settings(data: bytes) -> Settings:
     values = json.loads(data)
     if not isinstance(values, dict) or values.pop("version", None) != _VERSION:
-        raise ValueError(f"it is not of version {_VERSION}")
+        raise ValueError(f"the version is not {_VERSION}")
     defaults = asdict(Settings())
     if values.keys() != defaults.keys():
-        raise ValueError(f"its keys are not version, {', '.join(defaults)}")
+        raise ValueError(f"the keys are not version, {', '.join(defaults)}")
     return Settings(**{key: _parse(key, values[key], defaults[key]) for key in defaults})
 
 
 def _parse(key: str, value: Any, default: object) -> Any:
-    """A value of the type of the default."""
+    """Convert a JSON value to the type of the default."""
     match value, default:
         case str(), str():
             return value
@@ -337,24 +340,26 @@ def _parse(key: str, value: Any, default: object) -> Any:
             numbers = tuple(float(v) for v in value if isinstance(v, int | float))
             if len(numbers) == len(default) and all(map(math.isfinite, numbers)):
                 return numbers
-    raise ValueError(f"{key} cannot be {reprlib.repr(value)}")
+    raise ValueError(f"{reprlib.repr(value)} is not a valid {key}")
 
 
 # ---------------------------------------------------------------------- the disk
 
 
 @contextlib.contextmanager
-def _failing(what: str) -> Iterator[None]:
-    """Tell of a failure of the disk in one sentence."""
+def _disk_errors(problem: str) -> Iterator[None]:
+    """Raise a disk error as `StoreError`; `problem` is the start of its sentence."""
     try:
         yield
     except OSError as error:
         full = error.errno in (errno.ENOSPC, errno.EDQUOT)
-        raise (StoreFullError if full else StoreError)(f"{what}: {error.strerror}") from error
+        raise (StoreFullError if full else StoreError)(
+            UserMessage("{problem}: {reason}", problem=problem, reason=error.strerror)
+        ) from error
 
 
 def _sync(directory: Path) -> None:
-    """Make a new, renamed or deleted entry durable, where directories can be synced."""
+    """Sync a directory, if the system supports it."""
     with contextlib.suppress(OSError):
         handle = os.open(directory, os.O_RDONLY)
         try:

@@ -1,4 +1,4 @@
-"""The journal: one readable line for each frame of an exchange; passwords are masked."""
+"""The traffic log: one readable line for each frame, with passwords masked."""
 
 from scaraspec.protocol.commands import BY_OPCODE, Command
 from scaraspec.protocol.direction import A2C
@@ -10,20 +10,20 @@ from scaraspec.protocol.transfer import FILE_DATA, Chunk
 _MASK = "••••"
 
 
-def format_line(connection: int, seen: StreamItem) -> str:
-    """Tell what was seen on a connection: ``#1 > 0x09 get_status``, ``#1 < 0x09 get_status 00``."""
-    if isinstance(seen, Skipped):  # never its bytes: a torn login holds the password too
-        return f"#{connection} > skipped {seen.size_bytes} bytes: {seen.why.value}"
-    arrow = ">" if seen.direction is A2C else "<"
-    command = BY_OPCODE.get(seen.opcode)
+def format_line(connection: int, item: StreamItem) -> str:
+    """Format a frame or skipped bytes: ``#1 > 0x09 get_status``, ``#1 < 0x09 get_status 00``."""
+    if isinstance(item, Skipped):  # without its bytes: a damaged login contains the password
+        return f"#{connection} > skipped {item.size_bytes} bytes: {item.why.value}"
+    arrow = ">" if item.direction is A2C else "<"
+    command = BY_OPCODE.get(item.opcode)
     name = command.name if command else "unknown"
-    words = [f"#{connection}", arrow, f"0x{seen.opcode:02X}", name, _said(command, seen)]
-    if seen.tagged:
+    words = [f"#{connection}", arrow, f"0x{item.opcode:02X}", name, _format_data(command, item)]
+    if item.tagged:
         words.insert(-1, "result")
     return " ".join(words).rstrip()
 
 
-def _said(command: Command | None, frame: Frame) -> str:
+def _format_data(command: Command | None, frame: Frame) -> str:
     payload = command.payload(frame) if command else None
     if is_secret(frame):
         return _MASK

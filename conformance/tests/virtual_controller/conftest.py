@@ -1,4 +1,4 @@
-"""What the tests of the virtual controller share: a plant that stands at HOME at time 0."""
+"""Fixtures of the virtual controller tests: a plant at HOME at time 0."""
 
 from datetime import datetime
 

@@ -141,7 +141,7 @@ def test_password_readings_and_programs_are_taken(start: Start, tmp_path: Path) 
 
 
 def test_data_survive_a_restart(start: Start, tmp_path: Path) -> None:
-    """--data keeps programs, password and poses (A-4-6); --password sets it anew."""
+    """--data keeps programs, password and poses (A-4-6); --password replaces it."""
     data = ["--data", str(tmp_path / "data")]
     process = start(*data)
     link = _connect(process)
@@ -235,7 +235,7 @@ def test_a_serial_device_is_served(start: Start, scheme: str) -> None:
     os.close(master)
 
 
-def test_a_port_in_use_is_told_in_one_sentence(run: Run) -> None:
+def test_a_port_in_use_is_an_error_of_one_sentence(run: Run) -> None:
     """Exit status 2, and what to do."""
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
@@ -261,11 +261,13 @@ def test_a_port_in_use_is_told_in_one_sentence(run: Run) -> None:
         (["--programs", "/nowhere"], "the programs in /nowhere cannot be read"),
         (["--data", "/dev/null/x"], "/dev/null/x cannot be used as a store"),
         (["--serial", "tcp://robot"], "--serial takes a serial device, not 'tcp://robot'"),
-        (["--serial", "/dev/null"], "/dev/null is no serial device"),
+        (["--serial", "/dev/null"], "/dev/null is not a serial device"),
         (["--ready-file", "/nowhere/where"], "--ready-file /nowhere/where cannot be written"),
     ],
 )
-def test_what_cannot_be_is_told_in_one_sentence(run: Run, options: list[str], said: str) -> None:
+def test_invalid_options_are_an_error_of_one_sentence(
+    run: Run, options: list[str], said: str
+) -> None:
     """Exit status 2, no traceback."""
     listen = [] if "--listen" in options else ["--listen", "127.0.0.1:0"]
     status, _, errors = run(*listen, *options)

@@ -1,4 +1,4 @@
-"""Control lines: what they do to the plant, and what is said about those that do nothing."""
+"""Console commands: their effect on the plant, and the errors for invalid lines."""
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -19,7 +19,7 @@ from scaraspec.virtual_controller.plant import Plant
     ],
 )
 def test_faults_are_made_and_cleared(plant: Plant, line: str, code: str) -> None:
-    """Each code of table 8-1 that is a fault can be had."""
+    """Each fault code of table 8-1 can be injected."""
     assert execute(line, plant, 1.0) == f"status {code}"
     assert plant.fault_code == code
     assert execute("clear", plant, 1.0) == "all faults are gone"
@@ -65,27 +65,25 @@ def test_help_names_every_command(plant: Plant) -> None:
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("explode", "there is no command 'explode': they are motor-fault,"),
-        ("motor-fault", "takes joints between commas: inner_arm,"),
-        ("motor-fault elbow", "there is no joint 'elbow': they are inner_arm,"),
+        ("explode", "there is no command 'explode': the commands are motor-fault,"),
+        ("motor-fault", "takes joints separated by commas: inner_arm,"),
+        ("motor-fault elbow", "there is no joint 'elbow': the joints are inner_arm,"),
         ("motor-fault wrist,", "there is no joint ''"),
-        ("position-fault now", "a fault takes no 'now'"),
-        ("clear all", "takes nothing more, not 'all'"),
+        ("position-fault now", "a fault has no argument 'now'"),
+        ("clear all", "has no argument 'all'"),
         ("disk-full", "takes on or off"),
         ("disk-full maybe", "takes on or off"),
-        ("input 3", "takes its port, 1 to 8, and 0 or 1"),
-        ("input 3 2", "a digital input is 0 or 1, not '2'"),
-        ("input 9 1", "no digital input 9: they run from 1 to 8"),
-        ("input x 1", "takes its port"),
-        ("analog 2 much", "no analog input can be 'much'"),
-        ("analog 2 nan", "no analog input can be 'nan'"),
-        ("analog 0 1", "no analog input 0"),
+        ("input 3", "takes a port, 1 to 8, and 0 or 1"),
+        ("input 3 2", "a digital input must be 0 or 1, not '2'"),
+        ("input 9 1", "there is no digital input 9: the ports are 1 to 8"),
+        ("input x 1", "takes a port"),
+        ("analog 2 much", "'much' is not a valid analog value"),
+        ("analog 2 nan", "'nan' is not a valid analog value"),
+        ("analog 0 1", "there is no analog input 0"),
     ],
 )
-def test_a_line_that_cannot_be_obeyed_is_told_in_one_sentence(
-    plant: Plant, line: str, said: str
-) -> None:
-    """What was wrong, and what would be right."""
+def test_invalid_line_raises_an_error(plant: Plant, line: str, said: str) -> None:
+    """The message says what is wrong and what is valid."""
     with pytest.raises(ConsoleCommandError) as told:
         execute(line, plant, 0.0)
     assert said in str(told.value)
@@ -99,8 +97,8 @@ def test_a_line_that_cannot_be_obeyed_is_told_in_one_sentence(
         " ".join
     )
 )
-def test_any_line_is_obeyed_or_told(plant: Plant, line: str) -> None:
-    """Nothing that is typed raises anything else."""
+def test_any_line_is_executed_or_raises_an_error(plant: Plant, line: str) -> None:
+    """No input raises another exception."""
     try:
         told = execute(line, plant, 0.0)
     except ConsoleCommandError as error:

@@ -186,7 +186,7 @@ def test_a_straight_move_ends_at_its_last_point(plant: Plant) -> None:
 
 
 def test_only_the_counted_points_belong_to_a_move(plant: Plant) -> None:
-    """The point behind them is a bare one (L924)."""
+    """The point after them belongs to no move node (L924)."""
     run = start(plant, *straight_to(A, speed=100), point(B))
     ends_s = finish(run)
     bare = move(A, B, BARE_POINT_SPEED_PERCENT)
@@ -203,7 +203,7 @@ def test_other_nodes_within_a_straight_move_are_executed(plant: Plant) -> None:
 
 
 def test_a_curve_is_one_smooth_motion(plant: Plant) -> None:
-    """Through all its points without a stop, and then on behind them (L942)."""
+    """Through all its points without a stop, then the nodes after them (L942)."""
     run = start(plant, *curve_to(A, B, C, speed=50), ttl(3))
     ends_s = finish(run)
     motion = curve(HOME_JOINTS, [A, B, C], 50)
@@ -238,7 +238,7 @@ def test_the_four_numbers_of_a_point_are_read_both_ways(plant: Plant, meaning: s
 def test_a_point_out_of_reach_fails_the_run(
     plant: Plant, values: Joints | Pose, meaning: str, code: str, *, simulated: bool
 ) -> None:
-    """05 or 06, simulated or not, and the nodes behind it are not executed."""
+    """05 or 06, simulated or not, and the nodes after it are not executed."""
     dialect = Dialect.of(point_meaning=meaning)
     run = start(plant, point(values), ttl(1), dialect=dialect, simulated=simulated)
     assert run.advance(0.0) == Outcome(done=False, code=code)
@@ -304,7 +304,7 @@ def test_a_wait_for_a_digital_input_reads_the_value_both_ways(
 
 
 def test_a_wait_for_an_input_ends_when_it_changes(plant: Plant) -> None:
-    """The program is held while the condition is false, and goes on at the instant it is true."""
+    """The program waits while the condition is false, and continues as soon as it is true."""
     run = start(plant, wait_input(1, 100), point(A))
     run.advance(0.0)
     run.advance(50.0)

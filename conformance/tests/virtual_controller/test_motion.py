@@ -192,7 +192,7 @@ def test_a_jog_at_the_limit_is_over_at_once() -> None:
 
 @given(JOINTS, st.sampled_from(JogDirection))
 def test_a_jog_from_anywhere_is_sound(start: Joints, direction: JogDirection) -> None:
-    """It starts where the arm stands and never leaves the limits."""
+    """It starts at the current position and never leaves the limits."""
     motion = jog(start, direction)
     assert_sound(motion, start, motion.waypoints[-1])
 
@@ -203,7 +203,7 @@ def test_holding_is_no_motion() -> None:
     assert {hold(START).joints_at(t_s) for t_s in (-1.0, 0.0, 7.0)} == {START}
 
 
-def test_a_move_to_where_the_arm_stands_takes_no_time() -> None:
+def test_a_move_to_the_current_position_takes_no_time() -> None:
     """Zero distance is no division by zero."""
     for motion in (move(START, START, 10), straight_line(START, START, 10)):
         assert motion.duration_s < 0.01

@@ -29,7 +29,7 @@ def start_move(plant: Plant, now_s: float) -> float:
 
 
 def test_a_motion_runs_in_the_time_it_was_started_at(plant: Plant) -> None:
-    """Before it the arm stands, after it the arm stands at the target."""
+    """The arm rests at the start before it, and at the target after it."""
     before = plant.joints(3.0)
     ends_s = start_move(plant, 3.0)
     assert plant.joints(3.0) == pytest.approx(before)
@@ -73,7 +73,7 @@ def test_no_motor_gets_hotter_than_at_full_speed_for_ever(plant: Plant) -> None:
     assert AMBIENT_C + 20 < max(temperatures_c) < AMBIENT_C + FULL_SPEED_RISE_C
 
 
-def test_time_that_stands_still_or_runs_back_changes_no_temperature(plant: Plant) -> None:
+def test_temperatures_do_not_change_if_time_does_not_advance(plant: Plant) -> None:
     """Asking twice, or for an earlier instant, gives the same answer."""
     ends_s = start_move(plant, 0.0)
     warm = plant.temperatures_c(ends_s)
@@ -93,10 +93,10 @@ def test_ports_hold_what_they_are_given(plant: Plant) -> None:
 
 
 @pytest.mark.parametrize("port", [-1, 0, 17, 2**32 - 1])
-def test_a_port_that_is_not_there_is_refused(plant: Plant, port: int) -> None:
+def test_an_unknown_port_is_an_error(plant: Plant, port: int) -> None:
     """No number wraps around to another port."""
     for ports in (plant.digital_inputs, plant.analog_inputs, plant.digital_outputs):
-        with pytest.raises(NoSuchPortError, match="run from 1 to"):
+        with pytest.raises(NoSuchPortError, match="the ports are 1 to"):
             ports[port]
     with pytest.raises(NoSuchPortError):
         plant.digital_outputs[port] = True
@@ -105,7 +105,7 @@ def test_a_port_that_is_not_there_is_refused(plant: Plant, port: int) -> None:
 @pytest.mark.parametrize("value", [math.nan, math.inf, 1e7])
 def test_an_analog_input_is_a_plain_number(plant: Plant, value: float) -> None:
     """What no int32 of hundredths can hold is refused, and the input keeps its value."""
-    with pytest.raises(ValueError, match="analog input 1 cannot be"):
+    with pytest.raises(ValueError, match="is not a valid value of analog input 1"):
         plant.analog_inputs[1] = value
     assert plant.analog_inputs[1] == 0.0
 
@@ -118,7 +118,7 @@ def test_the_clock_goes_on_from_where_it_is_set() -> None:
     assert clock.time(201.0) == datetime(2016, 2, 29)  # noqa: DTZ001 - no zone
 
 
-def test_the_clock_stands_still_at_the_end_of_time() -> None:
+def test_the_clock_stops_at_the_end_of_year_9999() -> None:
     """The year 9999 is followed by nothing, and by no error."""
     clock = WallClock(datetime(9999, 12, 31, 23, 59, 59), now_s=0.0)  # noqa: DTZ001 - no zone
     assert clock.time(1e9) == clock.time(math.inf) == datetime.max  # noqa: DTZ901 - no zone
@@ -168,8 +168,8 @@ def test_a_fault_stops_the_arm(plant: Plant) -> None:
 
 @pytest.mark.parametrize("code", ["00", "01", "07", "10", "20", "xx"])
 def test_only_a_fault_can_be_injected(plant: Plant, code: str) -> None:
-    """A state, a reserved code or a missing file is no fault."""
-    with pytest.raises(ValueError, match="choose 05, 06 or 11 to 1F"):
+    """States, reserved codes and the code of a missing file are not faults."""
+    with pytest.raises(ValueError, match="use 05, 06 or 11 to 1F"):
         plant.fail(code, 0.0)
     assert plant.fault_code is None
 

@@ -30,7 +30,7 @@ async def _until(holds: Callable[[], bool]) -> None:
 
 
 async def _read(line: int, size: int) -> bytes:
-    """Read from the far end until so many bytes are there."""
+    """Read `size` bytes from the other end."""
     os.set_blocking(line, False)
     data = b""
     while len(data) < size:
@@ -156,7 +156,7 @@ def test_a_line_that_fails_is_gone(monkeypatch: pytest.MonkeyPatch) -> None:
     _run(test)
 
 
-def test_a_session_that_is_closed_begins_anew() -> None:
+def test_a_closed_session_starts_again() -> None:
     """A line cannot be closed as a connection can: the next request finds a new session."""
 
     async def test(server: Server) -> None:
@@ -233,11 +233,11 @@ def test_shutdown_over_the_line_answers_and_ends_serving() -> None:
     ("device", "baud", "said"),
     [
         ("/dev/there-is-none", 115200, "/dev/there-is-none cannot be opened: No such file"),
-        ("/dev/null", 115200, "/dev/null is no serial device: "),
-        ("/dev/ttyS0", 12345, "/dev/ttyS0 cannot run at 12345 baud: try 115200"),
+        ("/dev/null", 115200, "/dev/null is not a serial device: "),
+        ("/dev/ttyS0", 12345, "/dev/ttyS0 does not support 12345 baud: try 115200"),
     ],
 )
-def test_a_device_that_cannot_be_used_is_told(device: str, baud: int, said: str) -> None:
+def test_an_unusable_device_is_an_error(device: str, baud: int, said: str) -> None:
     """One sentence, which names the device."""
 
     async def test(server: Server) -> None:

@@ -265,7 +265,7 @@ def test_shutdown_ends_the_server() -> None:
 
 
 def test_connections_are_kept_alive_and_logged(caplog: pytest.LogCaptureFixture) -> None:
-    """A peer that has vanished is noticed; opening and closing are told."""
+    """A lost peer is detected; opening and closing are logged."""
     caplog.set_level(logging.INFO, "scaraspec.virtual_controller")
 
     async def test(stand: Stand) -> None:
@@ -282,7 +282,7 @@ def test_connections_are_kept_alive_and_logged(caplog: pytest.LogCaptureFixture)
 
 
 def test_control_lines_act_on_the_running_robot() -> None:
-    """A fault that is typed fails the jog at once; a bad line is told, an endless one dropped."""
+    """A fault fails the jog at once; an invalid line is an error, an endless one is discarded."""
 
     async def test(stand: Stand) -> None:
         answers: list[str] = []

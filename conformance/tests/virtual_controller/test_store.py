@@ -1,4 +1,4 @@
-"""The store: what is kept, what is refused, and what a killed process leaves behind."""
+"""The store: stored data, refused data, and the state after a kill."""
 
 import errno
 import os
@@ -86,7 +86,7 @@ def test_a_full_store_takes_no_more(make_store: StoreFactory) -> None:
     """Bytes and files are bounded; replacing counts the new content only."""
     store = make_store(max_bytes=10, max_files=2)
     store.write(b"a", b"12345")
-    with pytest.raises(StoreFullError, match="6 bytes are too many: 5 bytes are free"):
+    with pytest.raises(StoreFullError, match="6 bytes needed, 5 bytes free"):
         store.write(b"b", b"123456")
     store.write(b"a", b"1234567890")
     store.write(b"b", b"")
@@ -176,7 +176,7 @@ def test_a_killed_process_leaves_the_old_content(
     step: str,
     write: Callable[[Store], None],
 ) -> None:
-    """Killed before the rename, the old is whole and the half-written is gone after a restart."""
+    """After a kill before the rename, a restart has the old file and no temporary file."""
     store = DirectoryStore(tmp_path)
     store.write(b"pro1.rob", b"old")
 
@@ -200,7 +200,7 @@ def test_a_killed_process_leaves_the_old_content(
 def test_a_failing_disk_changes_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, expected: type[StoreError]
 ) -> None:
-    """A write that fails is told in one sentence, and neither memory nor disk has changed."""
+    """A failed write raises one sentence; memory and disk are unchanged."""
     store = DirectoryStore(tmp_path)
     store.write(b"pro1.rob", b"old")
 
@@ -231,7 +231,7 @@ def test_a_failing_disk_changes_nothing(
         b'{"version": 1}',
     ],
 )
-def test_damaged_settings_are_told_and_kept(tmp_path: Path, damage: bytes) -> None:
+def test_damaged_settings_are_an_error_and_kept(tmp_path: Path, damage: bytes) -> None:
     """One sentence says what to do, and the file stays as it is."""
     path = tmp_path / "settings.json"
     path.write_bytes(damage)
@@ -254,14 +254,14 @@ def test_damaged_settings_are_told_and_kept(tmp_path: Path, damage: bytes) -> No
         ("300.0", '"300"'),
     ],
 )
-def test_settings_of_a_wrong_type_are_told(tmp_path: Path, old: str, new: str) -> None:
+def test_settings_of_a_wrong_type_are_an_error(tmp_path: Path, old: str, new: str) -> None:
     """A value that cannot be is as bad as a torn file."""
     DirectoryStore(tmp_path).save(Settings())
     path = tmp_path / "settings.json"
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))
-    with pytest.raises(StoreError, match=r"settings\.json does not hold the robot's settings"):
+    with pytest.raises(StoreError, match=r"settings\.json is not a valid settings file"):
         DirectoryStore(tmp_path)
 
 
@@ -279,11 +279,11 @@ def test_foreign_files_are_left_alone(tmp_path: Path) -> None:
 def test_a_directory_beyond_the_bounds_is_not_read(tmp_path: Path) -> None:
     """The bounds hold at the start too."""
     DirectoryStore(tmp_path).write(b"pro1.rob", b"12345")
-    with pytest.raises(StoreFullError, match="5 bytes are too many: 4 bytes are free"):
+    with pytest.raises(StoreFullError, match="5 bytes needed, 4 bytes free"):
         DirectoryStore(tmp_path, max_bytes=4)
 
 
-def test_a_directory_that_is_a_file_is_told(tmp_path: Path) -> None:
+def test_a_file_instead_of_a_directory_is_an_error(tmp_path: Path) -> None:
     """The sentence names it."""
     path = tmp_path / "data"
     path.write_bytes(b"")
@@ -310,7 +310,7 @@ def test_a_folder_of_programs_is_copied_in(make_store: StoreFactory, tmp_path: P
     }
 
 
-def test_a_folder_that_cannot_be_seeded_is_told(make_store: StoreFactory, tmp_path: Path) -> None:
+def test_an_unreadable_program_folder_is_an_error(make_store: StoreFactory, tmp_path: Path) -> None:
     """A missing folder and one that is too large each give one sentence."""
     with pytest.raises(StoreError, match="nowhere cannot be read"):
         import_programs(make_store(), tmp_path / "nowhere")

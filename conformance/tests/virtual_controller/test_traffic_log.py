@@ -1,4 +1,4 @@
-"""The journal: a readable line for each frame, and no password in any."""
+"""The traffic log: one readable line per frame, without passwords."""
 
 import pytest
 from hypothesis import given
@@ -11,7 +11,7 @@ from scaraspec.virtual_controller.traffic_log import format_line
 
 
 @pytest.mark.parametrize(
-    ("seen", "told"),
+    ("item", "line"),
     [
         (Frame(A2C, 0x09), "#3 > 0x09 get_status"),
         (Frame(C2A, 0x09, b"00"), "#3 < 0x09 get_status 00"),
@@ -30,9 +30,9 @@ from scaraspec.virtual_controller.traffic_log import format_line
         (Skipped(b"\xaa\x01\x06secret", SkipReason.BAD_END), "#3 > skipped 9 bytes: bad end"),
     ],
 )
-def test_what_is_told(seen: StreamItem, told: str) -> None:
+def test_lines(item: StreamItem, line: str) -> None:
     """Connection, arrow, opcode, name, data."""
-    assert format_line(3, seen) == told
+    assert format_line(3, item) == line
 
 
 @given(
@@ -42,7 +42,7 @@ def test_what_is_told(seen: StreamItem, told: str) -> None:
     tagged=st.booleans(),
 )
 def test_any_frame_is_one_line(direction: object, opcode: int, data: bytes, tagged: object) -> None:
-    """No control character, no newline, no length without end."""
-    told = format_line(1, Frame(direction, opcode, data, tagged))
-    assert told.isprintable()
-    assert len(told) < 400
+    """No control characters, no newline, limited length."""
+    line = format_line(1, Frame(direction, opcode, data, tagged))
+    assert line.isprintable()
+    assert len(line) < 400

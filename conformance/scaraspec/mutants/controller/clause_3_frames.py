@@ -266,7 +266,7 @@ class AnnouncesItself(ControllerCore):
 
     def login(self, request: Request) -> bool:
         """Tell it."""
-        self.later(request.session, Frame(C2A, 0x33, b"11", tagged=True))
+        self.send_after_reply(request.session, Frame(C2A, 0x33, b"11", tagged=True))
         return super().login(request)
 
 

@@ -87,7 +87,7 @@ class AnswersNamesTwice(ControllerCore):
         accepted = super().upload_name(request)
         self.names += accepted
         if accepted and self.names > 10:
-            self.later(request.session, Frame(C2A, UPLOAD_NAME, b"1"))
+            self.send_after_reply(request.session, Frame(C2A, UPLOAD_NAME, b"1"))
         return accepted
 
 
@@ -216,7 +216,7 @@ class AnswersTheLastChunkTwice(SendsAfterTheEnd):
 
     def uploaded(self, session: Session, name: bytes) -> None:  # noqa: ARG002 - whichever it was
         """Answer again."""
-        self.later(session, Frame(C2A, UPLOAD_CHUNK, b"1"))
+        self.send_after_reply(session, Frame(C2A, UPLOAD_CHUNK, b"1"))
 
 
 @mutant("5.2/6")
@@ -414,7 +414,7 @@ class TellsTheResultOfUploads(SendsAfterTheEnd):
 
     def uploaded(self, session: Session, name: bytes) -> None:  # noqa: ARG002 - whichever it was
         """Send one."""
-        self.later(session, Frame(C2A, UPLOAD_CHUNK, b"11", tagged=True))
+        self.send_after_reply(session, Frame(C2A, UPLOAD_CHUNK, b"11", tagged=True))
 
 
 @mutant("5.2/13")
@@ -423,4 +423,4 @@ class ConfirmsDownloads(SendsAfterTheEnd):
 
     def downloaded(self, session: Session, name: bytes) -> None:  # noqa: ARG002 - whichever it was
         """Send one."""
-        self.later(session, Frame(C2A, DOWNLOAD_NAME, b"1"))
+        self.send_after_reply(session, Frame(C2A, DOWNLOAD_NAME, b"1"))

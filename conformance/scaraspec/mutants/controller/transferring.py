@@ -36,7 +36,7 @@ class AltersChunkData(ControllerCore):
         return FILE_DATA.encode(chunk, self.dialect)
 
     def _send_chunk(self, session: Session, chunk: Chunk) -> None:
-        self.later(session, Frame(C2A, CHUNK, self.data(chunk)))
+        self.send_after_reply(session, Frame(C2A, CHUNK, self.data(chunk)))
 
 
 class JudgesChunks(ControllerCore):

@@ -1,8 +1,8 @@
-"""Behaviour: what the robot does for each command of clauses 4 and 5, one method per row.
+"""The behaviour of the robot for each command of clauses 4 and 5, one method per command.
 
-A method bears the name of its row. It takes the request, acts, and returns what the first reply
-says, or `SILENCE`; what is to go out after that it hands to `Base.later`. Bytes, logins and the
-order of requests are the core's.
+A method has the name of its command. It gets the request, acts, and returns the value of the first
+reply, or `SILENCE`. `Base.send_after_reply` sends further frames after the first reply. The core
+handles bytes, logins and the order of requests.
 """
 
 from scaraspec.virtual_controller.behaviour.base import SILENCE, Silence
@@ -16,4 +16,4 @@ __all__ = ["SILENCE", "Behaviour", "Silence"]
 
 
 class Behaviour(Settings, Programs, Motions, Ports, Transfers):
-    """Every command of the table."""
+    """The behaviour of all commands."""

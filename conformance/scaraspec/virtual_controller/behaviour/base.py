@@ -1,4 +1,4 @@
-"""Base: what the methods of all commands share: the robot, its store, and what goes out later."""
+"""Base class of the behaviour: the robot, the store, and the frames after the first reply."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -15,15 +15,15 @@ from scaraspec.virtual_controller.session import Request, Session
 from scaraspec.virtual_controller.store import Store, StoreError
 
 NAME_MAX_BYTES: Final = 244
-"""255 (A-5-20) less what surrounds a name in its longest reply, ``1|name|DDHHMMSS`` (L226)."""
+"""255 (A-5-20) minus the other bytes of the longest reply with a name (L226)."""
 
 
 MAX_COORDINATE: Final = 1e6
-"""mm or degrees; what lies beyond is no coordinate."""
+"""Limit of the absolute value of a coordinate, in mm or degrees."""
 
 
 class Silence(Enum):
-    """What a method returns where nothing is to be answered."""
+    """The return value of a method that sends no first reply."""
 
     SILENCE = "silence"
 
@@ -33,12 +33,12 @@ ACCEPTED: Final = Acceptance(accepted=True)
 
 
 def refused(code: str) -> Acceptance:
-    """A refusing first reply, with its reason from table 8-1."""
+    """Return a first reply that refuses the command with a code of table 8-1."""
     return Acceptance(accepted=False, code=code)
 
 
 def are_coordinates(values: Iterable[float]) -> bool:
-    """Whether these numbers can be coordinates at all."""
+    """Whether all values are within the limit of coordinates."""
     return all(abs(value) <= MAX_COORDINATE for value in values)
 
 
@@ -48,9 +48,9 @@ class Base:
     Attributes:
         dialect: One reading of every open point.
         store: Programs and settings.
-        robot: The plant and what it is doing.
-        sessions: The clients, by connection.
-        powered: Whether the robot is on; 0x60 switches it off.
+        robot: The plant and its current task.
+        sessions: The sessions by connection number.
+        powered: Whether the robot is on; 0x60 shuts it down.
     """
 
     def __init__(self, plant: Plant, store: Store, dialect: Dialect) -> None:
@@ -63,21 +63,21 @@ class Base:
 
     @property
     def plant(self) -> Plant:
-        """The robot's physical side."""
+        """The simulated hardware of the robot."""
         return self.robot.plant
 
-    def later(self, session: Session, frame: Frame) -> None:
-        """Send a frame after the first reply that is being made."""
+    def send_after_reply(self, session: Session, frame: Frame) -> None:
+        """Send a frame after the current first reply."""
         self._deferred.append((session, frame))
 
     def send_result(self, request: Request, outcome: Outcome) -> None:
-        """Send a final result, later."""
+        """Send a final result after the current first reply."""
         assert request.command.result is not None, "only two-stage commands have a final result"
         data = request.command.result.encode(outcome, self.dialect)
-        self.later(request.session, Frame(C2A, request.frame.opcode, data, tagged=True))
+        self.send_after_reply(request.session, Frame(C2A, request.frame.opcode, data, tagged=True))
 
     def save(self, **changes: Any) -> bool:
-        """Change settings; whether that could be stored."""
+        """Change settings and return whether they were stored."""
         if self.plant.disk_full:
             return False
         try:
@@ -87,7 +87,7 @@ class Base:
         return True
 
     def remove(self, name: bytes) -> bool:
-        """Delete a stored file; whether there was one and it is gone."""
+        """Delete a stored file and return whether it existed and was deleted."""
         try:
             self.store.delete(name)
         except StoreError:
@@ -95,18 +95,18 @@ class Base:
         return True
 
     def is_program(self, name: bytes) -> bool:
-        """Whether a program of this name is stored, and can be named in every reply."""
+        """Whether a program with this name is stored, and its name fits in every reply."""
         return (
             name in self.store and len(name) <= NAME_MAX_BYTES and self.has_program_extension(name)
         )
 
     def has_program_extension(self, name: bytes) -> bool:
-        """Whether the reading of ``prog_ext`` lets this be a program's name (A-0-9)."""
+        """Whether the reading of ``prog_ext`` allows this program name (A-0-9)."""
         extension = self.dialect["prog_ext"]
         return extension == "any" or name.endswith(extension.encode())
 
     def is_text(self, data: bytes) -> bool:
-        """Whether the reading of ``text_encoding`` lets these bytes be text (A-T-2)."""
+        """Whether these bytes are valid text with the reading of ``text_encoding`` (A-T-2)."""
         encoding = self.dialect["text_encoding"]
         try:
             return encoding == "bytes" or data.decode(encoding) is not None
@@ -114,5 +114,5 @@ class Base:
             return False
 
     def accepts_thetas(self, theta_y: float, theta_z: float) -> bool:
-        """Whether thetaY and thetaZ, which mean nothing, may have these values (A-4.21-3)."""
+        """Whether thetaY and thetaZ, which have no meaning, may have these values (A-4.21-3)."""
         return self.dialect["theta_yz"] != "reject" or theta_y == theta_z == 0

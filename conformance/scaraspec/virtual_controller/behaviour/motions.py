@@ -1,4 +1,4 @@
-"""The arm: 4.14, 4.17, 4.18, 4.23 to 4.28."""
+"""Behaviour of the motion commands: 4.14, 4.17, 4.18, 4.23 to 4.28."""
 
 from typing import Final
 
@@ -10,11 +10,11 @@ from scaraspec.virtual_controller.robot import BAD_ARGUMENT, DONE, MOVING, RESET
 from scaraspec.virtual_controller.session import Request
 
 RESET_SPEED_PERCENT: Final = 50
-"""4.18 names no speed."""
+"""Speed of a reset; 4.18 gives no speed."""
 
 
 class Motions(Base):
-    """What moves the arm, stops it, or asks where it is."""
+    """The commands that move or stop the arm, or read its position."""
 
     def get_motor_temperatures(self, request: Request) -> JointValues:
         """4.14: whole degrees Celsius (A-4.14-2)."""
@@ -25,7 +25,7 @@ class Motions(Base):
         return JointValues(*self.plant.joints(request.now_s))
 
     def get_tool_coordinates(self, request: Request) -> Pose:
-        """4.23: of the screw's lower end (7.1), or of the gripper's point (A-4.23-1)."""
+        """4.23: of the lower end of the screw (7.1), or of the gripper center (A-4.23-1)."""
         pose = arm.forward(self.plant.joints(request.now_s))
         if self.dialect["pose_point"] == "gripper":
             pose = arm.gripper_point(pose, arm.Offset(*self.store.settings.gripper_center))
@@ -47,17 +47,18 @@ class Motions(Base):
             back = (-value for value in self.store.settings.gripper_center)
             pose = arm.gripper_point(pose, arm.Offset(*back))
         try:
-            way = self._way(pose, target.speed, request.now_s)
+            planned = self._plan_move(pose, target.speed, request.now_s)
         except arm.UnreachableError as error:
             return refused(error.code)
-        self.robot.move(request, MOVING, way)
+        self.robot.move(request, MOVING, planned)
         return ACCEPTED
 
     def reset(self, request: Request) -> Acceptance:
-        """4.18: forget the faults whose cause is gone, then go to the initial tool position.
+        """4.18: clear the faults without a lasting cause, then move to the initial tool position.
 
-        The faults go first, so that the state while it moves is 03 (L1020; A-4.18-3). A robot in
-        error accepts, and fails if a fault stays or it cannot move (L411-419).
+        The faults are cleared first, so that the state during the motion is 03 (L1020; A-4.18-3).
+        A robot in error accepts the command; the result is a failure if a fault remains or the
+        robot cannot move (L411-419).
         """
         fault, code = self.plant.fault_code, self.robot.refusal_code()
         if code is not None and (code != fault or self.dialect["reset_from_error"] == "idle-only"):
@@ -67,33 +68,33 @@ class Motions(Base):
         if code is None:
             pose = arm.Pose(*self.store.settings.initial_tool_position[:4])
             try:
-                way = self._way(pose, RESET_SPEED_PERCENT, request.now_s)
+                planned = self._plan_move(pose, RESET_SPEED_PERCENT, request.now_s)
             except arm.UnreachableError as error:
                 code = error.code
             else:
-                self.robot.move(request, RESETTING, way)
+                self.robot.move(request, RESETTING, planned)
                 return ACCEPTED
         if fault is None:
             return refused(code)
         self.send_result(request, Outcome(done=False, code=code))
         return ACCEPTED
 
-    def _way(self, pose: arm.Pose, speed_percent: int, now_s: float) -> motion.Motion:
+    def _plan_move(self, pose: arm.Pose, speed_percent: int, now_s: float) -> motion.Motion:
         joints = self.plant.joints(now_s)
         return motion.move(joints, arm.inverse(pose, near=joints), speed_percent)
 
     def jog(self, request: Request) -> Acceptance:
-        """4.28: until an emergency stop, a limit, or the loss of the link (A-4.28-3)."""
+        """4.28: moves until an emergency stop, a limit, or the loss of the link (A-4.28-3)."""
         if code := self.robot.refusal_code():
             return refused(code)
         if request.value is None:
             return refused(BAD_ARGUMENT)
-        way = motion.jog(self.plant.joints(request.now_s), request.value)
-        self.robot.move(request, MOVING, way, jogging=True)
+        planned = motion.jog(self.plant.joints(request.now_s), request.value)
+        self.robot.move(request, MOVING, planned, jogging=True)
         return ACCEPTED
 
     def emergency_stop(self, request: Request) -> Acceptance:
-        """4.17: needed while a command executes (A-4.17-1); does not latch (A-4.17-2)."""
+        """4.17: accepted while a command executes (A-4.17-1); does not latch (A-4.17-2)."""
         task = self.robot.stop(request.now_s)
         if task is None:
             return Acceptance(accepted=False)
@@ -103,16 +104,16 @@ class Motions(Base):
                 results.reverse()
             case "none":
                 del results[0]
-        for concluded, outcome in results:
-            self.send_result(concluded, outcome)
+        for ended_request, outcome in results:
+            self.send_result(ended_request, outcome)
         return ACCEPTED
 
     def release_joints(self, request: Request) -> Acceptance:
-        """4.25: at once (A-4.25-2), also if they are released already (A-4.25-3)."""
+        """4.25: ends at once (A-4.25-2), also if the joints are already released (A-4.25-3)."""
         return self._set_locked(request, locked=False)
 
     def lock_joints(self, request: Request) -> Acceptance:
-        """4.26: at once, also if they are locked already."""
+        """4.26: ends at once, also if the joints are already locked."""
         return self._set_locked(request, locked=True)
 
     def _set_locked(self, request: Request, *, locked: bool) -> Acceptance:

@@ -1,4 +1,4 @@
-"""Inputs and outputs: 4.31 to 4.34. Each kind of port has its own numbers (A-4.32-2)."""
+"""Behaviour of the port commands, 4.31 to 4.34. Each kind has its own numbers (A-4.32-2)."""
 
 from collections.abc import Iterable
 
@@ -8,12 +8,12 @@ from scaraspec.virtual_controller.session import Request
 
 
 def _digits(values: Iterable[bool]) -> str:
-    """One digit a port, the highest port leftmost (L651, L684)."""
+    """Return one digit per port, the highest port leftmost (L651, L684)."""
     return "".join("1" if value else "0" for value in reversed(list(values)))
 
 
 class Ports(Base):
-    """What is read from ports and set on them, also while a program runs."""
+    """The commands that read and set ports, also while a program runs."""
 
     def get_digital_inputs(self, _: Request) -> str:
         """4.31."""

@@ -1,4 +1,4 @@
-"""User programs: stored, chosen, run: 4.9 to 4.13, 4.15, 4.16."""
+"""Behaviour of the program commands: 4.9 to 4.13, 4.15, 4.16."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -14,13 +14,13 @@ from scaraspec.virtual_controller.robot import RUNNING, SIMULATING, Task
 from scaraspec.virtual_controller.session import Request
 
 NO_SUCH_PROGRAM: Final = "20"
-"""The code of a program that does not exist (L1044)."""
+"""Code for a program that does not exist (L1044)."""
 LIST_MAX_BYTES: Final = 253
-"""Names and bars in one message of a list, behind ``1|`` (L246)."""
+"""Limit of the names and bars in one part of a list, after ``1|`` (L246)."""
 
 
 def list_parts(names: list[bytes]) -> Iterator[NameListPart]:
-    """Cut a list between names into messages of at most 255 bytes (A-4.10-3)."""
+    """Split a list between names into parts of at most 255 bytes (A-4.10-3)."""
     part: list[bytes] = []
     size_bytes = 0
     for name in names:
@@ -33,10 +33,10 @@ def list_parts(names: list[bytes]) -> Iterator[NameListPart]:
 
 
 class Programs(Base):
-    """What is done with user programs.
+    """The commands for user programs.
 
     Attributes:
-        interpreter: What runs them.
+        interpreter: The class that runs a program.
     """
 
     interpreter: type[Run] = Run
@@ -49,19 +49,19 @@ class Programs(Base):
         return RunningProgram(task.program, int(request.now_s - task.request.now_s))
 
     def list_programs(self, request: Request) -> NameListPart:
-        """4.10: every program, sorted; further messages pushed, or each asked for (A-4.10-3)."""
+        """4.10: all programs, sorted; further parts are pushed or requested (A-4.10-3)."""
         names = [name for name in self.store.names() if self.is_program(name)]
         first, *rest = request.session.remaining_list_parts or list_parts(names)
         if self.dialect["list_cont"] == "push":
             for part in rest:
                 data = request.command.reply.encode(part, self.dialect)
-                self.later(request.session, Frame(C2A, request.frame.opcode, data))
+                self.send_after_reply(request.session, Frame(C2A, request.frame.opcode, data))
             rest = []
         request.session.remaining_list_parts = rest
         return first
 
     def delete_program(self, request: Request) -> bool:
-        """4.11: not while it runs or is transferred; the default program may go (A-4.11-1)."""
+        """4.11: refused while it runs or is transferred; accepts the default program (A-4.11-1)."""
         name: bytes = request.value
         if self.dialect["delete_guard"] == "refuse" and self.is_in_use(name):
             return False
@@ -72,7 +72,7 @@ class Programs(Base):
         return True
 
     def is_in_use(self, name: bytes) -> bool:
-        """Whether a program runs or is transferred."""
+        """Whether the program runs or is being transferred."""
         transfers = (session.transfer for session in self.sessions.values())
         task = self.robot.task
         return (task is not None and task.program == name) or any(
@@ -80,14 +80,14 @@ class Programs(Base):
         )
 
     def get_default_program(self, _: Request) -> bytes | Silence:
-        """4.12: none where the program that was set is gone (A-4.12-2)."""
+        """4.12: none if the default program was deleted (A-4.12-2)."""
         name = self.store.settings.default_program
         if self.is_program(name):
             return name
         return SILENCE if self.dialect["default_none"] == "silence" else b""
 
     def set_default_program(self, request: Request) -> bool:
-        """4.13: a stored program (A-4.13-1); nothing is started (A-4.12-3)."""
+        """4.13: must be a stored program (A-4.13-1); does not start it (A-4.12-3)."""
         return self.is_program(request.value) and self.save(default_program=request.value)
 
     def run_program(self, request: Request) -> Acceptance:
@@ -112,13 +112,13 @@ class Programs(Base):
         return ACCEPTED
 
     def _program(self, name: bytes | None) -> Program | None:
-        """A program that may run."""
+        """Return a program that may run, or None."""
         if name is None or not self.is_program(name):
             return None
         return self.parse_program(self.store.read(name))
 
     def parse_program(self, data: bytes) -> Program | None:
-        """The program that a file holds; a damaged one is as good as none (A-4.15-2)."""
+        """Return the program of a file; None if it is damaged or not runnable (A-4.15-2)."""
         try:
             program = parse(data)
         except ProgramError:

@@ -1,4 +1,4 @@
-"""Session, clock and settings: 4.1 to 4.8, 4.19 to 4.22, 4.35."""
+"""Behaviour of the session, clock and settings commands: 4.1 to 4.8, 4.19 to 4.22, 4.35."""
 
 from datetime import datetime
 from typing import Final
@@ -10,22 +10,22 @@ from scaraspec.virtual_controller.behaviour.base import ACCEPTED, Base, are_coor
 from scaraspec.virtual_controller.session import Request
 
 VERSION: Final = "1.0.0"
-"""Of the virtual robot's software (L203)."""
+"""Software version of the virtual robot (L203)."""
 PASSWORD_MAX_BYTES: Final = 127
-"""So that the old and the new one fit one request (A-4.1-3)."""
+"""Limit of a password: the old and the new one must fit in one request (A-4.1-3)."""
 
 
 class Settings(Base):
-    """What is asked and set without moving anything."""
+    """The commands that read and set without motion."""
 
     def login(self, request: Request) -> bool:
         """4.1, for this connection (A-4.1-1); a wrong password changes nothing (A-4.1-2)."""
-        right = bool(request.value == self.store.settings.password)
-        request.session.logged_in |= right
-        return right
+        correct = bool(request.value == self.store.settings.password)
+        request.session.logged_in |= correct
+        return correct
 
     def set_password(self, request: Request) -> bool:
-        """4.2, for the next login; who is logged in stays so (A-4.2-2)."""
+        """4.2, for the next login; a logged-in client stays logged in (A-4.2-2)."""
         old, new = request.value
         if old != self.store.settings.password or len(new) > PASSWORD_MAX_BYTES:
             return False
@@ -37,7 +37,7 @@ class Settings(Base):
         return Network(settings.ip, settings.mask, settings.gateway)
 
     def set_network(self, request: Request) -> bool:
-        """4.4: stored and reported; nothing is bound anew (A-4.4-1)."""
+        """4.4: stored and reported; the server keeps its address (A-4.4-1)."""
         return self.save(**request.value._asdict())
 
     def set_time(self, request: Request) -> bool:
@@ -72,7 +72,7 @@ class Settings(Base):
         return Pose(*self.store.settings.initial_tool_position)
 
     def set_initial_tool_position(self, request: Request) -> bool:
-        """4.21: a pose that the arm can take, and not while a command executes (A-4.21-2)."""
+        """4.21: the pose must be reachable and no command may execute (A-4.21-2)."""
         pose: Pose = request.value
         if self.robot.task is not None or not self.accepts_thetas(pose.theta_y, pose.theta_z):
             return False

@@ -1,4 +1,4 @@
-"""File transfer: clause 5, the controller's side of it."""
+"""Behaviour of the file transfer commands of clause 5."""
 
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import C2A
@@ -12,10 +12,10 @@ _EMPTY = Chunk(file_size=0, position=0, length=0, buffer=b"")
 
 
 class Transfers(Base):
-    """Files in and out, one at a time on a connection (A-5-17)."""
+    """Uploads and downloads, one at a time per connection (A-5-17)."""
 
     def upload_name(self, request: Request) -> bool:
-        """5.2: a name that is not taken (L748), if the file could be made."""
+        """5.2: accepted if the name does not exist (L748) and the file can be created."""
         name: bytes = request.value
         if not self._can_begin(request.session) or not self._is_name_free(name):
             return False
@@ -26,7 +26,7 @@ class Transfers(Base):
         return True
 
     def _is_name_free(self, name: bytes) -> bool:
-        """Whether a file of this name may be made (A-5-11, A-5-20)."""
+        """Whether a file with this name may be created (A-5-11, A-5-20)."""
         if (
             name in self.store
             or any(s.transfer and s.transfer.name == name for s in self.sessions.values())
@@ -38,14 +38,14 @@ class Transfers(Base):
         return self._has_room(name, 0)
 
     def upload_chunk(self, request: Request) -> bool | Silence:
-        """5.2: judged by the receiver; without an upload ``0`` (A-5-16)."""
+        """5.2: the receiver checks the chunk; without an upload the reply is ``0`` (A-5-16)."""
         session, transfer = request.session, request.session.transfer
         if transfer is None or not isinstance(transfer.end, Receiver):
             return False
         receiver = transfer.end
         accepted = receiver.take(request.frame.data, request.now_s)
         if accepted and not self._has_room(transfer.name, self._announced_bytes()):
-            receiver.fail("there is no room for it")
+            receiver.fail("the store is full")
             accepted = False
         if receiver.state is State.DONE:
             session.transfer = None
@@ -55,7 +55,7 @@ class Transfers(Base):
         return SILENCE if accepted is None else accepted
 
     def _announced_bytes(self) -> int:
-        """How many bytes all uploads under way will have."""
+        """Total file size of all uploads in progress."""
         ends = (session.transfer.end for session in self.sessions.values() if session.transfer)
         return sum(end.size_bytes or 0 for end in ends if isinstance(end, Receiver))
 
@@ -76,7 +76,7 @@ class Transfers(Base):
         return True
 
     def download_name(self, request: Request) -> bool:
-        """5.3: a stored file; its first chunk follows at once (A-5-23)."""
+        """5.3: accepted if the file is stored; the first chunk follows at once (A-5-23)."""
         session, name = request.session, request.value
         if not self._can_begin(session) or name not in self.store:
             return False
@@ -89,7 +89,7 @@ class Transfers(Base):
         return bool(content) or self.dialect["empty_file"] != "refused"
 
     def download_chunk(self, request: Request) -> Silence:
-        """5.3: the client's answer to a chunk (A-5-19); ignored where none is due (A-5-16)."""
+        """5.3: the client's reply to a chunk (A-5-19); ignored if unexpected (A-5-16)."""
         session, transfer = request.session, request.session.transfer
         if transfer is not None and isinstance(transfer.end, Sender):
             transfer.end.acknowledge(request.value is True, request.now_s)
@@ -106,10 +106,10 @@ class Transfers(Base):
 
     def _send_chunk(self, session: Session, chunk: Chunk) -> None:
         data = FILE_DATA.encode(chunk, self.dialect)
-        self.later(session, Frame(C2A, BY_NAME["download_chunk"].opcode, data))
+        self.send_after_reply(session, Frame(C2A, BY_NAME["download_chunk"].opcode, data))
 
     def _can_begin(self, session: Session) -> bool:
-        """Whether a transfer may begin; under the reading "replace" the present one makes way."""
+        """Whether a transfer may start; the reading "replace" aborts the current one."""
         if session.transfer is None:
             return True
         if self.dialect["xfer_concurrency"] == "refuse":
@@ -118,11 +118,11 @@ class Transfers(Base):
         return True
 
     def abort_transfer(self, session: Session) -> None:
-        """End a session's transfer without success; what came in is removed or kept (A-5-12)."""
+        """Abort the transfer of a session; a partial upload is removed or kept (A-5-12)."""
         transfer, session.transfer = session.transfer, None
         if transfer is None or not isinstance(transfer.end, Receiver):
             return
         if self.dialect["partial_keep"] == "keep":
             self._write(transfer.name, transfer.end.content)
         elif transfer.end.received_bytes:
-            self.remove(transfer.name)  # which is there only if "name-only" made it (A-5-10)
+            self.remove(transfer.name)  # exists only if "name-only" created it (A-5-10)

@@ -1,4 +1,4 @@
-"""A bench: a core on a memory network, and clients that speak frames to it in fake time."""
+"""The test bench: a core on a memory network, and clients, in simulated time."""
 
 from collections.abc import Callable
 from datetime import datetime
@@ -77,7 +77,7 @@ class Client:
 
 
 class Bench:
-    """A core, what it works on, and its clients."""
+    """A core, its plant and store, and its clients."""
 
     def __init__(self, readings: dict[str, str]) -> None:
         self.plant = Plant(datetime(2014, 12, 22, 14, 30), now_s=0.0)  # noqa: DTZ001 - the document names no zone (L172)
@@ -96,7 +96,7 @@ class Bench:
         return client
 
     def break_motor(self, code: str, *, lasting: bool = False) -> None:
-        """Let a fault happen, and the core see it."""
+        """Inject a fault and advance the core."""
         self.plant.fail(code, self.network.now_s, lasting=lasting)
         self.network.run_until(self.network.now_s + 0.01)
 

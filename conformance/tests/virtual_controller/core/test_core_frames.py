@@ -99,7 +99,7 @@ def test_the_next_request_is_served_after_garbage(bench: Any, garbage: bytes) ->
 def test_where_the_search_goes_on_is_a_reading(
     bench_of: Any, reading: str, stream: bytes, answered: list[str]
 ) -> None:
-    """A-3-10: a byte further, behind the bad candidate, or in what arrives next."""
+    """A-3-10: one byte later, after the bad candidate, or in the next bytes."""
     client = bench_of(resync=reading).client()
     client.link.send(stream)
     assert _names(client) == answered
@@ -108,7 +108,7 @@ def test_where_the_search_goes_on_is_a_reading(
 
 
 def test_closing_after_garbage_can_be_a_reading(bench_of: Any) -> None:
-    """A-3-10 (d): what came before is served, what comes behind is not."""
+    """A-3-10 (d): frames before it are processed, frames after it are not."""
     client = bench_of(resync="close").client()
     client.link.send(_STATUS + b"\x00" + _TIME)
     assert _names(client) == ["get_status"]
@@ -117,7 +117,7 @@ def test_closing_after_garbage_can_be_a_reading(bench_of: Any) -> None:
 
 @pytest.mark.parametrize("resync", ["bytewise", "framewise", "flush"])
 def test_an_unfinished_frame_is_given_up_after_two_seconds(bench_of: Any, resync: str) -> None:
-    """A-3-11: the request behind a false start byte with a large length is not lost for ever."""
+    """A-3-11: a false start byte with a large length does not lose the next request."""
     client = bench_of(resync=resync).client()
     client.link.send(b"\xaa\x08\xff")
     client.link.send(_STATUS)
@@ -184,7 +184,7 @@ def test_no_bytes_stop_the_controller(bench_of: Any, pieces: list[bytes], pause_
 def test_no_sequence_of_requests_stops_the_controller(
     bench_of: Any, pieces: list[bytes], readings: dict[str, str], pauses_s: list[float]
 ) -> None:
-    """Whatever two clients who have logged in ask for, in any dialect, it goes on answering."""
+    """It keeps answering two logged-in clients with any requests, in any dialect."""
     bench = bench_of(**readings | {"max_clients": "many"})
     bench.store_program(b"p")
     clients = [bench.client(), bench.client()]

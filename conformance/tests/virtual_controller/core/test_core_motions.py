@@ -1,4 +1,4 @@
-"""Two-stage commands: states, refusals, results, faults, stops and what becomes of a lost link."""
+"""Two-stage commands: states, refusals, results, faults, stops and a lost link."""
 
 from typing import Any
 
@@ -88,7 +88,7 @@ def test_an_emergency_stop_interrupts_everything(busy_of: Any, activity: str, st
     ("reading", "results"),
     [("after", ["*emergency_stop", "*jog"]), ("none", ["*emergency_stop"])],
 )
-def test_when_the_interrupted_command_is_told_is_a_reading(
+def test_order_of_the_interrupted_result_is_a_reading(
     busy_of: Any, reading: str, results: list[str]
 ) -> None:
     """A-4.17-4 (b) and (c)."""
@@ -114,7 +114,7 @@ def test_a_stop_that_is_not_needed_is_answered_0(bench: Any) -> None:
     assert client.ask("emergency_stop") == b"0"
 
 
-def test_queries_and_ports_are_served_meanwhile(busy_of: Any) -> None:
+def test_queries_and_ports_work_during_execution(busy_of: Any) -> None:
     """A-4-3 (a): everything that asks, and outputs (A-4.32-4)."""
     _, client = busy_of("run_program")
     for row in COMMANDS:
@@ -189,7 +189,7 @@ def test_the_separator_before_a_code_is_a_reading(bench_of: Any) -> None:
 
 
 def test_coordinates_can_mean_the_gripper(bench_of: Any) -> None:
-    """A-4.23-1 (b): what is commanded is what is reported, and the arm stands elsewhere."""
+    """A-4.23-1 (b): the commanded pose is reported, and the arm is at another position."""
     bench = bench_of(pose_point="gripper")
     client = bench.client()
     client.ask("set_gripper_center", b"0|30|-20")
@@ -241,7 +241,7 @@ def test_a_jog_ends_well_at_the_limit_and_again_at_once(bench: Any) -> None:
 
 
 def test_a_jog_ends_with_its_link(bench: Any) -> None:
-    """A-2-8 (b): nobody could stop it any more."""
+    """A-2-8 (b): no client could stop it."""
     jogger, watcher = bench.client(), bench.client()
     jogger.ask("jog", b"1")
     bench.pass_s(1.0)
@@ -388,7 +388,7 @@ def test_a_busy_robot_can_be_silent(busy_of: Any) -> None:
 
 
 def test_a_busy_robot_can_queue(busy_of: Any) -> None:
-    """A-4-2 (c): what came meanwhile is executed afterwards, in order, until it is refused."""
+    """A-4-2 (c): queued requests are executed afterwards, in order, until one is refused."""
     _, client = busy_of("set_tool_coordinates", busy_reply="queue")
     for name, data in (("release_joints", b""), ("jog", b"1"), ("lock_joints", b"")):
         assert client.ask(name, data) is None
@@ -425,8 +425,8 @@ def test_what_waits_for_a_jog_begins_when_the_jogger_leaves(busy_of: Any) -> Non
     assert other.hear() == [("lock_joints", b"1"), ("*lock_joints", b"11")]
 
 
-@pytest.mark.parametrize("happening", ["open", "receive", "close", "advance"])
-def test_what_is_due_happens_before_whatever_comes(bench: Any, happening: str) -> None:
+@pytest.mark.parametrize("event", ["open", "receive", "close", "advance"])
+def test_what_is_due_happens_before_whatever_comes(bench: Any, event: str) -> None:
     """A shell may be late: the result of a move that is over comes first."""
     core = bench.core
     core.open(1, 0.0, "serial")
@@ -434,9 +434,9 @@ def test_what_is_due_happens_before_whatever_comes(bench: Any, happening: str) -
     assert reply.data == b"\xcc\x39\x011\xaa"
     late_s = bench.plant.motion_ends_s + 1.0
     arguments = {"open": (2, late_s, "serial"), "receive": (1, b"", late_s), "advance": (late_s,)}
-    if happening == "close":
+    if event == "close":
         core.open(2, 0.0, "serial")
-    actions = getattr(core, happening)(*arguments.get(happening, (2, late_s)))
+    actions = getattr(core, event)(*arguments.get(event, (2, late_s)))
     assert actions[0] == (1, b"\xcc\x90\x39\x0211\xaa")
 
 

@@ -88,7 +88,7 @@ def test_a_move_is_no_running_program(bench: Any) -> None:
     assert client.ask("get_running_program") == b"0"
 
 
-def test_how_no_running_program_is_told_is_a_reading(bench_of: Any) -> None:
+def test_reply_without_running_program_is_a_reading(bench_of: Any) -> None:
     """A-4.9-2 (b) and A-T-1 (b)."""
     assert bench_of(runinfo_none="0||").client().ask("get_running_program") == b"0||"
     assert bench_of(runinfo_binary="binary").client().ask("get_running_program") == b"\0"
@@ -188,7 +188,7 @@ def test_which_opcode_asks_for_the_default_is_a_reading(
 
 
 @pytest.mark.parametrize(("reading", "said"), [("empty", b""), ("0", b"0"), ("silence", None)])
-def test_how_no_default_is_told_is_a_reading(
+def test_reply_without_default_program_is_a_reading(
     bench_of: Any, reading: str, said: bytes | None
 ) -> None:
     """A-4.12-2."""
@@ -234,7 +234,7 @@ def test_a_name_with_path_elements_is_no_name(bench: Any, name: bytes) -> None:
 def test_whether_a_program_in_use_may_be_deleted_is_a_reading(
     bench_of: Any, guard: str, answer: bytes
 ) -> None:
-    """A-4.11-1: while it runs, and while it is downloaded; the run goes on either way."""
+    """A-4.11-1: while it runs, and while it is downloaded; the run continues in both cases."""
     bench = bench_of(delete_guard=guard)
     bench.store_program(b"p")
     bench.store_program(b"q")

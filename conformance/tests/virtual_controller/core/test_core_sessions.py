@@ -1,4 +1,4 @@
-"""Connections, logins, and who is told what."""
+"""Connections, logins, and which client gets which frame."""
 
 from typing import Any
 
@@ -93,7 +93,7 @@ def test_results_go_only_to_the_connection_that_asked(bench: Any) -> None:
 
 
 def test_a_result_whose_connection_is_gone_is_dropped(bench: Any) -> None:
-    """A-2-8 and A-2-9: the move goes on to its end, and its result goes nowhere."""
+    """A-2-8 and A-2-9: the move continues to its end, and its result is not sent."""
     mover = bench.client()
     mover.ask("set_tool_coordinates", _MOVE)
     mover.link.close()
@@ -180,7 +180,7 @@ def test_unknown_opcodes(bench_of: Any, opcode: int, reading: str) -> None:
 
 
 def test_shutdown_answers_then_closes_everything(bench: Any) -> None:
-    """4.35 (L696; A-4.35-2): 1, no tagged frame, the end, and nobody is let in any more."""
+    """4.35 (L696; A-4.35-2): 1, no tagged frame, the end, and no further client is accepted."""
     client, other = bench.client(), bench.client()
     assert client.ask("shutdown") == b"1"
     assert (client.hear(), client.ending) == ([], Ending.CLOSED)

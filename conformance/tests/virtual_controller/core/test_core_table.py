@@ -1,4 +1,4 @@
-"""The command table and the core: one method for each row, one way in, one way out."""
+"""The command table and the core: one method per command, one input, one output."""
 
 from typing import Any
 

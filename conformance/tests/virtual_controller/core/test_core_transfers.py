@@ -195,7 +195,7 @@ def test_a_missing_file_cannot_be_downloaded(bench: Any) -> None:
 
 @pytest.mark.parametrize("second", ["upload_name", "download_name"])
 def test_a_second_transfer_on_a_connection_is_refused(bench: Any, second: str) -> None:
-    """A-5-17 (a): and the first goes on; another connection has one of its own."""
+    """A-5-17 (a): the first continues; another connection has its own transfer."""
     bench.store.write(b"old", b"x")
     client, other = bench.client(), bench.client()
     client.ask("upload_name", b"f")

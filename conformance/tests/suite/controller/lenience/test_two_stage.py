@@ -64,8 +64,8 @@ class Away(Latching):
         stands = arm.inverse(arm.Pose(296.0, 0.0, 250.0, 0.0), near=arm.UPPER)
         super().__init__(Plant(plant.clock.time(0.0), 0.0, stands), *arguments, **named)
 
-    def _way(self, pose: arm.Pose, speed_percent: int, now_s: float) -> motion.Motion:
-        return super()._way(pose, min(speed_percent, 2), now_s)
+    def _plan_move(self, pose: arm.Pose, speed_percent: int, now_s: float) -> motion.Motion:
+        return super()._plan_move(pose, min(speed_percent, 2), now_s)
 
 
 class Late(ControllerCore):
@@ -117,8 +117,8 @@ class Quick(ControllerCore):
         stretched = arm.inverse(arm.Pose(399.9, 0.0, 350.0, 0.0), near=arm.UPPER)
         super().__init__(Plant(plant.clock.time(0.0), 0.0, stretched), *arguments, **named)
 
-    def _way(self, pose: arm.Pose, speed_percent: int, now_s: float) -> motion.Motion:
-        return motion.hold(super()._way(pose, speed_percent, now_s).waypoints[-1])
+    def _plan_move(self, pose: arm.Pose, speed_percent: int, now_s: float) -> motion.Motion:
+        return motion.hold(super()._plan_move(pose, speed_percent, now_s).waypoints[-1])
 
     def reset(self, request: Request) -> Acceptance:
         if code := self.robot.refusal_code():
@@ -172,8 +172,8 @@ class Deaf(ControllerCore):
 class DeafAndSlow(Deaf):
     """Whatever it does lasts for two seconds, even a move to where it stands."""
 
-    def _way(self, pose: arm.Pose, speed_percent: int, now_s: float) -> motion.Motion:
-        way = super()._way(pose, speed_percent, now_s)
+    def _plan_move(self, pose: arm.Pose, speed_percent: int, now_s: float) -> motion.Motion:
+        way = super()._plan_move(pose, speed_percent, now_s)
         return replace(way, duration_s=max(way.duration_s, 2.0))
 
 
@@ -256,10 +256,10 @@ class Turns(ControllerCore):
         pose = super().get_tool_coordinates(request)
         return pose._replace(theta_x=_within_half_a_turn(pose.theta_x + 0.01 * self._odd))
 
-    def _way(self, pose: arm.Pose, speed_percent: int, now_s: float) -> motion.Motion:
+    def _plan_move(self, pose: arm.Pose, speed_percent: int, now_s: float) -> motion.Motion:
         stands_deg = arm.forward(self.plant.joints(now_s)).theta_x_deg
         turned_deg = round(stands_deg + _within_half_a_turn(pose.theta_x_deg - stands_deg), 1)
-        return super()._way(pose._replace(theta_x_deg=turned_deg), speed_percent, now_s)
+        return super()._plan_move(pose._replace(theta_x_deg=turned_deg), speed_percent, now_s)
 
 
 def _within_half_a_turn(angle_deg: float) -> float:
