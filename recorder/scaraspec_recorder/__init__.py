@@ -1,6 +1,8 @@
-"""The recorder: a transparent proxy that never waits, and everything that is made of what it saw.
+"""The recorder: a transparent proxy whose link never waits for the recording, and its outputs.
 
-`forwarding` forwards, `spooling` bridges, the `scribe` writes, each for itself. What it writes is
-made once in `deriving`, put into files by `mcap` and `drawing`, and kept by `keeping`. `recording`
-joins them. Captures of any kind come back as wire events through `source`.
+Belongs here: `tap` (forwarding), `spool` (hand-over to the writer process), `sinks` (decoding and
+output formats), `recordings` (rotation, retention, index, repair), `sources` (capture readers),
+`fault_injection` and `monitoring`. `recording` combines them.
+
+Does not belong here: judging traffic (`scaraspec.judge`), the command line (`scaraspec.cli`).
 """

@@ -1,8 +1,8 @@
-"""Children: the processes of a recorder, and how they are kept alive and ended.
+"""Child processes of a recorder: start, restart after a failure, and stop.
 
-Law: a child obeys its line and nothing else. The line is a socket pair; its near end closes when
-the recorder closes it or dies, and that is the order to finish. Signals that a terminal or a
-service manager sends to all processes at once are for the recorder alone.
+The parent stops a child through a socket pair, the *line*. The parent's end closes when the
+recorder closes it or dies; the child then finishes its work and exits. Children ignore the signals
+that a terminal or a service manager sends to all processes; only the recorder handles them.
 """
 
 import asyncio
@@ -24,35 +24,35 @@ if TYPE_CHECKING:
 
 MIN_RESTART_DELAY_S: Final = 0.1
 MAX_RESTART_DELAY_S: Final = 5.0
-"""How long a child that dies again and again stays dead."""
+"""Limits of the delay before a child is restarted; it doubles with each failure."""
 
 REPORTED_EXIT_STATUS: Final = 75
-"""Exit status of a child that has said itself why it must be started again."""
+"""Exit status of a child that has already reported why it must be restarted."""
 
 _SAFE_PATH: Final = "PYTHONSAFEPATH"
-_SHOWN: Final = Path("/proc/self/comm")  # what ps and top call a process
+_PROCESS_NAME: Final = Path("/proc/self/comm")  # the name that ps and top show
 
 _log = logging.getLogger(__name__)
 _processes = multiprocessing.get_context("spawn")
 
 
-_TO_ALL: Final = ("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1")
+_GROUP_SIGNALS: Final = ("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1")
 
 
 def ignore_signals() -> None:
-    """To be called first in a child: leave it to the recorder when to end."""
-    for number in _numbers(_TO_ALL):
+    """Ignore signals to the process group. A child must call this first."""
+    for number in _numbers(_GROUP_SIGNALS):
         signal.signal(number, signal.SIG_IGN)
 
 
 def spawn(name: str, run: Callable[..., None], *arguments: Any) -> "BaseProcess":
-    """Start a process that is called so where the system lists processes.
+    """Start a process that the system's process list shows under `name`.
 
     Raises:
-        Exception: An argument cannot be pickled; whatever pickle says of it.
-        OSError: The system has no room for another process.
+        Exception: An argument cannot be pickled; the exception is that of pickle.
+        OSError: The system cannot start another process.
     """
-    process = _processes.Process(target=_be, args=(name, run, *arguments))
+    process = _processes.Process(target=_child_main, args=(name, run, *arguments))
     with safe_import_path(), _blocked_signals():
         process.start()
     return process
@@ -60,9 +60,9 @@ def spawn(name: str, run: Callable[..., None], *arguments: Any) -> "BaseProcess"
 
 @contextmanager
 def safe_import_path() -> Iterator[None]:
-    """What Python is started herein imports nothing that lies in the folder where somebody works.
+    """Prevent Python processes started in this context from importing from the working directory.
 
-    Else a file there that is called like a module of Python would be run in its place.
+    Otherwise a file there with the name of a standard module would be imported instead of it.
     """
     before = os.environ.get(_SAFE_PATH)
     os.environ[_SAFE_PATH] = "1"
@@ -75,13 +75,13 @@ def safe_import_path() -> Iterator[None]:
 
 
 class ChildProcess:
-    """A process that is started again whenever it fails, until it is stopped.
+    """A process that is restarted after each failure until it is stopped.
 
     Args:
-        name: What it is, for the log.
-        run: The process's function; its last argument is the far end of its line. It returns when
-            the near end is closed and its work is done.
-        arguments: Its other arguments.
+        name: Name of the process, used in the log.
+        run: Main function of the process; its last argument is the child's end of the line. It
+            returns when the parent's end is closed and its work is done.
+        arguments: The other arguments.
 
     Attributes:
         control_socket: The parent's end of the line. Other children may hold it, too: this child
@@ -97,16 +97,16 @@ class ChildProcess:
         self._supervisor: asyncio.Task[None] | None = None
 
     def start(self) -> None:
-        """Start the process, from within a running event loop.
+        """Start the process. An event loop must be running.
 
         Raises:
-            Exception: An argument cannot be pickled; whatever pickle says of it.
-            OSError: The system has no room for another process.
+            Exception: An argument cannot be pickled; the exception is that of pickle.
+            OSError: The system cannot start another process.
         """
         self._supervisor = asyncio.get_running_loop().create_task(self._supervise(self._spawn()))
 
     async def stop(self, timeout_s: float) -> bool:
-        """Order it to finish; kill it where it has not after so long. Return whether it has."""
+        """Stop the process, and kill it after `timeout_s`. Return whether it stopped in time."""
         self.control_socket.close()
         try:
             if self._supervisor:
@@ -123,7 +123,7 @@ class ChildProcess:
         return process
 
     async def _supervise(self, process: "BaseProcess") -> None:
-        """Wait for the process's end; where that is a failure, start it again, and so on."""
+        """Restart the process each time it fails, until it ends with status 0."""
         loop = asyncio.get_running_loop()
         delay_s = MIN_RESTART_DELAY_S
         while True:
@@ -134,50 +134,54 @@ class ChildProcess:
             if loop.time() - started_s > MAX_RESTART_DELAY_S:
                 delay_s = MIN_RESTART_DELAY_S
             if status != REPORTED_EXIT_STATUS:
-                _log.warning("the %s ended with status %s and is started again", self._name, status)
+                _log.warning(
+                    "the %s process ended with status %s and is restarted", self._name, status
+                )
             while True:
                 await asyncio.sleep(delay_s)
                 delay_s = min(2 * delay_s, MAX_RESTART_DELAY_S)
                 try:
                     process = self._spawn()
-                except OSError as error:  # too many processes or files, for now
-                    _log.warning("the %s cannot be started: %s", self._name, error)
+                except OSError as error:  # too many processes or files at the moment
+                    _log.warning("the %s process cannot be started: %s", self._name, error)
                 else:
                     break
 
 
 def _numbers(names: Iterable[str]) -> set[signal.Signals]:
-    return {getattr(signal, name) for name in names if hasattr(signal, name)}  # Windows knows fewer
+    return {
+        getattr(signal, name) for name in names if hasattr(signal, name)
+    }  # Windows has fewer signals
 
 
 @contextmanager
 def _blocked_signals() -> Iterator[None]:
-    """Whoever is started herein is not ended by a signal before it knows what to do with it."""
+    """Block group signals, so that a new process is not killed before it ignores them."""
     if sys.platform == "win32":
         yield
         return
-    resource_tracker.ensure_running()  # which lets signals through again, when it is first started
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _numbers(_TO_ALL))
+    resource_tracker.ensure_running()  # its first start would unblock the signals
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _numbers(_GROUP_SIGNALS))
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _be(name: str, run: Callable[..., None], *arguments: Any) -> None:
-    """Be a child, and be called so where the system lists processes."""
+def _child_main(name: str, run: Callable[..., None], *arguments: Any) -> None:
+    """Main function of a child: set its name in the process list, then run it."""
     with suppress(OSError):  # only Linux has such a file
-        _SHOWN.write_text(f"scara-{name}")
+        _PROCESS_NAME.write_text(f"scara-{name}")
     try:
         run(*arguments)
     except SystemExit as ended:
-        if ended.code == REPORTED_EXIT_STATUS:  # at once: a library's thread may wait for ever
+        if ended.code == REPORTED_EXIT_STATUS:  # immediately: a library's thread may never end
             os._exit(REPORTED_EXIT_STATUS)
         raise
 
 
 async def _end_of(process: "BaseProcess") -> int | None:
-    """Wait for a process's end, or kill it where nobody wants to wait any longer."""
+    """Wait for the end of a process; kill it if the wait is cancelled."""
     loop = asyncio.get_running_loop()
     ended: asyncio.Future[list[Any]] = loop.run_in_executor(None, wait, [process.sentinel])
     try:

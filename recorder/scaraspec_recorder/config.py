@@ -1,7 +1,7 @@
-"""The configuration of recorders: what is recorded, where it comes in, what is kept.
+"""Configuration of recorders: controllers, listening addresses, output folders and retention.
 
-Law: texts in, checked values out, and one clear sentence for anything wrong; nothing is opened. The
-keys of a table are the options of ``scaraspec record``, so that both mean the same.
+Belongs here: checks of options and TOML files. Does not belong here: opening files or sockets. The
+keys of a TOML table are the options of ``scaraspec record``.
 """
 
 import difflib
@@ -31,46 +31,46 @@ DEFAULT_OUT: Final = Path("captures")
 MODES: Final = {"port": Mode.EXPLICIT, "redirect": Mode.REDIRECT, "tproxy": Mode.TPROXY}
 DEFAULT_LISTEN: Final = {
     Mode.EXPLICIT: f"127.0.0.1:{DEFAULT_PORT}",
-    Mode.REDIRECT: f"0.0.0.0:{DEFAULT_PORT + 1}",  # whichever address its clients come in at
+    Mode.REDIRECT: f"0.0.0.0:{DEFAULT_PORT + 1}",  # all addresses of this machine
     Mode.TPROXY: f"127.0.0.1:{DEFAULT_PORT + 1}",
 }
-"""Where the recorder listens if nothing is said, by mode."""
+"""Default listening address of each mode."""
 
 _HOURLY: Final = parse_rotation("1h")
-"""How long a file lasts if only limits are set: a file that never ends could not be removed."""
+"""Rotation when only limits are set. A file that never ends could not be removed."""
 
-_MOST_ROBOTS: Final = 256
+_MAX_ROBOTS: Final = 256
 
 
 class TimestampSource(StrEnum):
-    """Who says when bytes came in."""
+    """Source of the reception timestamps."""
 
-    USER = "user"  # the recorder, when it reads them: costs the link nothing
-    KERNEL = "kernel"  # the system, where it can: reading them so takes longer
+    USER = "user"  # the recorder, at the read call; adds no latency
+    KERNEL = "kernel"  # the kernel, if it supports this; reads take longer
 
 
 class ConfigError(Exception):
-    """A configuration that cannot be; the message is one sentence for the user."""
+    """The configuration is invalid. The message is one sentence for the user."""
 
 
 @dataclass(frozen=True, slots=True)
 class RobotConfig:
-    """What is recorded of one robot.
+    """Configuration of the recording of one robot.
 
     Attributes:
-        name: What its files are called by.
-        url: The controller's link.
-        listen: Where clients connect.
-        out: The folder of the recording.
-        mode: How clients come to it.
-        redact: Whether to hide passwords in the raw layer too.
-        rotate: When a file ends; None for one file, or for each hour if limits are set.
-        keep: What is kept; None for all.
-        min_free_bytes: How much of the disk is to stay free.
-        triggers: The conditions at which the recording is marked.
-        injection: Faults on purpose; None for none.
-        i_mean_it: Whether they may reach clients on other machines.
-        timestamps: Who says when bytes came in.
+        name: The robot's name, part of the file names.
+        url: URL of the controller.
+        listen: Address that clients connect to.
+        out: Output folder.
+        mode: How client connections reach the recorder.
+        redact: Whether to mask passwords in the raw bytes, too.
+        rotate: When a file ends. None: one file, or one file per hour if limits are set.
+        keep: Limits of age and total size; None keeps all recordings.
+        min_free_bytes: Disk space that must stay free; 0 for no limit.
+        triggers: Conditions that write a mark into the recording.
+        injection: Faults to inject; None for none.
+        i_mean_it: Whether injected faults may affect clients on other machines.
+        timestamps: Source of the reception timestamps.
     """
 
     name: str
@@ -88,13 +88,13 @@ class RobotConfig:
     timestamps: TimestampSource = TimestampSource.USER
 
     def sink(self, session: Mapping[str, str], *, draw: bool, needs_login: bool) -> SinkFactory:
-        """Return what makes the sink that writes the files.
+        """Return the factory of the sink that writes the files.
 
         It writes one file, capture.mcap, unless `rotate`, `keep` or `min_free_bytes` is set. Then
-        it writes several files, named by time and robot, and a table of contents.
+        it writes several files, named by time and robot, and the index contents.jsonl.
 
         Args:
-            session: What is known beforehand, such as the addresses.
+            session: Metadata of the session, such as the addresses.
             draw: Whether to write .rrd files too.
             needs_login: False for a serial link (L83).
         """
@@ -123,32 +123,32 @@ class RobotConfig:
 
 
 def read_robot(name: str, table: Mapping[str, Any], prefix: str) -> RobotConfig:
-    """Check what is said of one robot.
+    """Check the configuration of one robot.
 
     Args:
-        name: The robot.
-        table: Values by the names of options, such as ``min-free``.
-        prefix: Stands before such a name where a sentence says what is wrong.
+        name: The robot's name.
+        table: Values by option name, such as ``min-free``.
+        prefix: Text before the option name in error messages.
 
     Raises:
-        ConfigError: A key or a value is wrong, or two do not go together.
+        ConfigError: A key is unknown, a value is invalid, or two values exclude each other.
     """
     values = {}
     for key, value in table.items():
         if key not in _KEYS:
             raise ConfigError(
                 UserMessage(
-                    "{prefix}{key} is no setting{meant}",
+                    "{prefix}{key} is not a setting{suggestion}",
                     prefix=prefix,
                     key=key,
-                    meant=_meant(key, _KEYS),
+                    suggestion=_suggestion(key, _KEYS),
                 )
             )
         kind, field, read = _KEYS[key]
         if not isinstance(value, kind):
             raise ConfigError(
                 UserMessage(
-                    "{prefix}{key}: {value!r} is no {kinds}",
+                    "{prefix}{key}: {value!r} is not {kinds}",
                     prefix=prefix,
                     key=key,
                     value=value,
@@ -164,45 +164,47 @@ def read_robot(name: str, table: Mapping[str, Any], prefix: str) -> RobotConfig:
     if not values.get("url"):
         raise ConfigError(
             UserMessage(
-                "{prefix}url is missing: name the controller, as tcp://192.168.1.2", prefix=prefix
+                "{prefix}url is missing: set the controller's URL, such as tcp://192.168.1.2",
+                prefix=prefix,
             )
         )
     values.setdefault("listen", DEFAULT_LISTEN[values.get("mode", Mode.EXPLICIT)])
     robot = RobotConfig(name, **values)
     if robot.i_mean_it and not robot.injection:
         raise ConfigError(
-            UserMessage(
-                "{prefix}i-mean-it means nothing without inject: leave it out", prefix=prefix
-            )
+            UserMessage("{prefix}i-mean-it has no effect without inject: remove it", prefix=prefix)
         )
     return robot
 
 
 def read_config(path: Path) -> tuple[RobotConfig, ...]:
-    """Read a TOML file: a table for each robot, and before them what holds for all.
+    """Read a TOML file: settings for all robots first, then one table per robot.
 
-    Each robot's files have a folder of its name in `out`, unless its own table names another.
+    The files of a robot are in the folder `out`/name, unless its own table sets `out`.
 
     Raises:
-        ConfigError: It cannot be read, or what it says cannot be.
+        ConfigError: The file cannot be read, or its content is invalid.
     """
-    for_all = _load(path)
-    tables = for_all.pop("robots", None)
-    if not isinstance(tables, dict) or not 0 < len(tables) <= _MOST_ROBOTS:
+    shared = _load(path)
+    tables = shared.pop("robots", None)
+    if not isinstance(tables, dict) or not 0 < len(tables) <= _MAX_ROBOTS:
         raise ConfigError(
-            UserMessage("{path} must name robots: write tables such as [robots.line-3]", path=path)
+            UserMessage(
+                "{path} must configure 1 to 256 robots: add tables such as [robots.line-3]",
+                path=path,
+            )
         )
-    for key in for_all:
-        if key not in _FOR_ALL:
+    for key in shared:
+        if key not in _SHARED_KEYS:
             raise ConfigError(
                 UserMessage(
-                    "{path}: {key} is no setting for all robots{meant}",
+                    "{path}: {key} is not a setting for all robots{suggestion}",
                     path=path,
                     key=key,
-                    meant=_meant(key, _FOR_ALL),
+                    suggestion=_suggestion(key, _SHARED_KEYS),
                 )
             )
-    robots = tuple(_from_file(path, name, table, for_all) for name, table in tables.items())
+    robots = tuple(_from_file(path, name, table, shared) for name, table in tables.items())
     for key in ("listen", "out"):
         taken: dict[object, str] = {}
         for robot in robots:
@@ -211,7 +213,7 @@ def read_config(path: Path) -> tuple[RobotConfig, ...]:
             if other != robot.name:
                 raise ConfigError(
                     UserMessage(
-                        "{path}: {robot} and {other} have the same {key}, {value}: name another",
+                        "{path}: {robot} and {other} have the same {key}, {value}: change one",
                         path=path,
                         robot=robot.name,
                         other=other,
@@ -222,24 +224,24 @@ def read_config(path: Path) -> tuple[RobotConfig, ...]:
     return robots
 
 
-def _from_file(path: Path, name: str, table: object, for_all: Mapping[str, Any]) -> RobotConfig:
+def _from_file(path: Path, name: str, table: object, shared: Mapping[str, Any]) -> RobotConfig:
     if not isinstance(table, dict):
         raise ConfigError(
             UserMessage(
-                "{path}: robots.{name} is no table: write [robots.{name}]", path=path, name=name
+                "{path}: robots.{name} is not a table: write [robots.{name}]", path=path, name=name
             )
         )
     if name != safe_name(name):
         raise ConfigError(
             UserMessage(
-                "{path}: {name!r} cannot name files: take letters, digits and hyphens",
+                "{path}: {name!r} cannot be used in file names: use letters, digits and hyphens",
                 path=path,
                 name=name,
             )
         )
-    out = for_all.get("out", str(DEFAULT_OUT))
+    out = shared.get("out", str(DEFAULT_OUT))
     own_out = {"out": str(Path(out) / name)} if isinstance(out, str) else {}
-    return read_robot(name, {**for_all, **own_out, **table}, f"{path}: robots.{name}.")
+    return read_robot(name, {**shared, **own_out, **table}, f"{path}: robots.{name}.")
 
 
 def _load(path: Path) -> dict[str, Any]:
@@ -251,13 +253,15 @@ def _load(path: Path) -> dict[str, Any]:
 
 def _mode(text: str) -> Mode:
     if text not in MODES:
-        raise ValueError(f"{text!r} is no mode: take {', '.join(MODES)}")
+        raise ValueError(f"{text!r} is not a mode: use one of {', '.join(MODES)}")
     return MODES[text]
 
 
-def _clock(text: str) -> TimestampSource:
+def _timestamp_source(text: str) -> TimestampSource:
     if text not in tuple(TimestampSource):
-        raise ValueError(f"{text!r} is no clock: take {', '.join(TimestampSource)}")
+        raise ValueError(
+            f"{text!r} is not a timestamp source: use one of {', '.join(TimestampSource)}"
+        )
     return TimestampSource(text)
 
 
@@ -268,14 +272,14 @@ def _injection(text: str) -> Injection:
 def _triggers(texts: Iterable[object]) -> tuple[str, ...]:
     for text in texts:
         if not isinstance(text, str):
-            raise ValueError(f"{text!r} is no text")  # noqa: TRY004 - wrong in a file, not in code
+            raise ValueError(f"{text!r} is not a string")  # noqa: TRY004 - invalid in the file, not in code
         parse_trigger(text)
     return tuple(dict.fromkeys(str(text) for text in texts))
 
 
-def _meant(key: str, among: Iterable[str]) -> str:
-    near = difflib.get_close_matches(key, among, n=1)
-    return f": did you mean {near[0]}?" if near else f": there are {', '.join(among)}"
+def _suggestion(key: str, known_keys: Iterable[str]) -> str:
+    near = difflib.get_close_matches(key, known_keys, n=1)
+    return f": did you mean {near[0]}?" if near else f": use one of {', '.join(known_keys)}"
 
 
 _Read = Callable[[Any], Any]
@@ -291,10 +295,10 @@ _KEYS: Final[dict[str, tuple[type, str, _Read]]] = {
     "trigger": (list, "triggers", _triggers),
     "inject": (str, "injection", _injection),
     "i-mean-it": (bool, "i_mean_it", bool),
-    "timestamps": (str, "timestamps", _clock),
+    "timestamps": (str, "timestamps", _timestamp_source),
 }
-"""Of every option: its type in a file, the attribute of `RobotConfig`, and what reads it."""
+"""For each option: its type in the file, the attribute of `RobotConfig` and its parser."""
 
-_OF_ONE: Final = ("url", "listen", "inject", "i-mean-it")
-_FOR_ALL: Final = tuple(key for key in _KEYS if key not in _OF_ONE)
-_KINDS: Final = {str: "text", bool: "true or false", list: "list of texts"}
+_PER_ROBOT_ONLY: Final = ("url", "listen", "inject", "i-mean-it")
+_SHARED_KEYS: Final = tuple(key for key in _KEYS if key not in _PER_ROBOT_ONLY)
+_KINDS: Final = {str: "a string", bool: "true or false", list: "a list of strings"}

@@ -1,5 +1,5 @@
-"""What can be wrong with a file that is to be read, whatever its format."""
+"""Errors of capture files, independent of their format."""
 
 
 class CaptureError(Exception):
-    """A capture that cannot be read at all; the message is one sentence for the user."""
+    """The capture cannot be read. The message is one sentence for the user."""

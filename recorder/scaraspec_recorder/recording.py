@@ -1,7 +1,7 @@
-"""Recording: a link, recorded. Starts the tap and the scribe, keeps them alive, and ends them.
+"""Records a link: starts, supervises and stops the tap process and the writer process.
 
-Law: the recorder's own process does none of the work. The tap forwards, the scribe writes, each in
-a process of its own, and only the spool lies between them; here they are watched.
+The recorder's own process does not handle traffic. The tap process forwards, the writer process
+writes, and the spool is the only connection between them.
 """
 
 import asyncio
@@ -25,20 +25,20 @@ from scaraspec_recorder.tap import tap
 from scaraspec_recorder.tap.routes import Route
 
 DRAIN_S: Final = 60.0
-"""How long the scribe may take to write what is left when a recording ends."""
+"""Time limit for the writer process to write the rest when a recording ends."""
 
 _TAP_STOP_S: Final = tap.STOP_S + 3.0
 
 
 class Recording:
-    """A recording under way, or ended. Made by `record`.
+    """A running or finished recording, created by `record`.
 
     Attributes:
-        address: Where the tap listens: host and port.
-        spool: The folder of the spool.
+        address: Host and port that the tap listens on.
+        spool: Folder of the spool.
         tap: The process that forwards.
         writer: The process that writes.
-        drain_s: How long the scribe may take to write what is left when the recording ends.
+        drain_s: Time limit for the writer process to write the rest when the recording ends.
     """
 
     def __init__(
@@ -53,13 +53,13 @@ class Recording:
 
     @property
     def progress(self) -> Progress:
-        """How far the scribe had come at its last tick; all of it once the recording has ended."""
+        """Progress of the writer process at its last tick."""
         if state := read_checkpoint(self.spool).get("state"):
             self._progress = Progress.read(state)
         return self._progress
 
     def request_mark(self) -> None:
-        """Ask for a mark: it is written as soon as the writing process runs.
+        """Request a mark in the recording. The writer process writes it as soon as it runs.
 
         Raises:
             OSError: The request cannot be written.
@@ -68,12 +68,12 @@ class Recording:
 
     @property
     def stall(self) -> WriteStall | None:
-        """Why nothing is written just now; None where nothing hinders it."""
+        """Why writer is stalled; None if it is not."""
         return stall_of(read_checkpoint(self.spool))
 
 
 @asynccontextmanager
-async def record(  # noqa: PLR0913 - what may be chosen, each on its own
+async def record(  # noqa: PLR0913 - independent options
     route: Route,
     listen: tuple[str, int],
     out_dir: Path,
@@ -83,44 +83,43 @@ async def record(  # noqa: PLR0913 - what may be chosen, each on its own
     injection: Injection | None = None,
     kernel_time: bool = False,
 ) -> AsyncIterator[Recording]:
-    """Relay connections and record them, for as long as the context lasts.
+    """Relay and record connections while the context is active.
 
-    What an earlier recorder into the same folder left in its spool when it was killed is written
-    first. At the end, connections that are open are closed, and the scribe writes what is left. If
-    it cannot in time, `Recording.progress` is not finished, and the spool stays for the next
-    recorder.
+    If an earlier recorder of the same folder was killed, the rest of its spool is written first. At
+    the end, open connections are closed and the writer process writes the rest. If this takes too
+    long, `Recording.progress` is not finished and the spool remains for the next recorder.
 
     Args:
-        route: Where to; `routes.Upstream` for one controller.
+        route: Target of the connections; `routes.Upstream` for one controller.
         listen: Host and port to listen on; port 0 takes a free one, see `Recording.address`.
-        out_dir: Where the sinks write; made where it is not there.
-        sinks: Make the sinks.
-        limit_bytes: How far the writing may lag before recording is dropped.
-        injection: Faults on purpose, see `injection`; None to pass everything on unchanged.
-        kernel_time: Whether to ask the system when bytes came in; else that is when they are read.
+        out_dir: Output folder of the sinks; created if missing.
+        sinks: Factories of the sinks.
+        limit_bytes: Maximum size of the spool. Beyond it, traffic is forwarded but not recorded.
+        injection: Faults to inject; None to forward everything unchanged.
+        kernel_time: Whether to use kernel timestamps; otherwise the time of the read call.
 
     Raises:
         OSError: The address or the folder cannot be used, or another recorder uses the folder.
     """
     with route.listen(*listen) as listener, locked_spool(out_dir, limit_bytes) as spool:
-        writing = ChildProcess("writer", sink_runner.run_writer, spool, out_dir, tuple(sinks))
+        writer = ChildProcess("writer", sink_runner.run_writer, spool, out_dir, tuple(sinks))
         connect = partial(InjectedConnection, injection) if injection else None
-        relayed = (listener, route, spool, limit_bytes, connect, kernel_time)
-        relaying = ChildProcess("tap", tap.run, *relayed, writing.control_socket)
+        tap_arguments = (listener, route, spool, limit_bytes, connect, kernel_time)
+        tap_child = ChildProcess("tap", tap.run, *tap_arguments, writer.control_socket)
         host, port = listener.getsockname()[:2]
-        recording = Recording((host, port), spool, relaying, writing)
+        recording = Recording((host, port), spool, tap_child, writer)
         try:
-            writing.start()
-            relaying.start()
+            writer.start()
+            tap_child.start()
             yield recording
         finally:
             try:
-                await relaying.stop(_TAP_STOP_S)
-            except asyncio.CancelledError:  # nobody waits any longer, for the scribe either
+                await tap_child.stop(_TAP_STOP_S)
+            except asyncio.CancelledError:  # do not wait for the writer process, either
                 recording.drain_s = 0.0
                 raise
-            finally:  # whatever comes in between, the scribe gets its order
+            finally:  # always stop the writer process
                 listener.close()
-                await writing.stop(recording.drain_s)
+                await writer.stop(recording.drain_s)
             if recording.progress.finished:
                 shutil.rmtree(spool)

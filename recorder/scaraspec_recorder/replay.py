@@ -1,8 +1,7 @@
-"""Replay: what a recorded client asked is asked again, and the answers are held side by side.
+"""Replays the requests of a recorded client and compares the replies.
 
-Law: nothing is sent that was not allowed by its hazard, that the table does not know, or whose form
-is wrong. What goes out keeps its order; the next request waits for the answer to the one before.
-No link is opened here.
+A request is sent only if its hazard is allowed, its command is defined and its form is valid. The
+order is kept; each request waits for the reply to the previous one. This module opens no link.
 """
 
 from collections import deque
@@ -21,40 +20,40 @@ from scaraspec.traffic.events import FrameSeen, InvalidBytes
 from scaraspec.traffic.robot_state import RobotState
 from scaraspec.traffic.wire import WireEvent
 
-_MOST_UNANSWERED: Final = 256
-"""Requests whose answer is looked for further on in the capture."""
+_MAX_PENDING: Final = 256
+"""Maximum number of requests whose reply is still searched in the capture."""
 
 
 class Link(Protocol):
-    """What is needed of a link to a controller, see `links.link.Link`."""
+    """The methods that a link to a controller must have."""
 
     @property
     def now_s(self) -> float:
-        """The present instant on its monotonic clock."""
+        """Current time of its monotonic clock, in seconds."""
 
     def send(self, data: bytes) -> object:
         """Send all of `data`."""
 
     def receive(self, deadline_s: float) -> tuple[int, object] | None:
-        """Return when which bytes came; anything else is the end; None where none came by then."""
+        """Return time and bytes; None after the deadline. Other objects mean the end."""
 
 
 class LinkEndedError(Exception):
-    """The controller has ended the link."""
+    """The controller closed the link."""
 
 
 @dataclass(slots=True)
 class ReplayStep:
-    """Something that the recorded client sent.
+    """One message of the recorded client.
 
     Attributes:
-        name: The command, or what else it is.
-        time_ns: When, in the capture.
-        frame: What is to be sent; None where nothing may.
-        reason: Why nothing may.
-        is_reply: It answers the controller's request, instead of asking.
-        recorded_reply: The form of the first reply in the capture, see `reply_form`.
-        new_reply: The form of the first reply now.
+        name: The command's name, or "bytes".
+        time_ns: Time in the capture.
+        frame: The frame to send; None if it is not sent.
+        reason: Why it is not sent.
+        is_reply: The message is a reply to a request of the controller.
+        recorded_reply: Form of the first reply in the capture, see `reply_form`.
+        new_reply: Form of the first reply in the replay.
     """
 
     name: str
@@ -67,79 +66,81 @@ class ReplayStep:
 
     @property
     def complete(self) -> bool:
-        """Whether nothing more of the capture belongs to it."""
+        """Whether no further message of the capture belongs to it."""
         return self.frame is None or self.is_reply or bool(self.recorded_reply)
 
     @property
     def differs(self) -> bool:
-        """Whether the controller answers otherwise than it did; where it did, that is."""
+        """Whether the new reply differs from the recorded one; False without a recorded reply."""
         return bool(self.recorded_reply) and self.recorded_reply != self.new_reply
 
 
 def plan_steps(
     events: Iterable[WireEvent], connection: str, allowed: Collection[Hazard]
 ) -> Iterator[ReplayStep]:
-    """Give what the client of one connection sent, each with the reply that it got.
+    """Yield the messages of the client of one connection, each with its recorded reply.
 
     Args:
-        events: A capture.
-        connection: Which of its connections.
-        allowed: What the requests that are sent may do at worst.
+        events: The events of a capture.
+        connection: Name of the connection.
+        allowed: Hazards of the requests that may be sent.
     """
     dialogue = Dialogue(connection, RobotState(), DEFAULT)
-    waiting: deque[ReplayStep] = deque()
+    pending: deque[ReplayStep] = deque()
     for event in events:
         if event.connection != connection:
             continue
         for item in dialogue.feed(event):
             if isinstance(item, FrameSeen) and item.frame.direction is C2A:
-                _answer(waiting, item)
+                _assign_reply(pending, item)
             elif isinstance(item, FrameSeen):
-                waiting.append(_step(item, allowed))
+                pending.append(_step(item, allowed))
             elif isinstance(item, InvalidBytes) and item.place.direction is A2C:
-                waiting.append(ReplayStep("bytes", event.time_ns, reason="no frame"))
-        while waiting and (waiting[0].complete or len(waiting) > _MOST_UNANSWERED):
-            yield waiting.popleft()
-    yield from waiting
+                pending.append(ReplayStep("bytes", event.time_ns, reason="not a frame"))
+        while pending and (pending[0].complete or len(pending) > _MAX_PENDING):
+            yield pending.popleft()
+    yield from pending
 
 
 def replay(
     plan: Iterable[ReplayStep], link: Link, *, reply_timeout_s: float, speed: float | None = None
 ) -> Iterator[ReplayStep]:
-    """Send what may be sent; give each step when it is done.
+    """Send the allowed messages. Yield each step when it is done.
 
     Args:
         plan: The steps.
-        link: Open, and logged in where that is needed.
-        reply_timeout_s: How long an answer is waited for.
-        speed: How much faster than in the capture, 1 for as it was; None for at once.
+        link: An open link, logged in if required.
+        reply_timeout_s: Timeout of a reply.
+        speed: Speed relative to the capture; None sends without pauses.
 
     Raises:
-        LinkEndedError: The controller has ended the link.
+        LinkEndedError: The controller closed the link.
     """
-    ear, asked = _Ear(link), True
+    receiver, requested = _FrameReceiver(link), True
     begun: tuple[float, int] | None = None
     for step in plan:
         begun = begun or (link.now_s, step.time_ns)
         if speed and step.frame:
-            ear.receive_until(begun[0] + (step.time_ns - begun[1]) / 1e9 / speed)
+            receiver.receive_until(begun[0] + (step.time_ns - begun[1]) / 1e9 / speed)
         if step.frame and step.is_reply:
-            # Where it did not ask once, as in a download that it refused, it is not waited for.
-            timeout_s = reply_timeout_s if asked else 0
-            asked = bool(ear.receive_reply(step.frame.opcode, timeout_s, part="request"))
-            if asked:
+            # After one missing request, as in a refused download, do not wait for further ones.
+            timeout_s = reply_timeout_s if requested else 0
+            requested = bool(receiver.receive_reply(step.frame.opcode, timeout_s, part="request"))
+            if requested:
                 link.send(step.frame.encode())
             else:
-                step.frame, step.reason = None, "the controller did not ask"
+                step.frame, step.reason = None, "the controller did not send the request"
         elif step.frame:
-            asked = True
+            requested = True
             link.send(step.frame.encode())
-            step.new_reply = ear.receive_reply(step.frame.opcode, reply_timeout_s, part="reply")
+            step.new_reply = receiver.receive_reply(
+                step.frame.opcode, reply_timeout_s, part="reply"
+            )
         yield step
 
 
 def reply_form(parsed: Parsed | None) -> str:
-    """What a reply amounts to, whatever values are in it: values change from day to day."""
+    """Return the form of a reply, independent of the values in it, which change between runs."""
     if parsed is None:
         return "undefined"
     value = parsed.decoded.value
@@ -152,16 +153,16 @@ def reply_form(parsed: Parsed | None) -> str:
     return "answered"
 
 
-class _Ear:
-    """Hears what the controller sends, and keeps what nobody has waited for so far."""
+class _FrameReceiver:
+    """Receives frames of the controller and keeps those that do not match a request yet."""
 
     def __init__(self, link: Link) -> None:
         self._link = link
         self._framer = Framer(C2A)
-        self._unmatched: deque[Frame] = deque(maxlen=_MOST_UNANSWERED)
+        self._unmatched: deque[Frame] = deque(maxlen=_MAX_PENDING)
 
     def receive_reply(self, opcode: int, timeout_s: float, *, part: str) -> str:
-        """Return the form of the next message of this opcode; nothing if none comes in time."""
+        """Return the form of the next message with this opcode; empty after the timeout."""
         deadline_s = self._link.now_s + timeout_s
         while True:
             while self._unmatched:
@@ -173,28 +174,28 @@ class _Ear:
                 return ""
 
     def receive_until(self, deadline_s: float) -> None:
-        """Keep what comes by then."""
+        """Receive and keep frames until the deadline."""
         while self._link.now_s < deadline_s:
             self._receive(deadline_s)
 
     def _receive(self, deadline_s: float) -> bool:
-        """Take what comes next; false if nothing comes by then."""
+        """Receive the next bytes. Return False after the deadline."""
         arrival = self._link.receive(deadline_s)
         if arrival is None:
             return False
         if not isinstance(arrival[1], bytes):
-            raise LinkEndedError("the controller has ended the link")
+            raise LinkEndedError("the controller closed the link")
         found = self._framer.feed(arrival[1])
         self._unmatched.extend(item for item in found if isinstance(item, Frame))
         return True
 
 
 def _step(seen: FrameSeen, allowed: Collection[Hazard]) -> ReplayStep:
-    """What becomes of a frame of the client."""
+    """Build the step of a client frame."""
     step = ReplayStep(seen.name, seen.place.time_ns)
     parsed = seen.parsed
     if not seen.certain:
-        step.reason = "behind a gap"
+        step.reason = "after a gap"
     elif parsed is None:
         step.reason = "undefined opcode"
     elif parsed.decoded.issues:
@@ -207,9 +208,9 @@ def _step(seen: FrameSeen, allowed: Collection[Hazard]) -> ReplayStep:
     return step
 
 
-def _answer(waiting: Iterable[ReplayStep], seen: FrameSeen) -> None:
-    """Give a first reply to the oldest step that waits for one of its opcode."""
-    for step in waiting:
+def _assign_reply(pending: Iterable[ReplayStep], seen: FrameSeen) -> None:
+    """Assign a first reply to the oldest pending step with the same opcode."""
+    for step in pending:
         if not step.complete and step.frame and step.frame.opcode == seen.frame.opcode:
             if not seen.frame.tagged:
                 step.recorded_reply = reply_form(seen.parsed)

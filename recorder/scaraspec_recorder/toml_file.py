@@ -1,4 +1,4 @@
-"""A TOML file that a user wrote: read whole and within bounds, or one sentence says why not."""
+"""Reads TOML files of the user, with a size limit and clear error messages."""
 
 import tomllib
 from pathlib import Path
@@ -10,25 +10,25 @@ _MAX_FILE_BYTES: Final = 1 << 20
 
 
 class TomlError(ValueError):
-    """A file that cannot be read; the message goes on from its name or from *it*."""
+    """The file cannot be read. The message continues a sentence after the file name or *it*."""
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Read a file of at most 1 MiB.
+    """Read a TOML file of at most 1 MiB.
 
     Raises:
-        TomlError: It cannot be read, is larger, or is no TOML.
+        TomlError: The file cannot be read, is too large, or is not valid TOML.
     """
     try:
         with path.open("rb") as file:
             data = file.read(_MAX_FILE_BYTES + 1)
     except OSError as error:
         raise TomlError(
-            UserMessage("cannot be read: {value}", value=error.strerror or error)
+            UserMessage("cannot be read: {reason}", reason=error.strerror or error)
         ) from None
     if len(data) > _MAX_FILE_BYTES:
         raise TomlError("is larger than 1 MiB")
     try:
         return tomllib.loads(data.decode())
     except (ValueError, RecursionError) as error:
-        raise TomlError(UserMessage("is no TOML file: {error}", error=error)) from None
+        raise TomlError(UserMessage("is not a valid TOML file: {error}", error=error)) from None

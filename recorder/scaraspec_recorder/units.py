@@ -1,6 +1,6 @@
-"""Quantities: durations and sizes as a user writes them.
+"""Parsers of durations and sizes that users write, such as 30s, 1h or 512MB.
 
-Law: text in, whole nanoseconds and bytes out. What is limited by them is the affair of others.
+Results are whole nanoseconds and bytes.
 """
 
 import re
@@ -29,12 +29,12 @@ _QUANTITY: Final = re.compile(r"\s*([0-9]{1,12}(?:\.[0-9]{1,9})?)\s*([A-Za-z]{1,
 
 
 class QuantityError(ValueError):
-    """A text that is no such quantity; the message is one sentence for the user."""
+    """The text is not a valid quantity. The message is one sentence for the user."""
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """How long, how large; None where there is no such limit."""
+    """Limits of duration and size; None for no limit."""
 
     duration_ns: int | None = None
     size_bytes: int | None = None
@@ -44,12 +44,12 @@ def parse_duration(text: str) -> int:
     """Return the nanoseconds of, for example, ``500ms``, ``30s``, ``1.5min``, ``1h``, ``30d``.
 
     Raises:
-        QuantityError: It is no duration, or none at all.
+        QuantityError: The text is not a duration, or the duration is 0.
     """
     if (duration_ns := _read(text, _DURATIONS_NS)) is None:
         raise QuantityError(
             UserMessage(
-                "{text} is no duration such as 500ms, 30s, 1h or 30d", text=reprlib.repr(text)
+                "{text} is not a duration such as 500ms, 30s, 1h or 30d", text=reprlib.repr(text)
             )
         )
     return duration_ns
@@ -59,20 +59,20 @@ def parse_size(text: str) -> int:
     """Return the bytes of, for example, ``512MB`` (of 1000 kB) or ``2GiB`` (of 1024 MiB).
 
     Raises:
-        QuantityError: It is no size, or none at all.
+        QuantityError: The text is not a size, or the size is 0.
     """
     if (size_bytes := _read(text, _SIZES_BYTES)) is None:
         raise QuantityError(
-            UserMessage("{text} is no size such as 512MB or 2GiB", text=reprlib.repr(text))
+            UserMessage("{text} is not a size such as 512MB or 2GiB", text=reprlib.repr(text))
         )
     return size_bytes
 
 
 def parse_limits(text: str) -> Limits:
-    """Return what ``1h``, ``512MB`` or ``1h,512MB`` limits.
+    """Return the limits of a text such as ``1h``, ``512MB`` or ``1h,512MB``.
 
     Raises:
-        QuantityError: A part is neither a duration nor a size, or there are two of a kind.
+        QuantityError: A part is neither a duration nor a size, or a kind occurs twice.
     """
     limits = Limits()
     for part in text.split(","):
@@ -83,7 +83,7 @@ def parse_limits(text: str) -> Limits:
         if (duration_ns and limits.duration_ns) or (size_bytes and limits.size_bytes):
             raise QuantityError(
                 UserMessage(
-                    "{text} names two limits of one kind: name one", text=reprlib.repr(text)
+                    "{text} has two limits of the same kind: use one", text=reprlib.repr(text)
                 )
             )
         limits = Limits(limits.duration_ns or duration_ns, limits.size_bytes or size_bytes)
@@ -91,7 +91,7 @@ def parse_limits(text: str) -> Limits:
 
 
 def show_size(size_bytes: int) -> str:
-    """A size for a reader, such as ``20 GB``."""
+    """Return a size as text, such as ``20 GB``."""
     for unit in ("GB", "MB", "kB"):
         if (number := size_bytes / _SIZES_BYTES[unit.lower()]) >= 1:
             return f"{number:.4g} {unit}"
@@ -99,7 +99,7 @@ def show_size(size_bytes: int) -> str:
 
 
 def _read(text: str, units: dict[str, int]) -> int | None:
-    """The quantity in its smallest unit; None where it is no such quantity, or nothing."""
+    """Return the quantity in its smallest unit; None if the text is invalid or the value is 0."""
     found = _QUANTITY.fullmatch(text)
     unit = units.get(found[2].lower()) if found else None
     return round(float(found[1]) * unit) or None if found and unit else None

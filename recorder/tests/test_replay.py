@@ -69,14 +69,14 @@ def test_only_what_is_allowed_is_sent(talk: Any) -> None:
         ("set_time", "state"),
         ("run_program", "motion"),
         ("0x3E", "undefined opcode"),
-        ("bytes", "no frame"),
+        ("bytes", "not a frame"),
         ("get_analog_input", "malformed"),
         ("get_status", ""),
     ]
     everything = names(plan_steps(talk.events, "1", ALL))
     assert [reason for _, reason in everything if reason] == [
         "undefined opcode",
-        "no frame",
+        "not a frame",
         "malformed",
     ]
 
@@ -138,7 +138,7 @@ def test_an_answer_is_sent_only_where_it_is_asked_for(talk: Any, *, asks: bool) 
     done = [*replay(plan_steps(talk.events, "1", READ_ONLY), robot, reply_timeout_s=1)]
     assert [step.name for step in done] == ["download_name", "download_chunk"]
     assert len(robot.sent) == 1 + asks
-    assert done[1].reason == ("" if asks else "the controller did not ask")
+    assert done[1].reason == ("" if asks else "the controller did not send the request")
 
 
 def test_the_end_of_the_link_is_told(talk: Any) -> None:

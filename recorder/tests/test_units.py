@@ -40,9 +40,9 @@ def test_a_size_is_read(text: str, size_bytes: int) -> None:
 )
 def test_nonsense_is_one_sentence(text: str) -> None:
     """Neither is it taken for something, nor does it end in a traceback."""
-    with pytest.raises(QuantityError, match=r"is no duration such as 500ms, 30s, 1h or 30d$"):
+    with pytest.raises(QuantityError, match=r"is not a duration such as 500ms, 30s, 1h or 30d$"):
         parse_duration(text)
-    with pytest.raises(QuantityError, match=r"is no size such as 512MB or 2GiB$"):
+    with pytest.raises(QuantityError, match=r"is not a size such as 512MB or 2GiB$"):
         parse_size(text)
     with pytest.raises(QuantityError, match=r"neither a duration such as 1h nor a size"):
         parse_limits(text)
@@ -53,7 +53,7 @@ def test_limits_are_a_duration_a_size_or_both() -> None:
     assert parse_limits("1h") == Limits(3600 * SECOND_NS)
     assert parse_limits("1MB") == Limits(size_bytes=10**6)
     assert parse_limits("1MB, 1h") == Limits(3600 * SECOND_NS, 10**6)
-    with pytest.raises(QuantityError, match=r"'1h,2h' names two limits of one kind: name one"):
+    with pytest.raises(QuantityError, match=r"'1h,2h' has two limits of the same kind: use one"):
         parse_limits("1h,2h")
 
 

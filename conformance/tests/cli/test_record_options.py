@@ -99,7 +99,7 @@ def test_a_robot_that_cannot_be_reached_is_told(processes: Any, tmp_path: Path) 
         host, port = url_in(recorder.stdout.readline()).removeprefix("tcp://").split(":")
         with socket.create_connection((host, int(port)), DEADLINE_S):
             told = recorder.stdout.readline()
-        while "nothing is written" in told or "the writing goes on" in told:  # it begins slowly
+        while "writing is stalled" in told or "writing continues" in told:  # it begins slowly
             told = recorder.stdout.readline()
     assert told == "127.0.0.1: the robot cannot be reached: Connection refused\n"
     end(recorder)
@@ -126,14 +126,14 @@ def test_the_user_gets_a_mark(processes: Any, controller: str, tmp_path: Path) -
     )
     url = url_in(recorder.stdout.readline())
     recorder.send_signal(signal.SIGUSR1)  # the writing process has hardly begun
-    first = next(line for line in recorder.stdout if "asked for by SIGUSR1" in line)
+    first = next(line for line in recorder.stdout if "requested by SIGUSR1" in line)
     ask(url)
     told = end(recorder)
     assert recorder.returncode == 0, told
     assert first.startswith("trigger signal at ")
-    assert first.endswith(" UTC: asked for by SIGUSR1\n")
+    assert first.endswith(" UTC: requested by SIGUSR1\n")
     (path,) = tmp_path.glob("*.mcap")
-    assert marks(path) == ["signal: asked for by SIGUSR1"]
+    assert marks(path) == ["signal: requested by SIGUSR1"]
     assert sum(len(event.data) for event in open_capture(path, port=None)) > 20
 
 
@@ -148,10 +148,10 @@ def test_the_user_gets_a_mark_though_the_writing_process_is_dead(
     ask(url_in(recorder.stdout.readline()))
     os.kill(child_of(recorder.pid, "writer"), signal.SIGKILL)
     recorder.send_signal(signal.SIGUSR1)
-    assert any("asked for by SIGUSR1" in line for line in recorder.stdout)
+    assert any("requested by SIGUSR1" in line for line in recorder.stdout)
     end(recorder)
     found = [mark for path in tmp_path.glob("*.mcap") for mark in marks(path)]
-    assert found == ["signal: asked for by SIGUSR1"]
+    assert found == ["signal: requested by SIGUSR1"]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems stamp nothing")
@@ -237,7 +237,7 @@ def test_a_second_signal_ends_the_waiting(
     for name in hang:
         os.kill(child_of(recorder.pid, name), signal.SIGSTOP)
     recorder.send_signal(signal.SIGINT)
-    assert any(line.startswith("ending: ") for line in recorder.stdout)
+    assert any(line.startswith("stopping: ") for line in recorder.stdout)
     told = end(recorder, signal.SIGINT)
     assert recorder.returncode == 3
     assert "is incomplete" in told
@@ -257,7 +257,7 @@ def test_a_lost_terminal_is_told_twice(processes: Any, controller: str, tmp_path
     writer = child_of(recorder.pid, "writer")
     os.kill(writer, signal.SIGSTOP)
     recorder.send_signal(signal.SIGHUP)
-    assert any(line.startswith("ending: ") for line in recorder.stdout)
+    assert any(line.startswith("stopping: ") for line in recorder.stdout)
     recorder.send_signal(signal.SIGHUP)
     os.kill(writer, signal.SIGCONT)
     told, _ = recorder.communicate(timeout=DEADLINE_S)

@@ -1,4 +1,6 @@
-"""Injection: faults on purpose, done to the frames that a file of rules means.
+"""Injects faults into frames, as a file of rules specifies.
 
-Law: recorded is what came in; what goes out changed or late is told beside it.
+Belongs here: rules, faults and the connection that applies them. The recording holds the bytes as
+they were received; each change or delay is an extra record. Does not belong here: mutants of the
+protocol behaviour (`scaraspec.mutants`).
 """

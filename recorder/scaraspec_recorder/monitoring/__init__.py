@@ -1,4 +1,4 @@
-"""Watching: what recordings are doing, for people and for other programs.
+"""Shows the state of recordings: terminal dashboard, log lines and Prometheus metrics.
 
-Law: read only; no recording is asked, waited for or changed.
+Read-only: this package does not send requests to a recording, wait for it or change it.
 """

@@ -1,7 +1,6 @@
-"""The dashboard: what recordings are doing, drawn on a terminal or told in plain lines.
+"""The dashboard: status of recordings as a terminal table or as plain lines.
 
-Law: how it looks. What there is to show comes from `status`; nothing is asked, waited for or
-decided here.
+Belongs here: presentation only. The data comes from `status`.
 """
 
 import math
@@ -21,21 +20,21 @@ from scaraspec_recorder.recordings.recording_stats import RERUN_SUFFIX
 from scaraspec_recorder.tap.tcp import address_text
 
 MIN_INTERVAL_S: Final = 10.0
-"""How long plain lines are at least apart that tell of the same recording."""
+"""Minimum interval of plain lines about the same recording, in seconds."""
 
 _NUMBERS: Final = ("connections", "client/s", "robot/s", "recorded", "gaps", "waiting", "free")
 _MOST_PROBLEMS: Final = 5
 _UNREACHED: Final = "the robot cannot be reached"
 _ENDING: Final = (
-    "ending: what is left is written and drawn; Ctrl-C again leaves it to the next start"
+    "stopping: the remaining data is written; press Ctrl-C again to leave it to the next start"
 )
 
 
 class Display(Protocol):
-    """Shows recordings for as long as its context lasts."""
+    """Shows recordings while its context is active."""
 
     def __enter__(self) -> Self:
-        """Begin."""
+        """Start."""
 
     def __exit__(
         self,
@@ -43,36 +42,36 @@ class Display(Protocol):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """End."""
+        """Stop."""
 
     def update(self, statuses: Sequence[Status], *, ending: bool) -> None:
-        """Show how the recordings are now, and whether they are being ended."""
+        """Show the status of the recordings, and whether they are stopping."""
 
 
 class LineDisplay:
-    """Plain lines: where something becomes wrong or right again, and as long as ending takes.
+    """Prints plain lines when problems start or end, and while recordings stop.
 
     Args:
-        say: Writes a line.
+        say: Prints a line.
     """
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
-        self._reported: dict[str, tuple[float, _Wrong]] = {}
+        self._reported: dict[str, tuple[float, _Problems]] = {}
         self._ending_s: float | None = None
 
     def __enter__(self) -> Self:
-        """Begin."""
+        """Start."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End."""
+        """Stop."""
 
     def update(self, statuses: Sequence[Status], *, ending: bool) -> None:
-        """Say what has changed, but not every second."""
+        """Print changes, at most one per `MIN_INTERVAL_S` and recording."""
         for status in statuses:
-            told_s, told = self._reported.get(status.name, (-math.inf, _Wrong()))
-            wrong = _Wrong.of(status)
+            told_s, told = self._reported.get(status.name, (-math.inf, _Problems()))
+            wrong = _Problems.of(status)
             if wrong != told and not 0 <= status.time_s - told_s < MIN_INTERVAL_S:
                 self._reported[status.name] = status.time_s, wrong
                 for line in wrong.since(told):
@@ -91,15 +90,13 @@ class LineDisplay:
             return
         else:
             for status in open_ones:
-                self._say(
-                    f"{status.name}: still at it, {_size(status.waiting_bytes)} to be written"
-                )
+                self._say(f"{status.name}: still writing, {_size(status.waiting_bytes)} remaining")
         self._ending_s = now_s
 
 
 @dataclass(frozen=True, slots=True)
-class _Wrong:
-    """What is not as it should be."""
+class _Problems:
+    """The current problems of a recording."""
 
     problems: tuple[str, ...] = ()
     gaps: int = 0
@@ -109,7 +106,7 @@ class _Wrong:
     status: Status | None = field(default=None, compare=False)
 
     @classmethod
-    def of(cls, status: Status) -> "_Wrong":
+    def of(cls, status: Status) -> "_Problems":
         progress, reason = status.progress, status.stall.reason if status.stall else ""
         return cls(
             tuple(progress.problems),
@@ -120,24 +117,24 @@ class _Wrong:
             status,
         )
 
-    def since(self, before: "_Wrong") -> list[str]:
-        """Say what is new."""
+    def since(self, before: "_Problems") -> list[str]:
+        """Return lines about the changes."""
         assert self.status
         lines = list(self.problems[len(before.problems) :])
         if self.gaps != before.gaps:
             lines.append(f"{self.gaps} gaps so far, {_size(self.status.lost_bytes)} not recorded")
         if (self.stalled, self.reason) != (before.stalled, before.reason):
-            waiting = f"nothing is written, {_size(self.status.waiting_bytes)} wait"
+            waiting = f"writing is stalled, {_size(self.status.waiting_bytes)} waiting"
             why = UserMessage(": {reason}", reason=self.reason) if self.reason else ""
-            lines.append(f"{waiting}{why}" if self.stalled else "the writing goes on")
+            lines.append(f"{waiting}{why}" if self.stalled else "writing continues")
         if self.unreached != before.unreached:
             why = self.unreached
-            lines.append(f"{_UNREACHED}: {why}" if why else "the robot is reached again")
+            lines.append(f"{_UNREACHED}: {why}" if why else "the robot can be reached again")
         return lines
 
 
 class Dashboard:
-    """A table on a terminal of 80 columns or more, drawn anew at each update.
+    """A table on a terminal of at least 80 columns, redrawn at each update.
 
     Args:
         console: The terminal.
@@ -148,16 +145,16 @@ class Dashboard:
         self._before: dict[str, Status] = {}
 
     def __enter__(self) -> Self:
-        """Begin to draw."""
+        """Start drawing."""
         self._live.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Leave the last picture as it is."""
+        """Stop drawing; the last table remains."""
         self._live.stop()
 
     def update(self, statuses: Sequence[Status], *, ending: bool) -> None:
-        """Draw."""
+        """Redraw the table."""
         table = Table("robot", box=None, pad_edge=False, collapse_padding=True)
         for heading in _NUMBERS:
             table.add_column(heading, justify="right", no_wrap=True)
@@ -192,14 +189,14 @@ class Dashboard:
 
 
 def _place(status: Status) -> str:
-    """Where its clients connect, and what is being written."""
+    """Return the listening address and the current file."""
     files = status.progress.files
     captures = [name for name in files if not name.endswith(RERUN_SUFFIX)] or ["no file yet"]
     return f"clients at {address_text(status.listen)}, {captures[-1]}"
 
 
 def _problems(status: Status) -> list[str]:
-    """What is wrong, the latest last."""
+    """Return the current problems, the latest last."""
     problems = list(status.progress.problems[-_MOST_PROBLEMS:])
     if status.progress.unreached:
         problems.append(f"{_UNREACHED}: {status.progress.unreached}")
@@ -207,12 +204,12 @@ def _problems(status: Status) -> list[str]:
         problems.append(f"{_size(status.lost_bytes)} not recorded in {status.gaps} gaps")
     if status.stalled:
         why = UserMessage(": {reason}", reason=status.stall.reason) if status.stall else ""
-        problems.append(f"nothing was written for {status.silent_s:.0f} s{why}")
+        problems.append(f"writing is stalled for {status.silent_s:.0f} s{why}")
     return problems
 
 
 def _size(size_bytes: float) -> str:
-    """A number of bytes in three digits."""
+    """Return a size in three digits."""
     for unit in ("B", "kB", "MB", "GB"):
         if size_bytes < 1000:  # noqa: PLR2004 - the step from unit to unit
             return f"{size_bytes:.3g} {unit}"

@@ -1,7 +1,4 @@
-"""Metrics: what recordings are doing, for Prometheus.
-
-Law: read at each scrape, kept nowhere, and offered to this machine alone.
-"""
+"""Prometheus metrics of recordings, computed at each scrape and served only on the loopback."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -21,25 +18,25 @@ _WAYS = (("client", "a2c"), ("controller", "c2a"))
 
 
 class MetricsError(Exception):
-    """Metrics cannot be offered there; the message is one sentence for the user."""
+    """Metrics cannot be served at this address. The message is one sentence for the user."""
 
 
 @contextmanager
 def serve(host: str, port: int, look: Callable[[], Sequence[Status]]) -> Iterator[tuple[str, int]]:
-    """Answer scrapes for as long as the context lasts; give host and port, which may have been 0.
+    """Serve metrics while the context is active. Yields host and port.
 
     Args:
-        host: An address that only this machine can reach.
-        port: Where to; 0 takes a free one.
-        look: Gives the present status of all recordings; called in a thread of its own.
+        host: A loopback address.
+        port: The port; 0 takes a free one.
+        look: Returns the status of all recordings; called in a separate thread.
 
     Raises:
-        MetricsError: Others could reach that address, or it is taken.
+        MetricsError: The address is not on the loopback, or is in use.
     """
     if not is_loopback(host):
         raise MetricsError(
             UserMessage(
-                "metrics are for this machine alone: {host} is no address of its loopback",
+                "metrics are served only on this machine: {host} is not a loopback address",
                 host=host,
             )
         )
@@ -51,7 +48,7 @@ def serve(host: str, port: int, look: Callable[[], Sequence[Status]]) -> Iterato
         reason = error.strerror or error
         raise MetricsError(
             UserMessage(
-                "metrics cannot be offered at {host}:{port}: {reason}",
+                "metrics cannot be served at {host}:{port}: {reason}",
                 host=host,
                 port=port,
                 reason=reason,
@@ -66,36 +63,36 @@ def serve(host: str, port: int, look: Callable[[], Sequence[Status]]) -> Iterato
 
 
 class _Collector(Collector):
-    """Makes metrics of the statuses at each scrape."""
+    """Creates metrics from the statuses at each scrape."""
 
     def __init__(self, look: Callable[[], Sequence[Status]]) -> None:
         self._read_statuses = look
 
     def describe(self) -> Iterable[Metric]:
-        """Nothing: there are no names to clash with, and no status to be read at registration."""
+        """Return nothing: no status is read at registration."""
         return ()
 
     def collect(self) -> Iterable[Metric]:
-        """Return all metrics as they are now."""
+        """Return the current metrics."""
         counters = {
             name: CounterMetricFamily(f"scaraspec_{name}", text, labels=("robot", "sender"))
             for name, text in (
                 ("received_bytes", "Bytes received and forwarded."),
                 ("recorded_bytes", "Bytes that are in the recording."),
-                ("gap_bytes", "Bytes that are not, where their number is known."),
-                ("gaps", "How often bytes are missing."),
+                ("gap_bytes", "Bytes that are missing in the recording, if their number is known."),
+                ("gaps", "Number of gaps in the recording."),
             )
         }
         connections = CounterMetricFamily(
             "scaraspec_connections", "Connections.", labels=("robot",)
         )
-        files = CounterMetricFamily("scaraspec_files", "Files made.", labels=("robot",))
+        files = CounterMetricFamily("scaraspec_files", "Files created.", labels=("robot",))
         gauges = {
             name: GaugeMetricFamily(f"scaraspec_{name}", text, labels=("robot",))
             for name, text in (
-                ("problems", "Problems of the writing so far."),
-                ("waiting_bytes", "Bytes that wait to be written."),
-                ("silent_seconds", "For how long nothing was written."),
+                ("problems", "Disabled sinks so far."),
+                ("waiting_bytes", "Unwritten bytes in the spool."),
+                ("silent_seconds", "Seconds since the last write."),
                 ("free_bytes", "Free bytes on the disk of the recording."),
             )
         }

@@ -1,6 +1,6 @@
-"""Status: what a recording is doing, for whoever shows it.
+"""Status of a recording for displays and metrics.
 
-Law: looking disturbs nobody. All of it is read from what lies on the disk; no process is asked.
+The status is read from files only; no process of the recording is contacted.
 """
 
 import shutil
@@ -16,23 +16,23 @@ from scaraspec_recorder.sinks.sink_runner import Progress
 from scaraspec_recorder.spool.spool import WriteStall, unread_bytes
 
 STALL_S: Final = 5.0
-"""How long the scribe may be silent before that is told: it acknowledges four times a second."""
+"""Time without acknowledgment after which writing counts as stalled; normal are four per second."""
 
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """A recording at one instant.
+    """State of a recording at one time.
 
     Attributes:
-        name: The robot.
-        listen: Where clients connect: host and port.
-        out_dir: Where its files are.
-        time_s: When, in seconds on any clock.
-        progress: How far the writing has come.
-        waiting_bytes: What waits in the spool to be written.
-        silent_s: For how long the scribe has acknowledged nothing.
-        free_bytes: How much of the disk is free.
-        stall: Why nothing is written, where that is known.
+        name: The robot's name.
+        listen: Host and port that clients connect to.
+        out_dir: Output folder.
+        time_s: Time of the state, in seconds.
+        progress: Progress of the writer process.
+        waiting_bytes: Unwritten bytes in the spool.
+        silent_s: Seconds since the last acknowledgment.
+        free_bytes: Free disk space.
+        stall: Why writing is stalled, if known.
     """
 
     name: str
@@ -47,28 +47,28 @@ class Status:
 
     @property
     def stalled(self) -> bool:
-        """Whether the writing is interrupted, or busy with something that takes long."""
+        """Whether writing is interrupted or slow."""
         waits = bool(self.stall) or self.silent_s > STALL_S
         return waits and not self.progress.finished
 
     @property
     def gaps(self) -> int:
-        """How often something is missing, of both directions."""
+        """Number of gaps in both directions."""
         return self.progress.a2c.gaps + self.progress.c2a.gaps
 
     @property
     def lost_bytes(self) -> int:
-        """How much is, where that is known."""
+        """Missing bytes in both directions, without gaps of unknown length."""
         return self.progress.a2c.gap_bytes + self.progress.c2a.gap_bytes
 
 
 class StatusReader:
-    """Looks at a recording.
+    """Reads the status of a recording.
 
     Args:
-        name: The robot.
+        name: The robot's name.
         recording: The recording.
-        out_dir: Where its files are.
+        out_dir: Output folder.
         now_s: The clock, in seconds since the Unix epoch.
     """
 
@@ -86,12 +86,12 @@ class StatusReader:
         self._started_s = self._acknowledged_s = now_s()
 
     def read_status(self) -> Status:
-        """Return what it is doing now."""
+        """Return the current status."""
         recording, now_s = self._recording, self._now_s()
         stall = recording.stall
         heard_s = stall.since_ns / 1e9 if stall else self._last_acknowledged_s()
         free_bytes = 0
-        with suppress(OSError):  # the scribe makes the folder, and the disk may have gone
+        with suppress(OSError):  # the writer process creates the folder; the disk may be missing
             free_bytes = shutil.disk_usage(self._out_dir).free
         return Status(
             self.name,
@@ -106,8 +106,8 @@ class StatusReader:
         )
 
     def _last_acknowledged_s(self) -> float:
-        """When the scribe acknowledged last, as far as that was seen."""
-        with suppress(FileNotFoundError):  # no longer
+        """Return the time of the last acknowledgment."""
+        with suppress(FileNotFoundError):  # deleted at the end
             for acknowledged in self._recording.spool.glob("*.json"):
                 self._acknowledged_s = max(self._started_s, acknowledged.stat().st_mtime)
         return self._acknowledged_s

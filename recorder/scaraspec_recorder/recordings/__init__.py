@@ -1,4 +1,4 @@
-"""Keeping: which files a recording consists of, when each begins and ends, and how long it stays.
+"""Manages the files of recordings: rotation, retention, index, trigger marks and repair.
 
-Law: what is in a file is the affair of `mcap` and `drawing`.
+Does not belong here: the content of the files (`sinks.mcap`, `sinks.rerun`).
 """

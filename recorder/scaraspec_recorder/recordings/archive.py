@@ -1,7 +1,4 @@
-"""The archive: what a recorder that is left running for weeks writes into its folder.
-
-Law: it only joins the rooms that do the work: rotation, marks, retention, the contents.
-"""
+"""The sink of a long-running recorder: combines rotation, marks, retention and the index."""
 
 import shutil
 import time
@@ -24,18 +21,18 @@ from scaraspec_recorder.units import Limits, show_size
 
 @dataclass(frozen=True, slots=True)
 class Archive:
-    """What is written, and what of it is kept.
+    """Configuration of an archive of recordings.
 
     Attributes:
-        robot: What the files are called by.
-        session: What is known beforehand, such as the addresses.
+        robot: The robot's name, part of the file names.
+        session: Metadata of the session, such as the addresses.
         needs_login: False for a serial link (L83).
         draw: Whether to write .rrd files too.
-        redact: Whether to hide passwords in the raw layer too.
-        rotate: When a file ends and the next begins.
-        keep: For how long, and how much of it, is kept.
-        min_free_bytes: How much of the disk is to stay free; 0 for no such limit.
-        triggers: The conditions at which the recording is marked, see `triggers`.
+        redact: Whether to mask passwords in the raw bytes, too.
+        rotate: When a file ends and the next one starts.
+        keep: Limits of age and total size.
+        min_free_bytes: Disk space that must stay free; 0 for no limit.
+        triggers: Conditions that write a mark into the recording, see `triggers`.
     """
 
     robot: str
@@ -56,20 +53,20 @@ def archive_sink(
     now_ns: Callable[[], int] = time.time_ns,
     free_bytes: Callable[[], int] | None = None,
 ) -> Sink:
-    """Make the sink that writes an archive (a `SinkFactory`).
+    """Create the sink that writes an archive (a `SinkFactory`).
 
-    What an earlier one left in the folder is repaired and listed first, where there is room.
+    Files of an earlier recorder are repaired and indexed first, if there is disk space.
 
     Args:
-        folder: Where to.
-        archive: What.
+        folder: Output folder.
+        archive: The configuration.
         now_ns: The clock.
-        free_bytes: How much of the disk is free; asked of the system where it is not given.
+        free_bytes: Returns the free disk space; None asks the system.
 
     Raises:
         OSError: The folder cannot be used.
-        SinkFailed: Less of the disk is free than must be, and there is nothing to remove.
-        ImportError: Drawing needs an extra that is not installed; the text says which.
+        SinkFailed: There is too little disk space, and no recording can be removed.
+        ImportError: The extra for Rerun is not installed.
     """
     remove_temporary_files(folder.path)
     index = RecordingIndex(folder.path)
@@ -94,13 +91,13 @@ def archive_sink(
 
 def _too_little(archive: Archive) -> str:
     return (
-        f"less than {show_size(archive.min_free_bytes)} is free on the disk, and no recording is "
-        "left that may be removed: recording waits for room"
+        f"less than {show_size(archive.min_free_bytes)} of disk space is free, and no recording "
+        "can be removed: recording waits for free space"
     )
 
 
 class _Retained:
-    """A sink that makes room as it writes; where there is none to make, it ends its files."""
+    """A sink that enforces retention; if the disk stays full, it closes its files."""
 
     def __init__(
         self, sink: Sink, retention: Retention, recording_folder: RecordingFolder, too_little: str
@@ -113,17 +110,17 @@ class _Retained:
         self._full = False
 
     def write(self, event: WireEvent) -> None:
-        """Take the next event.
+        """Write the next event.
 
         Raises:
-            SinkFailed: The disk has no room that may be used.
+            SinkFailed: There is too little disk space.
         """
         if self._full:
             raise SinkFailed(self._too_little)
         self._sink.write(event)
 
     def tick(self, now_ns: int) -> None:
-        """Make all durable, and see to the room on the disk now and then."""
+        """Make all data durable, and enforce retention periodically."""
         if self._full:
             raise SinkFailed(self._too_little)
         self._sink.tick(now_ns)
@@ -132,11 +129,11 @@ class _Retained:
             return
         self._looked_ns = now_ns
         if not self._retention.enforce(now_ns, self._folder.unlisted_bytes):
-            self.close()  # what was taken is safe: after this tick it does not come again
+            self.close()  # events before this tick are durable and not delivered again
             self._full = True
 
     def close(self) -> None:
-        """End the files."""
+        """Close the files."""
         if not self._full:
             self._sink.close()
             self._folder.list_completed(wait=True)

@@ -1,7 +1,4 @@
-"""The files of a capture: what they are made of, and how the picture is made again.
-
-Law: it only joins the rooms that do the work; what a scribe or a command calls stands here.
-"""
+"""Sink of a single capture (capture.mcap, capture.rrd), and conversion of a capture to .rrd."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -15,7 +12,7 @@ from scaraspec_recorder.sinks.redaction import Redactor
 from scaraspec_recorder.sinks.sink import OutputFolder
 
 
-def capture_sink(  # noqa: PLR0913 - what may be chosen, each on its own
+def capture_sink(  # noqa: PLR0913 - independent options
     folder: OutputFolder,
     *,
     session: Mapping[str, str] | None = None,
@@ -24,19 +21,19 @@ def capture_sink(  # noqa: PLR0913 - what may be chosen, each on its own
     redact: bool = False,
     triggers: tuple[str, ...] = (),
 ) -> Decoder:
-    """Make the sink that writes capture.mcap and capture.rrd into a folder (a `SinkFactory`).
+    """Create the sink that writes capture.mcap and capture.rrd into a folder (a `SinkFactory`).
 
     Args:
-        folder: Where to.
-        session: What is known beforehand, such as the addresses.
+        folder: Output folder.
+        session: Metadata of the session, such as the addresses.
         needs_login: False for a serial link (L83).
         draw: Whether to write capture.rrd too.
-        redact: Whether to hide passwords in the raw layer too.
-        triggers: The conditions at which the recording is marked, see `triggers`.
+        redact: Whether to mask passwords in the raw bytes, too.
+        triggers: Conditions that write a mark into the recording, see `triggers`.
 
     Raises:
-        OSError: A file cannot be made.
-        ImportError: Drawing needs an extra that is not installed; the text says which.
+        OSError: A file cannot be created.
+        ImportError: The extra for Rerun is not installed.
     """
     told = {
         **session_metadata(session or {}, needs_login=needs_login, redact=redact),
@@ -48,12 +45,12 @@ def capture_sink(  # noqa: PLR0913 - what may be chosen, each on its own
 
 
 def write_rrd(events: Iterable[WireEvent], path: Path, *, needs_login: bool = True) -> None:
-    """Draw a capture that is there already, of whatever format, into a new .rrd file.
+    """Write an existing capture of any format to a new .rrd file.
 
     Raises:
-        CaptureError: From `events`, where they cannot be read.
+        CaptureError: `events` cannot be read.
         OSError: The file cannot be written.
-        ImportError: Drawing needs an extra that is not installed; the text says which.
+        ImportError: The extra for Rerun is not installed.
     """
     from scaraspec_recorder.sinks.rerun.rerun_sink import RerunSink  # noqa: PLC0415 - an optional extra
 

@@ -1,8 +1,8 @@
-"""Marks: lines in the log of a recording at the moments at which triggers fire.
+"""Marks: log lines in a recording when triggers fire.
 
-`triggers` decides when a trigger fires. This module writes a line into the recording each time, and
-a line into the log of the process. A writing process that is started again does not know what
-passed before it: a trigger that depends on that, such as ``late``, does not fire.
+`triggers` decides when a trigger fires. This module then writes a line into the recording and into
+the log of the process. A restarted writer process does not know the earlier traffic: a trigger that
+depends on it, such as ``late``, does not fire.
 """
 
 import logging
@@ -19,7 +19,7 @@ from scaraspec_recorder.sinks.text import Level, LogLine
 from scaraspec_recorder.units import SECOND_NS
 
 LOGGED_A_MINUTE: Final = 6
-"""How many lines a minute the process's log gets for one trigger; the recording gets all."""
+"""Maximum log lines per minute and trigger; the recording contains all marks."""
 
 SOURCE: Final = "trigger"
 """The source that the lines in the recording name."""
@@ -77,7 +77,7 @@ class TriggerMarks:
             self._mark(trigger, watcher.on_event(event))
 
     def take(self, item: Item, number: int, line: LogLine | None) -> None:
-        """Pass on what the last raw event brought about."""
+        """Pass on an item derived from the last raw event."""
         for output in self._outputs:
             output.take(item, number, line)
         for trigger, watcher in self._watchers.items():
@@ -89,7 +89,7 @@ class TriggerMarks:
             output.mark(time_ns, line)
 
     def tick(self, now_ns: int) -> None:
-        """Look at the clock, then pass on the tick: it makes the marks durable."""
+        """Check time-based triggers, then pass on the tick, which makes the marks durable."""
         if not self._had_event:
             self._now_ns = now_ns
         self._had_event = False
@@ -104,7 +104,7 @@ class TriggerMarks:
             output.close(summary)
 
     def _mark(self, trigger: str, why: str) -> None:
-        """Write a mark if there is a reason, and log it unless the log has had enough of them."""
+        """Write a mark if there is a reason, and log it unless the log limit is reached."""
         if not why:
             return
         self.mark(self._now_ns, LogLine(Level.WARN, SOURCE, f"{trigger}: {why}"))

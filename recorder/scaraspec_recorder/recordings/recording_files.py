@@ -1,7 +1,6 @@
-"""File sets: a capture, what is drawn of it, and its line in the table of contents, as one output.
+"""The files of one recording: MCAP file, optional .rrd file and index entry.
 
-Law: what one file of a recording consists of, and how it is called, stands here; when one begins
-and ends is the affair of others.
+Belongs here: creation and names of these files. `rotation` decides when they start and end.
 """
 
 from collections.abc import Mapping
@@ -26,16 +25,16 @@ from scaraspec_recorder.sinks.text import LogLine
 
 @dataclass(slots=True)
 class RecordingFolder:
-    """Where file sets are put.
+    """The folder that recordings are written into.
 
     Attributes:
         folder: The folder.
-        index: Its table of contents.
-        robot: What the files are called by.
-        session: What is known beforehand, such as the addresses.
+        index: Its index.
+        robot: The robot's name, part of the file names.
+        session: Metadata of the session, such as the addresses.
         draw: Whether to write .rrd files too.
-        open_files: The file sets that are being written.
-        completed: Those that are complete, and not listed yet, in their order.
+        open_files: Recordings that are being written.
+        completed: Complete recordings that are not in the index yet, in order.
     """
 
     folder: OutputFolder
@@ -48,17 +47,17 @@ class RecordingFolder:
 
     @property
     def unlisted_bytes(self) -> int:
-        """Size of what is not in the table of contents yet."""
+        """Size of the files that are not in the index yet."""
         return sum(files.size_bytes for files in (*self.open_files, *self.completed))
 
     def list_completed(self, *, wait: bool = False) -> None:
-        """List what has come to its final size.
+        """Add files that have their final size to the index.
 
         Args:
-            wait: Whether to wait for all that is complete.
+            wait: Whether to wait for the optimization of all complete files.
 
         Raises:
-            OSError: The table of contents cannot be written.
+            OSError: The index cannot be written.
         """
         while self.completed and (wait or self.completed[0].optimized.done()):
             self.completed[0].optimized.result()
@@ -66,14 +65,14 @@ class RecordingFolder:
             del self.completed[0]
 
     def create(self, time_ns: int) -> "RecordingFiles":
-        """Begin a file set.
+        """Create the files of a new recording.
 
         Args:
-            time_ns: Its time, by which it is called.
+            time_ns: Start time, part of the file names.
 
         Raises:
-            OSError: A file cannot be made.
-            ImportError: Drawing needs an extra that is not installed; the text says which.
+            OSError: A file cannot be created.
+            ImportError: The extra for Rerun is not installed.
         """
         session = {**self.session, **self.folder.take_metadata()}
         return RecordingFiles(self, file_stem(time_ns, self.robot), session)
@@ -82,12 +81,12 @@ class RecordingFolder:
 def session_metadata(
     session: Mapping[str, str], *, needs_login: bool, redact: bool
 ) -> dict[str, str]:
-    """Return what each file of a recording says of its session, its own facts aside.
+    """Return the session metadata that all files of a recording share.
 
     Args:
-        session: What is known beforehand, such as the addresses.
+        session: Metadata of the session, such as the addresses.
         needs_login: False for a serial link (L83).
-        redact: Whether passwords are hidden in the raw layer too.
+        redact: Whether passwords are masked in the raw bytes, too.
     """
     passwords = "masked" if redact else "masked but in raw bytes"
     return {**session, LINK: "tcp" if needs_login else SERIAL, "passwords": passwords}
@@ -96,22 +95,22 @@ def session_metadata(
 def make_files(
     folder: OutputFolder, name: str, session: Mapping[str, str], *, draw: bool, optimized: bool
 ) -> tuple[tuple[Path, ...], tuple[Output, ...]]:
-    """Make a capture file and, if asked, that of its drawing; all or none.
+    """Create an MCAP file and, if requested, a .rrd file; both or none.
 
     Args:
-        folder: Where to.
-        name: What they are called, without suffixes.
-        session: What is known of them.
-        draw: Whether to draw.
-        optimized: Whether the drawing is made small when it is complete; it may grow for weeks
-            till then, so its footer is made only there.
+        folder: Output folder.
+        name: File name without suffix.
+        session: Session metadata.
+        draw: Whether to write a .rrd file, too.
+        optimized: Whether the .rrd file is optimized when it is complete. The optimizer writes its
+            footer; a footer in memory could grow for weeks.
 
     Returns:
-        Their paths, and what writes them.
+        The paths and the outputs.
 
     Raises:
-        OSError: A file cannot be made; as `SinkFailed`.
-        ImportError: Drawing needs an extra that is not installed; the text says which.
+        OSError: A file cannot be created; also `SinkFailed`.
+        ImportError: The extra for Rerun is not installed.
     """
     path = folder.new(f"{name}.mcap")
     file = path.open("wb")
@@ -133,14 +132,14 @@ def make_files(
 
 
 class RecordingFiles:
-    """An output that writes one capture.
+    """An output that writes the files of one recording.
 
-    What `McapSink` and `RerunSink` raise goes through.
+    Exceptions of `McapSink` and `RerunSink` are not caught.
 
     Args:
-        shelf: Where it is put.
-        name: What its files are called, without suffixes.
-        session: What is known of it.
+        shelf: The folder.
+        name: File name without suffix.
+        session: Session metadata.
     """
 
     def __init__(
@@ -153,7 +152,7 @@ class RecordingFiles:
         )
         self._paths, self._outputs = made
         self.optimized = Future[bool]()
-        """Done when its files have come to their final size."""
+        """Done when the files have their final size."""
         recording_folder.open_files.append(self)
 
     @property
@@ -163,12 +162,12 @@ class RecordingFiles:
 
     @property
     def summary(self) -> RecordingSummary:
-        """Its line in the table of contents."""
+        """The index entry."""
         return self._stats.build_summary(self._paths)
 
     @property
     def size_bytes(self) -> int:
-        """How large it is, as far as it was flushed."""
+        """Size of the flushed data."""
         return sum(path.stat().st_size for path in self._paths)
 
     def write(self, event: WireEvent) -> None:
@@ -178,7 +177,7 @@ class RecordingFiles:
             output.write(event)
 
     def take(self, item: Item, number: int, line: LogLine | None) -> None:
-        """Write what an event brought about."""
+        """Write an item derived from an event."""
         self._stats.add_item(item)
         for output in self._outputs:
             output.take(item, number, line)
@@ -189,19 +188,19 @@ class RecordingFiles:
             output.mark(time_ns, line)
 
     def tick(self, now_ns: int) -> None:
-        """Make all of it durable."""
+        """Make all data durable."""
         for output in self._outputs:
             output.tick(now_ns)
 
     def close(self, summary: Mapping[str, str]) -> None:
-        """End the files, and have them listed: at once, or when the drawing is optimized.
+        """Close the files, and add them to the index: now, or after the .rrd file is optimized.
 
         Args:
-            summary: What is known of the whole recording; what this file holds is counted here.
+            summary: Summary of the whole recording; the counts of this file are added.
         """
         for output in self._outputs:
             output.close({**summary, **self._stats.summary_text})
-        self._outputs = ()  # the drawing may wait for long to be optimized
+        self._outputs = ()  # release them: optimizing may take long
         if self._folder.draw:
             self.optimized = optimize_later(self._paths[-1])
         else:

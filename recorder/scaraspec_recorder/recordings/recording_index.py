@@ -1,7 +1,7 @@
-"""contents.jsonl: what lies in the folder of a recording, one line for each file and removal.
+"""The index contents.jsonl: one line for each recording and each removal.
 
-Law: it says nothing that the files do not say themselves, so it can be made again from them, and is
-at each start, wherever it is missing, torn or behind. Lines are appended; only a start rewrites it.
+The index contains only information from the files, so it can be rebuilt. Each start rebuilds what
+is missing, damaged or outdated. Otherwise lines are only appended.
 """
 
 import json
@@ -36,19 +36,18 @@ _log = logging.getLogger(__name__)
 
 
 class RecordingIndex:
-    """The table of contents of a folder, brought up to date when it is made.
+    """The index of a folder. The constructor updates it from the files.
 
-    Files of a recorder that was killed are repaired first, see `repair`. Nothing is written before
-    `save`.
+    Files of a killed recorder are repaired first, see `repair`. Nothing is written before `save`.
 
     Args:
-        folder: The folder of the recordings; nobody else writes into it.
+        folder: The folder of the recordings; no other process may write into it.
 
     Raises:
-        OSError: The folder or the table cannot be read.
+        OSError: The folder or the index cannot be read.
 
     Attributes:
-        entries: Of the files that are there, by name; their streams are only in the table.
+        entries: Entries of the existing files, by name. Streams are only in the file on disk.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -64,12 +63,12 @@ class RecordingIndex:
         self._remove_missing_files()
 
     def repair(self) -> None:
-        """Repair what could not be for want of room, where some has been made since.
+        """Repair files for which there was too little disk space before.
 
-        What there is no room for stays as it is, until the next time.
+        Files for which there is still too little space remain unchanged until the next call.
 
         Raises:
-            OSError: The disk is full: nothing could be recorded, either.
+            OSError: The disk is full: recording is not possible, either.
         """
         for path in self._unrepaired:
             try:
@@ -80,10 +79,10 @@ class RecordingIndex:
                 _log.warning("%s is not repaired yet: %s", path, error)
 
     def save(self) -> None:
-        """Write the table anew, if that is needed; to be called before anything else is added.
+        """Rewrite the index if necessary. Must be called before further entries are added.
 
         Raises:
-            OSError: It cannot be written; it is as it was.
+            OSError: The index cannot be written; the old one remains.
         """
         if self._saved:
             return
@@ -101,19 +100,19 @@ class RecordingIndex:
         self._saved = True
 
     def add(self, entry: RecordingSummary) -> None:
-        """Add a file.
+        """Add an entry.
 
         Raises:
-            OSError: The table cannot be written; the next start finds the file.
+            OSError: The index cannot be written; the next start adds the file.
         """
         self.entries[entry.name] = replace(entry, streams={})
         self._append(asdict(entry))
 
     def remove(self, name: str, time_ns: int, reason: str) -> None:
-        """Note that a file and what was drawn of it are gone.
+        """Record that a file and its .rrd file were removed.
 
         Raises:
-            OSError: The table cannot be written; the next start misses the file.
+            OSError: The index cannot be written; the next start records the removal.
         """
         del self.entries[name]
         self._append({"removed": name, "time_ns": time_ns, "reason": reason})
@@ -128,7 +127,7 @@ class RecordingIndex:
             os.fsync(file.fileno())
 
     def _read_lines(self) -> Iterator[dict[str, Any]]:
-        """The whole lines of the table as it is; another means that it is to be written anew."""
+        """Yield the valid lines of the file. An invalid line causes a rewrite."""
         try:
             file = self._path.open("rb")
         except FileNotFoundError:
@@ -156,7 +155,7 @@ class RecordingIndex:
                     self._unrepaired.append(path)
 
     def _repair_and_add(self, path: Path) -> None:
-        """Repair a file and add it, or remove it where it holds nothing."""
+        """Repair a file and add it; remove it if it is empty."""
         if not remove_if_empty(path):
             entry = repair_and_summarize(path)
             self._saved = False
@@ -170,9 +169,9 @@ class RecordingIndex:
 
 
 def repair_and_summarize(path: Path) -> RecordingSummary:
-    """Repair a recording where it needs it, and count what it holds.
+    """Repair a recording if necessary, and count its content.
 
-    What cannot be read at all has an entry too, which says so.
+    An unreadable file gets an entry with a note.
 
     Raises:
         OSError: The repaired file cannot be written.
@@ -189,7 +188,7 @@ def repair_and_summarize(path: Path) -> RecordingSummary:
 
 
 def _count(path: Path, stats: RecordingStats) -> None:
-    """Count what a whole file holds."""
+    """Count the content of a complete file."""
     raw, topics = RawLayerReader(), dict[int, str]()
     for record in read_records(path, McapSummary()):
         if event := raw.take(record):
@@ -201,7 +200,7 @@ def _count(path: Path, stats: RecordingStats) -> None:
             if topic == "/exchanges":
                 stats.exchanges += 1
             elif topic == "/findings":
-                with suppress(ValueError):  # another's file under a name of ours
+                with suppress(ValueError):  # a foreign file with the name of a recording
                     found = schemas.decode(schemas.Finding, record.data)
                     stats.findings[found.verdict] += 1
 
@@ -211,10 +210,10 @@ def _encode(line: Mapping[str, Any]) -> bytes:
 
 
 def _decode(text: bytes) -> dict[str, Any]:
-    """What a line says.
+    """Decode a line.
 
     Raises:
-        ValueError: It is torn, or no line of ours.
+        ValueError: The line is incomplete or not an index line.
     """
     line = json.loads(text)
     if not text.endswith(b"\n") or not isinstance(line, dict):

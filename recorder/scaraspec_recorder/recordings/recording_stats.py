@@ -1,6 +1,6 @@
-"""Tally: what one file of a recording holds, counted while it is written or read; and its entry.
+"""Statistics of one recording file and its index entry.
 
-Law: counts only. Where entries are kept stands in `index`.
+The file is counted while it is written or read. `recording_index` stores the entries.
 """
 
 from collections import Counter
@@ -18,10 +18,10 @@ from scaraspec_recorder.sinks.decoder import Item
 from scaraspec_recorder.sinks.file_names import is_recording_name
 
 RERUN_SUFFIX: Final = ".rrd"
-"""What the picture of a capture is called by, behind the same stem."""
+"""Suffix of the Rerun file; its stem is that of the MCAP file."""
 
 _MOST_STREAMS: Final = 2000
-"""Streams listed of one file; the file itself lists all."""
+"""Maximum number of streams in an index entry; the MCAP file contains all."""
 
 _SHA256: Final = "sha256_recorded"
 
@@ -30,24 +30,24 @@ Stream = Mapping[str, int | str]
 
 @dataclass(frozen=True, slots=True)
 class RecordingSummary:
-    """A recording that is complete.
+    """Index entry of a complete recording.
 
     Attributes:
-        name: Its capture file.
-        files: That and what was drawn of it.
-        size_bytes: Of all of them.
-        begin_ns: Time of its first event; of the file where it holds none.
-        end_ns: Time of its last.
-        connections: How many it holds, also those that began before it.
-        exchanges: How many came to their end in it.
+        name: Name of the MCAP file.
+        files: Names of the MCAP file and the .rrd file.
+        size_bytes: Total size of the files.
+        begin_ns: Time of the first event; without events, the file's modification time.
+        end_ns: Time of the last event.
+        connections: Number of connections, including those that started earlier.
+        exchanges: Number of exchanges that ended in this file.
         a2c_bytes: Recorded bytes of clients.
         c2a_bytes: Recorded bytes of controllers.
-        gaps: How often something is missing.
-        lost_bytes: How much, where that is known.
-        findings: Their number by verdict; passes are not counted.
-        streams: By connection and direction, its account with the SHA-256 of what was recorded.
-        streams_left_out: How many more it has.
-        notes: What was lost, or may have been, where the file had to be repaired.
+        gaps: Number of gaps.
+        lost_bytes: Missing bytes, without gaps of unknown length.
+        findings: Number of findings by verdict; passes are not counted.
+        streams: Account of each stream with the SHA-256 of its recorded bytes.
+        streams_left_out: Number of streams that are not listed.
+        notes: What was or may have been lost, if the file was repaired.
     """
 
     name: str
@@ -68,10 +68,10 @@ class RecordingSummary:
 
     @classmethod
     def read(cls, line: Mapping[str, Any]) -> "RecordingSummary":
-        """Return the entry that a line holds.
+        """Return the entry of an index line.
 
         Raises:
-            ValueError: It holds none, or one that names files of others.
+            ValueError: The line is not an entry, or names foreign files.
         """
         try:
             files, notes = tuple(line["files"]), tuple(line["notes"])
@@ -89,7 +89,7 @@ class RecordingSummary:
 
 
 class RecordingStats:
-    """Counts what a file holds, while it is written or read."""
+    """Counts the content of a file while it is written or read."""
 
     def __init__(self) -> None:
         self.begin_ns = self.end_ns = 0
@@ -110,7 +110,7 @@ class RecordingStats:
             self._list(closed)
 
     def add_item(self, item: Item) -> None:
-        """Count what an event brought about."""
+        """Count an item derived from an event."""
         if isinstance(item, Exchange):
             self.exchanges += 1
         elif isinstance(item, Finding):
@@ -118,21 +118,21 @@ class RecordingStats:
 
     @property
     def summary_text(self) -> dict[str, str]:
-        """What the file amounts to."""
+        """Counts of the file, as text."""
         found = {f"findings {verdict}": str(count) for verdict, count in self.findings.items()}
         return {"exchanges": str(self.exchanges), **found}
 
     def build_summary(
         self, paths: tuple[Path, ...], notes: tuple[str, ...] = ()
     ) -> RecordingSummary:
-        """Return the entry of a file that is closed.
+        """Return the index entry of a closed file.
 
         Args:
-            paths: The capture file, then what was drawn of it.
-            notes: What was lost of it.
+            paths: The MCAP file, then the .rrd file if any.
+            notes: Notes about lost data.
 
         Raises:
-            OSError: One of them is not there.
+            OSError: A file does not exist.
         """
         self._list(self._byte_accounting.close())
         a2c_bytes = self._recorded[A2C.value]
@@ -157,7 +157,7 @@ class RecordingStats:
         )
 
     def _list(self, accounts: Mapping[str, Mapping[str, str]]) -> None:
-        """List streams that have ended; what is counted of each is in its account."""
+        """Add the accounts of ended streams."""
         self._connections += len({name.rpartition("/")[0] for name in accounts})
         for name, account in accounts.items():
             self._recorded[name.rpartition("/")[2]] += int(account["recorded_bytes"])

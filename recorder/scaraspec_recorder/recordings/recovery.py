@@ -31,12 +31,12 @@ _log = logging.getLogger(__name__)
 
 
 def sink_after_repair(folder: OutputFolder, *, make: SinkFactory) -> Sink:
-    """Repair what an earlier recorder left in the folder, then make another sink (a `SinkFactory`).
+    """Repair the files of an earlier recorder, then create another sink (a `SinkFactory`).
 
-    It is called with the folder held, and by whoever is to write there.
+    The caller must hold the lock of the folder.
 
     Raises:
-        OSError: The disk is full: nothing can be repaired, nor recorded.
+        OSError: The disk is full: neither repair nor recording is possible.
     """
     remove_temporary_files(folder.path)
     for path in sorted(folder.path.glob("*.mcap")):
@@ -57,13 +57,13 @@ def sink_after_repair(folder: OutputFolder, *, make: SinkFactory) -> Sink:
 
 @contextmanager
 def locked_folder(folder: Path) -> Iterator[int]:
-    """Hold a folder against recorders; give how much one that was killed has left unwritten.
+    """Lock a folder against recorders. Yields the unacknowledged bytes in its spool.
 
-    The number is that of bytes in its spool which it has not acknowledged; some may be written.
+    Some of these bytes may already be written.
 
     Raises:
         BlockingIOError: A recorder writes into the folder.
-        OSError: There is no room for a lock.
+        OSError: The lock file cannot be created.
     """
     spool = spool_folder(folder)
     try:
@@ -82,38 +82,38 @@ def locked_folder(folder: Path) -> Iterator[int]:
 
 
 def has_complete_rrd(path: Path) -> bool:
-    """Whether there is a whole .rrd file."""
+    """Whether a complete .rrd file exists."""
     return path.exists() and _unless_unreadable(is_whole, path)
 
 
 def rebuild_rrd(path: Path) -> Path:
-    """Draw the .rrd file of a recording anew, in one step; return it.
+    """Write the .rrd file of a recording again and replace it atomically. Return its path.
 
     Raises:
         CaptureError: The recording cannot be read.
-        OSError: The picture cannot be written; the one that is there stays.
-        ImportError: Drawing needs an extra that is not installed; the text says which.
+        OSError: The .rrd file cannot be written; the old one remains.
+        ImportError: The extra for Rerun is not installed.
     """
     drawn = path.with_suffix(".rrd")
-    beside = drawn.with_name(f".{drawn.name}.new")
+    temporary = drawn.with_name(f".{drawn.name}.new")
     try:
         capture = read_mcap(path)
-        write_rrd(capture, beside, needs_login=capture.needs_login)
-        beside.replace(drawn)
+        write_rrd(capture, temporary, needs_login=capture.needs_login)
+        temporary.replace(drawn)
     finally:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
     return drawn
 
 
 def _is_ended(path: Path) -> bool:
-    """Whether a recording was ended in order."""
+    """Whether a recording was closed properly."""
     with path.open("rb") as file:
         file.seek(-min(len(MAGIC), path.stat().st_size), os.SEEK_END)
         return file.read() == MAGIC
 
 
 def _unless_unreadable(ask: Callable[[Path], bool], path: Path) -> bool:
-    """Ask it of a file; one that cannot be read is told, and left alone as if it were so."""
+    """Return the result of a check. Log an unreadable file and return True."""
     try:
         return ask(path)
     except OSError as error:

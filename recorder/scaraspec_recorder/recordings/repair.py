@@ -1,8 +1,7 @@
-"""Recover: a recording whose writer was killed or whose disk was full becomes a whole file again.
+"""Repairs a recording whose writer was killed or whose disk was full.
 
-Law: nothing is guessed and nothing whole is lost. The repaired file takes the place of the damaged
-one in one step; until then that one stays as it was. What cannot be kept is told, in the report and
-in the file (metadata ``recovered``).
+All intact records are kept, and nothing is guessed. The repaired file replaces the damaged one
+atomically. Lost data is described in the report and in the file (metadata ``recovered``).
 """
 
 import os
@@ -22,20 +21,20 @@ from scaraspec_recorder.sources.mcap_reader import McapSummary, RawLayerReader, 
 RECOVERED: Final = "recovered"
 
 _SUFFIX: Final = ".recovered"
-_LITTLE_BYTES: Final = 1 << 16
-_IN_THE_MAKING: Final = (f".*.mcap{_SUFFIX}", f".*.rrd{OPTIMIZED}", ".*.rrd.new")
+_FULL_DISK_BYTES: Final = 1 << 16
+_TEMPORARY_FILES: Final = (f".*.mcap{_SUFFIX}", f".*.rrd{OPTIMIZED}", ".*.rrd.new")
 
 
 @dataclass(frozen=True, slots=True)
 class RepairReport:
-    """What became of a file.
+    """Result of a repair.
 
     Attributes:
         path: The file.
-        repaired: Whether it was written anew; false where it was whole.
-        events: Raw events that it holds.
-        last_ns: Time of the latest of them, in nanoseconds since the Unix epoch; 0 without one.
-        notes: One sentence for each kind of thing that was lost, or may have been.
+        repaired: Whether the file was rewritten; False if it was intact.
+        events: Number of raw events in the file.
+        last_ns: Time of the last event, in nanoseconds since the Unix epoch; 0 without events.
+        notes: One sentence for each kind of data that was or may have been lost.
     """
 
     path: Path
@@ -46,11 +45,11 @@ class RepairReport:
 
 
 def repair(path: Path) -> RepairReport:
-    """Repair a recording in place, if it needs it: that takes as much room on the disk again.
+    """Repair a recording in place if necessary. Needs disk space for a second copy.
 
     Raises:
-        CaptureError: The file cannot be read, or is no recording of this tool.
-        OSError: The repaired file cannot be written; the damaged one is as it was.
+        CaptureError: The file cannot be read, or is not a recording of this tool.
+        OSError: The repaired file cannot be written; the damaged one remains unchanged.
     """
     repaired = path.with_name(f".{path.name}{_SUFFIX}")
     summary = _copy(path, None)
@@ -68,26 +67,26 @@ def repair(path: Path) -> RepairReport:
 
 
 def remove_temporary_files(folder: Path) -> None:
-    """Remove what a process that was killed had in the making beside the files of a folder.
+    """Remove the temporary files of killed processes in a folder.
 
     Raises:
-        OSError: It cannot be removed.
+        OSError: A file cannot be removed.
     """
-    for pattern in _IN_THE_MAKING:
+    for pattern in _TEMPORARY_FILES:
         for path in folder.glob(pattern):
             path.unlink(missing_ok=True)
 
 
 def is_full(folder: Path) -> bool:
-    """Whether the disk of a folder has no room for anything."""
-    return shutil.disk_usage(folder).free < _LITTLE_BYTES
+    """Whether the disk of a folder is full."""
+    return shutil.disk_usage(folder).free < _FULL_DISK_BYTES
 
 
 def remove_if_empty(path: Path) -> bool:
-    """Remove a file whose recorder was killed before it wrote anything; return whether it was so.
+    """Remove the file if it is empty. Return whether it was.
 
     Raises:
-        OSError: It cannot be removed.
+        OSError: The file cannot be removed.
     """
     empty = not path.stat().st_size
     if empty:
@@ -96,7 +95,7 @@ def remove_if_empty(path: Path) -> bool:
 
 
 def _copy(path: Path, file: BinaryIO | None) -> McapSummary:
-    """Write what is whole in a recording to another file, or to none; return what was found."""
+    """Copy the intact records of a recording to `file`, if given. Return the summary."""
     summary, raw, accounts = McapSummary(), RawLayerReader(), ByteAccounting()
     copier: _Copier | None = None
     headed = False
@@ -104,7 +103,7 @@ def _copy(path: Path, file: BinaryIO | None) -> McapSummary:
         if isinstance(record, Header):
             headed, copier = True, _Copier(file, record) if file else None
         if not headed:
-            break  # without its header nothing else is what it seems
+            break  # without a header, the records are not reliable
         if copier:
             copier.copy(record)
         if event := raw.take(record):
@@ -118,7 +117,7 @@ def _copy(path: Path, file: BinaryIO | None) -> McapSummary:
 
 
 class _Copier:
-    """Writes records into another file, where they get numbers of their own."""
+    """Copies records into another file with new schema and channel numbers."""
 
     def __init__(self, file: BinaryIO, header: Header) -> None:
         self._writer = ChunkWriter(file, header.library)
@@ -127,7 +126,7 @@ class _Copier:
         self._metadata: set[str] = set()
 
     def copy(self, record: McapRecord) -> None:
-        """Copy a record; one that only tells of others is made anew at the end."""
+        """Copy a record. Index and summary records are created again at the end."""
         writer = self._writer
         match record:
             case Message():
@@ -150,7 +149,7 @@ class _Copier:
                 writer.metadata(record.name, record.metadata)
 
     def finish(self, summary: McapSummary, accounts: ByteAccounting) -> None:
-        """Write the accounts that the file still owes, what was lost, and its end."""
+        """Write the missing accounts, the notes and the end of the file."""
         for name, entries in accounts.close().items():
             if name not in self._metadata:
                 self._writer.metadata(name, entries)
@@ -160,7 +159,7 @@ class _Copier:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Make a replacement survive a loss of power, where the system can."""
+    """Make a file replacement durable, if the system supports it."""
     with suppress(OSError):
         descriptor = os.open(folder, os.O_RDONLY)
         try:

@@ -1,7 +1,7 @@
-"""Retention: what is removed, so that the disk holds what comes next.
+"""Retention: removes old recordings to free disk space.
 
-Law: the oldest complete recordings go first. What is being written is not listed yet and never
-goes. Nothing goes unsaid: each removal is logged and noted in the table of contents.
+The oldest complete recordings are removed first. Files that are being written are never removed.
+Each removal is logged and recorded in the index.
 """
 
 import logging
@@ -13,7 +13,7 @@ from scaraspec_recorder.recordings.recording_stats import RecordingSummary
 from scaraspec_recorder.units import SECOND_NS, Limits, show_size
 
 PERIOD_NS: Final = 10 * SECOND_NS
-"""How often it is looked whether something is to be removed."""
+"""Interval of the retention checks."""
 
 _DAY_NS: Final = 86_400 * SECOND_NS
 
@@ -21,13 +21,13 @@ _log = logging.getLogger(__name__)
 
 
 class Retention:
-    """Removes recordings.
+    """Removes recordings beyond the limits.
 
     Args:
-        contents: Those that are complete.
-        keep: For how long, and how much of them, recordings are kept.
-        min_free_bytes: How much of the disk is to stay free; 0 for no such limit.
-        free_bytes: How much of it is.
+        index: Index of the complete recordings.
+        keep: Limits of age and total size.
+        min_free_bytes: Disk space that must stay free; 0 for no limit.
+        free_bytes: Returns the free disk space.
     """
 
     def __init__(
@@ -43,17 +43,17 @@ class Retention:
         self._free_bytes = free_bytes
 
     def enforce(self, now_ns: int, written_bytes: int = 0) -> bool:
-        """Remove what is to go.
+        """Remove recordings beyond the limits.
 
         Args:
-            now_ns: The time, since the Unix epoch.
+            now_ns: Current time, in nanoseconds since the Unix epoch.
             written_bytes: Size of the recording that is being written.
 
         Returns:
-            Whether as much of the disk is free as must be.
+            Whether the required disk space is free.
 
         Raises:
-            OSError: A file cannot be removed, or the table of contents not be written.
+            OSError: A file cannot be removed, or the index cannot be written.
         """
         oldest_first = self._oldest_first()
         total_bytes = written_bytes + sum(entry.size_bytes for entry in oldest_first)
@@ -66,8 +66,8 @@ class Retention:
     def _make_room(self, now_ns: int) -> bool:
         if not self._min_free_bytes:
             return True
-        # What was removed counts as free at once, whenever the file system gets round to it: else
-        # everything would go while it does.
+        # Count removed files as free immediately. The file system may free them later, and then
+        # too many files would be removed.
         free_bytes = self._free_bytes()
         for entry in self._oldest_first():
             if free_bytes >= self._min_free_bytes:
@@ -89,7 +89,7 @@ class Retention:
 
 
 def _too_much(limits: Limits, size_bytes: int, age_ns: int) -> str:
-    """Why the oldest recording must go, with all that are younger of this size; or nothing."""
+    """Return why the oldest recording must be removed; empty if it is kept."""
     if limits.size_bytes is not None and size_bytes > limits.size_bytes:
         return f"more than {show_size(limits.size_bytes)}"
     if limits.duration_ns is not None and age_ns > limits.duration_ns:

@@ -1,11 +1,10 @@
-"""Rotation: a recording in one file after another.
+"""Rotation: writes a recording into one file after another.
 
-Law: only the files change. It is an output, so the decoding and the judging in front of it go on
-across the seam: what was in flight there is judged as if there were none, and comes whole into the
-file in which it ends. A reader of one file alone cannot know that, so a file ends behind an answer
-if one comes soon. The next begins with its first event or mark, so that none is empty, and a file
-lasts for a tick at least: its making takes time, and whoever connects a thousand times a second
-shall not hold up the writing.
+Rotation is an output, so decoding and judging continue across files: an exchange that spans two
+files is judged normally and is written to the file in which it ends. A reader of a single file
+cannot do that; therefore a file ends after a reply if one comes soon. The next file starts with its
+first event or mark, so no file is empty. A file lasts at least one tick, because creating files
+takes time and thousands of short connections must not delay writing.
 """
 
 from collections.abc import Mapping
@@ -25,7 +24,7 @@ from scaraspec_recorder.sinks.text import LogLine
 from scaraspec_recorder.units import SECOND_NS, Limits, QuantityError, parse_limits
 
 MAX_WAIT_TICKS: Final = 4
-"""For how many ticks an answer is waited for, to end a file behind it."""
+"""Maximum number of ticks to wait for a reply before a file ends."""
 
 _LEAST: Final = Limits(SECOND_NS, 1_000_000)
 _CONNECTION: Final = "connection"
@@ -33,17 +32,17 @@ _CONNECTION: Final = "connection"
 
 @dataclass(frozen=True, slots=True)
 class RotationPolicy:
-    """When a file ends: after so long, at such a size, when no connection is open any more."""
+    """When a file ends: after a duration, at a size, or when no connection is open."""
 
     limits: Limits = field(default_factory=Limits)
     each_connection: bool = False
 
 
 def parse_rotation(text: str) -> RotationPolicy:
-    """Return what ``1h``, ``512MB``, ``1h,512MB`` or ``connection`` says.
+    """Parse ``1h``, ``512MB``, ``1h,512MB`` or ``connection``.
 
     Raises:
-        QuantityError: It is none of these, or so little that all would be seams.
+        QuantityError: The text is none of these, or the limit is too small.
     """
     if text.strip() == _CONNECTION:
         return RotationPolicy(each_connection=True)
@@ -59,18 +58,18 @@ def parse_rotation(text: str) -> RotationPolicy:
     ):
         if value is not None and least is not None and value < least:
             raise QuantityError(
-                UserMessage("{text} is too little for a file: take 1s or 1MB at least", text=text)
+                UserMessage("{text} is too small for a file: use at least 1s or 1MB", text=text)
             )
     return RotationPolicy(limits)
 
 
 class Rotation:
-    """An output that writes one file set after another.
+    """An output that writes one recording file after another.
 
     Args:
-        shelf: Where they are put.
-        judge: Who judges what comes; its tallies are cleared at each seam, so that each file's
-            summary tells of that file.
+        shelf: The folder of the files.
+        judge: The judge of the recording. Its tallies are cleared at each file change, so that a
+            summary covers one file.
         rotate: When a file ends.
     """
 
@@ -83,13 +82,13 @@ class Rotation:
         self._links = OpenConnections()
         self._now_ns = 0
         self._files: RecordingFiles | None = None
-        self._first_ns = 0  # when its first event was
-        self._began_ns: int | None = None  # by the clock of the ticks
-        self._due_ticks = 0  # since when the file is to end
-        self._quiet = True  # the last that passed was a whole frame of the controller
+        self._first_ns = 0  # time of its first event
+        self._began_ns: int | None = None  # clock of the ticks
+        self._due_ticks = 0  # ticks since the file must end
+        self._quiet = True  # the last item was a complete frame of the controller
 
     def write(self, event: WireEvent) -> None:
-        """Write a raw event, in a new file where it is time for one."""
+        """Write a raw event, into a new file if the current one must end."""
         if self._due_ticks and self._quiet:
             self._end()
         self._now_ns = event.time_ns
@@ -100,7 +99,7 @@ class Rotation:
             self._due_ticks = 1
 
     def take(self, item: Item, number: int, line: LogLine | None) -> None:
-        """Write what the last event brought about."""
+        """Write an item derived from the last event."""
         if isinstance(item, FrameSeen):
             self._quiet = item.frame.direction is C2A
         self._current(self._now_ns).take(item, number, line)
@@ -110,14 +109,14 @@ class Rotation:
         self._current(time_ns).mark(time_ns, line)
 
     def tick(self, now_ns: int) -> None:
-        """Make all durable, and end the file where it is time."""
+        """Make all data durable, and end the file if it is time."""
         if not self._files:
             return
         self._files.tick(now_ns)
         if self._began_ns is None:
             self._began_ns = now_ns
         limits, age_ns = self._rotate.limits, now_ns - self._began_ns
-        # An age below 0: the clock was set back, and it is not known how old the file is.
+        # A negative age: the clock was set back, and the file's age is unknown.
         old = limits.duration_ns is not None and not 0 <= age_ns < limits.duration_ns
         large = limits.size_bytes is not None and self._files.size_bytes >= limits.size_bytes
         if old or large or self._idle or self._due_ticks:
@@ -132,11 +131,11 @@ class Rotation:
 
     @property
     def _idle(self) -> bool:
-        """Whether each connection is to have a file, and none is open."""
+        """Whether files end with connections and no connection is open."""
         return self._rotate.each_connection and not self._links
 
     def _current(self, time_ns: int) -> RecordingFiles:
-        """The file that is being written; where there is none, a new one of that time."""
+        """Return the current file; create one with this time if there is none."""
         if not self._files:
             self._files, self._first_ns = self._folder.create(time_ns), time_ns
             for opened in self._links.reopening_events(time_ns):

@@ -1,19 +1,19 @@
-"""Triggers: conditions on what passes, written as text, and when they come true.
+"""Triggers: conditions on the traffic, written as text.
 
-Law: a condition is watched by one class, which sees events, what they brought about, and the time,
-and says why it fires; the table at the end is the grammar. What is done about it stands in `marks`.
+Each condition has a class that receives events, derived items and the time, and returns the reason
+when it fires. The tables at the end define the syntax. `marks` writes the marks.
 
-A condition is a word, most with an argument behind a colon:
+A condition is a word, most with an argument after a colon:
 
     code:12          a refusal, a failed result or a new status has this code of table 8-1
-    refusal          a first reply says no
+    refusal          a first reply refuses the request
     finding:4.15/3   this requirement is violated
-    finding:fail     any is; also tolerated, inconclusive, error
-    silence:30s      nothing passed on an open connection for so long
-    late:500ms       a first reply takes longer, or has not come for so long
-    malformed        bytes are no frame, or a frame's payload has not the form that it must have
+    finding:fail     any requirement is violated; also tolerated, inconclusive, error
+    silence:30s      no bytes on an open connection for this time
+    late:500ms       a first reply takes longer, or is missing for this time
+    malformed        bytes are not a frame, or the payload of a frame is malformed
     disconnect       a connection was closed or reset
-    signal           the recorder got SIGUSR1
+    signal           the recorder received SIGUSR1
 """
 
 import reprlib
@@ -33,33 +33,33 @@ from scaraspec_recorder.sinks.decoder import Item
 from scaraspec_recorder.units import SECOND_NS, QuantityError, parse_duration
 
 SIGNAL: Final = "signal"
-"""The condition that the user fires by a signal, see `UserTrigger`."""
+"""The condition that the user triggers with a signal, see `UserTrigger`."""
 
 _MOST_DUE: Final = 256  # requests of one command and connection whose replies are waited for
 
 
 class TriggerError(ValueError):
-    """A text that is no condition; the message is one sentence for the user."""
+    """The text is not a valid condition. The message is one sentence for the user."""
 
 
 class Trigger:
-    """Watches one condition. Each method says why it fires, or nothing."""
+    """One condition. Each method returns why it fires; empty if it does not."""
 
     def on_event(self, event: WireEvent) -> str:  # noqa: ARG002 - most conditions are on what it means
-        """A raw event passed."""
+        """Process a raw event."""
         return ""
 
     def on_item(self, item: Item) -> str:  # noqa: ARG002 - silence needs none
-        """This is what it brought about."""
+        """Process an item derived from the last event."""
         return ""
 
     def on_time(self, now_ns: int) -> str:  # noqa: ARG002 - few conditions are on time
-        """It is this time on the clock of the events; nothing that passed before is on its way."""
+        """Process the current time of the events' clock; all earlier events are known."""
         return ""
 
 
 class UserTrigger(Trigger):
-    """Fires when the user asks for it."""
+    """Fires when the user requests it."""
 
     def __init__(self) -> None:
         self._requested = False
@@ -69,18 +69,20 @@ class UserTrigger(Trigger):
         self._requested = True
 
     def on_time(self, now_ns: int) -> str:  # noqa: ARG002 - whenever it is
-        """Say whether it was asked for."""
+        """Return the reason if the user requested a mark."""
         pressed, self._requested = self._requested, False
-        return "asked for by SIGUSR1" if pressed else ""
+        return "requested by SIGUSR1" if pressed else ""
 
 
 class _Code(Trigger):
-    """A status fires where it changes, for clients ask for it again and again."""
+    """A status code fires only when it changes, because clients poll it."""
 
     def __init__(self, text: str) -> None:
         if not (row := lookup(text)):
             raise TriggerError(
-                UserMessage("{text} is no code of table 8-1, such as 12", text=reprlib.repr(text))
+                UserMessage(
+                    "{text} is not a code of table 8-1, such as 12", text=reprlib.repr(text)
+                )
             )
         self._code = row.text
         self._status = ""
@@ -131,9 +133,9 @@ class _Found(Trigger):
 
 
 class _Silence(Trigger):
-    """Counts from the first tick or byte, so that a connection told of late is not taken for old.
+    """Measures from the first tick or byte, so that a late OPENED event does not count as silence.
 
-    Each silence fires once: at a tick, or where the next byte shows how long it was.
+    Each silence fires once: at a tick, or at the next byte.
     """
 
     def __init__(self, text: str) -> None:
@@ -164,12 +166,14 @@ class _Silence(Trigger):
             self._last_traffic_ns[connection] = now_ns
         elif now_ns - heard_ns >= self._limit_ns and connection not in self._fired:
             self._fired.add(connection)
-            return f"nothing on connection {connection} for {(now_ns - heard_ns) / SECOND_NS:.1f} s"
+            return (
+                f"no bytes on connection {connection} for {(now_ns - heard_ns) / SECOND_NS:.1f} s"
+            )
         return ""
 
 
 class _Late(Trigger):
-    """Fires when a reply is due no longer, or when it shows that it was late; not twice."""
+    """Fires once per late reply: when the limit passes, or when the reply arrives."""
 
     def __init__(self, text: str) -> None:
         self._limit_ns = parse_duration(text)
@@ -207,7 +211,7 @@ class _Late(Trigger):
 
 
 class _Malformed(Trigger):
-    """What a gap may have torn is not malformed."""
+    """Bytes next to a gap do not count as malformed."""
 
     def on_item(self, item: Item) -> str:
         if isinstance(item, InvalidBytes) and item.certain:
@@ -223,7 +227,7 @@ class _Malformed(Trigger):
 
 
 class _Disconnect(Trigger):
-    """A connection that was lost from sight is closed by the recorder, in the same instant."""
+    """Ignores connections that the recorder itself closes after a gap of unknown length."""
 
     def __init__(self) -> None:
         self._unobserved: tuple[str, int] | None = (
@@ -256,10 +260,10 @@ _WITH_ARGUMENT: Final[dict[str, Callable[[str], Trigger]]] = {
 
 
 def parse_trigger(text: str) -> Trigger:
-    """Return what watches a condition.
+    """Parse a condition.
 
     Raises:
-        TriggerError: It is none.
+        TriggerError: The text is not a condition.
     """
     word, colon, argument = text.strip().partition(":")
     try:
@@ -269,11 +273,11 @@ def parse_trigger(text: str) -> Trigger:
             return simple()
     except QuantityError as error:
         raise TriggerError(
-            UserMessage("{text} is no trigger: {error}", text=reprlib.repr(text), error=error)
+            UserMessage("{text} is not a trigger: {error}", text=reprlib.repr(text), error=error)
         ) from None
     raise TriggerError(
         UserMessage(
-            "{text} is no trigger: take code:12, refusal, finding:4.15/3, finding:fail, "
+            "{text} is not a trigger: use code:12, refusal, finding:4.15/3, finding:fail, "
             "silence:30s, late:500ms, malformed, disconnect or signal",
             text=reprlib.repr(text),
         )

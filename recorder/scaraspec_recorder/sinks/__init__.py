@@ -1,4 +1,5 @@
-"""Deriving: what a recording means, made once for every file that is written of it.
+"""Outputs of a recording: the sink runner, decoding, MCAP, Rerun and pcapng.
 
-Law: events in the order of time in, the same events and what they brought about out. No file.
+Belongs here: everything that turns wire events into output. The decoder runs once for all outputs.
+Does not belong here: rotation and retention of files (`recordings`).
 """

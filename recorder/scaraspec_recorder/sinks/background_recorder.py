@@ -1,7 +1,6 @@
-"""Aside: a program's own links, recorded while it goes on.
+"""Records the links of the calling program in the background.
 
-Law: the program spools, a scribe in a process of its own writes; the program waits for it only at
-the end. What is written stands in the sinks.
+The program writes to a spool; a writer process writes the files. The program waits only at the end.
 """
 
 import shutil
@@ -21,15 +20,15 @@ from scaraspec_recorder.spool.records import stream_number
 from scaraspec_recorder.spool.spool import LIMIT_BYTES, SpoolWriter, read_checkpoint, stall_of
 
 DRAIN_S: Final = 600.0
-"""How long the scribe may take to write what is left."""
+"""Time limit to write the rest at the end."""
 
 
 class BackgroundRecorder:
-    """A recording of the wire events that its program gives it.
+    """Records the wire events that the program passes to `write`.
 
     Args:
-        out_dir: Where the sinks write.
-        sinks: Make the sinks, in the scribe's process.
+        out_dir: Output folder of the sinks.
+        sinks: Factories of the sinks, called in the writer process.
 
     Raises:
         OSError: The folder cannot be used, or another recorder uses it.
@@ -38,8 +37,8 @@ class BackgroundRecorder:
     def __init__(self, out_dir: Path, sinks: Sequence[SinkFactory]) -> None:
         self._pending_calls: list[
             tuple[float, Callable[[], None]]
-        ] = []  # what the spool wants done when
-        self._numbers: dict[str, int] = {}  # of the connections, in the order of their opening
+        ] = []  # time and callback, for the spool
+        self._numbers: dict[str, int] = {}  # connection numbers, in the order of opening
         with ExitStack() as stack:
             self._spool = stack.enter_context(locked_spool(out_dir, LIMIT_BYTES))
             self._line, far = socket.socketpair()
@@ -51,7 +50,7 @@ class BackgroundRecorder:
         self._spool_writer = SpoolWriter(self._spool, self._call_later)
 
     def write(self, event: WireEvent) -> None:
-        """Take the next event."""
+        """Record the next event."""
         number = self._numbers.setdefault(event.connection, len(self._numbers) + 1)
         stream = stream_number(number, event.direction)
         payload = event.data if event.kind is Kind.BYTES else event.note.encode()
@@ -64,10 +63,10 @@ class BackgroundRecorder:
                 act()
 
     def close(self) -> None:
-        """Wait until all is written.
+        """Wait until everything is written.
 
         Raises:
-            SinkFailed: It could not be; the text says why.
+            SinkFailed: Writing failed; the text gives the reason.
         """
         with self._lock_stack:
             self._spool_writer.close()
@@ -76,9 +75,9 @@ class BackgroundRecorder:
             if self._writer_process.exitcode != 0:
                 stall = stall_of(read_checkpoint(self._spool))
                 self._writer_process.kill()
-                raise SinkFailed(stall.reason if stall else "the scribe does not end")
+                raise SinkFailed(stall.reason if stall else "the writer process does not end")
             shutil.rmtree(self._spool)
 
     def _call_later(self, delay_s: float, act: Callable[[], None]) -> None:
-        """Have something done when the first event comes after so long."""
+        """Run a callback at the first event after the delay."""
         self._pending_calls.append((time.monotonic() + delay_s, act))

@@ -1,6 +1,7 @@
-"""Accounts: per direction of a connection, bytes received = bytes recorded + bytes lost.
+"""Byte accounting: for each stream, bytes received = bytes recorded + bytes lost.
 
-Law: only raw events are counted, so that anybody can count again what a file says of itself.
+Only raw events are counted, so that the numbers in a file can be verified from its content. A
+*stream* is one direction of a connection.
 """
 
 from collections import defaultdict, deque
@@ -12,14 +13,14 @@ from scaraspec.protocol.direction import Direction
 from scaraspec.traffic.wire import Kind, WireEvent
 
 STREAM: Final = "stream"
-"""Metadata of one stream are named ``stream/<connection>/<direction>``."""
+"""Metadata records of a stream are named ``stream/<connection>/<direction>``."""
 
 Entries = dict[str, str]
 _Key = tuple[str, Direction]
 
 
 class _Stream:
-    """One direction of a connection, as far as this file holds it."""
+    """Counts of one stream in this file."""
 
     def __init__(self, offset_bytes: int) -> None:
         self.begin_bytes = self.end_bytes = offset_bytes
@@ -54,13 +55,13 @@ class _Stream:
 
 
 class ByteAccounting:
-    """The accounts of all streams whose connection has not ended yet."""
+    """Byte counts of all streams of open connections."""
 
     def __init__(self) -> None:
         self._streams: dict[_Key, _Stream] = {}
 
     def add(self, event: WireEvent) -> dict[str, Entries]:
-        """Count an event; give the accounts that it closes, by the names of their metadata."""
+        """Count an event. Return the accounts of the streams that it closes, by metadata name."""
         key = (event.connection, event.direction)
         stream = self._streams.get(key)
         if stream is None:
@@ -71,7 +72,7 @@ class ByteAccounting:
         return self._pop((event.connection, direction) for direction in Direction)
 
     def close(self) -> dict[str, Entries]:
-        """Give the accounts that are left."""
+        """Return the accounts of the remaining streams."""
         return self._pop(list(self._streams))
 
     def _pop(self, keys: Iterable[_Key]) -> dict[str, Entries]:
@@ -84,12 +85,12 @@ class ByteAccounting:
 
 
 class ByteAccountingCheck:
-    """Holds the accounts that a file gives of its streams against its raw events.
+    """Compares the accounts stored in a file with its raw events.
 
-    A stream may have several, one for each time that its connection ended; they come in order.
+    A stream may have several accounts, one for each end of its connection, in order.
 
     Attributes:
-        wrong: Accounts that are not what the events amount to, or missing, or of no stream.
+        wrong: Number of accounts that differ from the events, are missing or have no stream.
     """
 
     def __init__(self) -> None:
@@ -99,17 +100,17 @@ class ByteAccountingCheck:
         self._given: defaultdict[str, deque[Entries]] = defaultdict(deque)
 
     def count(self, event: WireEvent) -> None:
-        """Take a raw event of the file."""
+        """Count a raw event of the file."""
         self._count(self._counted.add(event))
 
     def add_metadata(self, name: str, entries: Entries) -> None:
-        """Take metadata of the file; what is no account is passed over."""
+        """Process a metadata record of the file; records other than accounts are ignored."""
         if name.startswith(f"{STREAM}/"):
             self._given[name].append(entries)
             self._match(name)
 
     def close(self) -> None:
-        """The file has ended: what has no counterpart is wrong."""
+        """Finish: count accounts without a counterpart as wrong."""
         self._count(self._counted.close())
         self.wrong += sum(len(left) for side in (self._due, self._given) for left in side.values())
 

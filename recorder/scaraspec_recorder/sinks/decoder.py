@@ -1,7 +1,7 @@
-"""Deriver: decodes and judges a recording once, for every file that is made of it.
+"""Decodes and judges a recording once, for all outputs.
 
-Law: it passes on, in order, the raw event and then what it brought about. What an output makes of
-that is the output's affair; whether it was right is the judge's.
+The decoder passes each raw event to the outputs, followed by the items derived from it: traffic
+events and findings. `scaraspec.judge` decides conformance.
 """
 
 import logging
@@ -23,25 +23,25 @@ from scaraspec_recorder.sinks.text import LogLine
 _log = logging.getLogger(__name__)
 
 _LOGGED_FINDINGS: Final = 10
-"""How often a log names findings of one requirement and verdict."""
+"""Maximum number of log lines for findings of one requirement and verdict."""
 
 Item = TrafficEvent | Finding
 
 
 class Output(Protocol):
-    """A file or a viewer that takes the raw layer and the derived one."""
+    """A file or viewer that receives raw events and derived items."""
 
     def write(self, event: WireEvent) -> None:
-        """Take a raw event."""
+        """Write a raw event."""
 
     def take(self, item: Item, number: int, line: LogLine | None) -> None:
-        """Take what the last raw event brought about.
+        """Write an item derived from the last raw event.
 
         Args:
-            item: What happened, or a finding on it.
-            number: The exchange's number, for a request and an exchange; else that of the last
-                request so far. Numbers count the requests of the recording from 1.
-            line: What a log says of it; None for single frames and for what it has said too often.
+            item: A traffic event or a finding.
+            number: Number of the exchange for a request or an exchange; otherwise that of the last
+                request. Numbers count the requests of the recording from 1.
+            line: Log line of the item; None for single frames and repeated findings.
         """
 
     def mark(self, time_ns: int, line: LogLine) -> None:
@@ -53,23 +53,23 @@ class Output(Protocol):
         """
 
     def tick(self, now_ns: int) -> None:
-        """Time has passed: write what is due."""
+        """Write pending data."""
 
     def close(self, summary: Mapping[str, str]) -> None:
-        """Write the end.
+        """Write the end of the output.
 
         Args:
-            summary: What the recording amounts to, in words.
+            summary: Summary of the recording, as text.
         """
 
 
 class Decoder:
-    """A sink that feeds several outputs.
+    """A sink that decodes events and passes them to several outputs.
 
     Args:
-        outputs: What takes the recording; a failing one's error goes through.
-        judge: Follows the connections.
-        redactor: Hides passwords in the raw layer too, where it is given.
+        outputs: The outputs; their exceptions are not caught.
+        judge: Judges the traffic.
+        redactor: Masks passwords in raw bytes; None to keep them.
     """
 
     def __init__(
@@ -80,11 +80,11 @@ class Decoder:
         self._redactor = redactor
         self._gap_filler = GapFiller()
         self._last = 0
-        self._numbers: dict[int, int] = {}  # by identity of the request, until its exchange comes
+        self._numbers: dict[int, int] = {}  # by id() of the request, until its exchange is complete
         self._defect = ""
 
     def write(self, event: WireEvent) -> None:
-        """Take the next raw event."""
+        """Process the next raw event."""
         if self._redactor:
             for redacted in self._redactor.feed(event):
                 self._write(redacted)
@@ -98,7 +98,7 @@ class Decoder:
             output.tick(now_ns)
 
     def close(self) -> None:
-        """The recording has ended: hand out what is still open, and close the outputs."""
+        """Finish: pass on the remaining items, and close the outputs."""
         self._flush()
         self._hand_out(self._judge.close())
         summary = self.summary()
@@ -106,7 +106,7 @@ class Decoder:
             output.close(summary)
 
     def summary(self) -> dict[str, str]:
-        """What the recording amounts to so far, in words."""
+        """Return the summary of the recording so far, as text."""
         return {
             **judge_summary(self._judge),
             "exchanges": str(self._last),
@@ -125,7 +125,7 @@ class Decoder:
             self._hand_out(self._judge.feed(filled))
 
     def _hand_out(self, items: Iterable[Item]) -> None:
-        """Derive: a defect here costs the rest of the derived layer, and never the raw one."""
+        """Pass items to the outputs. After a defect, only raw events are passed on."""
         if self._defect:
             return
         try:
@@ -135,9 +135,9 @@ class Decoder:
                     output.take(item, number, line)
         except (OSError, SinkFailed):
             raise
-        except Exception as error:  # noqa: BLE001 - whatever it is, the raw layer goes on
-            self._defect = f"decoding stopped at a defect of this tool: {error!r}"
-            _log.exception("decoding stopped, recording goes on")
+        except Exception as error:  # noqa: BLE001 - the raw layer must continue
+            self._defect = f"decoding stopped because of a defect in this tool: {error!r}"
+            _log.exception("decoding stopped; recording continues")
 
     def _number(self, item: Item) -> int:
         if isinstance(item, FrameSeen):
@@ -149,7 +149,7 @@ class Decoder:
         return self._last
 
     def _line(self, item: Item) -> LogLine | None:
-        """What the log says of it: the same finding only so often, or it would say nothing else."""
+        """Return the log line of an item; None for repeated findings beyond the limit."""
         if isinstance(item, Finding):
             found = self._judge.tallies[item.requirement].others
             if found[item.verdict] > _LOGGED_FINDINGS:
@@ -158,7 +158,7 @@ class Decoder:
 
 
 def judge_summary(judge: Judge) -> dict[str, str]:
-    """What a judge has come to since its tallies were last cleared, in words."""
+    """Return the results of a judge since its tallies were last cleared, as text."""
     worst = Counter(stats.verdict for stats in judge.tallies.values())
     return {
         "conclusion": judge.conclusion.value,

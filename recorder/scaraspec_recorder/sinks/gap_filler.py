@@ -1,8 +1,7 @@
-"""Mending: a gap wherever the offsets of a stream leave a hole.
+"""Inserts a gap event wherever the offsets of a stream have a hole.
 
-Law: offsets alone tell what is missing. A file or a sink that begins in the middle of a connection
-has a hole at its beginning, a damaged file has some within; nobody may take the bytes on both sides
-of one for neighbours.
+A file or sink that starts in the middle of a connection has a hole at its start; a damaged file has
+holes inside. The bytes on both sides of a hole must not be treated as consecutive.
 """
 
 from collections.abc import Iterator
@@ -12,13 +11,13 @@ from scaraspec.traffic.wire import Kind, WireEvent
 
 
 class GapFiller:
-    """Follows the offsets of all streams; memory is given back when a connection ends."""
+    """Tracks the offsets of all streams; memory is freed when a connection ends."""
 
     def __init__(self) -> None:
-        self._ends: dict[tuple[str, Direction], int] = {}  # -1 behind a gap of unknown length
+        self._ends: dict[tuple[str, Direction], int] = {}  # -1 after a gap of unknown length
 
     def fill(self, event: WireEvent) -> Iterator[WireEvent]:
-        """Give the event, and before it a gap where bytes of its stream are missing."""
+        """Yield the event, and a gap before it if bytes of its stream are missing."""
         if event.kind in (Kind.OPENED, Kind.CLOSED, Kind.RESET):
             for direction in Direction:
                 self._ends.pop((event.connection, direction), None)

@@ -1,8 +1,7 @@
-"""Seams: where one file ends and another goes on with the same connections.
+"""Open connections, which a new file must open again.
 
-Law: a file that begins in the middle of a connection says so: it is opened again, with the offsets
-that it had come to, and nothing of what came before counts as lost. Names of files stand here too,
-for they tell when a file began.
+A file that starts in the middle of a connection starts with OPENED and the current offsets. Earlier
+bytes do not count as lost.
 """
 
 from collections.abc import Iterator
@@ -15,23 +14,23 @@ from scaraspec_recorder.sinks.file_names import utc_time
 
 @dataclass(slots=True)
 class _Link:
-    opened: WireEvent | None = None  # where the recording came too late for it
+    opened: WireEvent | None = None  # None if the recording started later
     ends: dict[Direction, int | WireEvent] = field(default_factory=dict)
-    """Where each direction has come to: an offset, or a gap of unknown length before all."""
+    """Position of each direction: an offset, or a gap of unknown length at the start."""
 
 
 class OpenConnections:
-    """Follows which connections are open, and how far each direction has come."""
+    """Tracks open connections and the offset of each direction."""
 
     def __init__(self) -> None:
         self._links: dict[str, _Link] = {}
 
     def __bool__(self) -> bool:
-        """Whether any is open."""
+        """Whether a connection is open."""
         return bool(self._links)
 
     def update(self, event: WireEvent) -> None:
-        """Take the next event."""
+        """Process the next event."""
         if event.kind is Kind.OPENED:
             self._links[event.connection] = _Link(event)
         elif event.kind in (Kind.CLOSED, Kind.RESET):
@@ -47,10 +46,10 @@ class OpenConnections:
                 link.ends[event.direction] = event
 
     def reopening_events(self, time_ns: int) -> Iterator[WireEvent]:
-        """How the connections that are open begin in a file that begins at this time.
+        """Yield the events that open the current connections in a file that starts at this time.
 
-        Behind each opening stands an empty piece of every direction in which something has passed:
-        it shows a reader at once that there was a beginning, and not only at the next byte.
+        After each opening, every direction with traffic gets an empty BYTES event with its offset:
+        a reader sees that the earlier bytes are not missing.
         """
         for name, link in self._links.items():
             if opened := link.opened:
@@ -65,6 +64,6 @@ class OpenConnections:
 
 
 def _since(opened: WireEvent) -> str:
-    """The note of an opening that is told again, with the time at which it was."""
+    """Return the note of a repeated opening, with the original time."""
     note = opened.note or "open"
     return f"{note}, since {utc_time(opened.time_ns):%Y-%m-%d %H:%M:%S} UTC"

@@ -1,7 +1,6 @@
-"""Sinks: what takes the events of a recording, in the process of the scribe.
+"""The interface between the writer process and its sinks.
 
-Law: the protocol between the scribe and whatever it feeds stands here, and no sink. A sink may be
-slow, may fail, and dies with its process; the link never knows.
+A sink receives the events of a recording. It may be slow or fail without affecting the link.
 """
 
 from collections.abc import Callable, Mapping
@@ -11,49 +10,48 @@ from typing import Protocol
 from scaraspec.traffic.wire import WireEvent
 
 TICK_NS = 250_000_000
-"""How often the scribe calls `Sink.tick`: what a crash can cost a file at most."""
+"""Interval of `Sink.tick`: the maximum that a crash can cost a file."""
 
 
-class SinkFailed(Exception):  # noqa: N818 - it names what happened, and is often no error in Python
-    """The sink cannot go on: disk full, read-only, I/O error.
+class SinkFailed(Exception):  # noqa: N818 - names a state of the sink
+    """The sink cannot continue: disk full, read-only, I/O error.
 
-    The scribe gives up all its sinks and starts again with new ones from the last tick that all of
-    them survived: what came since then is still in the spool and comes again.
+    The writer process restarts with new sinks from the last tick that all sinks completed. The
+    events since then are still in the spool and are delivered again.
     """
 
 
 class Sink(Protocol):
-    """Takes the events of a recording, in order.
+    """Receives the events of a recording, in order.
 
-    Per connection and direction, offsets leave no hole: what is missing is a gap. A connection that
-    was open before this sink was made begins here with ``OPENED`` again, and its first offset is
-    then not 0.
+    Per connection and direction, offsets have no holes: missing bytes are a gap. A connection that
+    was open before this sink was created starts with ``OPENED`` again; its first offset is then
+    not 0.
 
-    Any method may raise `SinkFailed` or `OSError` where its surroundings fail it. Any other error
-    is a defect: the sink is given up, its fellows go on.
+    Any method may raise `SinkFailed` or `OSError` if its environment fails. Any other exception
+    counts as a defect: the sink is disabled, the other sinks continue.
     """
 
     def write(self, event: WireEvent) -> None:
-        """Take the next event."""
+        """Process the next event."""
 
     def tick(self, now_ns: int) -> None:
-        """Make everything taken so far durable; called every `TICK_NS`, also when nothing came.
+        """Make all events so far durable. Called every `TICK_NS`, also without events.
 
-        What was taken before a tick that returned is not given again after a crash; what came
-        after it is.
+        After a crash, events before a completed tick are not delivered again; later ones are.
         """
 
     def close(self) -> None:
-        """End in order: nothing more will come. It is not called after a failure."""
+        """Finish: no more events follow. Not called after a failure."""
 
 
 class OutputFolder:
-    """The folder that a recording is written into. Nothing in it is overwritten.
+    """The output folder of a recording. Existing files are not overwritten.
 
     Args:
-        path: Where it is; it is there.
-        files: Names of the files made so far; `new` adds to them.
-        news: What the next file is to say of itself, see `take_metadata`.
+        path: The folder; it exists.
+        files: Names of the files created so far; `new` adds to them.
+        news: Extra metadata of the next file, see `take_metadata`.
     """
 
     def __init__(self, path: Path, files: list[str], news: Mapping[str, str] | None = None) -> None:
@@ -63,16 +61,16 @@ class OutputFolder:
         self._mark_callbacks: list[Callable[[], None]] = []
 
     def on_mark_request(self, do: Callable[[], None]) -> None:
-        """Call `do` just before a tick if the user has asked for a mark since the last one."""
+        """Register a callback, called before a tick if the user has requested a mark."""
         self._mark_callbacks.append(do)
 
     def notify_mark_request(self) -> None:
-        """The user asks for a mark: call what `on_mark_request` was given."""
+        """Call the callbacks that `on_mark_request` registered."""
         for do in self._mark_callbacks:
             do()
 
     def take_metadata(self) -> dict[str, str]:
-        """Return what a new file is to say besides what it always says; once, then nothing."""
+        """Return the extra metadata of the next file, once; later calls return nothing."""
         news, self._metadata = self._metadata, {}
         return news
 
@@ -96,6 +94,6 @@ class OutputFolder:
 
 
 SinkFactory = Callable[[OutputFolder], Sink]
-"""Makes a sink that writes new files into a folder. It must be picklable (a function of a module,
-or a `functools.partial` of one), for it is called in the process of the scribe, and again after
-each death of that. A file that holds nothing when a sink fails is best removed by it."""
+"""Creates a sink that writes new files into a folder. It must be picklable (a function of a module,
+or a `functools.partial` of one): it is called in the writer process, again after each restart. A
+sink that fails should remove its empty files."""

@@ -1,8 +1,7 @@
-"""The scribe: reads the spool and gives its sinks the events of the recording.
+"""The writer process: reads the spool and passes the events to the sinks.
 
-Lives here: when sinks are made, fed, ticked and given up, and what is acknowledged when. Runs in a
-process of its own, which may be slow, fail and start again. What records mean stands in `unspool`;
-what a sink makes of the events is its affair.
+Belongs here: creation, ticks and failures of sinks, and acknowledgment of the spool. The process
+may be slow, fail and restart. `event_builder` converts records to events.
 """
 
 import gc
@@ -27,29 +26,29 @@ from scaraspec_recorder.spool.records import UNREACHABLE
 from scaraspec_recorder.spool.spool import SpoolReader, WriteStall, note_stall
 
 POLL_S: Final = 0.05
-"""How long the scribe waits before it looks again into a spool that held nothing new."""
+"""Interval at which an empty spool is polled."""
 
 MAX_LISTED_FILES: Final = 100
-"""How many files a progress names: a recorder that goes on for weeks may make thousands a day."""
+"""Maximum number of files named in `Progress.files`: there may be thousands per day."""
 
-_COLLECT_AFTER: Final = 20_000  # new objects: hardly any is in a cycle
+_COLLECT_AFTER: Final = 20_000  # new objects; reference cycles are rare
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(slots=True)
 class Progress:
-    """How far a recording has come.
+    """Progress of a recording.
 
     Attributes:
-        connections: How many were opened.
-        a2c: What came from clients.
-        c2a: What came from controllers.
-        files: Names of the latest files made, in the folder of the recording.
-        problems: Sinks that were given up, each with its reason.
-        finished: Whether the scribe has taken everything and closed its sinks.
-        earlier_files: How many files were made before those in `files`.
-        unreached: Why the robot cannot be reached, as long as nothing comes from it.
+        connections: Number of connections so far.
+        a2c: Counts of bytes from clients.
+        c2a: Counts of bytes from controllers.
+        files: Names of the latest files in the output folder.
+        problems: Disabled sinks, each with the reason.
+        finished: Whether all events are written and the sinks are closed.
+        earlier_files: Number of files created before those in `files`.
+        unreached: Why the robot cannot be reached; empty after it has sent bytes.
     """
 
     connections: int = 0
@@ -63,14 +62,14 @@ class Progress:
 
     @classmethod
     def read(cls, state: Mapping[str, Any]) -> "Progress":
-        """Return what a scribe acknowledged last, see `SpoolReader.state`."""
+        """Return the last acknowledged progress, see `SpoolReader.state`."""
         if not (kept := state.get("progress")):
             return cls()
         return cls(**{**kept, "a2c": ByteCounts(**kept["a2c"]), "c2a": ByteCounts(**kept["c2a"])})
 
 
 class _Guarded:
-    """A sink whose defects cost the others nothing: it is given up, and that is told."""
+    """A sink that is disabled and reported after a defect, without affecting the others."""
 
     def __init__(self, make: Callable[[], Sink], problems: list[str]) -> None:
         self._problems = problems
@@ -100,27 +99,27 @@ class _Guarded:
             yield
         except (OSError, SinkFailed):
             raise
-        except Exception as error:  # noqa: BLE001 - a sink's defect, whatever it is, is its own
+        except Exception as error:  # noqa: BLE001 - a defect must not affect the other sinks
             name = type(self._sink).__name__ if self._sink else "a sink"
-            _log.exception("%s has a defect and is given up", name)
-            problem = f"{name} is given up: {error}"
-            if problem not in self._problems:  # it comes again with each scribe, for weeks perhaps
+            _log.exception("%s has a defect and is disabled", name)
+            problem = f"{name} is disabled: {error}"
+            if problem not in self._problems:  # repeated with each restart
                 self._problems.append(problem)
             self._sink = None
 
 
 class SinkRunner:
-    """Feeds the sinks from the spool.
+    """Passes the events of the spool to the sinks.
 
     Args:
         reader: The spool.
-        out_dir: Where the sinks write.
-        sinks: Make the sinks; called at once.
+        out_dir: Output folder of the sinks.
+        sinks: Factories of the sinks.
         now_ns: The clock.
 
     Raises:
-        OSError: From every method, as `SinkFailed`: the surroundings failed. This scribe is to be
-            given up, sinks and all; the next one goes on from the last tick.
+        OSError: From every method, like `SinkFailed`: the environment failed. Discard this runner
+            and its sinks; the next one continues from the last tick.
     """
 
     def __init__(
@@ -137,15 +136,15 @@ class SinkRunner:
         self._ticked_ns = now_ns()
         self.progress = Progress.read(reader.state)
         state = reader.state
-        if self.progress.finished:  # that recording is over, only its spool is still there
+        if self.progress.finished:  # that recording is complete; only its spool remains
             self.progress, state = Progress(), {}
         counts = {A2C: self.progress.a2c, C2A: self.progress.c2a}
         self._event_builder = EventBuilder(counts, state.get("unspooler", {}))
         stall = reader.stall
-        news = {"interrupted": _words(stall)} if stall else None
+        news = {"interrupted": _stall_text(stall)} if stall else None
         self._folder = folder = OutputFolder(out_dir, self.progress.files, news)
         self._sinks = [_Guarded(partial(make, folder), self.progress.problems) for make in sinks]
-        begin_ns = self._event_builder.time_ns  # what comes next is as old as that
+        begin_ns = self._event_builder.time_ns  # the next records follow this time
         reopened = list(
             self._event_builder.reopening_events(now_ns() if begin_ns is None else begin_ns)
         )
@@ -153,10 +152,10 @@ class SinkRunner:
             sink.write(reopened)
 
     def step(self) -> bool:
-        """Hand over what one read of the spool gets, and tick where it is time.
+        """Process one read of the spool, and tick if it is time.
 
         Returns:
-            Whether the spool held anything new.
+            Whether the spool had new records.
         """
         records = self._reader.read()
         self._write_events(self._event_builder.take(records))
@@ -168,7 +167,7 @@ class SinkRunner:
         return bool(records)
 
     def finish(self) -> None:
-        """Nothing more will come: end what is open, and close the sinks."""
+        """Close open connections and the sinks. No more records follow."""
         now_ns = self._now_ns()
         self._write_events(self._event_builder.end_all(now_ns, "the recording ended"))
         if self._forward_mark_request():
@@ -179,7 +178,7 @@ class SinkRunner:
         self._acknowledge()
 
     def _forward_mark_request(self) -> bool:
-        """Pass on that the user asks for a mark, if so; return whether."""
+        """Forward a new mark request of the user. Return whether there was one."""
         asked = self._reader.mark_request_count()
         news = asked > self._mark_requests
         if news:
@@ -204,7 +203,7 @@ class SinkRunner:
 
     def _acknowledge(self) -> None:
         if stall := self._reader.stall:
-            _log.warning("the recording goes on: %s", _words(stall))
+            _log.warning("writing continues: %s", _stall_text(stall))
         forgotten = self.progress.files[:-MAX_LISTED_FILES]
         self.progress.earlier_files += len(forgotten)
         del self.progress.files[: len(forgotten)]
@@ -220,9 +219,9 @@ class SinkRunner:
 def run_writer(
     spool: Path, out_dir: Path, sinks: Sequence[SinkFactory], line: socket.socket
 ) -> None:
-    """Be the scribe's process: follow the spool until the line is closed and all is written.
+    """Main function of the writer process: write until the line is closed and the spool is empty.
 
-    Exits with status `REPORTED_EXIT_STATUS` where the surroundings fail, to be started again.
+    If the environment fails, it exits with `REPORTED_EXIT_STATUS` and is restarted.
     """
     ignore_signals()
 
@@ -239,7 +238,9 @@ def run_writer(
         collect_rarely()
         complete = False
         while True:
-            complete = complete or ended(0)  # asked first: what the tap wrote before is then there
+            complete = complete or ended(
+                0
+            )  # checked first: all records of the tap are then readable
             if runner.step():
                 continue
             if complete:
@@ -248,17 +249,17 @@ def run_writer(
         runner.finish()
     except (OSError, SinkFailed) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        if note_stall(spool, time.time_ns(), reason):  # else it was said before
-            _log.error("the recording is interrupted: %s", error)
+        if note_stall(spool, time.time_ns(), reason):  # otherwise it was logged before
+            _log.error("writing is interrupted: %s", error)
         sys.exit(REPORTED_EXIT_STATUS)
 
 
 def collect_rarely() -> None:
-    """Have this process look for cycles as seldom as a scribe does."""
-    gc.freeze()  # what was imported lives on: no collection need look at it
+    """Run the cyclic garbage collector rarely in this process."""
+    gc.freeze()  # imported objects stay alive: exclude them from collections
     gc.set_threshold(_COLLECT_AFTER)
 
 
-def _words(stall: WriteStall) -> str:
+def _stall_text(stall: WriteStall) -> str:
     since = f"{utc_time(stall.since_ns):%Y-%m-%d %H:%M:%S} UTC"
     return f"nothing was written since {since}: {stall.reason}"

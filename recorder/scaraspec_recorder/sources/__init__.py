@@ -1,4 +1,4 @@
 """Sources: readers of captures (pcap, pcapng, MCAP) that give wire events, and TCP reassembly.
 
-A source needs a file and no link. What a capture means is found out elsewhere.
+A source reads a file and opens no link. Does not belong here: decoding and judging.
 """

@@ -1,5 +1,5 @@
-"""Spooling: what passed, on its way from the process that forwards to the one that writes.
+"""The spool: bounded hand-over of records from the tap process to the writer process.
 
-Law: records in, wire events out; bounded, and safe from the end of either process. What they mean
-is unknown here.
+Records go in, wire events come out. The spool survives the end of either process. Does not belong
+here: the meaning of the bytes.
 """

@@ -1,8 +1,8 @@
-"""Unspool: the records of a spool become the wire events of a recording.
+"""Builds the wire events of a recording from the records of a spool.
 
-Law: per connection and direction, events leave no hole: what is missing between records, or before
-the count that the tap gives at the end, becomes a gap. No two connections bear one name, whatever
-died in between. Nothing in this file reads, writes or knows the time.
+Per connection and direction, the events have no holes: bytes missing between records, or before the
+total that the tap reports at the end, become a gap. Connection names are unique, even after a
+restart of a process. This module does no I/O and reads no clock.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -14,22 +14,22 @@ from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.spool.forwarded_chunks import ForwardedChunk
 from scaraspec_recorder.spool.records import ControlRecord, Record, stream_number
 
-_HOLE: Final = "records are missing"
-_LATE: Final = "its beginning is not recorded"
+_MISSING: Final = "records are missing"
+_NO_START: Final = "its beginning is not recorded"
 
 
 @dataclass(slots=True)
 class ByteCounts:
-    """What a recording holds of one direction, all connections together."""
+    """Byte and gap counts of one direction, all connections together."""
 
     recorded_bytes: int = 0
     gap_bytes: int = 0
     gaps: int = 0
-    unknown_gaps: int = 0  # of a length that nobody knows
+    unknown_gaps: int = 0  # of unknown length
 
     @property
     def received_bytes(self) -> int:
-        """What the tap received and forwarded: it is recorded, or lies in a gap."""
+        """Bytes that the tap received and forwarded: recorded or in a gap of known length."""
         return self.recorded_bytes + self.gap_bytes
 
 
@@ -40,10 +40,10 @@ class _Stream:
     name: str
     direction: Direction
     count: ByteCounts
-    next_bytes: int | None  # None until the first record, where the beginning is not known
+    next_bytes: int | None  # None until the first record if the start is unknown
 
     def gap(self, time_ns: int, length_bytes: int, note: str) -> WireEvent:
-        """Account for bytes that passed unrecorded; -1 of them where nobody knows how many."""
+        """Count bytes that were forwarded but not recorded; a length of -1 is unknown."""
         begin_bytes = self.next_bytes or 0
         self.count.gaps += 1
         if length_bytes < 0:
@@ -66,21 +66,21 @@ class _Link:
 
 
 class EventBuilder:
-    """Takes records in order, and gives events.
+    """Converts records, in their order, to wire events.
 
     Args:
-        counts: Counts on for each direction.
-        state: Where an earlier one was, see `state`; empty for a new recording.
+        counts: Counters of each direction; updated.
+        state: State of an earlier builder, see `state`; empty for a new recording.
 
     Attributes:
-        connections: How many connections there were; their names count from 1.
-        time_ns: When the last record was made; None before the first.
+        connections: Number of connections so far; their names count from 1.
+        time_ns: Time of the last record; None before the first.
     """
 
     def __init__(self, counts: Mapping[Direction, ByteCounts], state: Mapping[str, Any]) -> None:
         self.connections: int = state.get("connections", 0)
         self.time_ns: int | None = state.get("time_ns")
-        self._base: int = state.get("base", 0)  # how many there were before the last seam
+        self._base: int = state.get("base", 0)  # number of connections before the last restart
         self._counts = counts
         self._links: dict[int, _Link] = {}
         self._streams: dict[int, _Stream] = {}
@@ -89,7 +89,7 @@ class EventBuilder:
 
     @property
     def state(self) -> dict[str, Any]:
-        """Where it is, as JSON: enough for another to go on."""
+        """State for JSON, from which another builder can continue."""
         return {
             "connections": self.connections,
             "time_ns": self.time_ns,
@@ -106,10 +106,10 @@ class EventBuilder:
         }
 
     def reopening_events(self, time_ns: int) -> Iterator[WireEvent]:
-        """How the connections that are open begin for a sink that is made at this time.
+        """Yield the events that open the current connections in a sink created at this time.
 
-        Behind each opening stands an empty piece of every direction in which something has passed:
-        what passed before is not missing, and a reader sees it at once.
+        After each opening, every direction with traffic gets an empty BYTES event with its offset:
+        a reader sees that the earlier bytes are not missing.
         """
         for link in self._links.values():
             ends = [(s.direction, s.next_bytes) for s in link.streams.values() if s.next_bytes]
@@ -119,7 +119,7 @@ class EventBuilder:
                 yield WireEvent(time_ns, name, direction, Kind.BYTES, b"", end_bytes)
 
     def take(self, records: Sequence[Record]) -> list[WireEvent]:
-        """Give what the next records tell."""
+        """Return the events of the next records."""
         if records:
             self.time_ns = records[-1].time_ns
         events: list[WireEvent] = []
@@ -141,7 +141,7 @@ class EventBuilder:
         return events
 
     def end_all(self, time_ns: int, reason: str) -> list[WireEvent]:
-        """End every open connection: what still happened on it, nobody knows."""
+        """Close all open connections, with a gap of unknown length in each direction."""
         events: list[WireEvent] = []
         for link in self._links.values():
             events += [stream.gap(time_ns, -1, reason) for stream in link.streams.values()]
@@ -156,7 +156,7 @@ class EventBuilder:
         return events
 
     def _take(self, record: Record) -> list[WireEvent]:
-        """Take a record of any kind."""
+        """Convert one record of any kind."""
         kind, number, time_ns, offset, *_ = record
         if kind is ControlRecord.RESTART:
             events = self.end_all(time_ns, record.note)
@@ -165,12 +165,12 @@ class EventBuilder:
         events = []
         if number not in self._streams:
             opening = kind is Kind.OPENED
-            note, begin_bytes = (record.note, 0) if opening else (_LATE, None)
+            note, begin_bytes = (record.note, 0) if opening else (_NO_START, None)
             link = self._open(record.connection, time_ns, note, [begin_bytes, begin_bytes])
             events.append(link.opened)
         stream = self._streams[number]
         if stream.next_bytes is not None and stream.next_bytes < offset:
-            events.append(stream.gap(time_ns, offset - stream.next_bytes, _HOLE))
+            events.append(stream.gap(time_ns, offset - stream.next_bytes, _MISSING))
         stream.next_bytes = offset
         if kind is Kind.GAP:
             events.append(stream.gap(time_ns, record.length_bytes, record.note))
@@ -186,7 +186,7 @@ class EventBuilder:
     def _open(
         self, number: int, time_ns: int, note: str, next_bytes: Iterable[int | None]
     ) -> _Link:
-        """Begin a connection; `next_bytes` by direction."""
+        """Add a connection; `next_bytes` by direction."""
         self.connections = max(self.connections, self._base + number)
         name = str(self._base + number)
         link = _Link(number, WireEvent(time_ns, name, A2C, Kind.OPENED, note=note))

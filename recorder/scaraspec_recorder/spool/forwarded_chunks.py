@@ -1,7 +1,7 @@
-"""Passages: bytes as a recorder in the way saw them, when they came in and when they went on.
+"""Forwarded chunks: bytes with the time of reception and the time of forwarding.
 
-Law: what is known of a passage beyond a wire event, and what follows for an exchange: how much of
-its latency is the robot's and how much is the recorder's own. Who took the times is not known here.
+From these times, `LatencyTracker` splits the latency of an exchange into the robot's part and the
+part that the recorder adds.
 """
 
 from dataclasses import dataclass
@@ -10,18 +10,18 @@ from typing import Final, NamedTuple
 from scaraspec.traffic.events import Exchange, FrameSeen
 from scaraspec.traffic.wire import WireEvent, WireRange
 
-_MOST_OPEN: Final = 4096
+_MAX_OPEN: Final = 4096
 
 
 @dataclass(frozen=True, slots=True)
 class ForwardedChunk(WireEvent):
-    """Bytes that a recorder passed on; `time_ns` is when they came in.
+    """Bytes that a recorder forwarded; `time_ns` is the time of reception.
 
     Attributes:
-        forwarded_ns: When they had been passed on: written, or queued behind what the other side
-            had not taken yet; 0 where nobody knows.
-        kernel_time: Whether they came in by the system's clock of receipt; else `time_ns` is when
-            the recorder read them.
+        forwarded_ns: Time at which they had been written to the other socket or queued for it; 0 if
+            unknown.
+        kernel_time: Whether `time_ns` is a kernel timestamp; otherwise it is the time of the read
+            call.
     """
 
     forwarded_ns: int = 0
@@ -29,12 +29,12 @@ class ForwardedChunk(WireEvent):
 
 
 class Latency(NamedTuple):
-    """Whose the time between a request and its first reply was.
+    """The two parts of the latency between a request and its first reply.
 
     Attributes:
-        robot_ns: From the request's passing on to the first byte of the reply: the controller's
-            time, and that of the wire to it.
-        recorder_ns: What passing on has added, both ways.
+        robot_ns: From forwarding the request to receiving the first byte of the reply: time of the
+            controller and of the link to it.
+        recorder_ns: Delay that forwarding adds, in both directions.
     """
 
     robot_ns: int
@@ -42,37 +42,38 @@ class Latency(NamedTuple):
 
 
 class LatencyTracker:
-    """Follows the frames of a recording, and tells of each exchange whose its latency was."""
+    """Computes the parts of the latency of each exchange in a recording."""
 
     def __init__(self) -> None:
         self._last: WireEvent | None = None
-        self._passages: dict[
-            WireRange, ForwardedChunk
-        ] = {}  # of frames whose exchange may still come
+        self._chunks: dict[WireRange, ForwardedChunk] = {}  # frames whose exchange is not complete
 
     def write(self, event: WireEvent) -> None:
-        """Take a raw event."""
+        """Process a raw event."""
         self._last = event
 
     def frame(self, seen: FrameSeen) -> None:
-        """Take a frame that the last raw event brought about."""
+        """Process a frame that the last raw event completed."""
         last, place = self._last, seen.place
         if (
             isinstance(last, ForwardedChunk)
             and last.forwarded_ns
             and (last.connection, last.direction) == (place.connection, place.direction)
-            and last.time_ns == place.time_ns  # else it was complete before, and held back
+            and last.time_ns
+            == place.time_ns  # otherwise the frame was completed by an earlier event
         ):
-            self._passages[place] = last
-            if len(self._passages) > _MOST_OPEN:
-                del self._passages[next(iter(self._passages))]
+            self._chunks[place] = last
+            if len(self._chunks) > _MAX_OPEN:
+                del self._chunks[next(iter(self._chunks))]
 
     def exchange(self, exchange: Exchange) -> Latency | None:
-        """Return whose the latency of an exchange was; None where there is none, or no telling."""
-        request = self._passages.pop(exchange.request.place, None)
+        """Return the parts of the latency; None without a reply or if a time is unknown."""
+        request = self._chunks.pop(exchange.request.place, None)
         reply = exchange.reply
-        answer = self._passages.pop(reply.place, None) if reply else None
-        if not (request and reply and answer):
+        reply_chunk = self._chunks.pop(reply.place, None) if reply else None
+        if not (request and reply and reply_chunk):
             return None
-        added_ns = request.forwarded_ns - request.time_ns + answer.forwarded_ns - answer.time_ns
+        added_ns = (
+            request.forwarded_ns - request.time_ns + reply_chunk.forwarded_ns - reply_chunk.time_ns
+        )
         return Latency(reply.begun_ns - request.forwarded_ns, added_ns)

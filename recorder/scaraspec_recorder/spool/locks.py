@@ -1,6 +1,6 @@
-"""Claims: where the spool of a folder lies, and which recorder holds it.
+"""Location of the spool of an output folder, and its locks.
 
-Law: a spool that anybody holds, or that holds anything unwritten, is touched by nobody else.
+A spool that is locked or that contains unwritten data is never removed by another process.
 """
 
 import hashlib
@@ -15,36 +15,36 @@ from typing import Final
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.spool.spool import LIMIT_BYTES, READER_LOCK, lock, unread_bytes
 
-_MEMORY: Final = Path("/dev/shm")  # noqa: S108 - files there are made in a folder of our own, mode 0700
+_MEMORY: Final = Path("/dev/shm")  # noqa: S108 - files are created in an own folder with mode 0700
 _PREFIX: Final = "scaraspec-"
 _LOCK: Final = "recorder.lock"
 
 
 def spool_folder(out_dir: Path, limit_bytes: int = LIMIT_BYTES) -> Path:
-    """Return the folder of the spool of recordings into `out_dir`; made where it is not there.
+    """Return the spool folder of recordings into `out_dir`; it is created if missing.
 
-    It lies in memory where the system has files there, for a disk that is slow or full must not
-    reach the tap, and is just what the spool has to bridge; else in `out_dir`.
+    The folder is in memory (/dev/shm) if possible, so that a slow or full disk does not affect the
+    tap; otherwise in `out_dir`.
 
     Raises:
-        OSError: It cannot be made, or is not ours alone.
+        OSError: The folder cannot be created, or other users can access it.
     """
-    beside = out_dir.resolve() / ".spool"
-    name = hashlib.sha256(os.fsencode(beside)).hexdigest()[:16]
+    on_disk = out_dir.resolve() / ".spool"
+    name = hashlib.sha256(os.fsencode(on_disk)).hexdigest()[:16]
     in_memory = _MEMORY / f"{_PREFIX}{name}"
-    if not beside.exists() and (in_memory.exists() or _has_room(limit_bytes)):
+    if not on_disk.exists() and (in_memory.exists() or _has_room(limit_bytes)):
         in_memory.mkdir(mode=0o700, exist_ok=True)
-        found = in_memory.lstat()  # it may have been laid there by somebody else
+        found = in_memory.lstat()  # another user may have created it
         private = stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o077
         if not private or found.st_uid != os.geteuid():
             raise PermissionError(
                 UserMessage(
-                    "{in_memory} is not a folder of this user alone: remove it", in_memory=in_memory
+                    "{folder} is not a private folder of this user: remove it", folder=in_memory
                 )
             )
         return in_memory
-    beside.mkdir(mode=0o700, parents=True, exist_ok=True)
-    return beside
+    on_disk.mkdir(mode=0o700, parents=True, exist_ok=True)
+    return on_disk
 
 
 def _has_room(size_bytes: int) -> bool:
@@ -54,15 +54,15 @@ def _has_room(size_bytes: int) -> bool:
 
 
 def lock_spool(spool: Path) -> int:
-    """Hold a spool until the returned descriptor is closed or the process ends.
+    """Lock a spool until the returned descriptor is closed or the process ends.
 
     Raises:
-        BlockingIOError: Another process holds it.
-        OSError: There is no room for a lock.
+        BlockingIOError: Another process has the lock.
+        OSError: The lock file cannot be created.
     """
     while True:
         held = lock(spool / _LOCK, wait=False)
-        with suppress(FileNotFoundError):  # it was just cleared away
+        with suppress(FileNotFoundError):  # another process just removed it
             if (spool / _LOCK).stat().st_ino == os.fstat(held).st_ino:
                 return held
         os.close(held)
@@ -71,16 +71,16 @@ def lock_spool(spool: Path) -> int:
 
 @contextmanager
 def locked_spool(out_dir: Path, limit_bytes: int) -> Iterator[Path]:
-    """Hold the spool against other recorders; those of dead ones are cleared away."""
+    """Lock the spool of `out_dir`, and remove abandoned spools."""
     remove_abandoned_spools()
     spool = spool_folder(out_dir, limit_bytes)
     try:
         held = lock_spool(spool)
     except BlockingIOError:
-        rule = "a folder has one recorder at a time, name another"
+        advice = "choose another folder"
         raise BlockingIOError(
             UserMessage(
-                "another recorder writes into {out_dir}: {rule}", out_dir=out_dir, rule=rule
+                "another recorder writes into {out_dir}: {advice}", out_dir=out_dir, advice=advice
             )
         ) from None
     try:
@@ -90,9 +90,9 @@ def locked_spool(out_dir: Path, limit_bytes: int) -> Iterator[Path]:
 
 
 def remove_abandoned_spools() -> None:
-    """Remove what recorders that were killed have left in memory, where all of it is written."""
+    """Remove the spools in memory of killed recorders, if all their data is written."""
     for spool in _MEMORY.glob(f"{_PREFIX}*"):
-        # Somebody holds it, or it is another user's; one without a lock is just being made.
+        # OSError: locked, or owned by another user. Without a lock file: being created.
         with suppress(OSError), ExitStack() as held:
             if (spool / _LOCK).exists():
                 held.callback(os.close, lock_spool(spool))

@@ -1,7 +1,7 @@
 """Requests of the user for a mark in the recording, passed on to the writing process.
 
 The spool holds a number. The recorder's own process increments it, and the writing process reads
-it. A request that a dead writing process has not acknowledged is carried out by the next one.
+it. If a writing process dies before it acknowledges a request, the next one handles it.
 """
 
 from contextlib import suppress
@@ -12,18 +12,20 @@ _NAME: Final = "asked"
 
 
 def request_mark(spool: Path) -> None:
-    """Ask for a mark.
+    """Request a mark in the recording.
 
     Raises:
         OSError: The request cannot be written.
     """
-    beside = spool / f"{_NAME}.new"
-    beside.write_text(str(mark_request_count(spool) + 1), "ascii")
-    beside.replace(spool / _NAME)
+    temporary = spool / f"{_NAME}.new"
+    temporary.write_text(str(mark_request_count(spool) + 1), "ascii")
+    temporary.replace(spool / _NAME)
 
 
 def mark_request_count(spool: Path) -> int:
-    """Return how often the user has asked since the spool was made."""
-    with suppress(FileNotFoundError, ValueError):  # never yet, or torn by a loss of power
+    """Return the number of requests since the spool was created."""
+    with suppress(
+        FileNotFoundError, ValueError
+    ):  # no request yet, or the file was damaged by a power failure
         return int((spool / _NAME).read_text("ascii"))
     return 0

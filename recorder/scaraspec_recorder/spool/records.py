@@ -1,10 +1,9 @@
-"""Records: what the forwarding process saw, as bytes in blocks.
+"""Encoding of spool records and blocks.
 
-Lives here: the layout of records and blocks, both ways. Where blocks lie, and who writes and reads
-them, stands in `spool`.
+Belongs here: the layout of records and blocks. `spool` manages the files that contain them.
 
-A block is a header (magic, length, CRC-32) and whole records. It is written by one write, so that a
-writer that is killed leaves at most one torn block, which no reader takes for a whole one.
+A block consists of a header (magic, length, CRC-32) and whole records. It is written by one write
+call: a killed writer leaves at most one incomplete block, which readers detect.
 """
 
 import struct
@@ -19,46 +18,45 @@ from scaraspec.traffic.wire import Kind
 MAX_BLOCK_BYTES: Final = 1 << 20
 
 UNREACHABLE: Final = "no connection: "
-"""How the note begins of a connection whose client found no robot; the reason follows."""
+"""First part of the note of a connection that cannot reach the robot; the reason follows."""
 
 _HEADER: Final = struct.Struct("<4sII")
-_MAGIC: Final = b"SPL2"  # counts the layouts: another one's blocks are damage
+_MAGIC: Final = b"SPL2"  # version of the layout; blocks of other versions count as damage
 _RECORD: Final = struct.Struct("<IBQQQQ?")
 _LENGTH: Final = struct.Struct("<q")
 
 
 class ControlRecord(Enum):
-    """What is told beside what happened on the wire."""
+    """Records that are not events on the wire."""
 
-    RESTART = "restart"  # what follows is not joined to what came before: connections begin anew
-    TOTAL = "total"  # `offset_bytes` were received in this direction, by the forwarder's count
+    RESTART = "restart"  # records before and after it are unrelated: connection numbers start again
+    TOTAL = "total"  # `offset_bytes` is the tap's count of received bytes in this direction
 
     __hash__ = object.__hash__
 
 
 _KINDS: Final[tuple[Kind | ControlRecord, ...]] = (*Kind, *ControlRecord)
 CODES: Final = {kind: code for code, kind in enumerate(_KINDS)}
-"""What stands for a kind in a record's head."""
+"""Code of a kind in a record header."""
 
 HEAD_BYTES: Final = _RECORD.size
 
 pack_head: Final = _RECORD.pack
-"""Return a record's head: the payload's size, the kind's code, then the other fields in order."""
+"""Encode a record header: payload size, code of the kind, then the other fields in order."""
 
 
 class Record(NamedTuple):
-    """One thing that the forwarding process saw.
+    """One observation of the tap process.
 
     Attributes:
         kind: What happened.
         stream: Connection and direction, see `stream_number`.
         time_ns: Nanoseconds since the Unix epoch.
         offset_bytes: Stream offset where it happened.
-        payload: The bytes; or the note, in UTF-8; of a gap its length and its note.
-        forwarded_ns: When the bytes had been passed on; 0 for every other kind, and where nobody
-            knows.
-        kernel_time: Whether `time_ns` is when the system received the bytes; else it is when the
-            forwarding process read them.
+        payload: The bytes, or the note in UTF-8; for a gap, its length and its note.
+        forwarded_ns: Time at which the bytes had been forwarded; 0 for other kinds or if unknown.
+        kernel_time: Whether `time_ns` is a kernel timestamp; otherwise it is the time of the read
+            call.
     """
 
     kind: Kind | ControlRecord
@@ -71,7 +69,7 @@ class Record(NamedTuple):
 
     @property
     def connection(self) -> int:
-        """The connection's number, counted from 1 since the last seam."""
+        """The connection's number, counted from 1 since the last restart record."""
         return self.stream >> 1
 
     @property
@@ -86,39 +84,39 @@ class Record(NamedTuple):
 
     @property
     def note(self) -> str:
-        """The words of a record that holds no bytes of the wire."""
+        """The note of a record without bytes of the wire."""
         text = self.payload[_LENGTH.size :] if self.kind is Kind.GAP else self.payload
         return text.decode("utf-8", "replace")
 
 
 def stream_number(connection: int, direction: Direction) -> int:
-    """Return the number by which records name one direction of a connection."""
+    """Return the stream number of one direction of a connection."""
     return connection << 1 | (direction is C2A)
 
 
 def gap_record(
     stream: int, time_ns: int, offset_bytes: int, length_bytes: int, reason: str
 ) -> Record:
-    """Return the record of bytes that passed unrecorded."""
+    """Return the record of bytes that were forwarded but not recorded."""
     payload = _LENGTH.pack(length_bytes) + reason.encode()
     return Record(Kind.GAP, stream, time_ns, offset_bytes, payload)
 
 
 class Block:
-    """A block in the making: pieces that are joined once, for bulk is as large as the reads were.
+    """A block under construction. Its parts are joined once, when it is sealed.
 
     Attributes:
-        parts: Room for the header, then of each record its head and its payload.
-        size_bytes: Of all of them.
+        parts: Space for the header, then header and payload of each record.
+        size_bytes: Total size.
     """
 
     def __init__(self) -> None:
-        self.parts: list[bytes] = []  # the same list for good
+        self.parts: list[bytes] = []  # always the same list object
         self.clear()
 
     @property
     def empty(self) -> bool:
-        """Whether it holds no record."""
+        """Whether it contains no record."""
         return self.size_bytes == _HEADER.size
 
     def add(self, record: Record) -> None:
@@ -129,24 +127,24 @@ class Block:
         self.size_bytes += HEAD_BYTES + len(payload)
 
     def seal(self) -> bytearray:
-        """Return the finished block."""
+        """Return the encoded block."""
         data = bytearray().join(self.parts)
         with memoryview(data)[_HEADER.size :] as body:
             _HEADER.pack_into(data, 0, _MAGIC, len(body), zlib.crc32(body))
         return data
 
     def records(self) -> Iterator[Record]:
-        """Give its records back."""
+        """Yield its records."""
         return _records(b"".join(self.parts[1:]))
 
     def clear(self) -> None:
-        """Begin anew."""
+        """Remove all records."""
         self.parts[:] = (bytes(_HEADER.size),)
         self.size_bytes = _HEADER.size
 
 
 def read_blocks(data: bytes) -> tuple[list[Record], int]:
-    """Return the records of the whole and sound blocks that `data` begins with, and their size."""
+    """Return the records of the valid blocks at the start of `data`, and their size."""
     records: list[Record] = []
     at = 0
     while len(data) - at >= _HEADER.size:
@@ -160,9 +158,9 @@ def read_blocks(data: bytes) -> tuple[list[Record], int]:
 
 
 def is_torn(data: bytes) -> bool:
-    """Whether `data` is the beginning of a block that was never finished, or nothing.
+    """Whether `data` is empty or the start of an incomplete block.
 
-    Anything else that `read_blocks` leaves is damage.
+    Any other rest that `read_blocks` leaves is damage.
     """
     if len(data) < _HEADER.size:
         return _MAGIC.startswith(data[: len(_MAGIC)])

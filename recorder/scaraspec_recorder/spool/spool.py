@@ -1,11 +1,11 @@
-"""The spool: the bounded hand-over from the process that forwards to the one that writes.
+"""The spool: bounded hand-over from the tap process to the writer process.
 
-Lives here: the folder of segment files, and the two ends that write and read it. Nothing in this
-file knows a socket, an event loop or a capture format. The writer never raises and never waits:
-what it cannot write it owes, bytes as gaps, and pays as soon as it can.
+Belongs here: the folder of segment files, its writer and its reader. Does not belong here: sockets,
+event loops, capture formats. The spool writer never raises and never waits: it defers records that
+it cannot write, with bytes replaced by gaps, and writes them as soon as possible.
 
-A segment is a run of blocks (see `records`). Every writer begins segments of its own, and begins
-another after each refused write: only the end of a segment can be torn.
+A segment is a sequence of blocks (see `records`). Each writer starts new segments, and another one
+after each failed write: only the end of a segment can be incomplete.
 """
 
 import errno
@@ -34,33 +34,35 @@ from scaraspec_recorder.spool.records import (
 )
 
 LIMIT_BYTES: Final = 256 << 20
-"""How far the reader may lag before recording is dropped."""
+"""Maximum size of the spool. Beyond it, traffic is not recorded."""
 
 FLUSH_S: Final = 0.02
-"""How long a record may wait in the writer: what SIGKILL of the forwarder can cost."""
+"""Maximum time that a record stays in memory, and can be lost if the tap is killed."""
 
 RETRY_S: Final = 0.1
-"""How often a refused write is tried again."""
+"""Interval at which a failed write is retried."""
 
 READER_LOCK: Final = "reader.lock"
-"""Whoever reads a spool holds this file of it."""
+"""Name of the lock file of the spool's reader."""
 
-_FLUSH_BYTES: Final = 64 << 10  # with the largest read of an event loop, well within a block
+_FLUSH_BYTES: Final = 64 << 10  # plus the largest read of an event loop fits in a block
 _MAX_SEGMENT_BYTES: Final = 8 << 20
-_MAX_OWED: Final = 10_000
+_MAX_DEFERRED: Final = 10_000
 _SUFFIX: Final = ".spool"
 _CHECKPOINT: Final = "checkpoint.json"
 _BINARY: Final = getattr(os, "O_BINARY", 0)  # Windows would write CR LF for LF
 
 
 def lock(path: Path, *, wait: bool) -> int:
-    """Take the lock `path` until the returned descriptor is closed or the process ends.
+    """Lock the file `path` until the returned descriptor is closed or the process ends.
 
     Raises:
-        BlockingIOError: Another process holds it, and `wait` is false.
+        BlockingIOError: Another process has the lock, and `wait` is false.
     """
     descriptor = os.open(path, os.O_CREAT | os.O_RDWR, 0o600)
-    if sys.platform != "win32":  # no such lock there: two recorders in one folder go unnoticed
+    if (
+        sys.platform != "win32"
+    ):  # Windows has no flock: two recorders in one folder are not detected
         import fcntl  # noqa: PLC0415 - absent on Windows
 
         try:
@@ -72,11 +74,11 @@ def lock(path: Path, *, wait: bool) -> int:
 
 
 class WriteStall(NamedTuple):
-    """Why nothing is acknowledged.
+    """The writer process acknowledges nothing.
 
     Attributes:
-        since_ns: Since when, in nanoseconds since the Unix epoch.
-        reason: Why, in the system's words.
+        since_ns: Start, in nanoseconds since the Unix epoch.
+        reason: The error text.
     """
 
     since_ns: int
@@ -84,13 +86,13 @@ class WriteStall(NamedTuple):
 
 
 class SpoolWriter:
-    """The forwarder's end: append, and never mind.
+    """Writing end of the spool, used by the tap process. It never raises.
 
     Args:
-        directory: The spool; made when the first block is written.
-        call_later: Runs a callback after so many seconds, as an event loop does.
-        limit_bytes: How much may lie in the spool.
-        write: Writes to a descriptor and returns how many bytes, as `os.write` does.
+        directory: The spool folder; created with the first block.
+        call_later: Runs a callback after a delay in seconds, like the method of an event loop.
+        limit_bytes: Maximum size of the spool.
+        write: Writes to a descriptor and returns the number of bytes, like `os.write`.
         now_ns: The clock.
     """
 
@@ -110,13 +112,13 @@ class SpoolWriter:
         self._write = write
         self._segment: int | None = None  # its descriptor
         self._segment_bytes = 0
-        self._spooled_bytes = 0  # never less than what lies there: deletions are seen late
+        self._spooled_bytes = 0  # upper bound: deletions are noticed later
         self._block = Block()
         self._add = self._block.parts.append
         self._flush_scheduled = False
         self._write_error = ""
         self._deferred: list[Record] = []
-        self._deferred_gaps: dict[int, int] = {}  # by stream: the index of its last gap in `_owed`
+        self._deferred_gaps: dict[int, int] = {}  # by stream: index of its last gap in `_owed`
         self.append(ControlRecord.RESTART, 0, now_ns(), 0, b"the forwarding process started")
 
     def append(  # noqa: PLR0913, PLR0917 - a record's fields, for the fewest calls
@@ -129,9 +131,9 @@ class SpoolWriter:
         forwarded_ns: int = 0,
         kernel_time: bool = False,  # noqa: FBT001, FBT002 - as above
     ) -> None:
-        """Take one record (fields as in `Record`); it is written within `FLUSH_S`."""
+        """Append one record (fields as in `Record`); it is written within `FLUSH_S`."""
         block, add, size_bytes = self._block, self._add, len(payload)
-        # What follows is `Block.add` without a call, for every byte passes here.
+        # `Block.add` inlined: all traffic passes here.
         add(
             pack_head(
                 size_bytes, CODES[kind], stream, time_ns, offset_bytes, forwarded_ns, kernel_time
@@ -146,7 +148,7 @@ class SpoolWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Write what was appended, or owe it."""
+        """Write the appended records, or defer them."""
         if self._block.empty:
             return
         if not self._deferred:
@@ -161,8 +163,10 @@ class SpoolWriter:
         self._block.clear()
 
     def close(self) -> None:
-        """Write what is left, as far as that can be done now."""
-        self._limit_bytes = sys.maxsize  # what is owed is little, and this its last chance
+        """Write the remaining records, as far as possible."""
+        self._limit_bytes = (
+            sys.maxsize
+        )  # the deferred records are small, and this is the last attempt
         self.flush()
         self._write_deferred()
         self._end_segment()
@@ -172,7 +176,7 @@ class SpoolWriter:
         self.flush()
 
     def _defer(self, block: Block) -> None:
-        """Keep a block's records for later: bytes as gaps, each joined to the one before it."""
+        """Defer the records of a block; bytes extend the gap of their stream."""
         for record in block.records():
             kind, stream, time_ns, offset_bytes, payload, *_ = record
             if kind is not Kind.BYTES:
@@ -188,7 +192,7 @@ class SpoolWriter:
                 self._deferred.append(
                     gap_record(stream, time_ns, offset_bytes, len(payload), self._write_error)
                 )
-            if len(self._deferred) > _MAX_OWED:
+            if len(self._deferred) > _MAX_DEFERRED:
                 self._deferred_gaps.clear()
                 self._deferred = [
                     Record(ControlRecord.RESTART, 0, time_ns, 0, self._write_error.encode())
@@ -201,25 +205,25 @@ class SpoolWriter:
             self._call_later(RETRY_S, self._retry_deferred)
 
     def _write_deferred(self) -> None:
-        """Write what is owed, as far as that can be done now."""
+        """Write deferred records, as far as possible."""
         while self._deferred:
-            paid, block = 0, Block()
-            while paid < len(self._deferred) and block.size_bytes < _FLUSH_BYTES:
-                block.add(self._deferred[paid])
-                paid += 1
+            written, block = 0, Block()
+            while written < len(self._deferred) and block.size_bytes < _FLUSH_BYTES:
+                block.add(self._deferred[written])
+                written += 1
             try:
                 self._append_block(block)
             except OSError:
-                return  # still owed
-            del self._deferred[:paid]
-            self._deferred_gaps.clear()  # the indices have moved, and what is written grows no more
+                return  # still deferred
+            del self._deferred[:written]
+            self._deferred_gaps.clear()  # indices changed; a written gap cannot be extended
 
     def _append_block(self, block: Block) -> None:
-        """Append one block by one write.
+        """Append one block with one write call.
 
         Raises:
-            OSError: It was refused. The segment is given up, for its end may be torn; an empty one
-                is kept, so that a refusing disk does not fill with empty files.
+            OSError: The write failed. The segment is closed, because its end may be incomplete. An
+                empty one is kept, so that a full disk does not fill with empty files.
         """
         data = block.seal()
         size_bytes = len(data)
@@ -240,12 +244,16 @@ class SpoolWriter:
 
     def _make_room(self, size_bytes: int) -> None:
         if self._deferred:
-            size_bytes += self._segment_limit_bytes  # having dropped, go on where it is worth it
+            size_bytes += (
+                self._segment_limit_bytes
+            )  # after a loss, resume only with enough free space
         if self._spooled_bytes + size_bytes <= self._limit_bytes:
             return
         self._spooled_bytes = backlog_bytes(self._directory)
         if self._spooled_bytes + size_bytes > self._limit_bytes:
-            raise OSError(errno.EDQUOT, f"the recording is {self._limit_bytes} bytes behind")
+            raise OSError(
+                errno.EDQUOT, f"the spool has reached its limit of {self._limit_bytes} bytes"
+            )
 
     def _begin_segment(self) -> int:
         self._directory.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -260,19 +268,19 @@ class SpoolWriter:
 
 
 class SpoolReader:
-    """The writing process's end: follows the spool, and goes on where it last acknowledged.
+    """Reading end of the spool. It resumes at the acknowledged position.
 
-    Waits until no other reader is left.
+    The constructor waits until no other reader has the spool.
 
     Args:
-        directory: The spool; made where it is not there.
+        directory: The spool folder; created if missing.
 
     Attributes:
-        state: What was last acknowledged along with the position; empty in a new spool.
-        stall: Why nothing was acknowledged since then, see `note_stall`.
+        state: State that was acknowledged with the position; empty in a new spool.
+        stall: Why nothing has been acknowledged since then, see `note_stall`.
 
     Raises:
-        OSError: The folder cannot be made, read or locked.
+        OSError: The folder cannot be created, read or locked.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -291,23 +299,23 @@ class SpoolReader:
         self._damaged = False
 
     def read(self) -> list[Record]:
-        """Return the next records, up to about a mebibyte of them; none where none is there yet.
+        """Return the next records, about 1 MiB at most; an empty list if there are none yet.
 
         Raises:
             OSError: The spool cannot be read.
         """
         while True:
-            # Looked up first: where a newer segment is there, this one is complete when it is read.
+            # List first: if a newer segment exists, the current one is complete when it is read.
             newer = min((n for n in _segments(self._directory) if n > self._number), default=None)
             rest = self._remaining()
             records, size_bytes = read_blocks(rest)
             self._at += size_bytes
             if records:
                 if self._damaged:
-                    seam = Record(
+                    restart = Record(
                         ControlRecord.RESTART, 0, records[0].time_ns, 0, b"the spool is damaged"
                     )
-                    records.insert(0, seam)
+                    records.insert(0, restart)
                     self._damaged = False
                 return records
             if newer is None:
@@ -318,9 +326,9 @@ class SpoolReader:
             self._number, self._at = newer, 0
 
     def acknowledge(self, state: Mapping[str, Any]) -> None:
-        """Keep the position, and with it `state` (JSON): all that was read is durable elsewhere.
+        """Save the position and `state` (JSON): all records read so far are durable elsewhere.
 
-        Segments that lie wholly before the position are deleted.
+        Segments before the position are deleted.
 
         Raises:
             OSError: The position cannot be written.
@@ -333,11 +341,11 @@ class SpoolReader:
                 _path(self._directory, number).unlink()
 
     def mark_request_count(self) -> int:
-        """Return how often the user has asked for a mark, see `mark_requests`."""
+        """Return the number of mark requests, see `mark_requests`."""
         return mark_requests.mark_request_count(self._directory)
 
     def close(self) -> None:
-        """Let another reader have the spool."""
+        """Close the spool, so that another reader can open it."""
         self._close_file()
         os.close(self._lock)
 
@@ -347,7 +355,7 @@ class SpoolReader:
             self._file = None
 
     def _remaining(self) -> bytes:
-        """What follows the present position in this segment, as far as it is there."""
+        """Return the bytes after the current position in this segment."""
         if self._file is None:
             return b""
         self._file.seek(self._at)
@@ -355,45 +363,45 @@ class SpoolReader:
 
 
 def read_checkpoint(directory: Path) -> dict[str, Any]:
-    """Return what the reader of a spool last acknowledged; nothing where there is no such thing."""
+    """Return the last acknowledged checkpoint of a spool; empty if there is none."""
     try:
         checkpoint = json.loads((directory / _CHECKPOINT).read_bytes())
-    except (FileNotFoundError, ValueError):  # a loss of power may leave it unreadable
+    except (FileNotFoundError, ValueError):  # unreadable after a power failure
         return {}
     return checkpoint if isinstance(checkpoint, dict) else {}
 
 
 def note_stall(directory: Path, time_ns: int, reason: str) -> bool:
-    """Note why nothing is acknowledged, for as long as nothing is; return whether it is news."""
+    """Save the reason of a stall until the next acknowledgment; return whether it is new."""
     checkpoint = read_checkpoint(directory)
     known = stall_of(checkpoint)
     if known and known.reason == reason:
         return False
     checkpoint["trouble"] = (known.since_ns if known else time_ns, reason)
-    with suppress(OSError):  # the spool itself may be in trouble
+    with suppress(OSError):  # the spool itself may be on a failing disk
         _write_checkpoint(directory, checkpoint)
     return True
 
 
 def stall_of(checkpoint: Mapping[str, Any]) -> WriteStall | None:
-    """Return what was noted in a checkpoint by `note_stall`."""
+    """Return the stall that `note_stall` saved in a checkpoint."""
     noted = checkpoint.get("trouble")
     return WriteStall(*noted) if noted else None
 
 
 def _write_checkpoint(directory: Path, checkpoint: Mapping[str, Any]) -> None:
-    beside = directory / (_CHECKPOINT + ".new")
-    beside.write_text(json.dumps(checkpoint), "utf-8")
-    beside.replace(directory / _CHECKPOINT)
+    temporary = directory / (_CHECKPOINT + ".new")
+    temporary.write_text(json.dumps(checkpoint), "utf-8")
+    temporary.replace(directory / _CHECKPOINT)
 
 
 def backlog_bytes(directory: Path) -> int:
-    """Return how many bytes of segments lie in a spool, read or not."""
+    """Return the total size of the segments in a spool, read or unread."""
     return _size_bytes(directory, _segments(directory))
 
 
 def unread_bytes(directory: Path) -> int:
-    """Return how many bytes lie in a spool behind what its reader last acknowledged."""
+    """Return the number of bytes in a spool after the acknowledged position."""
     checkpoint = read_checkpoint(directory)
     numbers, read_bytes = _segments(directory), 0
     if (partly_read := checkpoint.get("segment")) in numbers:
@@ -405,13 +413,13 @@ def unread_bytes(directory: Path) -> int:
 def _size_bytes(directory: Path, numbers: Iterable[int]) -> int:
     total = 0
     for number in numbers:
-        with suppress(FileNotFoundError):  # taken and deleted meanwhile
+        with suppress(FileNotFoundError):  # deleted by the reader
             total += _path(directory, number).stat().st_size
     return total
 
 
 def _segments(directory: Path) -> list[int]:
-    """The numbers of the segments in a spool, in order."""
+    """Return the numbers of the segments in a spool, in order."""
     try:
         names = [path.name for path in directory.iterdir()]
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""Forwarding: how bytes get from client to robot and back, and how the recorder gets in between.
+"""Forwards bytes between client and controller: TCP proxy, routes and serial relay.
 
-Law: forward first. Nothing here waits for what is recorded, or knows what it means.
+Forward first: nothing here waits for the recording. Does not belong here: the meaning of the bytes.
 """

@@ -1,7 +1,6 @@
-"""Stamps: bytes read together with the time at which the system received them (Linux).
+"""Reads a socket together with the kernel's reception timestamps (Linux).
 
-Law: reading of one socket, and the time that comes with it; where the bytes go is the affair of
-others. The event loops read without asking for that time, so here is a reader in their place.
+Event loops do not read these timestamps; `TimestampedReader` replaces their reads for one socket.
 """
 
 import asyncio
@@ -13,7 +12,7 @@ from collections.abc import Callable
 from typing import Final
 
 READ_BYTES: Final = 64 << 10
-"""How much is read at once."""
+"""Maximum size of one read."""
 
 _SO_TIMESTAMPNS: Final = 64  # SO_TIMESTAMPNS_NEW, of 64 bits everywhere; socket has no name for it
 _STAMP: Final = struct.Struct("=qq")
@@ -21,14 +20,14 @@ _ANCILLARY_BYTES: Final = socket.CMSG_SPACE(_STAMP.size) if sys.platform != "win
 _SECOND_NS: Final = 1_000_000_000
 
 Received = Callable[[bytes, int, bool], None]
-"""Takes bytes, when they came in (ns since the epoch; 0 for now), and whether that is a stamp."""
+"""Receives bytes, reception time (ns since the epoch; 0 for now), whether it is from the kernel."""
 
 
 def enable_timestamps(sock: socket.socket) -> bool:
-    """Ask the system to stamp what this socket, or one accepted from it, receives from now on.
+    """Enable kernel timestamps for this socket and for sockets accepted from it.
 
     Returns:
-        Whether it can.
+        Whether the system supports it.
     """
     if sys.platform != "linux":
         return False
@@ -40,15 +39,15 @@ def enable_timestamps(sock: socket.socket) -> bool:
 
 
 class TimestampedReader:
-    """Reads a transport's socket in the transport's place; it never reads at first.
+    """Reads the socket of a transport instead of the transport. Starts paused.
 
     Args:
-        transport: Whose socket it is; it is to read no more.
-        received: Takes what is read.
-        ended: Called where the sender sends no more.
+        transport: The transport; it must not read any more.
+        received: Receives the data.
+        ended: Called when the sender half-closes.
 
     Attributes:
-        failure: Why reading failed; the transport was aborted for it.
+        failure: Error of a failed read, after which the transport is aborted.
 
     Raises:
         OSError: The process has too many files open.
@@ -62,34 +61,34 @@ class TimestampedReader:
         self._received = received
         self._ended = ended
         self._loop = asyncio.get_running_loop()
-        # A number of its own: the event loops watch none that a transport has.
+        # Duplicated: event loops do not watch a descriptor that a transport uses.
         number = os.dup(transport.get_extra_info("socket").fileno())
         self._sock = socket.socket(fileno=number)
         self._sock.settimeout(0)
         self._reading = False
 
     def pause_reading(self) -> None:
-        """Read no more for now."""
+        """Pause reading."""
         if self._reading:
             self._reading = False
             self._loop.remove_reader(self._sock)
 
     def resume_reading(self) -> None:
-        """Read on, unless the transport is closing."""
+        """Resume reading, unless the transport is closing."""
         if not self._reading and not self._transport.is_closing():
             self._reading = True
             self._loop.add_reader(self._sock, self._read)
 
     def is_reading(self) -> bool:
-        """Whether it reads."""
+        """Whether reading is active."""
         return self._reading
 
     def is_closing(self) -> bool:
-        """Whether it was closed."""
+        """Whether the reader is closed."""
         return self._sock.fileno() < 0
 
     def close(self) -> None:
-        """Let go of the socket."""
+        """Close the duplicated socket."""
         self.pause_reading()
         self._sock.close()
 
@@ -109,5 +108,5 @@ class TimestampedReader:
         elif ancillary:
             seconds, rest_ns = _STAMP.unpack(ancillary[0][2])
             self._received(data, seconds * _SECOND_NS + rest_ns, True)  # noqa: FBT003 - for the fewest steps
-        else:  # it came in before the system had begun to stamp
+        else:  # received before timestamps were enabled
             self._received(data, 0, False)  # noqa: FBT003 - as above

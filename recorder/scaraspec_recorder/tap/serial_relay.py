@@ -1,12 +1,12 @@
-"""Relays: a serial line (a port, or a Bluetooth RFCOMM channel) as one side of the tap, or both.
+"""Relays a serial line (serial port or Bluetooth RFCOMM channel) to the tap.
 
-Lives here: devices, and threads that carry a device's bytes to and from a loopback socket. All else
-is the tap's: it forwards and records that socket like any other. Threads, for no event loop reads a
-serial port on every system; at its speed they cost nothing.
+Belongs here: devices, and threads that copy bytes between a device and a loopback socket. The tap
+forwards and records this socket like any other. Threads are used because event loops cannot read
+serial ports on every system.
 
-A serial line knows neither half-close nor reset: it only hangs up. Its hang-up reaches the other
-side as a reset. A client that has finished keeps the line, since answers may still come, until the
-next client asks for it.
+A serial line has no half-close and no reset; it can only hang up. The other side sees a hang-up as
+a reset. A client that has finished keeps the line, because replies may follow, until the next
+client connects.
 """
 
 import asyncio
@@ -26,10 +26,10 @@ from scaraspec_recorder.child_process import ChildProcess, ignore_signals
 from scaraspec_recorder.tap import tcp
 
 LINE_WAIT_S: Final = 1.0
-"""How long a client waits for one before it, which may be about to go, to leave the line."""
+"""Time that a client waits for the previous client to release the line."""
 
 RETRY_S: Final = 1.0
-"""How long the client's line rests after a hang-up before it is opened again."""
+"""Delay before the client's line is opened again after a hang-up."""
 
 _POLL_S: Final = 0.1
 _READ_BYTES: Final = 64 << 10
@@ -44,7 +44,7 @@ class Device(Protocol):
     """An open serial line. One thread reads while another writes."""
 
     def read(self) -> bytes:
-        """Return what comes next; nothing after a while, or once it is cancelled.
+        """Return the next bytes; nothing after a timeout or a cancel.
 
         Raises:
             OSError: The line has hung up.
@@ -58,27 +58,27 @@ class Device(Protocol):
         """
 
     def cancel(self) -> None:
-        """Let reads and writes that wait return."""
+        """Make blocked reads and writes return."""
 
     def close(self) -> None:
-        """Hang up, once no thread reads or writes any more."""
+        """Close the line. No thread may read or write."""
 
 
 class SerialEndpoint(Protocol):
-    """Where a serial line is. Picklable, and as text the URL of the link."""
+    """Address of a serial line. Picklable; `str` returns its URL."""
 
     def check(self) -> None:
-        """Find out whether this system has such lines at all.
+        """Check that this system supports such lines.
 
         Raises:
-            OSError: It has not; the text says what to do.
+            OSError: It does not; the text says what to do.
         """
 
     def open(self) -> Device:
-        """Open it.
+        """Open the line.
 
         Raises:
-            OSError: It is not there, or in use.
+            OSError: It does not exist or is in use.
         """
 
 
@@ -97,7 +97,7 @@ class SerialPort:
         """Open it for this process alone; see `SerialEndpoint.open`."""
         try:
             port = _pyserial().Serial(self.device, self.baud, timeout=_POLL_S, exclusive=True)
-        except ValueError as error:  # a speed that the system does not know
+        except ValueError as error:  # a baud rate that the system does not support
             raise OSError(f"cannot open {self}: {error}") from None
         return _Port(port)
 
@@ -140,15 +140,15 @@ class RfcommChannel:
 
 
 class SerialBridge:
-    """Carries bytes between a device and a socket, both of which it owns, until either ends.
+    """Copies bytes between a device and a socket until one of them ends; closes both.
 
     Args:
-        name: What the line is called in the log.
+        name: Name of the line in the log.
         device: The line.
-        sock: Connected to the tap.
+        sock: Socket connected to the tap.
 
     Attributes:
-        finished: Nothing more will be written to the device: the tap has finished, or it is over.
+        finished: Set when nothing more will be written to the device.
     """
 
     def __init__(self, name: str, device: Device, sock: socket.socket) -> None:
@@ -161,14 +161,14 @@ class SerialBridge:
         self._close_requested = False
         self._closing = threading.Lock()
         self._closed = False
-        # At the end of the process, what the tap has forwarded is still written to the device.
+        # Not a daemon: at the end of the process, forwarded bytes are still written.
         self._to_device_thread = threading.Thread(target=self._copy_to_device)
         self._to_socket_thread = threading.Thread(target=self._copy_to_socket, daemon=True)
         self._to_device_thread.start()
         self._to_socket_thread.start()
 
     def close(self) -> None:
-        """End in order, if it has not ended; returns when device and socket are closed."""
+        """Close orderly. Returns when device and socket are closed."""
         if not self._stopped:
             self._close_requested = True
             with suppress(OSError):  # the tap may have reset it
@@ -187,11 +187,11 @@ class SerialBridge:
             return self._device.read()
         except OSError as error:
             if not self._stopped:
-                _log.warning("%s has hung up: %s", self._name, error)
+                _log.warning("%s hung up: %s", self._name, error)
             raise
 
     def _copy_to_device(self) -> None:
-        """From the tap to the device."""
+        """Copy from the tap to the device."""
         try:
             while not self._stopped:
                 if select.select([self._sock], [], [], _POLL_S)[0]:
@@ -204,7 +204,7 @@ class SerialBridge:
         self.finished.set()
 
     def _copy_to_socket(self) -> None:
-        """From the device to the tap; then close both."""
+        """Copy from the device to the tap, then close both."""
         try:
             while not self._stopped:
                 self._sock.sendall(self._read())
@@ -222,32 +222,32 @@ class SerialBridge:
 
 @dataclass(slots=True)
 class SerialRoute:
-    """The route to a controller on a serial line, which has one client at a time."""
+    """The route to a controller on a serial line. One client at a time."""
 
     end: SerialEndpoint
     _line: SerialBridge | None = field(default=None, init=False)
     _turn: asyncio.Lock = field(default_factory=asyncio.Lock, init=False)
 
     def listen(self, host: str, port: int) -> socket.socket:
-        """Listen, where there are such lines at all; see `Route.listen`."""
+        """Listen, if serial lines are supported; see `Route.listen`."""
         self.end.check()
         return tcp.listen(host, port)
 
-    def target(self, client: socket.socket) -> str:  # noqa: ARG002 - all are led to one
+    def target(self, client: socket.socket) -> str:  # noqa: ARG002 - the same for all clients
         """Return the URL of the line."""
         return str(self.end)
 
     async def connect_upstream(self, client: socket.socket) -> socket.socket:  # noqa: ARG002 - see above
-        """Open the line and return the near end of a connection that leads to it.
+        """Open the line and return a socket that is connected to it.
 
         Raises:
-            OSError: The line cannot be opened, or a client before this one does not leave it.
+            OSError: The line cannot be opened, or another client uses it.
         """
         async with self._turn:
             dialling = asyncio.create_task(asyncio.to_thread(self._dial))
             try:
                 return await asyncio.shield(dialling)
-            except asyncio.CancelledError:  # the client has gone meanwhile
+            except asyncio.CancelledError:  # the client disconnected
                 with suppress(OSError):
                     (await dialling).close()
                 raise
@@ -255,7 +255,7 @@ class SerialRoute:
     def _dial(self) -> socket.socket:
         if self._line:
             if not self._line.finished.wait(LINE_WAIT_S):
-                raise OSError("another client has the line")
+                raise OSError("another client uses the line")
             self._line.close()
         device = self.end.open()
         try:
@@ -270,39 +270,39 @@ class SerialRoute:
 
 @asynccontextmanager
 async def relay_serial_client(end: SerialEndpoint, address: tuple[str, int]) -> AsyncIterator[None]:
-    """Let a client on a serial line take part in a recording, for as long as the context lasts.
+    """Connect a client on a serial line to a tap while the context is active.
 
-    The line is opened whenever it is there, and connected to the tap as soon as it is open.
+    A child process opens the line whenever it is available and connects it to the tap.
 
     Args:
-        end: Where the client is.
-        address: Where the tap listens, best on the loopback; see `recording.Recording.address`.
+        end: The client's line.
+        address: Address that the tap listens on; see `recording.Recording.address`.
 
     Raises:
-        OSError: There are no such lines on this system.
+        OSError: This system does not support such lines.
     """
     end.check()
-    caller = ChildProcess("caller", run_serial_client, end, address)
+    child = ChildProcess("client-line", run_serial_client, end, address)
     try:
-        caller.start()
+        child.start()
         yield
     finally:
-        await caller.stop(_STOP_S)
+        await child.stop(_STOP_S)
 
 
 def run_serial_client(end: SerialEndpoint, address: tuple[str, int], line: socket.socket) -> None:
-    """Be the caller's process: carry a client's line to the tap until the recorder's is closed."""
+    """Main function of the client process: relay the client's line until `line` is closed."""
     ignore_signals()
-    told = ""
+    logged = ""
     while True:
         try:
             carried = _call(end, address)
         except OSError as error:
-            if str(error) != told:  # it may be tried for weeks
-                told = str(error)
-                _log.warning("the client's line is not there: %s", error)
+            if str(error) != logged:  # retries may continue for weeks; log each error once
+                logged = str(error)
+                _log.warning("the client's line cannot be opened: %s", error)
         else:
-            told = ""
+            logged = ""
             while not (carried.finished.is_set() or _is_closed(line, _POLL_S)):
                 pass
             carried.close()
@@ -320,7 +320,7 @@ def _call(end: SerialEndpoint, address: tuple[str, int]) -> SerialBridge:
 
 
 def _is_closed(line: socket.socket, timeout_s: float) -> bool:
-    """Whether the recorder closes this line within so long."""
+    """Whether the recorder closes this line within `timeout_s`."""
     line.settimeout(timeout_s)
     try:
         return not line.recv(1)
@@ -358,7 +358,7 @@ class _Channel:
     def read(self) -> bytes:
         data = self._sock.recv(_READ_BYTES)
         if not data:
-            raise OSError("the device has hung up")
+            raise OSError("the device hung up")
         return data
 
     def write(self, data: bytes) -> None:
@@ -380,7 +380,7 @@ def _pyserial() -> Any:
 
 
 def _connected_pair() -> tuple[socket.socket, socket.socket]:
-    """Two TCP sockets that are connected to each other: a socket pair knows no reset."""
+    """Return two connected TCP sockets. A socket pair does not support reset."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
         near = socket.create_connection(listener.getsockname())
         far, address = listener.accept()
@@ -392,9 +392,9 @@ def _connected_pair() -> tuple[socket.socket, socket.socket]:
 
 
 def _reset_when_flushed(sock: socket.socket) -> None:
-    """Let what is queued leave, for `tcp.RESET_FLUSH_S` at most; closing it then resets."""
+    """Wait until queued bytes are sent, `tcp.RESET_FLUSH_S` at most; closing then sends a reset."""
     deadline_s = time.monotonic() + tcp.RESET_FLUSH_S
-    with suppress(OSError):  # the tap was first
+    with suppress(OSError):  # the tap already reset it
         while tcp.unsent_bytes(sock) and time.monotonic() < deadline_s:
             time.sleep(_FLUSH_POLL_S)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _LINGER_NOT)

@@ -1,8 +1,8 @@
-"""The tap: a transparent TCP relay that tells what passes. Forward first.
+"""The tap: a transparent TCP relay that reports traffic to the spool. Forward first.
 
-Lives here: connections and what happens on them, passed on unchanged: bytes, half-close, reset,
-back-pressure. On the path of a byte stand one write to the other socket and one append to the
-spool, and nothing else: no decoding, no waiting. Nothing in this file knows a frame or a capture.
+Belongs here: connections and their events, forwarded unchanged: bytes, half-close, reset and
+back-pressure. The path of a byte has one write to the other socket and one append to the spool; no
+decoding and no waiting. Does not belong here: frames and capture formats.
 """
 
 import asyncio
@@ -24,32 +24,32 @@ from scaraspec_recorder.tap import kernel_timestamps, tcp
 from scaraspec_recorder.tap.routes import Route
 
 BUFFER_BYTES: Final = 256 << 10
-"""How much may wait, plus one read, for a socket that takes nothing, before its peer is paused."""
+"""Bytes queued for a blocked socket, plus one read, before reading from its peer is paused."""
 
 STOP_S: Final = 2.0
-"""How long connections may take to pass on what is queued when the tap stops."""
+"""Time limit to forward queued bytes when the tap stops."""
 
-_READ_SIZE: Final = "max_size"  # asyncio's name for it; uvloop's transports have none
-_DESCRIPTORS: Final = os.name == "posix"  # elsewhere a socket is no file
+_READ_SIZE: Final = "max_size"  # attribute of asyncio's transports; uvloop's do not have it
+_DESCRIPTORS: Final = os.name == "posix"  # on Windows, a socket is not a file descriptor
 
-_write: Final = os.write  # these two are looked up for every chunk
+_write: Final = os.write  # these two are used for every chunk
 _BYTES: Final = Kind.BYTES
 
 Append = Callable[..., None]
-"""Takes the fields of a `records.Record`; never raises and never waits."""
+"""Receives the fields of a `records.Record`; never raises and never waits."""
 
 Connect = Callable[["Tap", int], "Connection"]
-"""Makes the tap's connection of a number, counted from 1."""
+"""Factory of the tap's connections; numbers count from 1."""
 
 
 class Tap:
-    """Relays every connection that is made to a listening socket.
+    """Relays all connections that a listening socket accepts.
 
     Args:
-        route: Where to.
-        append: Takes what happens.
-        connect: Makes connections that are not to be passed on unchanged; None for those that are.
-        kernel_time: Whether to ask the system when bytes came in, see `kernel_timestamps`.
+        route: Target of the connections.
+        append: Receives the records.
+        connect: Factory of connections that change the traffic; None to forward it unchanged.
+        kernel_time: Whether to use kernel timestamps, see `kernel_timestamps`.
         now_ns: The clock.
     """
 
@@ -74,13 +74,13 @@ class Tap:
         self._connection_removed = asyncio.Event()
 
     async def start(self, listener: socket.socket) -> None:
-        """Begin to accept; `listener` is closed by `stop`."""
+        """Start to accept connections; `stop` closes `listener`."""
         self.kernel_time = self.kernel_time and kernel_timestamps.enable_timestamps(listener)
         loop = asyncio.get_running_loop()
         self._server = await loop.create_server(self._accept, sock=listener, backlog=tcp.BACKLOG)
 
     async def stop(self) -> None:
-        """Accept no more and end every connection: in order within `STOP_S`, else by reset."""
+        """Stop accepting and close all connections: orderly within `STOP_S`, then by reset."""
         if self._server:
             self._server.close()
         for connection in tuple(self._connections):
@@ -94,7 +94,7 @@ class Tap:
         self.resets.close()
 
     def remove(self, connection: "Connection") -> None:
-        """Both sockets of this connection are closed."""
+        """Remove a connection. Both of its sockets are closed."""
         self._connections.discard(connection)
         self._connection_removed.set()
 
@@ -111,7 +111,7 @@ class Tap:
 
 
 def new_event_loop() -> asyncio.AbstractEventLoop:
-    """Return uvloop's event loop, the nearest to what the system can do; asyncio's without it."""
+    """Return uvloop's event loop, which is faster; on Windows that of asyncio."""
     if sys.platform == "win32":
         return asyncio.new_event_loop()
     import uvloop  # noqa: PLC0415 - absent on Windows
@@ -126,13 +126,13 @@ def run(  # noqa: PLR0913, PLR0917 - all that a process is given
     limit_bytes: int,
     connect: Connect | None,
     kernel_time: bool,  # noqa: FBT001 - as above
-    _scribe_line: socket.socket,
+    _writer_line: socket.socket,
     line: socket.socket,
 ) -> None:
-    """Be the tap's process: relay until the line is closed.
+    """Main function of the tap process: relay until the line is closed.
 
-    The scribe's line is only held: it closes when this process ends, and the scribe reads on till
-    then.
+    The process holds the line of the writer process without using it: it closes when the tap
+    process ends, and the writer process reads the spool until then.
     """
     ignore_signals()
     tcp.allow_many_sockets()
@@ -142,7 +142,7 @@ def run(  # noqa: PLR0913, PLR0917 - all that a process is given
         writer = SpoolWriter(spool, loop.call_later, limit_bytes=limit_bytes)
         tap = Tap(route, writer.append, connect, kernel_time=kernel_time)
         await tap.start(listener)
-        gc.freeze()  # what was imported lives on: no collection need look at it
+        gc.freeze()  # imported objects stay alive: exclude them from collections
         line.settimeout(0)
         await loop.sock_recv(line, 1)
         await tap.stop()
@@ -153,7 +153,7 @@ def run(  # noqa: PLR0913, PLR0917 - all that a process is given
 
 
 class SocketEnd(asyncio.Protocol):
-    """One socket of a connection: what is read here is written to the other one, then recorded."""
+    """One socket of a connection. Bytes read here are written to the peer socket, then recorded."""
 
     peer: "SocketEnd"
 
@@ -161,7 +161,7 @@ class SocketEnd(asyncio.Protocol):
         self.connection = connection
         self.stream = stream_number(number, direction)
         self.received_bytes = 0
-        self.half_closed = False  # its sender sends no more
+        self.half_closed = False  # its sender sends no more bytes
         self.closed = False
         self.transport: asyncio.Transport | None = None
         self.descriptor = -1
@@ -172,7 +172,9 @@ class SocketEnd(asyncio.Protocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """The socket is connected."""
-        transport = cast("asyncio.Transport", transport)  # uvloop's is none by inheritance
+        transport = cast(
+            "asyncio.Transport", transport
+        )  # uvloop's transport does not inherit from it
         sock = transport.get_extra_info("socket")
         tcp.tune(sock)
         transport.set_write_buffer_limits(high=BUFFER_BYTES)
@@ -181,17 +183,17 @@ class SocketEnd(asyncio.Protocol):
         self.descriptor = sock.fileno()
         self.transport = self._reader = transport
         if self.connection.tap.kernel_time and kernel_timestamps.enable_timestamps(sock):
-            # Not now: the event loop begins to read when this returns.
+            # Not now: the event loop starts to read when this method returns.
             asyncio.get_running_loop().call_soon(self._read_stamped, transport)
         self.connection.connected(self)
 
     def data_received(self, data: bytes, time_ns: int = 0, kernel_time: bool = False) -> None:  # noqa: FBT001, FBT002 - an event loop gives the data alone
-        """Pass bytes on, then tell of them.
+        """Forward bytes, then record them.
 
         Args:
             data: The bytes.
-            time_ns: When they came in; 0 for now.
-            kernel_time: Whether the system says so.
+            time_ns: Time of reception; 0 for now.
+            kernel_time: Whether `time_ns` is a kernel timestamp.
         """
         time_ns = time_ns or self._now_ns()
         peer = self.peer
@@ -203,11 +205,11 @@ class SocketEnd(asyncio.Protocol):
         if transport.get_write_buffer_size() or not _DESCRIPTORS:
             transport.write(data)
         elif not transport.is_closing():
-            # At once: uvloop's own write would wait for the end of its turn.
+            # Directly: uvloop's write would wait until the end of the loop iteration.
             try:
                 sent = _write(peer.descriptor, data)
             except OSError:
-                sent = 0  # it is full or dead; the transport will find out which
+                sent = 0  # the socket is full or closed; the transport handles both
             if sent < len(data):
                 transport.write(memoryview(data)[sent:])
         offset_bytes, forwarded_ns = self.received_bytes, self._now_ns()
@@ -215,11 +217,11 @@ class SocketEnd(asyncio.Protocol):
         self.received_bytes += len(data)
 
     def eof_received(self) -> bool:
-        """The sender sends no more."""
+        """The sender half-closed the connection."""
         self.half_closed = True
         if self.peer.transport:
             self.connection.half_closed(self)
-        return True  # the other direction lives on
+        return True  # keep the other direction open
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The socket is closed."""
@@ -229,32 +231,32 @@ class SocketEnd(asyncio.Protocol):
         self.connection.socket_closed(self, _reason(exc) if exc else "reset")
 
     def pause_writing(self) -> None:
-        """The socket takes nothing for now."""
+        """The socket's write buffer is full: pause the peer."""
         self.peer.pause()
 
     def resume_writing(self) -> None:
-        """The socket takes something again."""
+        """The socket accepts data again: resume the peer."""
         self.peer.resume()
 
     def pause(self) -> None:
-        """Read no more for now: the other socket takes nothing."""
+        """Pause reading: the peer socket is blocked."""
         if self._reader and not self._reader.is_closing():
             self._reader.pause_reading()
 
     def resume(self) -> None:
-        """Read on."""
+        """Resume reading."""
         if self._reader and not self._reader.is_closing() and not self.half_closed:
             self._reader.resume_reading()
 
     def _read_stamped(self, transport: asyncio.Transport) -> None:
-        """Read with the system's times from now on."""
+        """Switch to reading with kernel timestamps."""
         if transport.is_closing() or self.half_closed:
             return
         try:
             reader = kernel_timestamps.TimestampedReader(
                 transport, self.data_received, self.eof_received
             )
-        except OSError:  # too many open files: as it is
+        except OSError:  # too many open files: continue without timestamps
             return
         reading = transport.is_reading()
         transport.pause_reading()
@@ -264,7 +266,7 @@ class SocketEnd(asyncio.Protocol):
 
 
 class Connection:
-    """A client, its upstream, and how their link begins and ends."""
+    """A client's connection and its upstream connection."""
 
     end_type: type[SocketEnd] = SocketEnd
 
@@ -274,12 +276,12 @@ class Connection:
         self.upstream = self.end_type(self, number, C2A)
         self.client.peer, self.upstream.peer = self.upstream, self.client
         self._ends = (self.client, self.upstream)
-        self._finished = 0  # of its ends, those whose finish was passed on
+        self._finished = 0  # number of half-closed directions
         self._ended = False
         self._connect_task: asyncio.Task[None] | None = None
 
     def connected(self, end: SocketEnd) -> None:
-        """A socket is there: the client's, then the upstream's."""
+        """A socket is connected: first the client's, then the upstream's."""
         assert end.transport
         if self._ended:
             end.transport.abort()
@@ -297,7 +299,7 @@ class Connection:
                 self.half_closed(self.client)
 
     def half_closed(self, end: SocketEnd) -> None:
-        """A sender sends no more: pass that on; when both have, the connection is over."""
+        """Forward a half-close. After the second one, close the connection."""
         transport, peer_transport = end.transport, end.peer.transport
         assert transport
         assert peer_transport
@@ -311,7 +313,7 @@ class Connection:
             self.tap.resets.add(end.descriptor, transport.abort)
 
     def socket_closed(self, end: SocketEnd, why: str) -> None:
-        """A socket is closed. Where we did not close it, its peer did: pass that on."""
+        """A socket is closed. If the tap did not close it, reset the peer socket."""
         end.closed = True
         self.tap.resets.discard(end.descriptor)
         if not self._ended:
@@ -324,19 +326,19 @@ class Connection:
             self.tap.remove(self)
 
     def close(self, note: str) -> None:
-        """End in order, once what is queued has left."""
+        """Close in order, after queued bytes are sent."""
         if not self._ended:
             self._close(self.client, note)
 
     def reset(self) -> None:
-        """End now: what is queued is lost, and both sides are told by reset."""
+        """Reset both sockets now. Queued bytes are lost."""
         for end in self._ends:
             if end.transport and not end.closed:
                 tcp.reset(end.transport)
 
     def _route_text(self, client: asyncio.Transport) -> str:
-        """Who is connected to whom, in words."""
-        address = client.get_extra_info("peername")  # None where it has gone already
+        """Return the addresses of client and target as text."""
+        address = client.get_extra_info("peername")  # None if the client is already disconnected
         target = self.tap.route.target(client.get_extra_info("socket"))
         return f"{tcp.address_text(address) if address else 'unknown'} > {target}"
 
@@ -348,19 +350,19 @@ class Connection:
         self._cancel_connect()
 
     async def _connect_upstream(self, client: asyncio.Transport) -> None:
-        """Connect the upstream socket, or tell the client that there is none."""
+        """Connect the upstream socket. If this fails, reset the client."""
         sock = client.get_extra_info("socket")
         loop = asyncio.get_running_loop()
         try:
             connected = await self.tap.route.connect_upstream(sock)
             await loop.create_connection(lambda: self.upstream, sock=connected)
             if self.upstream.closed:
-                connected.detach()  # uvloop has closed its number, which may be another's by now
+                connected.detach()  # uvloop closed its descriptor, which may be reused by now
         except OSError as error:
             self.socket_closed(self.upstream, f"{UNREACHABLE}{_reason(error)}")
 
     def _cancel_connect(self) -> None:
-        """Stop dialling, if that is where the connection still is."""
+        """Cancel a pending upstream connection."""
         if self._connect_task and not self.upstream.transport:
             self._connect_task.cancel()
             self.upstream.closed = True
@@ -378,6 +380,6 @@ class Connection:
 
 
 def _reason(error: Exception) -> str:
-    """The system's words, where an event loop has put its own."""
+    """Return the system's error text instead of the event loop's."""
     number = getattr(error, "errno", None) or 0
     return os.strerror(number) if number > 0 else str(error)

@@ -1,7 +1,7 @@
-"""TCP as a transparent relay needs it: what the event loops neither set nor tell.
+"""TCP functions for a transparent relay that event loops do not provide.
 
-Lives here: addresses, socket options, passing resets on, and hearing of them. Nothing in this file
-knows what is relayed, or that anything is recorded.
+Belongs here: addresses, socket options, sending and detecting resets. Does not belong here: what is
+relayed or recorded.
 """
 
 import asyncio
@@ -14,15 +14,15 @@ import sys
 from collections.abc import Callable
 from typing import Final
 
-if sys.platform == "linux":  # ahead of all, for a process without a free file imports nothing
+if sys.platform == "linux":  # imported early: without a free file descriptor, imports fail
     import fcntl
     import termios
 
 RESET_FLUSH_S: Final = 5.0
-"""How long a reset waits for queued data to leave before it is passed on."""
+"""Maximum time that a reset waits until queued data is sent."""
 
 BACKLOG: Final = 1024
-"""How many clients may wait to be accepted."""
+"""Maximum number of clients that wait for accept."""
 
 _POLL_S: Final = 0.005
 _LINGER_NOT: Final = struct.pack("ii", 1, 0)  # close() then sends RST
@@ -32,7 +32,7 @@ def listen(host: str, port: int) -> socket.socket:
     """Return a socket that listens; port 0 takes a free one.
 
     Raises:
-        OSError: The address is unknown, taken or not permitted.
+        OSError: The address is unknown, in use or not permitted.
     """
     family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
     return socket.create_server(address[:2], family=family, backlog=BACKLOG)
@@ -54,7 +54,7 @@ def is_loopback(host: str) -> bool:
 
 
 def allow_many_sockets() -> None:
-    """Raise this process's limit of open files as far as it may: a connection takes two."""
+    """Raise this process's limit of open files to the maximum: a connection needs two."""
     if sys.platform != "win32":
         import resource  # noqa: PLC0415 - absent on Windows
 
@@ -63,14 +63,14 @@ def allow_many_sockets() -> None:
 
 
 def tune(sock: socket.socket) -> None:
-    """Pass small frames on at once, and notice a peer that has vanished (in the system's time)."""
-    with contextlib.suppress(OSError):  # some systems refuse where the peer has gone already
+    """Set TCP_NODELAY and SO_KEEPALIVE: no send delay, detection of lost peers."""
+    with contextlib.suppress(OSError):  # some systems refuse after the peer disconnected
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
 
 
 def unsent_bytes(sock: socket.socket) -> int:
-    """Return how much the peer has not acknowledged yet; 0 where the system does not tell."""
+    """Return the number of unacknowledged bytes; 0 if the system does not report it."""
     if sys.platform != "linux":
         return 0
     answer = fcntl.ioctl(sock.fileno(), termios.TIOCOUTQ, b"\0\0\0\0")  # SIOCOUTQ, by its old name
@@ -78,14 +78,14 @@ def unsent_bytes(sock: socket.socket) -> int:
 
 
 def reset(transport: asyncio.Transport) -> None:
-    """Cut the connection: the peer is told by RST, and what is queued is lost."""
+    """Reset the connection with RST. Queued bytes are lost."""
     sock: socket.socket = transport.get_extra_info("socket")
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _LINGER_NOT)
     transport.abort()
 
 
 def reset_when_flushed(transport: asyncio.Transport) -> None:
-    """Read no more; when all that is queued has left, or after `RESET_FLUSH_S`, reset."""
+    """Stop reading, and reset after queued bytes are sent or after `RESET_FLUSH_S`."""
     loop = asyncio.get_running_loop()
     deadline_s = loop.time() + RESET_FLUSH_S
     sock: socket.socket = transport.get_extra_info("socket")
@@ -105,10 +105,10 @@ def reset_when_flushed(transport: asyncio.Transport) -> None:
 
 
 class ResetWatch:
-    """Tells of resets on sockets whose end of stream was read already.
+    """Reports resets of half-closed sockets.
 
-    The event loops stop looking at such a socket and would hear of a reset only from the next write
-    to it. Where the system has no epoll, that is how it stays.
+    Event loops do not watch such a socket and would detect a reset only at the next write. Without
+    epoll, resets are not reported.
     """
 
     def __init__(self) -> None:
@@ -118,19 +118,19 @@ class ResetWatch:
             asyncio.get_running_loop().add_reader(self._epoll.fileno(), self._on_ready)
 
     def add(self, descriptor: int, callback: Callable[[], None]) -> None:
-        """Call back when this socket is reset."""
+        """Call `callback` when this socket is reset."""
         if sys.platform == "linux":
             self._callbacks[descriptor] = callback
-            self._epoll.register(descriptor, select.EPOLLET)  # errors are told unasked
+            self._epoll.register(descriptor, select.EPOLLET)  # errors are always reported
 
     def discard(self, descriptor: int) -> None:
-        """Watch this socket no longer; to be called before it is closed."""
+        """Stop watching this socket. Must be called before it is closed."""
         if self._callbacks.pop(descriptor, None) and sys.platform == "linux":
             with contextlib.suppress(OSError):
                 self._epoll.unregister(descriptor)
 
     def close(self) -> None:
-        """Watch nothing any longer."""
+        """Stop watching all sockets."""
         if sys.platform == "linux":
             asyncio.get_running_loop().remove_reader(self._epoll.fileno())
             self._epoll.close()

@@ -119,16 +119,16 @@ def test_a_disk_that_fills_up(
     plant.talk(2)
     plant.until_written()
     disk.fill()
-    plant.until_said("nothing is written, ", " wait: ", FULL)
+    plant.until_said("writing is stalled, ", " waiting: ", FULL)
     plant.until_answered(500)
     disk.clear()
-    plant.until_said("the writing goes on")
+    plant.until_said("writing continues")
     plant.until_answered(500)
     plant.quiet()
     assert plant.recorder.end() == 0
     assert unharmed(plant)
-    assert plant.log.read_text().count("the recording is interrupted: ") == 1
-    assert "the recording goes on: nothing was written since 20" in plant.log.read_text()
+    assert plant.log.read_text().count("writing is interrupted: ") == 1
+    assert "writing continues: nothing was written since 20" in plant.log.read_text()
     before, after = interruptions(disk.folder)
     assert not before
     assert after.startswith("nothing was written since 20")
@@ -162,10 +162,10 @@ def test_a_disk_that_is_read_only(plant: Any, disk: Disk, recorded: Callable[[Pa
     disk.allow_writing(allowed=False)
     plant.recorder.start()
     plant.talk(2)
-    plant.until_said("nothing is written, ", " wait: Read-only file system")
+    plant.until_said("writing is stalled, ", " waiting: Read-only file system")
     plant.until_answered(200)
     disk.allow_writing(allowed=True)
-    plant.until_said("the writing goes on")
+    plant.until_said("writing continues")
     plant.quiet()
     assert plant.recorder.end() == 0
     assert unharmed(plant)
@@ -216,8 +216,8 @@ def test_writes_that_the_system_refuses(plant: Any, recorded: Callable[[Path], A
     plant.until_written()
     size_bytes = (plant.out / "capture.mcap").stat().st_size + 1000
     resource.prlimit(plant.recorder.child("writer"), resource.RLIMIT_FSIZE, (size_bytes,) * 2)
-    plant.until_said("the recording is interrupted: ")
-    plant.until_said("the recording goes on")
+    plant.until_said("writing is interrupted: ")
+    plant.until_said("writing continues")
     plant.until_answered(100)
     plant.quiet()
     assert plant.recorder.end() == 0

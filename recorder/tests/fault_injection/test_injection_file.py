@@ -47,7 +47,7 @@ def test_the_documented_file_can_be_read(load: Load) -> None:
         ("rule = [3]", "it has no rule"),
         ("seeds = 3", "seeds means nothing here: take seed and [[rule]]"),
         ("seed = -1", "seed must be a whole number from 0 to 1000000000, not -1"),
-        ("[[rule", "it is no TOML file: "),
+        ("[[rule", "it is not a valid TOML file: "),
         ("x = '" + "x" * (1 << 20) + "'", "it is larger than 1 MiB"),
         ("[[rule]]\n" * 300, "it has 300 rules, 256 are the most"),
         ("[[rule]]", "rule 1: fault is missing, it must be one of delay, jitter, fragment,"),
@@ -68,7 +68,7 @@ def test_the_documented_file_can_be_read(load: Load) -> None:
         (DROP + "command = [1]", "or an opcode from 0x00 to 0xFF, not [1]"),
         (DROP + "part = 'answer'", "part must be one of request, reply, result, not"),
         (DROP + "direction = 'up'", "direction must be one of A2C, C2A, not 'up'"),
-        (DROP + "name = 'a\\nb'\nname = 'b'", "it is no TOML file"),
+        (DROP + "name = 'a\\nb'\nname = 'b'", "it is not a valid TOML file"),
         (DROP + 'name = "a\\nb"', "name must be a text of at most 60 characters, on one"),
         (
             DROP + "command = 'get_time'\npart = 'result'",
@@ -102,7 +102,7 @@ def test_a_file_that_cannot_be_read_is_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(InjectionError, match="nowhere: it cannot be read: No such file"):
         load_injection(tmp_path / "nowhere")
     (tmp_path / "binary").write_bytes(b"\xff\xfe")
-    with pytest.raises(InjectionError, match="binary: it is no TOML file"):
+    with pytest.raises(InjectionError, match="binary: it is not a valid TOML file"):
         load_injection(tmp_path / "binary")
 
 

@@ -68,29 +68,29 @@ def test_trouble_is_told_with_its_reason() -> None:
         lines.update([full], ending=False)
         lines.update([at(20)], ending=False)
     assert said == [
-        "line-3: nothing is written, 1.5 MB wait: No space left on device",
-        "line-3: the writing goes on",
+        "line-3: writing is stalled, 1.5 MB waiting: No space left on device",
+        "line-3: writing continues",
     ]
     console = Console(file=io.StringIO(), width=160)
     with Dashboard(console) as dashboard:
         dashboard.update([replace(full, silent_s=5)], ending=False)
     shown = console.file.getvalue()
-    assert "line-3: nothing was written for 5 s: No space left on device" in shown
+    assert "line-3: writing is stalled for 5 s: No space left on device" in shown
 
 
 def test_problems_and_silence_are_told_with_their_end() -> None:
     """Each problem once; that the writing waits, and that it goes on."""
     said: list[str] = []
-    stall = replace(CALM.progress, problems=["McapSink is given up"])
+    stall = replace(CALM.progress, problems=["McapSink is disabled"])
     with LineDisplay(said.append) as lines:
         lines.update([at(0, stall)], ending=False)
         lines.update([at(20, stall)], ending=False)
         lines.update([at(40, stall, STALL_S + 1)], ending=False)
         lines.update([at(60, stall)], ending=False)
     assert said == [
-        "line-3: McapSink is given up",
-        "line-3: nothing is written, 1.5 MB wait",
-        "line-3: the writing goes on",
+        "line-3: McapSink is disabled",
+        "line-3: writing is stalled, 1.5 MB waiting",
+        "line-3: writing continues",
     ]
 
 
@@ -103,7 +103,7 @@ def test_a_robot_that_cannot_be_reached_is_told_until_it_is() -> None:
             lines.update([at(second, gone if second < 20 else None)], ending=False)
     assert said == [
         "line-3: the robot cannot be reached: Connection refused",
-        "line-3: the robot is reached again",
+        "line-3: the robot can be reached again",
     ]
     console = Console(file=io.StringIO(), width=160)
     with Dashboard(console) as dashboard:
@@ -119,8 +119,8 @@ def test_ending_says_that_it_takes_its_time() -> None:
             lines.update([at(second)], ending=True)
         for second in range(25, 60):
             lines.update([at(second, replace(CALM.progress, finished=True))], ending=True)
-    assert said[0].startswith("ending: ")
-    assert said[1:] == ["line-3: still at it, 1.5 MB to be written"] * 2
+    assert said[0].startswith("stopping: ")
+    assert said[1:] == ["line-3: still writing, 1.5 MB remaining"] * 2
 
 
 def test_the_dashboard_shows_everything() -> None:
@@ -138,7 +138,7 @@ def test_the_dashboard_shows_everything() -> None:
         "line-3: clients at 127.0.0.1:8877, capture.mcap",
         "line-3: out of luck",
         "line-3: 200 B not recorded in 2 gaps",
-        "line-3: nothing was written for 12 s",
-        "ending: ",
+        "line-3: writing is stalled for 12 s",
+        "stopping: ",
     ):
         assert shown in last, last

@@ -51,7 +51,7 @@ def test_a_scrape_tells_everything() -> None:
 def test_nobody_else_is_served(host: str) -> None:
     """An address that others could reach is refused."""
     with (
-        pytest.raises(metrics.MetricsError, match="for this machine alone"),
+        pytest.raises(metrics.MetricsError, match="served only on this machine"),
         metrics.serve(host, 0, list),
     ):
         pass

@@ -137,7 +137,7 @@ def test_who_comes_by_itself_is_not_led_in_a_circle(lab: Any, mode: Mode) -> Non
     lab.install(mode)
     with pytest.raises(ConnectionResetError):
         lab.connect(("127.0.0.1", 8878), lab.middle).recv(1)
-    assert tap.until(Kind.RESET).note == "no connection: the client was not led here by rules"
+    assert tap.until(Kind.RESET).note == "no connection: no firewall rule redirected the client"
     assert len(tap.notes(Kind.OPENED)) == 1
 
 

@@ -178,7 +178,7 @@ def test_a_disk_without_room_ends_the_files_and_stops(tmp_path: Path, talk: Any)
     recorder.free_bytes = GB
     recorder.sink.tick(talk.time_ns + PERIOD_NS)
     (line,) = recorder.listed
-    sentence = "less than 2 GB is free on the disk, and no recording is left that may be removed"
+    sentence = "less than 2 GB of disk space is free, and no recording can be removed"
     with pytest.raises(SinkFailed, match=sentence):
         recorder.sink.write(talk.events[2])
     with pytest.raises(SinkFailed, match=sentence):

@@ -125,7 +125,7 @@ def test_time_alone_fires(session: Any) -> None:
     for quarter in range(4 * 20):
         watched.sink.tick(quiet_ns + quarter * SECOND_NS // 4)
     noticed_ns = quiet_ns + 4 * SECOND_NS
-    assert watched.tape.marks == [(noticed_ns, "silence:4s: nothing on connection 1 for 4.0 s")]
+    assert watched.tape.marks == [(noticed_ns, "silence:4s: no bytes on connection 1 for 4.0 s")]
 
 
 def test_a_writer_that_lags_takes_nothing_for_silence(session: Any) -> None:
@@ -146,8 +146,8 @@ def test_the_user_gets_a_mark_at_the_next_tick(session: Any) -> None:
     watched.folder.notify_mark_request()
     watched.sink.tick(session.time_ns + SECOND_NS)
     assert watched.tape.marks == [
-        (session.events[0].time_ns - 1, "signal: asked for by SIGUSR1"),
-        (session.time_ns, "signal: asked for by SIGUSR1"),
+        (session.events[0].time_ns - 1, "signal: requested by SIGUSR1"),
+        (session.time_ns, "signal: requested by SIGUSR1"),
     ]
 
 
@@ -236,7 +236,7 @@ def test_a_mark_between_two_files_has_one(tmp_path: Path, session: Any) -> None:
     for event in session.events:
         files.sink.write(event)
     files.sink.close()
-    assert files.marks == [[(now_ns, "signal: asked for by SIGUSR1")]]
+    assert files.marks == [[(now_ns, "signal: requested by SIGUSR1")]]
     (path,) = tmp_path.glob("*.mcap")
     assert [e for e in read_mcap(path) if e.data] == [e for e in session.events if e.data]
     assert path.with_suffix(".rrd").stat().st_size
@@ -260,7 +260,7 @@ def test_a_file_that_holds_only_a_mark_is_whole(
 
 def test_a_wrong_condition_makes_no_output() -> None:
     """It is found before anything is recorded."""
-    with pytest.raises(ValueError, match="'bang' is no trigger"):
+    with pytest.raises(ValueError, match="'bang' is not a trigger"):
         Watched("bang")
 
 

@@ -341,8 +341,8 @@ def test_a_recording_without_events_leaves_no_file(tmp_path: Path) -> None:
             "daily",
             "'daily' is neither a duration such as 1h nor a size such as 512MB, nor connection",
         ),
-        ("1ms", "1ms is too little for a file: take 1s or 1MB at least"),
-        ("1h,10kB", "1h,10kB is too little for a file: take 1s or 1MB at least"),
+        ("1ms", "1ms is too small for a file: use at least 1s or 1MB"),
+        ("1h,10kB", "1h,10kB is too small for a file: use at least 1s or 1MB"),
     ],
 )
 def test_a_rotation_that_makes_no_sense_is_one_sentence(text: str, sentence: str) -> None:

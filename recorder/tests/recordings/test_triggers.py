@@ -134,7 +134,7 @@ def test_silence_fires_once_and_again_after_the_next_byte(session: Any) -> None:
     feed(watcher, session.events)
     quiet_ns = session.time_ns
     ticks = [watcher.on_time(quiet_ns + seconds * SECOND_NS) for seconds in (1, 29, 30, 31, 90)]
-    assert ticks == ["", "", "nothing on connection 1 for 30.0 s", "", ""]
+    assert ticks == ["", "", "no bytes on connection 1 for 30.0 s", "", ""]
     session.time_ns += 100 * SECOND_NS
     session.send(A2C, b"\xaa\x09\x00\xcc")
     assert feed(watcher, session.events[-1:]) == []
@@ -148,7 +148,7 @@ def test_silence_shows_in_what_came_late(session: Any) -> None:
     """Where no tick came in time, the next byte tells how long nothing had passed."""
     session.time_ns += 31 * SECOND_NS
     session.send(A2C, b"\xaa\x09\x00\xcc")
-    assert fires("silence:30s", session.events) == ["nothing on connection 1 for 31.0 s"]
+    assert fires("silence:30s", session.events) == ["no bytes on connection 1 for 31.0 s"]
 
 
 def test_a_connection_told_of_late_was_not_silent(talk: Any) -> None:
@@ -198,7 +198,7 @@ def test_a_signal_fires_at_the_next_tick() -> None:
     assert isinstance(watcher, UserTrigger)
     assert watcher.on_time(1) == ""
     watcher.request()
-    assert [watcher.on_time(2), watcher.on_time(3)] == ["asked for by SIGUSR1", ""]
+    assert [watcher.on_time(2), watcher.on_time(3)] == ["requested by SIGUSR1", ""]
 
 
 def test_a_whole_shift_fires_what_is_in_it(shift: list[WireEvent]) -> None:
@@ -220,12 +220,12 @@ def test_a_whole_shift_fires_what_is_in_it(shift: list[WireEvent]) -> None:
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("", "'' is no trigger: take code:12, refusal, "),
-        ("refusal:now", "'refusal:now' is no trigger: take code:12, refusal, "),
-        ("code", "'' is no code of table 8-1, such as 12"),
-        ("code:ZZ", "'ZZ' is no code of table 8-1, such as 12"),
-        ("silence:soon", "'silence:soon' is no trigger: 'soon' is no duration such as 500ms"),
-        ("late", "'late' is no trigger: '' is no duration such as 500ms"),
+        ("", "'' is not a trigger: use code:12, refusal, "),
+        ("refusal:now", "'refusal:now' is not a trigger: use code:12, refusal, "),
+        ("code", "'' is not a code of table 8-1, such as 12"),
+        ("code:ZZ", "'ZZ' is not a code of table 8-1, such as 12"),
+        ("silence:soon", "'silence:soon' is not a trigger: 'soon' is not a duration such as 500ms"),
+        ("late", "'late' is not a trigger: '' is not a duration such as 500ms"),
         ("finding:4.15/99", "There is no requirement '4.15/99'; "),
         ("finding:pass", "There is no requirement 'pass'; "),
     ],

@@ -238,7 +238,7 @@ def test_a_defect_of_a_sink_costs_only_that_sink(bench: Bench, method: str) -> N
     assert good.closed
     assert bad.calls.count(method) == 1
     assert bad.calls[-1] == method
-    assert runner.progress.problems == ["Failing is given up: no such axis"]
+    assert runner.progress.problems == ["Failing is disabled: no such axis"]
 
 
 def test_a_sink_that_cannot_be_made_costs_only_itself(bench: Bench) -> None:
@@ -254,7 +254,7 @@ def test_a_sink_that_cannot_be_made_costs_only_itself(bench: Bench) -> None:
     bench.put(Kind.OPENED)
     runner.step()
     assert len(sink.events) == 1
-    assert runner.progress.problems == ["a sink is given up: drawing needs rerun"]
+    assert runner.progress.problems == ["a sink is disabled: drawing needs rerun"]
 
 
 def test_gaps_are_counted(bench: Bench) -> None:
@@ -274,7 +274,7 @@ def test_gaps_are_counted(bench: Bench) -> None:
     (gap,) = (e for e in sink.events if e.kind is Kind.GAP)
     count = runner.progress.a2c
     assert gap.length_bytes == count.gap_bytes > 0
-    assert gap.note == "the recording is 1600 bytes behind"
+    assert gap.note == "the spool has reached its limit of 1600 bytes"
     assert count.received_bytes == 4_000
     assert (count.gaps, count.unknown_gaps) == (1, 0)
 

@@ -77,7 +77,7 @@ def test_frames_that_no_exchange_comes_for_are_forgotten(talk: Any) -> None:
         for item in judge.feed(event):
             if isinstance(item, FrameSeen):
                 told.frame(item)
-    assert len(told._passages) <= 5000
+    assert len(told._chunks) <= 5000
 
 
 def test_redacting_keeps_what_is_known(passed: list[WireEvent]) -> None:

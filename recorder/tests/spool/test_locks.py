@@ -52,7 +52,7 @@ def test_the_spool_lies_in_memory_and_is_private(tmp_path: Path, memory: Path) -
     assert one.stat().st_mode & 0o777 == 0o700
     assert spool_folder(tmp_path / "c", 1 << 60) == tmp_path / "c" / ".spool"
     one.chmod(0o755)
-    with pytest.raises(PermissionError, match="not a folder of this user alone"):
+    with pytest.raises(PermissionError, match="not a private folder of this user"):
         spool_folder(tmp_path / "a", 1)
 
 

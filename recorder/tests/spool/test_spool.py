@@ -370,7 +370,7 @@ def test_a_lagging_reader_costs_recording_and_no_room(tmp_path: Path) -> None:
     kinds = [kind for kind, _, _ in pieces]
     assert kinds == [Kind.BYTES] * kinds.index(Kind.GAP) + [Kind.GAP, Kind.BYTES]
     assert pieces[-1] == (Kind.BYTES, 400_000, 5)
-    assert records[-2].note == "the recording is 200000 bytes behind"
+    assert records[-2].note == "the spool has reached its limit of 200000 bytes"
 
 
 def test_a_gap_is_told_even_if_the_reader_never_catches_up(tmp_path: Path) -> None:
@@ -390,7 +390,7 @@ def test_what_is_owed_is_bounded(bench: Bench) -> None:
     for number in range(1, 30_000):
         bench.writer.append(Kind.OPENED, stream_number(number, A2C), 1, 0)
     bench.writer.flush()
-    assert len(bench.writer._deferred) <= spool._MAX_OWED
+    assert len(bench.writer._deferred) <= spool._MAX_DEFERRED
     bench.disk.refuses = False
     bench.writer.close()
     records = bench.read()

@@ -274,7 +274,7 @@ def test_a_second_client_does_not_disturb_the_first(
             with pytest.raises(ConnectionResetError):
                 await second.read(1)
             note = (await bench.until(Kind.RESET)).note
-            assert note == "no connection: another client has the line"
+            assert note == "no connection: another client uses the line"
             controller.send(b"yours")
             assert await first.readexactly(5) == b"yours"
 

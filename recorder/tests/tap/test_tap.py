@@ -237,7 +237,8 @@ def test_a_reset_after_a_half_close_is_passed_on(run: Any, resetter: Direction) 
 
 
 @pytest.mark.parametrize(
-    ("host", "why"), [("127.0.0.1", "Connection refused"), ("no..name", "no..name is no host name")]
+    ("host", "why"),
+    [("127.0.0.1", "Connection refused"), ("no..name", "no..name is not a host name")],
 )
 def test_a_refused_connection_is_reset_and_told(run: Any, host: str, why: str) -> None:
     """Where the controller is down, the client is cut off, not left waiting or closed in order."""
@@ -265,7 +266,7 @@ def test_a_client_is_not_led_in_a_circle(run: Any) -> None:
             bench.tap.route = Upstream(*bench.address)
             with pytest.raises(ConnectionResetError):
                 await at_end(await bench.client())
-            why = "no connection: that is where the recorder itself listens"
+            why = "no connection: the target is the recorder's own address"
             assert [r.note for r in bench.records if r.kind is Kind.RESET] == [why]
 
     run(test)

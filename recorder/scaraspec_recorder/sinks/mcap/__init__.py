@@ -1,4 +1,4 @@
-"""capture.mcap: written, read and mended.
+"""Writes MCAP files: the container, the schemas and the sink.
 
-Law: one file at a time. When files begin and end, and which are kept, stands in `keeping`.
+Does not belong here: reading (`sources.mcap_reader`) and rotation of files (`recordings`).
 """

@@ -1,4 +1,4 @@
-"""Drawing: a recording as a picture, in a file or in a viewer.
+"""Visualizes a recording with Rerun, in a .rrd file or in a viewer.
 
-Law: a convenience, never the truth, and an optional extra: whatever fails here costs no recording.
+An optional extra. capture.mcap is the reference; a failure here does not affect it.
 """
