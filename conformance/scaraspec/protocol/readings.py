@@ -1,7 +1,7 @@
-"""Readings: the points that the document leaves open, and the dialect that settles them all.
+"""Readings: the open points of the document, and dialects.
 
-Each open point is met once, as a `Reading` with its options; a `Dialect` chooses one option of
-every reading. What a choice does to behaviour or to a verdict is decided where it is used.
+Each open point is one `Reading` with its options. A `Dialect` selects one option for each open
+point. This module does not define how an option affects behaviour or verdicts.
 """
 
 import difflib
@@ -18,11 +18,11 @@ from scaraspec.user_message import UserMessage
 
 
 class ReadingError(ValueError):
-    """A reading was named or chosen that does not exist; the message says which ones do."""
+    """A key or an option does not exist; the message lists the valid ones or the closest one."""
 
 
 class Binds(Enum):
-    """Whose behaviour a reading describes."""
+    """The side whose behaviour a reading describes."""
 
     CONTROLLER = "controller"
     CLIENT = "client"
@@ -30,15 +30,15 @@ class Binds(Enum):
 
 
 class Detectable(Flag):
-    """How it can be found out which option a peer follows."""
+    """How one can detect which option a peer follows."""
 
     NOT = 0
-    """Not from outside: it has to be claimed, or is unobservable."""
+    """Not detectable from outside; the ICS must claim it."""
     ON_WIRE = auto()
-    """Passively, from a capture of both sides in which the situation occurs."""
+    """Passively, from a capture of both directions that contains the situation."""
     BY_PROBE = auto()
-    """Actively: on a controller without motion, destruction or undefined opcodes; on a client by
-    playing its controller.
+    """Actively: on a controller without motion, destructive commands or undefined opcodes; on a
+    client by acting as its controller.
     """
     IN_FILE = auto()
     """From the bytes of a program file."""
@@ -46,7 +46,7 @@ class Detectable(Flag):
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """One plausible meaning of an open point: its name on the command line, and what it is."""
+    """One plausible interpretation of an open point: its name on the command line, its meaning."""
 
     name: str
     meaning: str
@@ -57,13 +57,13 @@ class Reading:
     """One open point of the document.
 
     Attributes:
-        key: Its name.
-        entry: The register's entry ("A-4.12-1"); its middle part is the clause.
+        key: The name of the open point.
+        entry: The entry of the register, such as "A-4.12-1"; its middle part is the clause.
         question: What the document leaves open.
-        options: The answers, the default first. A reading with a unit takes any positive decimal
-            number besides these.
-        detectable: How the answer shows.
-        binds: Whose behaviour it describes.
+        options: The options, the default first. If there is a unit, any positive decimal number
+            is allowed, too.
+        detectable: How the option of a peer can be detected.
+        binds: The side whose behaviour it describes.
         unit: "s" for a duration in seconds, else None.
     """
 
@@ -77,14 +77,14 @@ class Reading:
 
     @property
     def default(self) -> str:
-        """The name of the option that holds unless another one is chosen."""
+        """The name of the default option."""
         return self.options[0].name
 
     def check(self, choice: str) -> str:
-        """The choice in its one spelling: an option's name, or a number such as ``0.5``.
+        """Return the choice in its normal form: the name of an option, or a number such as ``0.5``.
 
         Raises:
-            ReadingError: It is neither.
+            ReadingError: The choice is not allowed.
         """
         if any(choice == option.name for option in self.options):
             return choice
@@ -103,7 +103,7 @@ class Reading:
         )
 
 
-# Nine digits are 31 years; more would only serve to exhaust memory.
+# Nine digits are 31 years; more digits could only exhaust the memory.
 _NUMBER = re.compile(r"[0-9]{1,9}(\.[0-9]{1,9})?")
 
 ON_WIRE, BY_PROBE, IN_FILE = Detectable.ON_WIRE, Detectable.BY_PROBE, Detectable.IN_FILE
@@ -112,9 +112,9 @@ _TABLE = (
     Reading(
         "prog_ext",
         "A-0-9",
-        "Which extension do the names of programs bear?",
+        "Which extension do program names have?",
         (
-            Option("any", "none is required; what we make ourselves ends in .rob"),
+            Option("any", "none is required; names made by scaraspec end in .rob"),
             Option(".rob", ".rob, as the program list prints it"),
             Option(".txt", ".txt, as the requests print it"),
         ),
@@ -127,9 +127,7 @@ _TABLE = (
         "Which byte separates a failure flag from its code?",
         (
             Option("bar", "the bar 0x7C, as in every other list"),
-            Option(
-                "space", "the blank of the printed rows; not conforming unless chosen on purpose"
-            ),
+            Option("space", "the space of the printed rows; not conforming unless it is claimed"),
         ),
         ON_WIRE,
         Binds.CONTROLLER,
@@ -139,9 +137,9 @@ _TABLE = (
         "A-2-2",
         "What happens to further clients while one is connected?",
         (
-            Option("many", "they are served as sessions of their own"),
+            Option("many", "each gets its own session"),
             Option("one", "they are refused"),
-            Option("newest", "the newest displaces the one before"),
+            Option("newest", "the newest client replaces the previous one"),
         ),
         ON_WIRE | BY_PROBE,
         Binds.CONTROLLER,
@@ -149,7 +147,7 @@ _TABLE = (
     Reading(
         "on_unknown",
         "A-3-9",
-        "How is a frame answered whose opcode is unknown?",
+        "How is a frame with an unknown opcode answered?",
         (
             Option("ignore", "not at all"),
             Option("0", "with the same opcode and 0"),
@@ -161,11 +159,11 @@ _TABLE = (
     Reading(
         "resync",
         "A-3-10",
-        "Where does a receiver look for the next frame after bytes that form none?",
+        "Where does a receiver search for the next frame after invalid bytes?",
         (
             Option("bytewise", "one byte further on"),
-            Option("framewise", "behind the whole bad candidate"),
-            Option("flush", "in what arrives next: everything buffered is dropped"),
+            Option("framewise", "after the whole invalid candidate"),
+            Option("flush", "in the next bytes that arrive: the buffer is dropped"),
             Option("close", "nowhere: it closes the connection"),
         ),
         BY_PROBE,
@@ -174,7 +172,7 @@ _TABLE = (
     Reading(
         "partial_timeout",
         "A-3-11",
-        "After how long a silence is an unfinished frame given up?",
+        "After how long without bytes is an unfinished frame dropped?",
         (
             Option("2", "after two seconds"),
             Option("none", "never"),
@@ -186,10 +184,10 @@ _TABLE = (
     Reading(
         "pipelining",
         "A-3-14",
-        "How are requests treated that follow each other without waiting for the replies?",
+        "How are requests treated that a client sends without waiting for the replies?",
         (
             Option("in-order", "answered in the order of the requests"),
-            Option("one", "not at all: one request at a time"),
+            Option("one", "not supported: one request at a time"),
             Option("any-order", "answered in any order"),
         ),
         ON_WIRE | BY_PROBE,
@@ -199,7 +197,7 @@ _TABLE = (
         "reply_timeout",
         "A-3-15",
         "How long may a first reply take?",
-        (Option("5", "five seconds, then the request counts as unanswered"),),
+        (Option("5", "five seconds; then the request counts as unanswered"),),
         BY_PROBE,
         Binds.BOTH,
         unit="s",
@@ -223,7 +221,7 @@ _TABLE = (
             Option("bytes", "taken as bytes; shown as UTF-8, else as GB18030"),
             Option("ascii", "ASCII"),
             Option("utf-8", "UTF-8"),
-            Option("gb18030", "GBK or GB18030, whose second bytes may equal a bar"),
+            Option("gb18030", "GBK or GB18030; their second bytes may equal a bar"),
         ),
         ON_WIRE | IN_FILE,
         Binds.BOTH,
@@ -234,7 +232,7 @@ _TABLE = (
         "Does a text end in a counted NUL?",
         (
             Option("no", "no"),
-            Option("yes", "yes, as C programs send it"),
+            Option("yes", "yes, as in C programs"),
         ),
         ON_WIRE | BY_PROBE,
         Binds.BOTH,
@@ -255,7 +253,7 @@ _TABLE = (
         "A-4-2",
         "How is a two-stage command answered while another one executes?",
         (
-            Option("state", "refused with the present state as the code"),
+            Option("state", "refused with the current state as the code"),
             Option("silence", "not at all"),
             Option("queue", "executed afterwards; not conforming unless claimed"),
         ),
@@ -279,10 +277,10 @@ _TABLE = (
     Reading(
         "runinfo_none",
         "A-4.9-2",
-        "How does the running-program reply say that none runs?",
+        "How does the running-program reply report that no program runs?",
         (
             Option("0", "by the flag alone"),
-            Option("0||", "with empty name and time behind the flag"),
+            Option("0||", "with empty name and time after the flag"),
         ),
         ON_WIRE | BY_PROBE,
         Binds.CONTROLLER,
@@ -301,10 +299,10 @@ _TABLE = (
     Reading(
         "list_cont",
         "A-4.10-3",
-        "How do the further parts of a long program list arrive?",
+        "How are the further parts of a long program list sent?",
         (
-            Option("push", "unasked, one after the other"),
-            Option("request", "each on another request"),
+            Option("push", "without further requests, one after the other"),
+            Option("request", "each after another request"),
         ),
         ON_WIRE | BY_PROBE,
         Binds.CONTROLLER,
@@ -314,8 +312,8 @@ _TABLE = (
         "A-4.10-4",
         "How is an empty program list sent?",
         (
-            Option("0", "as its flag alone"),
-            Option("0|", "as its flag and a bar"),
+            Option("0", "as the flag alone"),
+            Option("0|", "as the flag and a bar"),
             Option("empty", "without data"),
         ),
         ON_WIRE | BY_PROBE,
@@ -335,20 +333,21 @@ _TABLE = (
     Reading(
         "op_get_default",
         "A-4.12-1",
-        "Which opcode asks for the default program?",
+        "Which opcode requests the default program?",
         (
             Option(
                 "0x0D",
-                "0x0D, as headed: a client tries 0x13 where it stays unanswered; a controller "
-                "serves it, and the virtual one 0x13 too, answering with the one it was asked",
+                "0x0D, as in the heading: a client tries 0x13 if there is no reply; a controller "
+                "supports it; the virtual controller supports 0x13, too, and replies with the "
+                "opcode of the request",
             ),
             Option(
                 "0x13",
-                "0x13, as printed in the rows: a client asks with nothing else, a controller "
-                "serves nothing else",
+                "0x13, as printed in the rows: a client sends only this, a controller supports "
+                "only this",
             ),
             Option(
-                "both", "either: a client uses both, a controller answers with the one it was asked"
+                "both", "either: a client uses both, a controller replies with that of the request"
             ),
         ),
         ON_WIRE | BY_PROBE,
@@ -357,7 +356,7 @@ _TABLE = (
     Reading(
         "default_none",
         "A-4.12-2",
-        "How is the question for the default program answered when there is none?",
+        "What is the reply to a request for the default program if there is none?",
         (
             Option("empty", "without data"),
             Option("0", "with 0"),
@@ -371,7 +370,7 @@ _TABLE = (
         "A-4.14-1",
         "Which opcode does the reply with the motor temperatures carry?",
         (
-            Option("0x0F", "0x0F, that of its request; a client takes 0x0E as well"),
+            Option("0x0F", "0x0F, as in the request; a client accepts 0x0E, too"),
             Option("0x0E", "0x0E, as printed"),
         ),
         ON_WIRE | BY_PROBE,
@@ -380,7 +379,7 @@ _TABLE = (
     Reading(
         "estop_interrupted",
         "A-4.17-4",
-        "When does a command that the emergency stop interrupts get its own final result?",
+        "When is the final result of a command sent that an emergency stop interrupts?",
         (
             Option("first", "before that of the emergency stop"),
             Option("after", "after that of the emergency stop"),
@@ -392,10 +391,10 @@ _TABLE = (
     Reading(
         "reset_from_error",
         "A-4.18-2",
-        "Can a robot in error be reset?",
+        "Can a robot be reset in an error state?",
         (
             Option("allow", "yes"),
-            Option("idle-only", "no: an idle one only"),
+            Option("idle-only", "no: only if it is idle"),
         ),
         ON_WIRE,
         Binds.CONTROLLER,
@@ -403,10 +402,10 @@ _TABLE = (
     Reading(
         "theta_yz",
         "A-4.21-3",
-        "What becomes of thetaY and thetaZ, which mean nothing on this robot?",
+        "How are thetaY and thetaZ treated, which have no meaning on this robot?",
         (
-            Option("echo", "the home pose keeps them; the tool pose reports 0"),
-            Option("zero", "ignored, and 0 in every reply"),
+            Option("echo", "the home pose stores them; the tool pose reports 0"),
+            Option("zero", "they are ignored, and 0 in every reply"),
             Option("reject", "values other than 0 are refused"),
         ),
         ON_WIRE | BY_PROBE,
@@ -415,11 +414,11 @@ _TABLE = (
     Reading(
         "pose_point",
         "A-4.23-1",
-        "Which point do the tool coordinates give?",
+        "Which point do the tool coordinates describe?",
         (
             Option("screw-end", "the lower end of the screw"),
             Option(
-                "gripper", "the gripper's working point: the screw's end plus the gripper offset"
+                "gripper", "the working point of the gripper: the screw end plus the gripper offset"
             ),
         ),
         ON_WIRE | BY_PROBE,
@@ -428,10 +427,10 @@ _TABLE = (
     Reading(
         "err_bare0",
         "A-4.24-3",
-        "Does the refusal of a move carry its code?",
+        "Does the refusal of a move contain an error code?",
         (
             Option("0|code", "yes"),
-            Option("0", "no: its length is 1, as printed"),
+            Option("0", "no: the length is 1, as printed"),
         ),
         ON_WIRE,
         Binds.CONTROLLER,
@@ -441,8 +440,8 @@ _TABLE = (
         "A-4.28-1",
         "Is the direction of a jog a character or a number?",
         (
-            Option("ascii", "a client sends '1' to '4'; a controller takes these and 0x01 to 0x04"),
-            Option("binary", "a client sends 0x01 to 0x04; a controller takes only these"),
+            Option("ascii", "a client sends '1' to '4'; a controller accepts 0x01 to 0x04, too"),
+            Option("binary", "a client sends 0x01 to 0x04; a controller accepts only these"),
         ),
         ON_WIRE | BY_PROBE,
         Binds.BOTH,
@@ -450,13 +449,14 @@ _TABLE = (
     Reading(
         "port_pad",
         "A-4.32-1",
-        "With how many digits is a port number written?",
+        "How many digits does a port number have?",
         (
             Option(
                 "drawn",
-                "a client sends 8 when setting and 08 when reading; a controller takes both",
+                "a client sends 8 to set an output and 08 to read an input; a controller accepts "
+                "both",
             ),
-            Option("free", "one or two in either command"),
+            Option("free", "one or two in both commands"),
         ),
         ON_WIRE | BY_PROBE,
         Binds.BOTH,
@@ -464,10 +464,10 @@ _TABLE = (
     Reading(
         "port_map",
         "A-4.32-2",
-        "How are the ports of the different kinds numbered?",
+        "How are ports of different kinds numbered?",
         (
-            Option("per-kind", "each kind from 1"),
-            Option("one", "all together, from 1 to 40"),
+            Option("per-kind", "each kind starts at 1"),
+            Option("one", "all kinds together, from 1 to 40"),
         ),
         Detectable.NOT,
         Binds.BOTH,
@@ -475,7 +475,7 @@ _TABLE = (
     Reading(
         "endian",
         "A-5-2",
-        "In which byte order are the numbers in file chunks and program files?",
+        "What is the byte order of numbers in file chunks and program files?",
         (
             Option("little", "the least significant byte first"),
             Option("big", "the most significant byte first"),
@@ -488,8 +488,8 @@ _TABLE = (
         "A-5-3",
         "How long is a chunk whose buffer is not full?",
         (
-            Option("full", "sent with all 212 bytes; a receiver takes both"),
-            Option("truncated", "cut behind its last valid byte: 12 bytes and the valid ones"),
+            Option("full", "212 bytes; a receiver accepts both lengths"),
+            Option("truncated", "cut after the last valid byte: 12 bytes and the valid bytes"),
         ),
         ON_WIRE | BY_PROBE,
         Binds.BOTH,
@@ -497,9 +497,9 @@ _TABLE = (
     Reading(
         "chunk_order",
         "A-5-8",
-        "Which order of chunks does a receiver take?",
+        "Which order of chunks does a receiver accept?",
         (
-            Option("ascending", "each directly behind the one before"),
+            Option("ascending", "each directly after the previous one"),
             Option("any", "any"),
         ),
         ON_WIRE | BY_PROBE,
@@ -520,10 +520,10 @@ _TABLE = (
     Reading(
         "partial_keep",
         "A-5-12",
-        "What becomes of the part received before an upload broke off?",
+        "What happens to the received part of an interrupted upload?",
         (
             Option("remove", "it is removed"),
-            Option("keep", "it stays and blocks its name"),
+            Option("keep", "it is kept and blocks its name"),
         ),
         ON_WIRE | BY_PROBE,
         Binds.CONTROLLER,
@@ -531,7 +531,7 @@ _TABLE = (
     Reading(
         "xfer_timeout",
         "A-5-13",
-        "After how long a silence is a file transfer given up?",
+        "After how long without a frame does a file transfer time out?",
         (Option("30", "after thirty seconds, within 27 to 35"),),
         BY_PROBE,
         Binds.BOTH,
@@ -540,7 +540,7 @@ _TABLE = (
     Reading(
         "xfer_concurrency",
         "A-5-17",
-        "What happens when a second transfer is begun on a connection?",
+        "What happens if a second transfer is started on a connection?",
         (
             Option("refuse", "it is refused"),
             Option("replace", "it replaces the first"),
@@ -553,8 +553,8 @@ _TABLE = (
         "A-5-20",
         "How many bytes may a file name have?",
         (
-            Option("30", "30 from a sender; a receiver takes 255"),
-            Option("255", "255, what one frame holds"),
+            Option("30", "30 from a sender; a receiver accepts 255"),
+            Option("255", "255, the maximum of one frame"),
         ),
         ON_WIRE | BY_PROBE,
         Binds.BOTH,
@@ -568,7 +568,7 @@ _TABLE = (
             Option("packed", "not at all: header 13, node 61"),
             Option("pack2", "to 2 bytes: header 14, node 62"),
             Option("lp64", "naturally with a long of 8 bytes: header 16, node 72"),
-            Option("mixed", "differently in header and nodes, such as 13 and 64 or 13 and 65"),
+            Option("mixed", "differently in header and nodes, such as 13 and 64, or 13 and 65"),
         ),
         IN_FILE,
         Binds.BOTH,
@@ -589,7 +589,7 @@ _TABLE = (
         "A-6.5-4",
         "Which nodes does the count of a loop include?",
         (
-            Option("records", "every node up to its end marker, nested ones too"),
+            Option("records", "every node up to its end marker, including nested ones"),
             Option("children", "only those directly in it"),
             Option("with-end", "every node, and the end marker"),
         ),
@@ -599,10 +599,10 @@ _TABLE = (
     Reading(
         "loop_iter",
         "A-6.5-5",
-        "How often does a loop run?",
+        "How many times does a loop run?",
         (
             Option("endless", "until the program is stopped"),
-            Option("counts", "as often as its count says"),
+            Option("counts", "as many times as its count"),
         ),
         ON_WIRE,
         Binds.CONTROLLER,
@@ -612,8 +612,8 @@ _TABLE = (
         "A-6.5-10",
         "Which inputs does a wait node compare with 100 times the value?",
         (
-            Option("all", "all; a digital 1 is taken as well as 100"),
-            Option("analog", "analog ones only"),
+            Option("all", "all; for digital inputs, 1 is accepted as well as 100"),
+            Option("analog", "only analog inputs"),
         ),
         IN_FILE,
         Binds.BOTH,
@@ -621,10 +621,10 @@ _TABLE = (
     Reading(
         "cmp_result",
         "A-6.6a-1",
-        "What is the result field of a comparison for?",
+        "What is the purpose of the result field of a comparison?",
         (
             Option("output", "the comparison writes it at run time; a file holds 0"),
-            Option("polarity", "it names the expected outcome: any other number than 0 inverts"),
+            Option("polarity", "it is the expected outcome: any number except 0 inverts it"),
         ),
         IN_FILE,
         Binds.BOTH,
@@ -632,7 +632,7 @@ _TABLE = (
     Reading(
         "assign_opt",
         "A-6.6a-2",
-        "Which operator do an assignment and a port setting hold?",
+        "Which operator do an assignment and a port setting contain?",
         (
             Option("zero", "0: the value is A"),
             Option("any", "any, and it is ignored: the value is A"),
@@ -644,11 +644,11 @@ _TABLE = (
 )
 
 READINGS: Mapping[str, Reading] = MappingProxyType({reading.key: reading for reading in _TABLE})
-"""Every open point by its key, in the order of the document."""
+"""All open points by key, in the order of the document."""
 
 
 class Dialect(Mapping[str, str]):
-    """One option for every reading: an immutable mapping from key to the option's name."""
+    """One option for each open point: an immutable mapping from the key to the option's name."""
 
     __slots__ = ("_choices",)
 
@@ -659,7 +659,7 @@ class Dialect(Mapping[str, str]):
 
     @classmethod
     def of(cls, **choices: str) -> Self:
-        """The default dialect but for these choices.
+        """Return the default dialect with these choices.
 
         Raises:
             ReadingError: A key or an option does not exist.
@@ -668,11 +668,11 @@ class Dialect(Mapping[str, str]):
 
     @classmethod
     def parse(cls, settings: Iterable[str]) -> Self:
-        """The default dialect but for settings written ``key=option``, as on a command line.
+        """Return the default dialect with settings ``key=option``, as on the command line.
 
         Raises:
-            ReadingError: A setting is not of that form, or names a key twice or one that does not
-                exist, or an option that does not exist.
+            ReadingError: A setting has another form, a key is set twice, or a key or an option
+                does not exist.
         """
         choices: dict[str, str] = {}
         for setting in settings:
@@ -680,17 +680,19 @@ class Dialect(Mapping[str, str]):
             if not equals:
                 raise ReadingError(
                     UserMessage(
-                        "{setting} is no setting: write key=option, such as endian=big",
+                        "{setting} is not a setting: write key=option, such as endian=big",
                         setting=reprlib.repr(setting),
                     )
                 )
             if key in choices:
-                raise ReadingError(UserMessage("{key} is set twice: keep one of the two", key=key))
+                raise ReadingError(
+                    UserMessage("{key} is set twice: remove one of the settings", key=key)
+                )
             choices[_find(key).key] = choice
         return cls(choices)
 
     def replace(self, **choices: str) -> Self:
-        """This dialect but for these choices.
+        """Return this dialect with these choices.
 
         Raises:
             ReadingError: A key or an option does not exist.
@@ -698,17 +700,17 @@ class Dialect(Mapping[str, str]):
         return type(self)({**self._choices, **choices})
 
     def differences(self) -> dict[str, str]:
-        """The choices that are not the default ones."""
+        """Return the choices that differ from the default."""
         return {key: choice for key, choice in self.items() if choice != READINGS[key].default}
 
     def seconds(self, key: str) -> float | None:
-        """A duration in seconds; None where the choice is never to time out.
+        """Return a duration in seconds; None if there is no timeout.
 
         Raises:
-            ReadingError: The key does not exist or is no duration.
+            ReadingError: The key does not exist or is not a duration.
         """
         if not _find(key).unit:
-            raise ReadingError(UserMessage("{key} is no duration", key=key))
+            raise ReadingError(UserMessage("{key} is not a duration", key=key))
         choice = self[key]
         return None if choice == "none" else float(choice)
 
@@ -734,11 +736,11 @@ def _find(key: str) -> Reading:
         return reading
     # The search takes time in proportion to the text, and no key is half as long as this.
     near = difflib.get_close_matches(key[:40], READINGS, n=1)
-    hint = f"did you mean {near[0]}?" if near else f"they are {', '.join(READINGS)}"
+    hint = f"did you mean {near[0]}?" if near else f"the readings are {', '.join(READINGS)}"
     raise ReadingError(
-        UserMessage("there is no reading {key}: {hint}", key=reprlib.repr(key), hint=hint)
+        UserMessage("unknown reading {key}: {hint}", key=reprlib.repr(key), hint=hint)
     )
 
 
 DEFAULT: Final = Dialect.of()
-"""The register's default for every reading."""
+"""The default option of every reading, according to the register."""

@@ -1,4 +1,4 @@
-"""The open points and the dialects made of them."""
+"""The open points, and dialects."""
 
 import pickle
 
@@ -70,7 +70,7 @@ DURATIONS = ["partial_timeout", "reply_timeout", "xfer_timeout"]
 
 
 def choices(reading: Reading) -> st.SearchStrategy[str]:
-    """Anything that may be chosen for a reading."""
+    """Return a strategy for all valid choices of a reading."""
     names = st.sampled_from([option.name for option in reading.options])
     return names | st.sampled_from(["0.25", "1", "60", "120.5"]) if reading.unit else names
 
@@ -80,8 +80,8 @@ dialects = st.fixed_dictionaries(
 ).map(Dialect)
 
 
-def test_the_readings_are_the_registers() -> None:
-    """The 45 keys, their entries and their options, defaults first, are those of the register."""
+def test_readings_match_the_register() -> None:
+    """The 45 keys, their entries and options (default first) are those of the register."""
     assert len(ROWS) == 45
     assert [
         [key, reading.entry, *(option.name for option in reading.options)]
@@ -90,16 +90,16 @@ def test_the_readings_are_the_registers() -> None:
 
 
 @pytest.mark.parametrize("reading", READINGS.values(), ids=READINGS)
-def test_a_reading_explains_itself(reading: Reading) -> None:
-    """It asks one question, and its options differ in name and in meaning."""
+def test_questions_and_options(reading: Reading) -> None:
+    """A reading has one question; its options differ in name and in meaning."""
     assert reading.question.count("?") == reading.question.endswith("?") == 1
     assert len({option.name for option in reading.options}) == len(reading.options)
     assert len({option.meaning for option in reading.options}) == len(reading.options)
     assert all(option.meaning for option in reading.options)
 
 
-def test_who_and_how() -> None:
-    """A reading says whom it binds and how it shows; only the port numbering never shows."""
+def test_binds_and_detectable() -> None:
+    """A reading states its side and how to detect it; only the port numbering is undetectable."""
     assert READINGS["busy_reply"].binds is Binds.CONTROLLER
     assert READINGS["endian"].binds is Binds.BOTH
     assert Detectable.IN_FILE in READINGS["endian"].detectable
@@ -109,21 +109,21 @@ def test_who_and_how() -> None:
 
 
 def test_only_durations_have_a_unit() -> None:
-    """The three time-outs are in seconds; nothing else is a number with a unit."""
+    """Only the three timeouts have a unit, which is seconds."""
     assert {
         key: reading.unit for key, reading in READINGS.items() if reading.unit
     } == dict.fromkeys(DURATIONS, "s")
 
 
-def test_the_default_dialect_differs_in_nothing() -> None:
-    """It holds the first option of every reading."""
+def test_default_dialect() -> None:
+    """The default dialect contains the first option of every reading."""
     assert dict(DEFAULT) == {key: option for key, _, option, *_ in ROWS}
     assert DEFAULT.differences() == {}
     assert repr(DEFAULT) == "Dialect.of()"
 
 
-def test_a_choice_changes_only_its_own_reading() -> None:
-    """`of` starts from the defaults, `replace` from the dialect at hand, which stays as it was."""
+def test_choice_changes_only_its_reading() -> None:
+    """`of` starts from the defaults, `replace` from the dialect, which does not change."""
     big = Dialect.of(endian="big")
     other = big.replace(jog_byte="binary", err_sep="space")
     assert big.differences() == {"endian": "big"}
@@ -131,16 +131,16 @@ def test_a_choice_changes_only_its_own_reading() -> None:
     assert other.replace(endian="little", jog_byte="ascii", err_sep="bar") == DEFAULT
 
 
-def test_a_dialect_cannot_be_changed() -> None:
-    """It is a key for dictionaries, so nothing assigns to it."""
+def test_dialect_is_immutable() -> None:
+    """A dialect is hashable, so it does not support assignment."""
     with pytest.raises(TypeError):
         DEFAULT["endian"] = "big"  # type: ignore[index] # the point of the test
     assert {Dialect.of(): 1}[DEFAULT] == 1
 
 
 @given(dialects)
-def test_a_dialect_is_what_it_prints(dialect: Dialect) -> None:
-    """Representation, settings and pickle make the same dialect again, with the same hash."""
+def test_dialect_round_trip(dialect: Dialect) -> None:
+    """repr, settings and pickle give an equal dialect with the same hash."""
     again = [
         eval(repr(dialect), {"Dialect": Dialect}),
         Dialect.parse(f"{key}={choice}" for key, choice in dialect.items()),
@@ -155,36 +155,34 @@ def test_a_dialect_is_what_it_prints(dialect: Dialect) -> None:
     ("written", "kept", "seconds"),
     [("3", "3", 3.0), ("0.5", "0.5", 0.5), ("007.250", "7.25", 7.25), ("3600", "3600", 3600.0)],
 )
-def test_a_duration_is_any_positive_number(
-    key: str, written: str, kept: str, seconds: float
-) -> None:
-    """However a number is written, equal durations are one choice."""
+def test_durations(key: str, written: str, kept: str, seconds: float) -> None:
+    """Equal durations give the same choice, whatever their notation."""
     dialect = Dialect.of(**{key: written})
     assert dialect[key] == kept
     assert dialect.seconds(key) == seconds
 
 
-def test_the_default_durations() -> None:
-    """2, 5 and 30 seconds; an unfinished frame may also be waited for without end."""
+def test_default_durations() -> None:
+    """The defaults are 2, 5 and 30 s; the timeout of an unfinished frame can be disabled."""
     assert [DEFAULT.seconds(key) for key in DURATIONS] == [2.0, 5.0, 30.0]
     assert Dialect.of(partial_timeout="none").seconds("partial_timeout") is None
 
 
 @pytest.mark.parametrize("key", ["endian", "name_max", "timeout"])
-def test_only_a_duration_has_seconds(key: str) -> None:
-    """A bound in bytes is not mistaken for a time."""
+def test_seconds_of_other_readings(key: str) -> None:
+    """`seconds` raises an error for a reading that is not a duration."""
     with pytest.raises(ReadingError):
         DEFAULT.seconds(key)
 
 
 @pytest.mark.parametrize(
-    ("settings", "sentence"),
+    ("settings", "message"),
     [
-        (["endain=big"], "there is no reading 'endain': did you mean endian?"),
+        (["endain=big"], "unknown reading 'endain': did you mean endian?"),
         (["endian=middle"], "endian cannot be 'middle': choose little or big"),
         (["endian="], "endian cannot be '': choose little or big"),
-        (["endian"], "'endian' is no setting: write key=option, such as endian=big"),
-        (["endian=big", "endian=big"], "endian is set twice: keep one of the two"),
+        (["endian"], "'endian' is not a setting: write key=option, such as endian=big"),
+        (["endian=big", "endian=big"], "endian is set twice: remove one of the settings"),
         (
             ["partial_timeout=0"],
             "partial_timeout cannot be '0': choose 2 or none or any positive number (s)",
@@ -195,22 +193,22 @@ def test_only_a_duration_has_seconds(key: str) -> None:
         ),
     ],
 )
-def test_a_wrong_setting_gets_one_sentence(settings: list[str], sentence: str) -> None:
-    """The message names what was wrong and what is allowed."""
+def test_invalid_settings(settings: list[str], message: str) -> None:
+    """The message states the error and the valid choices."""
     with pytest.raises(ReadingError) as raised:
         Dialect.parse(settings)
-    assert str(raised.value) == sentence
+    assert str(raised.value) == message
 
 
-def test_a_key_like_no_other_gets_the_list() -> None:
-    """Where no key is near, all of them are named."""
-    with pytest.raises(ReadingError, match=r"they are prog_ext, err_sep, .*, assign_opt"):
+def test_unknown_key_lists_all_keys() -> None:
+    """If no key is similar, the message lists all keys."""
+    with pytest.raises(ReadingError, match=r"the readings are prog_ext, err_sep, .*, assign_opt"):
         Dialect.of(qqq="1")
 
 
 @pytest.mark.parametrize("text", ["-1", "+1", "1e3", "inf", "nan", "1.", ".5", "٣", "1 ", "0.0"])
-def test_other_notations_are_no_duration(text: str) -> None:
-    """A duration is written in plain decimal digits."""
+def test_invalid_durations(text: str) -> None:
+    """A duration consists of plain decimal digits."""
     with pytest.raises(ReadingError, match="any positive number"):
         Dialect.of(reply_timeout=text)
 
@@ -218,8 +216,8 @@ def test_other_notations_are_no_duration(text: str) -> None:
 @pytest.mark.parametrize(
     "setting", ["e" * 10**6, "e" * 10**6 + "=1", "reply_timeout=" + "9" * 10**6]
 )
-def test_a_huge_setting_costs_nothing(setting: str) -> None:
-    """Neither the search nor the message grows with what was written."""
+def test_huge_settings(setting: str) -> None:
+    """Search time and message length do not grow with the setting."""
     with pytest.raises(ReadingError) as raised:
         Dialect.parse([setting])
     assert len(str(raised.value)) < 1000

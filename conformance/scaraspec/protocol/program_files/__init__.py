@@ -1,6 +1,6 @@
-"""User program files (clause 6): values, layouts, bytes, rules, listing.
+"""User program files (clause 6): model, binary layouts, codec, lint rules, listing.
 
-The bytes of a file come in as an argument; no file is opened here.
+The content of a file is an argument; this package opens no files.
 """
 
 from scaraspec.protocol.program_files.codec import build, parse

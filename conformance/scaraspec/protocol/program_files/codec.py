@@ -1,7 +1,7 @@
-"""Bytes to program and back (clause 6).
+"""Parse the bytes of a program file, and build them from a program (clause 6).
 
-Whatever a file holds beside its values, such as padding, survives being read and written in the
-same layout. What the values mean, and whether they are right, is decided elsewhere.
+Bytes without a value, such as padding, are preserved if a program is built in the layout in which
+it was parsed. This module does not check or interpret the values; see `lint`.
 """
 
 import struct
@@ -39,14 +39,14 @@ from scaraspec.protocol.program_files.model import (
 
 
 def parse(data: bytes, layout: Layout | None = None) -> Program:
-    """The program that these bytes are.
+    """Parse a program file.
 
     Args:
-        data: A whole file.
-        layout: Its layout; the best that `detect` finds unless given.
+        data: The content of the file.
+        layout: The layout; the most plausible result of `detect` by default.
 
     Raises:
-        ProgramError: The bytes are no program, or none in the given layout.
+        ProgramError: The bytes are not a program, or not in the given layout.
     """
     check_envelope(data)
     possible = detect(data)
@@ -75,12 +75,13 @@ def parse(data: bytes, layout: Layout | None = None) -> Program:
 
 
 def build(program: Program, layout: Layout = DEFAULT_LAYOUT) -> bytes:
-    """The file of a program: byte for byte the one it was read from, if that had this layout.
+    """Build the file of a program.
 
-    Bytes that mean nothing are zero in records that were not read or had another size.
+    If the program was parsed in the same layout, the result equals the parsed file. Bytes without
+    a value are zero in records that were not parsed or had another size.
 
     Raises:
-        ValueError: A timer is beyond what a long of this layout holds.
+        ValueError: A timer does not fit into a long of this layout.
     """
     return b"".join(_records(program, layout))
 
@@ -102,7 +103,7 @@ def _records(program: Program, layout: Layout) -> Iterator[bytes]:
             yield _write_node(node, layout)
         except struct.error:
             raise ValueError(
-                f"node {number} waits for {node.data}, which does not fit a long of "
+                f"node {number} waits for {node.data}, which does not fit into a long of "
                 f"{layout.long_bytes} bytes: choose an lp64 layout"
             ) from None
     yield FOOTER
@@ -137,7 +138,7 @@ def _read_node(image: bytes, layout: Layout) -> Node:
 def _write_node(node: Node, layout: Layout) -> bytes:
     image = _record_buffer(node.image, layout.node_bytes)
     if image[NODE_TYPE_OFFSET] != node.type:
-        # What the union held for another type means nothing for this one.
+        # The union data of another node type has no meaning for this one.
         image[layout.data_offset :] = bytes(layout.node_bytes - layout.data_offset)
     _write_name(image, 0, ALIAS_BYTES, node.alias)
     _write(image, "BbB", NODE_TYPE_OFFSET, node.type, node.speed_rate, node.counts)
@@ -178,19 +179,19 @@ def _data_format(kind: type[NodeData], layout: Layout) -> str:
 
 
 def _record_buffer(image: bytes, size: int) -> bytearray:
-    """The record as it was read, or zeros where it was not read or had another size."""
+    """Return the record as it was parsed; zeros if it was not parsed or had another size."""
     return bytearray(image if len(image) == size else size)
 
 
 def _write(image: bytearray, form: str, offset: int, *values: float) -> None:
-    """Write values unless they stand there, as far as Python can tell: a signalling NaN stays."""
+    """Write values that differ from the present ones; this preserves a signalling NaN."""
     packed = struct.pack(form, *values)
     if struct.pack(form, *struct.unpack_from(form, image, offset)) != packed:
         image[offset : offset + len(packed)] = packed
 
 
 def _name(field: bytes) -> bytes:
-    """A name ends at its first NUL or fills its field (A-6.4-1, A-6.5-1)."""
+    """Return the name: it ends at the first NUL or fills its field (A-6.4-1, A-6.5-1)."""
     return field.partition(b"\0")[0]
 
 

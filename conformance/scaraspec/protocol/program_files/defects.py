@@ -1,4 +1,4 @@
-"""Why bytes are no program file: what fails, where, and in one sentence how."""
+"""Defects of invalid program files: code, position, and error message."""
 
 from enum import Enum
 
@@ -13,11 +13,11 @@ from scaraspec.protocol.program_files.layout import (
 from scaraspec.user_message import UserMessage
 
 MAX_FILE_BYTES = 4 << 20
-"""Longer files are not read: sixty thousand nodes are beyond any program for this arm."""
+"""Longer files are rejected; no program for this arm has 60,000 nodes."""
 
 
 class ProgramDefect(Enum):
-    """Why bytes are no program: a code that stays, and the requirements that it breaks."""
+    """Why bytes are not a program: a stable code, and the violated requirements."""
 
     START = ("P-start", ("6.2/1", "6.1/1"))
     LONG = ("P-long", ())
@@ -35,33 +35,39 @@ class ProgramDefect(Enum):
 
 
 class ProgramError(ValueError):
-    """Bytes are no program by the size equation and the magics (6.1/3, 6.2/1, 6.6b/1).
+    """Bytes are not a program by the size equation and the magics (6.1/3, 6.2/1, 6.6b/1).
 
     Attributes:
-        defect: What is wrong.
-        offset_bytes: Where.
-        reason: In one sentence.
+        defect: The kind of defect.
+        offset_bytes: The position in the file.
+        reason: The description, in one sentence.
     """
 
     def __init__(self, defect: ProgramDefect, offset_bytes: int, reason: str) -> None:
-        super().__init__(f"not a program file, byte {offset_bytes}: {reason}")
+        super().__init__(
+            UserMessage(
+                "not a program file, byte {offset_bytes}: {reason}",
+                offset_bytes=offset_bytes,
+                reason=reason,
+            )
+        )
         self.defect = defect
         self.offset_bytes = offset_bytes
         self.reason = reason
 
 
 def check_envelope(data: bytes) -> None:
-    """Check what is the same in every layout.
+    """Check the properties that all layouts have in common.
 
     Raises:
-        ProgramError: The bytes do not begin as a program, or are too few or too many for one.
+        ProgramError: The bytes do not begin with the magic, or are too few or too many.
     """
     if not data.startswith(MAGIC):
         raise ProgramError(
             ProgramDefect.START,
             0,
             UserMessage(
-                'it begins with {value}, not with "SCARA"', value=data[:5].hex(" ") or "nothing"
+                'it begins with {begin}, not with "SCARA"', begin=data[:5].hex(" ") or "nothing"
             ),
         )
     if len(data) > MAX_FILE_BYTES:
@@ -69,26 +75,26 @@ def check_envelope(data: bytes) -> None:
             ProgramDefect.LONG,
             MAX_FILE_BYTES,
             UserMessage(
-                "it has {data_count} bytes; more than {max_file_bytes} are not read",
-                data_count=len(data),
+                "it has {file_bytes} bytes; the maximum is {max_file_bytes}",
+                file_bytes=len(data),
                 max_file_bytes=MAX_FILE_BYTES,
             ),
         )
-    least = min(layout.file_bytes(0, 0) for layout in LAYOUTS.values())
-    if len(data) < least:
+    min_bytes = min(layout.file_bytes(0, 0) for layout in LAYOUTS.values())
+    if len(data) < min_bytes:
         raise ProgramError(
             ProgramDefect.SHORT,
             len(data),
             UserMessage(
-                "it ends after {data_count} bytes; header, configuration and footer take {least}",
-                data_count=len(data),
-                least=least,
+                "it has {file_bytes} bytes; header, configuration and footer need {min_bytes}",
+                file_bytes=len(data),
+                min_bytes=min_bytes,
             ),
         )
 
 
 def layout_error(data: bytes, layouts: tuple[Layout, ...]) -> ProgramError:
-    """Why a file that is long enough and begins as a program fits none of these layouts."""
+    """Return the error of a file that passes `check_envelope` but has none of these layouts."""
     end = program_bytes(data)
     if end is not None and end < len(data):
         second = data.startswith(MAGIC, end)
@@ -96,55 +102,55 @@ def layout_error(data: bytes, layouts: tuple[Layout, ...]) -> ProgramError:
             ProgramDefect.SECOND if second else ProgramDefect.SURPLUS,
             end,
             UserMessage(
-                "{value} follows: the footer ends at byte {end}, but the file has "
-                "{data_count} bytes",
-                value="another program" if second else "something else",
+                "{surplus} follows: the footer ends at byte {end}, but the file has "
+                "{file_bytes} bytes",
+                surplus="another program" if second else "other data",
                 end=end,
-                data_count=len(data),
+                file_bytes=len(data),
             ),
         )
     if not data.endswith(FOOTER):
         return ProgramError(
             ProgramDefect.END,
             len(data) - len(FOOTER),
-            UserMessage('it ends with {hex}, not with "ARACS"', hex=data[-len(FOOTER) :].hex(" ")),
+            UserMessage('it ends with {end}, not with "ARACS"', end=data[-len(FOOTER) :].hex(" ")),
         )
     return _size_error(data, layouts)
 
 
 def _size_error(data: bytes, layouts: tuple[Layout, ...]) -> ProgramError:
-    """Says what is missing or too much, in the likeliest layout that explains it."""
+    """Return the error of a wrong size, explained in the most plausible layout."""
 
     def penalties(layout: Layout) -> tuple[bool, ...]:
         return (
-            # Counts in the wrong byte order make sizes beyond all bounds.
+            # Counts in the wrong byte order give extremely large sizes.
             layout.file_bytes(*layout.counts(data)) > 2 * MAX_FILE_BYTES,
             any(data[len(MAGIC) : layout.points_offset]),
             layout.reading == "mixed",
-            _miscount(data, layout)[0] is ProgramDefect.SIZE,
+            _wrong_count(data, layout)[0] is ProgramDefect.SIZE,
         )
 
-    likeliest = min(layouts, key=penalties)
-    points, variables = likeliest.counts(data)
-    defect, offset_bytes, room = _miscount(data, likeliest)
+    layout = min(layouts, key=penalties)
+    points, variables = layout.counts(data)
+    defect, offset_bytes, room = _wrong_count(data, layout)
     return ProgramError(
         defect,
         offset_bytes,
         UserMessage(
             "the header's points = {points} and varNub = {variables} make {file_bytes} bytes "
-            "in layout {likeliest}, but the file has {data_count}, {room}",
+            "in layout {layout}, but the file has {actual_bytes}, {room}",
             points=points,
             variables=variables,
-            file_bytes=likeliest.file_bytes(points, variables),
-            likeliest=likeliest.name,
-            data_count=len(data),
+            file_bytes=layout.file_bytes(points, variables),
+            layout=layout.name,
+            actual_bytes=len(data),
             room=room,
         ),
     )
 
 
-def _miscount(data: bytes, layout: Layout) -> tuple[ProgramDefect, int, str]:
-    """Which count of the header is wrong, where it stands, and what it should be."""
+def _wrong_count(data: bytes, layout: Layout) -> tuple[ProgramDefect, int, str]:
+    """Return which count of the header is wrong, its position, and the correct value."""
     points, variables = layout.counts(data)
     surplus = len(data) - layout.file_bytes(points, variables)
     extra_nodes, rest = divmod(surplus, layout.node_bytes)

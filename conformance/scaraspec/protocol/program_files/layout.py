@@ -1,7 +1,8 @@
-"""Where the fields of a program file lie: packing, size of a long, byte order (A-6.1-2 to -4).
+"""Binary layouts of program files: packing, size of a long, byte order (A-6.1-2 to -4).
 
-The document prints C structures and no layout. All sizes are derived here from how a compiler
-places fields; which layout a file has is decided from its bytes. What a field says lives elsewhere.
+The document prints C structures and does not define their layout. This module derives all sizes
+from the alignment rules of compilers, and detects the layout of a file from its bytes. It does not
+interpret the fields, except to find the most plausible layout.
 """
 
 import struct
@@ -21,15 +22,15 @@ from scaraspec.protocol.program_files.tables import NodeType
 
 MAGIC = b"SCARA"  # L822
 FOOTER = b"ARACS"  # L998
-CONFIGURATION_BYTES = 6 * 4 + 3 * 4 + PORTS  # L834-840, the same under every packing (A-6.3-1)
+CONFIGURATION_BYTES = 6 * 4 + 3 * 4 + PORTS  # L834-840, the same for every packing (A-6.3-1)
 VARIABLE_BYTES = 4 + VARIABLE_NAME_BYTES + 4  # L861-865, likewise (A-6.4-1)
 NODE_TYPE_OFFSET = ALIAS_BYTES  # nodeType, speedRate, counts: single bytes after the alias (L881)
 
-_OPERATION_BYTES = 7 * 4  # the largest member of the union but for padding (L946-957)
+_OPERATION_BYTES = 7 * 4  # the largest union member, without padding (L946-957)
 _UNION_OFFSET = NODE_TYPE_OFFSET + 3
-_NATURAL = 8  # the alignment limit of a compiler that was told nothing
-_LEAST_COORDINATE, _GREATEST_COORDINATE = 1e-4, 1e6  # mm or degrees, generously
-_SAMPLE_NODES = 1000  # enough to tell two layouts apart, and a bound on the time it takes
+_NATURAL = 8  # the default alignment limit of a compiler
+_LEAST_COORDINATE, _GREATEST_COORDINATE = 1e-4, 1e6  # mm or degrees, with a margin
+_SAMPLE_NODES = 1000  # enough to distinguish two layouts in bounded time
 
 
 class ByteOrder(StrEnum):
@@ -40,21 +41,21 @@ class ByteOrder(StrEnum):
 
     @property
     def prefix(self) -> str:
-        """The prefix of a `struct` format; fields have no gaps of their own."""
+        """The prefix of a `struct` format without implicit padding."""
         return "<" if self is ByteOrder.LITTLE else ">"
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Where every field of a file lies. Offsets are in bytes, from the start of the record.
+    """The position of every field in a file. Offsets are in bytes from the start of the record.
 
     Attributes:
-        name: Its name on the command line, such as ``lp64-big``.
-        reading: The option of reading `prog_layout` that it belongs to.
-        byte_order: Of every number.
-        points_offset: Of `points` and, 4 bytes on, of `varNub` in the header.
+        name: The name on the command line, such as ``lp64-big``.
+        reading: The option of the reading `prog_layout`.
+        byte_order: The byte order of all numbers.
+        points_offset: Offset of `points` in the header; `varNub` follows 4 bytes later.
         header_bytes: Size of the header.
-        data_offset: Of the union in a node.
+        data_offset: Offset of the union in a node.
         node_bytes: Size of a node.
         long_bytes: Size of a C long, 4 or 8.
     """
@@ -70,15 +71,15 @@ class Layout:
 
     @property
     def variables_offset(self) -> int:
-        """Offset in the file of the first variable, the size of header and configuration."""
+        """Offset of the first variable in the file: the size of header and configuration."""
         return self.header_bytes + CONFIGURATION_BYTES
 
     def nodes_offset(self, variables: int) -> int:
-        """Offset in the file of the first node behind so many variables."""
+        """Return the offset of the first node in a file with this number of variables."""
         return self.variables_offset + VARIABLE_BYTES * variables
 
     def file_bytes(self, nodes: int, variables: int) -> int:
-        """Size of a file with so many nodes and variables (section 10 of the register)."""
+        """Return the size of a file with so many nodes and variables (register, section 10)."""
         return self.nodes_offset(variables) + self.node_bytes * nodes + len(FOOTER)
 
     @property
@@ -87,7 +88,7 @@ class Layout:
         return self.byte_order.prefix + {4: "2i", 8: "2q"}[self.long_bytes]
 
     def counts(self, data: bytes) -> tuple[int, int]:
-        """`points` and `varNub` of a file that is at least a header long (L815-816)."""
+        """Return `points` and `varNub` of a file that contains a whole header (L815-816)."""
         points, variables = struct.unpack_from(
             f"{self.byte_order.prefix}2I", data, self.points_offset
         )
@@ -96,7 +97,7 @@ class Layout:
 
 @dataclass(frozen=True, slots=True)
 class _Packing:
-    """How a compiler was told to align the node, and the union inside it."""
+    """Alignment options of a compiler for the node and its union."""
 
     name: str
     reading: str
@@ -105,8 +106,8 @@ class _Packing:
     long_bytes: int
 
 
-# The columns of section 10, then the packed ones where a long has 8 bytes: these have the sizes of
-# the first two and differ from them in the timer node alone.
+# The columns of section 10, then the packed layouts with a long of 8 bytes. The latter have the
+# same sizes as those with 4 bytes and differ from them only in the timer node.
 _PACKINGS = (
     _Packing("ilp32", "ilp32", _NATURAL, _NATURAL, 4),
     _Packing("packed", "packed", 1, 1, 4),
@@ -154,32 +155,32 @@ def _layouts() -> Iterator[Layout]:
 
 
 LAYOUTS: Mapping[str, Layout] = MappingProxyType({layout.name: layout for layout in _layouts()})
-"""Every layout by name, the likeliest first: one packing for all before mixed cases."""
+"""All layouts by name, the most likely first: uniform packings before mixed ones."""
 
 DEFAULT_LAYOUT = LAYOUTS["ilp32"]
-"""Natural alignment, a long of 4 bytes, little-endian: what is written unless asked otherwise."""
+"""Natural alignment, a long of 4 bytes, little-endian: the default of `build`."""
 
 
 def detect(data: bytes) -> tuple[Layout, ...]:
-    """The layouts under which these bytes are a whole program, the most plausible first.
+    """Return the layouts in which these bytes are a complete program, the most plausible first.
 
-    The size equation and both magics decide (6.1/3). Where they leave several, those come first
-    whose values look least odd, then those that are likelier by themselves.
+    A layout must satisfy the size equation and both magics (6.1/3). The layouts are sorted by the
+    number of implausible values, then by their order in `LAYOUTS`.
     """
     whole = [layout for layout, end in _ends(data) if end == len(data)]
     return tuple(sorted(whole, key=lambda layout: _count_implausible_values(data, layout)))
 
 
 def program_bytes(data: bytes) -> int | None:
-    """How many bytes the program takes that these bytes begin with; None if they begin with none.
+    """Return the size of the program at the beginning of these bytes; None if there is none.
 
-    More bytes may follow (A-6.6b-1). Where layouts disagree, the longest program counts.
+    More bytes may follow (A-6.6b-1). If layouts disagree, the longest program is chosen.
     """
     return max((end for _, end in _ends(data)), default=None)
 
 
 def _ends(data: bytes) -> Iterator[tuple[Layout, int]]:
-    """Each layout under which a program begins the data, and where that program ends."""
+    """Yield each layout in which the data begins with a program, and the end of the program."""
     if not data.startswith(MAGIC):
         return
     for layout in LAYOUTS.values():
@@ -190,17 +191,20 @@ def _ends(data: bytes) -> Iterator[tuple[Layout, int]]:
 
 
 def is_implausible_coordinate(value: float) -> bool:
-    """Whether a number cannot well be mm or degrees; bytes in the wrong order rarely can."""
+    """Return whether a value is unlikely to be in mm or degrees.
+
+    Values in the wrong byte order are usually implausible.
+    """
     return not (value == 0 or _LEAST_COORDINATE <= abs(value) <= _GREATEST_COORDINATE)
 
 
 def _count_implausible_values(data: bytes, layout: Layout) -> int:
-    """How many values look wrong under a layout, in the configuration and the first nodes."""
+    """Count implausible values of a layout, in the configuration and the first nodes."""
     order = layout.byte_order.prefix
     points, variables = layout.counts(data)
     configuration = struct.unpack_from(f"{order}9f", data, layout.header_bytes)
-    odd = sum(map(is_implausible_coordinate, configuration))
-    odd += any(data[len(MAGIC) : layout.points_offset])
+    implausible = sum(map(is_implausible_coordinate, configuration))
+    implausible += any(data[len(MAGIC) : layout.points_offset])
     start = layout.nodes_offset(variables)
     offsets = range(start, start + points * layout.node_bytes, layout.node_bytes)
     timer = struct.Struct(layout.timer_format)
@@ -209,13 +213,13 @@ def _count_implausible_values(data: bytes, layout: Layout) -> int:
         match node_type:
             case NodeType.POINT:
                 point = struct.unpack_from(f"{order}4f", data, content)
-                odd += sum(map(is_implausible_coordinate, point))
+                implausible += sum(map(is_implausible_coordinate, point))
             case NodeType.WAIT_TIMER:
                 seconds, microseconds = timer.unpack_from(data, content)
                 unused = data[content + timer.size : offset + layout.node_bytes]
-                odd += not 0 <= microseconds < SECOND_US
-                odd += not 0 <= seconds < 1 << 32
-                odd += any(unused)
+                implausible += not 0 <= microseconds < SECOND_US
+                implausible += not 0 <= seconds < 1 << 32
+                implausible += any(unused)
             case _:
-                odd += not NodeType.POINT <= node_type <= NodeType.COMPUTE
-    return odd
+                implausible += not NodeType.POINT <= node_type <= NodeType.COMPUTE
+    return implausible

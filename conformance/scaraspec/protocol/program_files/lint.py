@@ -1,6 +1,6 @@
-"""What is wrong with a program file, as findings with codes that stay.
+"""Lint: check a program file against the static rules and return findings with stable codes.
 
-The rules are elsewhere; here they are run, and what the parser rejects is added.
+The rules are in `rules`. This module runs them and adds the errors of the parser.
 """
 
 from collections.abc import Iterator
@@ -12,30 +12,31 @@ from scaraspec.protocol.program_files.defects import ProgramDefect, ProgramError
 from scaraspec.protocol.program_files.layout import VARIABLE_BYTES, Layout, detect
 from scaraspec.protocol.program_files.model import Program
 from scaraspec.protocol.program_files.rules import RULES, LintContext, Problem, Severity
+from scaraspec.user_message import UserMessage
 
 MAX_FINDINGS = 1000
-"""More are not listed: errors are found first, and a file so wrong needs no longer list."""
+"""The maximum number of findings; errors are found first."""
 
 INVALID_PROGRAM_CODES = frozenset(
     {"P-key-twice", "P-curve-short", "P-curve-child", "P-loop", "P-if", "P-else"}
 )
-"""Codes of what makes a file that can be parsed no program all the same (6.5/28)."""
+"""Codes of errors for which a file is not a valid program although it can be parsed (6.5/28)."""
 
 _WORST_FIRST = tuple(Severity)
 
 
 @dataclass(frozen=True, slots=True)
 class LintFinding:
-    """One thing that is wrong or worth knowing.
+    """One problem or note.
 
     Attributes:
-        code: What, for machines: ``P-curve-short``.
-        severity: How much it matters.
-        requirements: The requirements of the catalogue that it is about, the closest first.
-        message: What, in one sentence.
+        code: The code for machines, such as ``P-curve-short``.
+        severity: The severity.
+        requirements: The related requirements of the catalogue, the most specific first.
+        message: The description, in one sentence.
         node: Number of the node, 1 for the first, as in the listing.
         variable: Number of the variable, 1 for the first.
-        offset_bytes: Where in the file, if bytes were given.
+        offset_bytes: Position in the file, if bytes were given.
     """
 
     code: str
@@ -62,10 +63,13 @@ class LintFinding:
 
 
 def lint(subject: Program | bytes) -> tuple[LintFinding, ...]:
-    """Everything that the static rules of clause 6 have to say, by place in the file.
+    """Check a program against the static rules of clause 6; the findings are in file order.
 
-    Bytes are judged in the best layout that fits them. Where more bytes follow a program, that is
-    a finding and the program is judged without them.
+    Bytes are parsed in their most plausible layout. If other bytes follow the program, this is a
+    finding, and the program is checked without them.
+
+    Args:
+        subject: A program, or the content of a file; it need not be valid.
     """
     found = _lint_bytes(subject) if isinstance(subject, bytes) else _lint_program(subject, None)
     findings = list(islice(found, MAX_FINDINGS + 1))
@@ -73,13 +77,18 @@ def lint(subject: Program | bytes) -> tuple[LintFinding, ...]:
     findings = sorted(findings[:MAX_FINDINGS], key=_sort_key)
     if capped:
         findings.append(
-            LintFinding("P-more", Severity.INFO, (), f"only {MAX_FINDINGS} findings are listed")
+            LintFinding(
+                "P-more",
+                Severity.INFO,
+                (),
+                UserMessage("only {count} findings are listed", count=MAX_FINDINGS),
+            )
         )
     return tuple(findings)
 
 
 def _sort_key(finding: LintFinding) -> tuple[int, int, int]:
-    """By node, what is about no node first; by the order of variables; worst first."""
+    """Sort by node (findings without a node first), then by variable, then worst first."""
     return finding.node or 0, finding.variable or 0, _WORST_FIRST.index(finding.severity)
 
 

@@ -1,7 +1,7 @@
-"""A program as text for people: one line per node, indented by loops, IFs and moves.
+"""Listing: a program as readable text, with one line per node, indented by loops, IFs and moves.
 
-The same program always gives the same text, whatever layout it had. Names are shown with control
-characters escaped, and a number that no table knows as the number that it is.
+The text depends only on the program, not on its layout. Control characters in names are escaped. A
+number that is not in its table is shown as a number.
 """
 
 from collections import Counter
@@ -32,13 +32,13 @@ from scaraspec.protocol.program_files.tables import (
     ValueType,
 )
 
-_MAX_DEPTH = 20  # levels of indentation: deeper nesting is hostile, and would fill the memory
+_MAX_DEPTH = 20  # levels of indentation: malicious nesting could exhaust the memory
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-_LAST_SECOND = 253_402_300_799  # of the year 9999, the last that a date can show
+_LAST_SECOND = 253_402_300_799  # of the year 9999, the last year of `datetime`
 
 
 class PointMeaning(StrEnum):
-    """What the four values of a point are: the options of reading `point_meaning` (A-6.5-2)."""
+    """The meaning of the four values of a point: the options of `point_meaning` (A-6.5-2)."""
 
     JOINTS = "joints"
     POSE = "pose"
@@ -96,24 +96,24 @@ _NODE_TEXTS: Mapping[int, str] = MappingProxyType(
 
 
 def listing(program: Program, points: PointMeaning = PointMeaning.JOINTS) -> str:
-    """The program as lines of text, the last one ended too.
+    """Return the program as lines of text; the last line ends with a newline, too.
 
     Args:
-        program: Any program, right or wrong.
-        points: What the values of its points are taken for.
+        program: Any program, valid or not.
+        points: How to interpret the values of points.
     """
     return "".join(f"{line}\n" for line in _ListingWriter(program, points).lines())
 
 
 def _coordinates(axes: tuple[tuple[str, str], ...], values: tuple[float, ...]) -> str:
-    # Seven digits are what single precision holds.
+    # Single precision has seven significant digits.
     return ", ".join(
         f"{name} {value:.7g}{unit}" for (name, unit), value in zip(axes, values, strict=True)
     )
 
 
 class _ListingWriter:
-    """One program on its way to text."""
+    """Converts one program to text."""
 
     def __init__(self, program: Program, points: PointMeaning) -> None:
         self._program = program
@@ -122,13 +122,13 @@ class _ListingWriter:
         self._unmatched = {index for index, _ in self._structure.unbalanced}
         names = {variable.key: show(variable.name) for variable in program.variables}
         uses = Counter(names.values())
-        # A name stands for a key only if it looks like a name and like no other one's.
+        # A name is shown in place of a key only if it is an identifier and unique.
         self._names = {
             key: name for key, name in names.items() if name.isidentifier() and uses[name] == 1
         }
 
     def lines(self) -> Iterator[str]:
-        """Configuration, variables, nodes."""
+        """Yield the lines: configuration, variables, nodes."""
         program = self._program
         yield f"tool position: {_coordinates(_TOOL_AXES, program.tool_position)}"
         yield f"tool center: {_coordinates(_TOOL_AXES[:3], program.tool_center)}"

@@ -1,9 +1,10 @@
-"""A user program as values: what clause 6 says a file holds, and nothing of how bytes hold it.
+"""Model of a user program: the values of clause 6, independent of the binary layout.
 
-Whatever fits a field of the file can be held, in its documented range or not: files in the field
-are wrong, and `lint` says so. What fits no field cannot be constructed, so every program can be
-written. The `image` of a record is the bytes it was read from; `build` writes only what differs,
-so that padding, unused bytes and the rest of a name survive. It takes no part in comparisons.
+An object accepts every value that fits into its field, even out of the documented range: files in
+the field contain errors, which `lint` reports. A value that does not fit raises an error, so every
+program can be written. The `image` of a record contains the parsed bytes. `build` overwrites only
+values that differ, so that padding, unused bytes and the rest of a name are preserved. Comparisons
+ignore the `image`.
 """
 
 import struct
@@ -22,7 +23,7 @@ SECOND_US = 1_000_000
 def _check_integer(what: str, value: int, bits: int, *, signed: bool) -> None:
     low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)
     if not low <= value <= high:
-        raise ValueError(f"{what} is {value}, but its field holds {low} to {high}")
+        raise ValueError(f"{what} is {value}; its field has the range {low} to {high}")
 
 
 def _check_integers(record: "NodeData", bits: int, *, signed: bool) -> None:
@@ -33,7 +34,7 @@ def _check_integers(record: "NodeData", bits: int, *, signed: bool) -> None:
 
 def _check_singles(what: str, values: tuple[float, ...], count: int) -> None:
     if len(values) != count:
-        raise ValueError(f"{what} has {len(values)} values, but its field holds {count}")
+        raise ValueError(f"{what} has {len(values)} values; its field has {count}")
     try:
         struct.pack(f"<{count}f", *values)
     except OverflowError:
@@ -42,9 +43,9 @@ def _check_singles(what: str, values: tuple[float, ...], count: int) -> None:
 
 def _check_name(what: str, name: bytes, size: int) -> None:
     if len(name) > size:
-        raise ValueError(f"{what} has {len(name)} bytes, but its field holds {size}")
+        raise ValueError(f"{what} has {len(name)} bytes; its field has {size}")
     if b"\0" in name:
-        raise ValueError(f"{what} contains a NUL, which ends a name in its field")
+        raise ValueError(f"{what} contains a NUL, which would end the name")
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +57,7 @@ class Point:
             axis third, or x, y, z in mm and thetaX in degrees (A-6.5-2).
 
     Raises:
-        ValueError: Not four values, or one too large for single precision.
+        ValueError: There are not four values, or one is too large for single precision.
     """
 
     values: tuple[float, float, float, float]
@@ -67,15 +68,15 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class WaitInput:
-    """Holds the program until an input meets a condition (type 2, L930-934).
+    """Waits until an input meets a condition (type 2, L930-934).
 
     Attributes:
         port: Port number.
-        value_hundredths: What the input is compared with, times 100.
-        condition: A `Condition`, where valid.
+        value_hundredths: The value to compare the input with, times 100.
+        condition: A `Condition` if valid.
 
     Raises:
-        ValueError: A value that is no uint32.
+        ValueError: A value is out of the range of uint32.
     """
 
     port: int
@@ -88,13 +89,13 @@ class WaitInput:
 
 @dataclass(frozen=True, slots=True)
 class WaitSeconds:
-    """Delays the program (type 3, L928).
+    """Waits for a number of seconds (type 3, L928).
 
     Attributes:
         duration_s: Whole seconds, 0 to 255.
 
     Raises:
-        ValueError: A value that is no uint8.
+        ValueError: A value is out of the range of uint8.
     """
 
     duration_s: int
@@ -108,13 +109,13 @@ class SetOutput:
     """Sets an output (type 4, L936).
 
     Attributes:
-        type: `PortType.PWM_OUTPUT` or `PortType.DIGITAL_OUTPUT` (TTL), where valid.
+        type: `PortType.PWM_OUTPUT` or `PortType.DIGITAL_OUTPUT` (TTL) if valid.
         port: Port number.
-        value: 0 or 1 for TTL, the duty for PWM (its unit is open, A-6.5-12).
+        value: 0 or 1 for TTL, the duty cycle for PWM (its unit is open, A-6.5-12).
         time_base: PWM time base (its unit is open, A-6.5-12).
 
     Raises:
-        ValueError: A value that is no uint32.
+        ValueError: A value is out of the range of uint32.
     """
 
     type: int
@@ -131,11 +132,11 @@ class WaitTimer:
     """Holds the program until an instant (type 9, L938).
 
     Attributes:
-        seconds: Seconds since 1970-01-01; beyond 32 bits only where long has 8 bytes.
-        microseconds: The rest of the instant.
+        seconds: Seconds since 1970-01-01; more than 32 bits only if a long has 8 bytes.
+        microseconds: The microseconds of the instant.
 
     Raises:
-        ValueError: A value that is no int64.
+        ValueError: A value is out of the range of int64.
     """
 
     seconds: int
@@ -150,16 +151,16 @@ class Operation:
     """A comparison, a calculation, an assignment or a port setting (types 10 and 13, 6.6a).
 
     Attributes:
-        result_type: A `ResultType`, where valid.
+        result_type: A `ResultType` if valid.
         result: 0 for a comparison, else the key of a variable or the number of an output port.
-        value_a_type: A `ValueType`, where valid.
+        value_a_type: A `ValueType` if valid.
         value_a: The number, the key of a variable or the number of an input port.
-        value_b_type: As `value_a_type`.
-        value_b: As `value_a`.
-        opt: An `Opt`, or 0 where nothing is computed (A-6.6a-2).
+        value_b_type: Like `value_a_type`.
+        value_b: Like `value_a`.
+        opt: An `Opt`, or 0 without an operation (A-6.6a-2).
 
     Raises:
-        ValueError: A value that is no int32.
+        ValueError: A value is out of the range of int32.
     """
 
     result_type: int
@@ -187,7 +188,7 @@ DATA_OF_TYPE: Mapping[int, type[NodeData]] = MappingProxyType(
         NodeType.COMPUTE: Operation,
     }
 )
-"""The class of `Node.data` by node type; a type that is not here has no data (A-6.5-14)."""
+"""The class of `Node.data` by node type; other types have no data (A-6.5-14)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,15 +196,15 @@ class Node:
     """One step of a program (6.5, L879-897).
 
     Attributes:
-        alias: The user's name for it, at most 30 bytes, no NUL.
-        type: A `NodeType`, where valid.
+        alias: The name given by the user, at most 30 bytes, without NUL.
+        type: A `NodeType` if valid.
         speed_rate: Percent of the maximum speed, for moves (A-6.5-3).
-        counts: How many following nodes belong to it, for moves and loops (A-6.5-4).
-        data: What its type needs, by `DATA_OF_TYPE`; None for a type that needs nothing.
-        image: The record it was read from, empty if it was not read.
+        counts: For moves and loops, how many of the next nodes belong to it (A-6.5-4).
+        data: The data of its type according to `DATA_OF_TYPE`; None for a type without data.
+        image: The parsed record; empty if it was not parsed.
 
     Raises:
-        ValueError: A value that fits no field, or data of another type.
+        ValueError: A value does not fit into its field, or the data has the wrong type.
     """
 
     alias: bytes
@@ -229,13 +230,13 @@ class Variable:
     """A user variable (6.4, L861-872).
 
     Attributes:
-        key: What nodes refer to; unique in a valid file.
-        name: The user's name for it, at most 20 bytes, no NUL.
-        value: Its value when the program starts (A-6.4-3).
-        image: The record it was read from, empty if it was not read.
+        key: The number by which nodes refer to the variable; unique in a valid file.
+        name: The name given by the user, at most 20 bytes, without NUL.
+        value: The value at program start (A-6.4-3).
+        image: The parsed record; empty if it was not parsed.
 
     Raises:
-        ValueError: A value that fits no field.
+        ValueError: A value does not fit into its field.
     """
 
     key: int
@@ -255,15 +256,15 @@ class Program:
 
     Attributes:
         tool_position: x, y, z in mm and thetaX, thetaY, thetaZ in degrees (L846).
-        tool_center: x, y, z in mm of the tool's working end (L848).
-        ports: The 40 port types, each a `PortType` where valid; port n is ``ports[n - 1]``
+        tool_center: x, y, z of the working end of the tool, in mm (L848).
+        ports: The 40 port types, each a `PortType` if valid; port n is ``ports[n - 1]``
             (A-6.3-2).
         variables: The user variables, in file order.
         nodes: Every node record, in file order (A-6.2-2).
-        image: The header and configuration it was read from, empty if it was not read.
+        image: The parsed header and configuration; empty if the program was not parsed.
 
     Raises:
-        ValueError: A value that fits no field.
+        ValueError: A value does not fit into its field.
     """
 
     tool_position: tuple[float, float, float, float, float, float] = (0.0,) * 6
@@ -277,6 +278,6 @@ class Program:
         _check_singles("toolPos", self.tool_position, 6)
         _check_singles("tcpPos", self.tool_center, 3)
         if len(self.ports) != PORTS:
-            raise ValueError(f"ports has {len(self.ports)} values, but its field holds {PORTS}")
+            raise ValueError(f"ports has {len(self.ports)} values; its field has {PORTS}")
         for number, port_type in enumerate(self.ports, start=1):
             _check_integer(f"the type of port {number}", port_type, 8, signed=False)

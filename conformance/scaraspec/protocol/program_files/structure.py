@@ -1,8 +1,8 @@
-"""How the nodes of a program belong together: loops, IFs and the nodes of moves.
+"""Structure of a program: which nodes belong to a loop, an IF or a move.
 
-Markers decide where a loop or an IF ends; the count of a loop only repeats it and is compared with
-what it should be. Everything is by index into the nodes, 0 for the first, and takes time in
-proportion to their number however they are nested.
+Markers define where a loop or an IF ends. The count of a loop is redundant and is compared with the
+expected value. Nodes are identified by index, 0 for the first. The run time is linear in the number
+of nodes, whatever the nesting.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,34 +20,34 @@ class CountsMode(StrEnum):
     """Which nodes the count of a loop includes: the options of reading `counts_mode` (A-6.5-4)."""
 
     RECORDS = "records"
-    """Every node up to its end marker, nested ones too."""
+    """Every node up to its end marker, including nested ones."""
     CHILDREN = "children"
-    """Only those in no further loop or move; the end marker of a further loop belongs to it."""
+    """Only nodes that are in no nested loop or move; a nested loop includes its end marker."""
     WITH_END = "with-end"
     """Every node, and the end marker."""
 
 
 class Unbalanced(Enum):
-    """What can be wrong with a marker (L913-919)."""
+    """Errors of markers (L913-919)."""
 
-    OPEN_LOOP = "a loop without its end"
-    STRAY_END_LOOP = "an end of a loop that is not open"
-    OPEN_IF = "an IF without its ENDIF"
+    OPEN_LOOP = "a loop without an end"
+    STRAY_END_LOOP = "an end of loop without a loop"
+    OPEN_IF = "an IF without an ENDIF"
     STRAY_ELSE = "an ELSE that is not directly in an IF"
     SECOND_ELSE = "a second ELSE of the same IF"
-    STRAY_ENDIF = "an ENDIF of an IF that is not open"
+    STRAY_ENDIF = "an ENDIF without an IF"
 
 
 @dataclass(frozen=True, slots=True)
 class Structure:
-    """What belongs to what. Every tuple has one entry per node.
+    """The structure of a program. Every tuple has one entry per node.
 
     Attributes:
-        partners: LOOP and END_LOOP name each other; IF names its ELSE or, without one, its ENDIF;
-            ELSE names its ENDIF; ENDIF names the ELSE or IF before it. None for all else.
-        owners: The innermost move among whose next `counts` nodes this one is.
-        depths: How deeply the node is nested, for a listing.
-        loop_counts: For each closed loop, what its count should be under each reading.
+        partners: Index of the partner: END_LOOP for LOOP and vice versa; for an IF, its ELSE, or
+            its ENDIF if there is no ELSE; ENDIF for ELSE; the ELSE or IF for ENDIF. Else None.
+        owners: Index of the innermost move to which the node belongs by the move's `counts`.
+        depths: The nesting depth of the node, for a listing.
+        loop_counts: For each closed loop, the correct count for each reading.
         unbalanced: Markers without a partner, by index.
     """
 
@@ -59,7 +59,7 @@ class Structure:
 
     @classmethod
     def of(cls, nodes: Sequence[Node]) -> "Structure":
-        """The structure of these nodes, whatever they are; an odd one is reported, never raised."""
+        """Return the structure of any nodes; errors are reported in the result, never raised."""
         markers = _Markers(nodes)
         owners = _owners(nodes)
         return cls(
@@ -75,7 +75,7 @@ class Structure:
 
 
 def loop_readings(nodes: Sequence[Node], structure: Structure) -> dict[int, frozenset[CountsMode]]:
-    """For each closed loop the readings under which its count is right (A-6.5-4)."""
+    """Return for each closed loop the readings for which its count is correct (A-6.5-4)."""
     return {
         index: frozenset(mode for mode in CountsMode if counts[mode] == nodes[index].counts)
         for index, counts in structure.loop_counts.items()
@@ -84,14 +84,14 @@ def loop_readings(nodes: Sequence[Node], structure: Structure) -> dict[int, froz
 
 @dataclass(slots=True)
 class _Scope:
-    """A loop, or an IF with the last of its markers seen so far."""
+    """An open loop, or an open IF with its last marker so far."""
 
     first: int
     last: int
 
 
 class _Markers:
-    """One pass that matches markers. A closing marker closes what is still open inside it."""
+    """Matches markers in one pass. A closing marker also closes the open markers inside it."""
 
     def __init__(self, nodes: Sequence[Node]) -> None:
         self.partners: list[int | None] = [None] * len(nodes)

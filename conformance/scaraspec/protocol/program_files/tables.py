@@ -1,19 +1,19 @@
-"""The numbered tables of clause 6, each met once."""
+"""The numbered tables of clause 6."""
 
 from enum import IntEnum
 
 
 class Numbered(IntEnum):
-    """A table of the document: numbers, each with a meaning."""
+    """A table of the document that assigns meanings to numbers."""
 
     @classmethod
     def has(cls, number: int) -> bool:
-        """Whether the table has this number."""
+        """Return whether the table has this number."""
         return number in cls._value2member_map_
 
 
 class NodeType(Numbered):
-    """What a node does (6.5, L904-920)."""
+    """The type of a node (6.5, L904-920)."""
 
     POINT = 1
     WAIT_INPUT = 2
@@ -31,7 +31,7 @@ class NodeType(Numbered):
 
 
 class PortType(Numbered):
-    """How a port is configured (6.3, L850-856); 3 and 4 are also the types of an output (L936)."""
+    """The configuration of a port (6.3, L850-856); 3 and 4 are also output types (L936)."""
 
     UNUSED = 0
     ANALOG_INPUT = 1
@@ -41,7 +41,7 @@ class PortType(Numbered):
 
 
 class Condition(Numbered):
-    """How a wait-input node compares (6.5, L932): 4 is <= and 5 is >=, the reverse of `Opt`."""
+    """The comparison of a wait-input node (6.5, L932): 4 is <= and 5 is >=, unlike in `Opt`."""
 
     GREATER = 1
     LESS = 2
@@ -50,7 +50,7 @@ class Condition(Numbered):
     NOT_LESS = 5
 
     def holds(self, left: float, right: float) -> bool:
-        """Whether ``left condition right``, the input on the left (A-6.5-10)."""
+        """Return whether ``left condition right`` is true; the input is on the left (A-6.5-10)."""
         match self:
             case Condition.GREATER:
                 return left > right
@@ -65,7 +65,7 @@ class Condition(Numbered):
 
 
 class ResultType(Numbered):
-    """What becomes of an operation's result (6.6a, L961-965)."""
+    """The use of the result of an operation (6.6a, L961-965)."""
 
     COMPARISON = 1
     CALCULATION = 2
@@ -74,7 +74,7 @@ class ResultType(Numbered):
 
 
 class ValueType(Numbered):
-    """What an operand of an operation is (6.6a, L967-973)."""
+    """The kind of an operand (6.6a, L967-973)."""
 
     NONE = 0
     NUMBER = 1
@@ -83,7 +83,7 @@ class ValueType(Numbered):
 
 
 class Opt(Numbered):
-    """What an operation does with its operands (6.6a, L975-986); no operation is 0 (A-6.6a-2)."""
+    """The operator of an operation (6.6a, L975-986); 0 means no operator (A-6.6a-2)."""
 
     ADD = 1
     SUBTRACT = 2

@@ -133,7 +133,7 @@ def test_a_late_instant_needs_a_long_of_8_bytes() -> None:
     """A timer after 2038 is written in an lp64 layout and refused in the others."""
     program = Program(nodes=(POINT, Node(b"", NodeType.WAIT_TIMER, data=WaitTimer(2**31))))
     assert parse(build(program, LAYOUTS["lp64"])) == program
-    with pytest.raises(ValueError, match=r"node 2 waits .* does not fit a long of 4 bytes"):
+    with pytest.raises(ValueError, match=r"node 2 waits .* does not fit into a long of 4 bytes"):
         build(program)
 
 

@@ -57,7 +57,7 @@ def test_a_finding_says_where() -> None:
     assert (unknown.variable, unknown.node) == (None, 2)
     assert unknown.offset_bytes == 16 + 76 + 3 * 28 + 72
     assert str(unknown) == (
-        "error P-node-type (6.5/2) node 2, byte 248: the node type is 77; node types are 1 to 13"
+        "error P-node-type (6.5/2) node 2, byte 248: the node type is 77; it must be 1 to 13"
     )
     assert [f.offset_bytes for f in lint(program) if f.severity is Severity.ERROR] == [None, None]
 

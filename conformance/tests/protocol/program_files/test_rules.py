@@ -1,4 +1,4 @@
-"""Every static rule finds what it is for, and only that."""
+"""Every static rule finds its violations, and nothing else."""
 
 import re
 
@@ -35,7 +35,7 @@ USE = Operation(2, 1, 2, 1, 2, 2, 1)
 
 
 def of(*items: Node | NodeData, **configuration: object) -> Program:
-    """A program of these nodes; data alone stands for a node of the type that has it."""
+    """Return a program of these nodes; node data is wrapped in a node of its type."""
     nodes = tuple(item if isinstance(item, Node) else node(item) for item in (*items, USE))
     return Program(**{"ports": PORTS, "variables": VARIABLES, "nodes": nodes, **configuration})
 
@@ -70,7 +70,7 @@ IF = when(Operation(1, 0, 2, 1, 1, 0, 5))
 GOOD = of(move(1), P, WAIT)
 NAN, INFINITY = float("nan"), float("inf")
 
-# Code of the rule: programs that break it and, as near to them as can be, programs that do not.
+# Code of the rule: programs that violate it, and similar programs that do not.
 CASES: dict[str, tuple[list[Program | bytes], list[Program | bytes]]] = {
     "P-start": ([b"", b"SCARB" + build(GOOD)[5:]], [build(GOOD)]),
     "P-long": ([b"SCARA" + bytes(4 << 20)], [build(GOOD)]),
@@ -370,23 +370,23 @@ def _cases(which: int) -> list[object]:
 
 @pytest.mark.parametrize(("code", "program"), _cases(0))
 def test_a_rule_finds_what_breaks_it(code: str, program: Program | bytes) -> None:
-    """Each way of breaking a rule is found."""
+    """Each violation of a rule is found."""
     assert code in codes(program)
 
 
 @pytest.mark.parametrize(("code", "program"), _cases(1))
 def test_a_rule_is_silent_about_what_keeps_it(code: str, program: Program | bytes) -> None:
-    """The nearest thing that is right is not found."""
+    """Similar programs without the violation give no finding."""
     assert code not in codes(program)
 
 
 def test_a_good_program_has_no_findings() -> None:
-    """Nothing is said about a program with nothing to say about."""
+    """A correct program gives no findings."""
     assert lint(GOOD) == lint(build(GOOD)) == ()
 
 
 def test_every_rule_has_its_cases() -> None:
-    """No code without an example of either kind, and none twice."""
+    """Every code has examples of both kinds, and no code occurs twice."""
     every = [rule.code for rule in RULES] + [fault.code for fault in ProgramDefect]
     assert sorted(every) == sorted(CASES)
     assert all(broken and kept for broken, kept in CASES.values())
@@ -394,7 +394,7 @@ def test_every_rule_has_its_cases() -> None:
 
 
 def test_every_static_requirement_is_found_broken() -> None:
-    """For each of the 45 requirements some example yields a finding that names it."""
+    """For each of the 45 requirements, an example gives a finding that cites it."""
     found = {
         requirement
         for broken, _ in CASES.values()
@@ -407,7 +407,7 @@ def test_every_static_requirement_is_found_broken() -> None:
 
 
 def test_every_rule_cites_its_source() -> None:
-    """The docstring of a check says what is right and where the document or the register does."""
+    """The docstring of a check states the rule and cites the document or the register."""
     for rule in RULES:
         assert re.search(r"[( ](L\d{3}|A-\d)", rule.check.__doc__ or ""), rule.code
         assert set(rule.requirements) <= STATIC
@@ -415,7 +415,7 @@ def test_every_rule_cites_its_source() -> None:
 
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.code)
 def test_a_finding_stays_within_its_rule(rule: LintRule) -> None:
-    """Its severity is the rule's, its requirements are among the rule's."""
+    """A finding has the severity of its rule, and a subset of its requirements."""
     for program in CASES[rule.code][0]:
         for finding in lint(program):
             if finding.code == rule.code:
@@ -429,27 +429,30 @@ def test_a_finding_stays_within_its_rule(rule: LintRule) -> None:
     [
         (
             of(move(2), P, WAIT),
-            "node 3 belongs to the straight move, but its type is 3 and not 1, a point",
+            "node 3 belongs to the straight move, but its type is 3, not 1 (a point)",
         ),
         (
             of(curve(3), P, P, WAIT),
-            "node 4 belongs to the curve, but its type is 3 and not 1, a point",
+            "node 4 belongs to the curve, but its type is 3, not 1 (a point)",
         ),
-        (of(WAIT, move(4), P), "its counts 4 reaches to node 6, but the last one is node 4"),
+        (of(WAIT, move(4), P), "its counts = 4 reaches node 6, but the last node is 4"),
         (of(WAIT, curve(2), P, P), "a curve needs at least 3 points, but this one has 2"),
         (
             of(loop(1), WAIT, END_LOOP, loop(2), WAIT, END_LOOP),
-            "the loop counts its nodes as with-end, but other loops of the program do not",
+            "the loop counts its nodes as with-end, unlike other loops of the program",
         ),
         (
             of(loop(9), WAIT, END_LOOP, loop(1), WAIT, END_LOOP),
-            "its counts is 9, but from the loop to its end it is 1; the end governs",
+            (
+                "counts is 9, but there are 1 nodes up to the end of the loop; "
+                "the end marker takes precedence"
+            ),
         ),
-        (of(variables=(*VARIABLES, Variable(2, b""))), "key 2 is already that of variable 2"),
+        (of(variables=(*VARIABLES, Variable(2, b""))), "variable 2 already has the key 2"),
         (of(WaitInput(1, 250, 3)), "digital input 1 is never equal 2.5: the program waits forever"),
         (of(ports=(*PORTS[:39], 5)), "port 40 is configured as 5; port types are 0 to 4"),
     ],
 )
-def test_a_message_gives_the_numbers(program: Program, message: str) -> None:
-    """Nodes, variables and ports are counted from 1, and what is wrong is said in numbers."""
+def test_messages_contain_the_values(program: Program, message: str) -> None:
+    """Messages contain the values; nodes, variables and ports are numbered from 1."""
     assert message in [finding.message for finding in lint(program)]

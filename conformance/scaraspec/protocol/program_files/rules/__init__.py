@@ -1,6 +1,6 @@
-"""What a right program is, rule by rule; each rule knows its code and the requirements it serves.
+"""The lint rules for programs; each rule has a code and cites its requirements.
 
-A rule looks at one program and reports problems; it never raises and never looks at another rule.
+A rule checks one program and reports problems. It never raises and does not depend on other rules.
 """
 
 from scaraspec.protocol.program_files.rules.base import LintContext, LintRule, Problem, Severity
@@ -23,4 +23,4 @@ RULES: tuple[LintRule, ...] = (
     *PORT_RULES,
     *OPERATION_RULES,
 )
-"""Every static rule that a program can break."""
+"""All static rules for programs."""

@@ -1,4 +1,4 @@
-"""The nouns of the rules: what is looked at, what is found, and what a rule is."""
+"""Types of the rules: severity, context, problem and rule."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -14,10 +14,10 @@ _Data = TypeVar("_Data", bound=NodeData)
 
 
 class Severity(Enum):
-    """What a finding means.
+    """The severity of a finding.
 
-    ERROR: the document forbids it, or it cannot be executed. WARNING: the document leaves it open
-    or it does something that was hardly meant. INFO: worth knowing.
+    ERROR: the document forbids it, or it cannot be executed. WARNING: the document leaves it open,
+    or it is probably unintended. INFO: a note.
     """
 
     ERROR = "error"
@@ -29,34 +29,34 @@ class Severity(Enum):
 
 @dataclass(frozen=True)
 class LintContext:
-    """A program under the rules, and its layout if it was read from bytes."""
+    """The program to check, and its layout if it was parsed from bytes."""
 
     program: Program
     layout: Layout | None = None
 
     @cached_property
     def structure(self) -> Structure:
-        """How its nodes belong together."""
+        """The structure of the nodes."""
         return Structure.of(self.program.nodes)
 
     @cached_property
     def keys(self) -> frozenset[int]:
-        """The keys of its variables."""
+        """The keys of the variables."""
         return frozenset(variable.key for variable in self.program.variables)
 
     def port_type(self, port: int) -> int | None:
-        """How a port is configured, or None if there is no such port; port 1 is the first."""
+        """Return the type of a port, or None if there is no such port; the first port is 1."""
         ports = self.program.ports
         return ports[port - 1] if 1 <= port <= len(ports) else None
 
     def nodes(self, *types: int) -> Iterator[tuple[int, Node]]:
-        """Its nodes of these types, each with its index."""
+        """Yield the nodes of these types, with their index."""
         for index, node in enumerate(self.program.nodes):
             if node.type in types:
                 yield index, node
 
     def data(self, kind: type[_Data]) -> Iterator[tuple[int, _Data]]:
-        """The data of its nodes that have this kind, each with the node's index."""
+        """Yield the node data of this class, with the index of the node."""
         for index, node in enumerate(self.program.nodes):
             if isinstance(node.data, kind):
                 yield index, node.data
@@ -64,13 +64,13 @@ class LintContext:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Where a rule is broken, and how.
+    """A violation of a rule, and its place.
 
     Attributes:
-        message: One sentence.
-        node: Index of the node, if it is about one.
-        variable: Index of the variable, if it is about one.
-        requirements: The requirements broken; those of the rule unless given.
+        message: The description, in one sentence.
+        node: Index of the node, if any.
+        variable: Index of the variable, if any.
+        requirements: The violated requirements; by default those of the rule.
     """
 
     message: str
@@ -84,10 +84,10 @@ class LintRule:
     """One static rule.
 
     Attributes:
-        code: Its name, which stays.
-        severity: Of every finding that it makes.
-        requirements: Every requirement of the catalogue that a finding may be about.
-        check: Finds the problems; its docstring says what is right.
+        code: The stable name of the rule.
+        severity: The severity of its findings.
+        requirements: All requirements of the catalogue that its findings may cite.
+        check: Finds the problems; its docstring states the rule.
     """
 
     code: str

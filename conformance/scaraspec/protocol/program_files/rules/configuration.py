@@ -1,4 +1,4 @@
-"""Rules about the configuration, and about floats wherever they stand (6.3)."""
+"""Rules for the configuration, and for all floats (6.3)."""
 
 import math
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ from scaraspec.user_message import UserMessage
 
 def _not_finite(context: LintContext) -> Iterator[Problem]:
     """All floats are finite (A-6.1-4)."""
-    for what, values in (
+    for name, values in (
         ("toolPos", context.program.tool_position),
         ("tcpPos", context.program.tool_center),
     ):
@@ -20,8 +20,8 @@ def _not_finite(context: LintContext) -> Iterator[Problem]:
             if not math.isfinite(value):
                 yield Problem(
                     UserMessage(
-                        "{what}[{index}] is {value}, not a number that can be reached",
-                        what=what,
+                        "{name}[{index}] is {value}, not a finite number",
+                        name=name,
                         index=index,
                         value=value,
                     )
@@ -31,7 +31,7 @@ def _not_finite(context: LintContext) -> Iterator[Problem]:
             if not math.isfinite(value):
                 yield Problem(
                     UserMessage(
-                        "point[{index}] is {value}, not a number that can be reached",
+                        "point[{index}] is {value}, not a finite number",
                         index=index,
                         value=value,
                     ),
@@ -39,14 +39,14 @@ def _not_finite(context: LintContext) -> Iterator[Problem]:
                 )
 
 
-def _implausible(what: str, values: tuple[float, ...]) -> Iterator[Problem]:
+def _implausible(name: str, values: tuple[float, ...]) -> Iterator[Problem]:
     for index, value in enumerate(values):
         if math.isfinite(value) and is_implausible_coordinate(value):
             yield Problem(
                 UserMessage(
-                    "{what}[{index}] is {value:g}, hardly mm or degrees: its bytes may be in "
-                    "another order or place",
-                    what=what,
+                    "{name}[{index}] is {value:g}, implausible for mm or degrees: the byte order "
+                    "or the position may be wrong",
+                    name=name,
                     index=index,
                     value=value,
                 )
@@ -59,7 +59,7 @@ def _tool_position(context: LintContext) -> Iterator[Problem]:
 
 
 def _tool_center(context: LintContext) -> Iterator[Problem]:
-    """The tool's working end is three values in mm (L848)."""
+    """The working end of the tool is three values in mm (L848)."""
     yield from _implausible("tcpPos", context.program.tool_center)
 
 

@@ -1,4 +1,4 @@
-"""Rules about how nodes belong together: moves, loops, IFs (6.5)."""
+"""Rules for the structure of nodes: moves, loops, IFs (6.5)."""
 
 from collections.abc import Callable, Iterator
 
@@ -9,7 +9,7 @@ from scaraspec.protocol.program_files.tables import NodeType
 from scaraspec.user_message import UserMessage
 
 _COUNTING = MOVES | {NodeType.LOOP}
-_LEAST_CURVE_POINTS = 3
+_MIN_CURVE_POINTS = 3
 _FULL_SPEED = 100
 
 
@@ -19,23 +19,22 @@ def _speed(context: LintContext) -> Iterator[Problem]:
         if not 1 <= node.speed_rate <= _FULL_SPEED:
             yield Problem(
                 UserMessage(
-                    "the speed is {speed_rate} %; it is 1 to 100", speed_rate=node.speed_rate
+                    "the speed is {speed_rate} %; it must be 1 to 100", speed_rate=node.speed_rate
                 ),
                 node=index,
             )
 
 
 def _counts_past_end(context: LintContext) -> Iterator[Problem]:
-    """A count does not reach beyond the last node (L924)."""
+    """The count of a node does not reach beyond the last node (L924)."""
     for index, node in context.nodes(*_COUNTING):
         if index + node.counts >= len(context.program.nodes):
             yield Problem(
                 UserMessage(
-                    "its counts {counts} reaches to node {index}, but the last one is node "
-                    "{nodes_count}",
+                    "its counts = {counts} reaches node {number}, but the last node is {last}",
                     counts=node.counts,
-                    index=index + 1 + node.counts,
-                    nodes_count=len(context.program.nodes),
+                    number=index + 1 + node.counts,
+                    last=len(context.program.nodes),
                 ),
                 node=index,
             )
@@ -44,11 +43,11 @@ def _counts_past_end(context: LintContext) -> Iterator[Problem]:
 def _counts_ignored(context: LintContext) -> Iterator[Problem]:
     """Only moves and loops have a count (L924)."""
     for index, node in enumerate(context.program.nodes):
-        # Whether an end of a loop has one is open (A-6.5-4).
+        # It is open whether an end of loop has a count (A-6.5-4).
         if node.counts and node.type not in _COUNTING | {NodeType.END_LOOP}:
             yield Problem(
                 UserMessage(
-                    "the count {counts} means nothing at a node of type {type}",
+                    "counts = {counts} has no meaning for a node of type {type}",
                     counts=node.counts,
                     type=node.type,
                 ),
@@ -57,7 +56,7 @@ def _counts_ignored(context: LintContext) -> Iterator[Problem]:
 
 
 def _first_non_point(context: LintContext, index: int, node: Node) -> int | None:
-    """The first node that belongs to a move and is no point."""
+    """Return the first node of a move that is not a point."""
     for child in range(index + 1, min(index + 1 + node.counts, len(context.program.nodes))):
         if context.program.nodes[child].type != NodeType.POINT:
             return child
@@ -67,10 +66,13 @@ def _first_non_point(context: LintContext, index: int, node: Node) -> int | None
 def _curve_short(context: LintContext) -> Iterator[Problem]:
     """A curve has at least three points (不能少于 3 个, L942)."""
     for index, node in context.nodes(NodeType.CURVE_MOVE):
-        held = min(node.counts, len(context.program.nodes) - index - 1)
-        if held < _LEAST_CURVE_POINTS:
+        point_count = min(node.counts, len(context.program.nodes) - index - 1)
+        if point_count < _MIN_CURVE_POINTS:
             yield Problem(
-                UserMessage("a curve needs at least 3 points, but this one has {held}", held=held),
+                UserMessage(
+                    "a curve needs at least 3 points, but this one has {point_count}",
+                    point_count=point_count,
+                ),
                 node=index,
             )
 
@@ -81,7 +83,7 @@ def _curve_child(context: LintContext) -> Iterator[Problem]:
         if (child := _first_non_point(context, index, node)) is not None:
             yield Problem(
                 UserMessage(
-                    "node {child} belongs to the curve, but its type is {type} and not 1, a point",
+                    "node {child} belongs to the curve, but its type is {type}, not 1 (a point)",
                     child=child + 1,
                     type=context.program.nodes[child].type,
                 ),
@@ -90,10 +92,10 @@ def _curve_child(context: LintContext) -> Iterator[Problem]:
 
 
 def _move_empty(context: LintContext) -> Iterator[Problem]:
-    """A straight move has a point to go to (A-6.5-6)."""
+    """A straight move has a target point (A-6.5-6)."""
     for index, node in context.nodes(NodeType.STRAIGHT_MOVE):
         if not node.counts:
-            yield Problem("no node belongs to the straight move, so it goes nowhere", node=index)
+            yield Problem("the straight move has no target: no node belongs to it", node=index)
 
 
 def _move_child(context: LintContext) -> Iterator[Problem]:
@@ -102,8 +104,8 @@ def _move_child(context: LintContext) -> Iterator[Problem]:
         if (child := _first_non_point(context, index, node)) is not None:
             yield Problem(
                 UserMessage(
-                    "node {child} belongs to the straight move, but its type is {type} and "
-                    "not 1, a point",
+                    "node {child} belongs to the straight move, but its type is {type}, not 1 "
+                    "(a point)",
                     child=child + 1,
                     type=context.program.nodes[child].type,
                 ),
@@ -116,7 +118,7 @@ def _point_bare(context: LintContext) -> Iterator[Problem]:
     for index, _ in context.nodes(NodeType.POINT):
         if context.structure.owners[index] is None:
             yield Problem(
-                "the point belongs to no move, so how and how fast the robot goes there is open",
+                "the point belongs to no move, so the path and the speed are undefined",
                 node=index,
             )
 
@@ -126,29 +128,27 @@ def _marker(*kinds: Unbalanced) -> Callable[[LintContext], Iterator[Problem]]:
         """Every marker has its partner (L913-919)."""
         for index, kind in context.structure.unbalanced:
             if kind in kinds:
-                yield Problem(
-                    UserMessage("this is {kind_value}", kind_value=kind.value), node=index
-                )
+                yield Problem(UserMessage("this is {error}", error=kind.value), node=index)
 
     return check
 
 
 def _common_reading(context: LintContext) -> frozenset[CountsMode]:
-    """The readings under which every count of a loop is right that is right under any."""
+    """Return the readings that explain every loop count which any reading explains."""
     readings = loop_readings(context.program.nodes, context.structure).values()
     return frozenset(CountsMode).intersection(*filter(None, readings))
 
 
 def _loop_counts(context: LintContext) -> Iterator[Problem]:
-    """The count of a loop is that of its nodes, in the same reading for all loops (A-6.5-4)."""
+    """The count of a loop is the number of its nodes, in one reading for all loops (A-6.5-4)."""
     common = _common_reading(context)
     for index, modes in loop_readings(context.program.nodes, context.structure).items():
         if not modes:
             records = context.structure.loop_counts[index][CountsMode.RECORDS]
             yield Problem(
                 UserMessage(
-                    "its counts is {counts}, but from the loop to its end it is {records}; "
-                    "the end governs",
+                    "counts is {counts}, but there are {records} nodes up to the end of the loop; "
+                    "the end marker takes precedence",
                     counts=context.program.nodes[index].counts,
                     records=records,
                 ),
@@ -157,7 +157,7 @@ def _loop_counts(context: LintContext) -> Iterator[Problem]:
         elif not common:
             yield Problem(
                 UserMessage(
-                    "the loop counts its nodes as {modes}, but other loops of the program do not",
+                    "the loop counts its nodes as {modes}, unlike other loops of the program",
                     modes=" or ".join(sorted(modes)),
                 ),
                 node=index,
@@ -165,13 +165,13 @@ def _loop_counts(context: LintContext) -> Iterator[Problem]:
 
 
 def _loop_reading(context: LintContext) -> Iterator[Problem]:
-    """The count of a loop is that of all nodes before its end (A-6.5-4)."""
+    """The count of a loop includes all nodes before its end (A-6.5-4)."""
     common = _common_reading(context)
     if common and CountsMode.RECORDS not in common:
         yield Problem(
             UserMessage(
                 "the loops count their nodes as {common}, the default reading is {records}; "
-                "their ends govern",
+                "the end markers take precedence",
                 common=" or ".join(sorted(common)),
                 records=CountsMode.RECORDS,
             ),
@@ -180,10 +180,10 @@ def _loop_reading(context: LintContext) -> Iterator[Problem]:
 
 
 def _endless_loop(context: LintContext) -> Iterator[Problem]:
-    """A program comes to an end (A-6.5-5)."""
+    """A program ends (A-6.5-5)."""
     for index in context.structure.loop_counts:
         yield Problem(
-            "nothing ends the loop but an emergency stop: what follows it is never executed",
+            "only an emergency stop ends the loop: the nodes after it are never executed",
             node=index,
         )
 

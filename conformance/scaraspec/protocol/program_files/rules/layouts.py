@@ -1,4 +1,4 @@
-"""Rules about how the values lie in the file (6.1)."""
+"""Rules for the layout of the file (6.1)."""
 
 from collections.abc import Iterator
 
@@ -16,7 +16,7 @@ def _layout(context: LintContext) -> Iterator[Problem]:
         yield Problem(
             UserMessage(
                 "the file has layout {layout}, {byte_order}-endian; a peer that reads only "
-                "{default_layout}, little-endian, takes it for damaged",
+                "{default_layout}, little-endian, rejects it as damaged",
                 layout=layout.name,
                 byte_order=layout.byte_order,
                 default_layout=DEFAULT_LAYOUT.name,
@@ -25,12 +25,12 @@ def _layout(context: LintContext) -> Iterator[Problem]:
 
 
 def _layout_mixed(context: LintContext) -> Iterator[Problem]:
-    """Header and nodes are aligned alike (A-6.1-2)."""
+    """Header and nodes have the same alignment (A-6.1-2)."""
     if (layout := context.layout) and layout.reading == "mixed":
         yield Problem(
             UserMessage(
-                "no single packing makes a header of {header_bytes} bytes and nodes of "
-                "{node_bytes} with their data at {data_offset}",
+                "no single packing gives a header of {header_bytes} bytes and nodes of "
+                "{node_bytes} bytes with their data at offset {data_offset}",
                 header_bytes=layout.header_bytes,
                 node_bytes=layout.node_bytes,
                 data_offset=layout.data_offset,
@@ -39,7 +39,7 @@ def _layout_mixed(context: LintContext) -> Iterator[Problem]:
 
 
 def _table_numbers(context: LintContext) -> Iterator[tuple[int, str, int, type[Numbered]]]:
-    """What is 4 bytes long and should stand in a table: node, name, number, table."""
+    """Yield 4-byte numbers that must be in a table: node index, name, number, table."""
     for index, wait in context.data(WaitInput):
         yield index, "condition", wait.condition, Condition
     for index, output in context.data(SetOutput):
@@ -50,13 +50,13 @@ def _table_numbers(context: LintContext) -> Iterator[tuple[int, str, int, type[N
 
 def _byte_order(context: LintContext) -> Iterator[Problem]:
     """Every number has the byte order of the header (A-6.1-4)."""
-    for index, what, number, table in _table_numbers(context):
+    for index, name, number, table in _table_numbers(context):
         swapped = int.from_bytes((number & 0xFFFFFFFF).to_bytes(4, "little"), "big")
         if table.has(swapped) and not table.has(number):
             yield Problem(
                 UserMessage(
-                    "the {what} {number:#x} makes sense only in the other byte order, as {swapped}",
-                    what=what,
+                    "the {name} {number:#x} is valid only in the other byte order, as {swapped}",
+                    name=name,
                     number=number,
                     swapped=swapped,
                 ),

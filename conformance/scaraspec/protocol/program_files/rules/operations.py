@@ -1,4 +1,4 @@
-"""Rules about operations (6.6a)."""
+"""Rules for operations (6.6a)."""
 
 from collections.abc import Iterator
 
@@ -26,7 +26,7 @@ def _result_type(context: LintContext) -> Iterator[Problem]:
         if not ResultType.has(operation.result_type):
             yield Problem(
                 UserMessage(
-                    "result_type is {result_type}; result types are 1 to 4",
+                    "result_type is {result_type}; it must be 1 to 4",
                     result_type=operation.result_type,
                 ),
                 node=index,
@@ -39,8 +39,8 @@ def _if_result(context: LintContext) -> Iterator[Problem]:
         if isinstance(node.data, Operation) and node.data.result_type in _EFFECTS:
             yield Problem(
                 UserMessage(
-                    "the IF decides by an operation with result_type {result_type}; only 1, "
-                    "a comparison, is true or false",
+                    "the operation of the IF has result_type {result_type}; it must be 1 "
+                    "(a comparison)",
                     result_type=node.data.result_type,
                 ),
                 node=index,
@@ -51,9 +51,7 @@ def _comparison_lost(context: LintContext) -> Iterator[Problem]:
     """The operation of a calculation node has an effect (A-6.5-14)."""
     for index, node in context.nodes(NodeType.COMPUTE):
         if isinstance(node.data, Operation) and node.data.result_type == ResultType.COMPARISON:
-            yield Problem(
-                "the node compares, but only an IF does anything with the outcome", node=index
-            )
+            yield Problem("the result of the comparison is unused: only an IF uses it", node=index)
 
 
 def _comparison_result(context: LintContext) -> Iterator[Problem]:
@@ -62,8 +60,8 @@ def _comparison_result(context: LintContext) -> Iterator[Problem]:
         if operation.result_type == ResultType.COMPARISON and operation.result != 0:
             yield Problem(
                 UserMessage(
-                    "the result of the comparison is {result} and not 0: a robot that takes "
-                    "it for the expected outcome branches the other way",
+                    "the result of the comparison is {result}, not 0: a robot that interprets "
+                    "it as the expected outcome takes the other branch",
                     result=operation.result,
                 ),
                 node=index,
@@ -76,7 +74,7 @@ def _result_key(context: LintContext) -> Iterator[Problem]:
         if operation.result_type in _STORED and operation.result not in context.keys:
             yield Problem(
                 UserMessage(
-                    "the result goes to key {result}, but no variable has it",
+                    "the result is stored in key {result}, but no variable has this key",
                     result=operation.result,
                 ),
                 node=index,
@@ -90,7 +88,7 @@ def _value_type(context: LintContext) -> Iterator[Problem]:
             if not ValueType.has(value_type):
                 yield Problem(
                     UserMessage(
-                        "value{name}_type is {value_type}; value types are 0 to 3",
+                        "value{name}_type is {value_type}; it must be 0 to 3",
                         name=name,
                         value_type=value_type,
                     ),
@@ -104,17 +102,17 @@ def _value_missing(context: LintContext) -> Iterator[Problem]:
         if operation.value_a_type == ValueType.NONE:
             yield Problem("the operation has no value A", node=index)
         if operation.value_b_type == ValueType.NONE and operation.result_type in _COMPUTED:
-            yield Problem("the operation has no value B, but needs two values", node=index)
+            yield Problem("the operation has no value B, but it needs two values", node=index)
 
 
 def _value_key(context: LintContext) -> Iterator[Problem]:
-    """A value is that of a variable that exists (L972)."""
+    """A value refers to a variable that exists (L972)."""
     for index, operation in context.data(Operation):
         for name, value_type, value in _operands(operation):
             if value_type == ValueType.VARIABLE and value not in context.keys:
                 yield Problem(
                     UserMessage(
-                        "value {name} is that of key {value}, but no variable has it",
+                        "value {name} refers to key {value}, but no variable has this key",
                         name=name,
                         value=value,
                     ),
@@ -123,18 +121,18 @@ def _value_key(context: LintContext) -> Iterator[Problem]:
 
 
 def _opt(context: LintContext) -> Iterator[Problem]:
-    """An operator is 1 to 9, or 0 where nothing is computed (L975-986, A-6.6a-2)."""
+    """An operator is 1 to 9, or 0 if nothing is computed (L975-986, A-6.6a-2)."""
     for index, operation in context.data(Operation):
         if not ResultType.has(operation.result_type) or Opt.has(operation.opt):
             continue
         if operation.result_type in _COMPUTED or operation.opt != 0:
             yield Problem(
-                UserMessage("opt is {opt}; operators are 1 to 9", opt=operation.opt), node=index
+                UserMessage("opt is {opt}; it must be 1 to 9", opt=operation.opt), node=index
             )
 
 
 def _opt_result(context: LintContext) -> Iterator[Problem]:
-    """A comparison compares and a calculation calculates (A-6.6a-3)."""
+    """The operator matches the result type (A-6.6a-3)."""
     for index, operation in context.data(Operation):
         if not Opt.has(operation.opt):
             continue
@@ -142,28 +140,28 @@ def _opt_result(context: LintContext) -> Iterator[Problem]:
         if operation.result_type == ResultType.COMPARISON and arithmetic:
             yield Problem(
                 UserMessage(
-                    "opt {opt} calculates, but a comparison needs 5 to 9", opt=operation.opt
+                    "opt {opt} is arithmetic, but a comparison needs 5 to 9", opt=operation.opt
                 ),
                 index,
             )
         if operation.result_type == ResultType.CALCULATION and not arithmetic:
             yield Problem(
                 UserMessage(
-                    "opt {opt} compares, but a calculation needs 1 to 4", opt=operation.opt
+                    "opt {opt} is a comparison, but a calculation needs 1 to 4", opt=operation.opt
                 ),
                 index,
             )
 
 
 def _assign_value(context: LintContext) -> Iterator[Problem]:
-    """An assignment and a port setting take value A alone (A-6.6a-2)."""
+    """An assignment and a port setting have only value A (A-6.6a-2)."""
     for index, operation in context.data(Operation):
         plain = operation.result_type in (ResultType.ASSIGNMENT, ResultType.SET_PORT)
         if plain and operation.value_b_type != ValueType.NONE:
             yield Problem(
                 UserMessage(
-                    "the node takes a value B with opt {opt}: some robots compute, others "
-                    "take A alone; use a calculation and then the plain value",
+                    "the node has a value B with opt {opt}: some robots compute the result, others "
+                    "use only A; use a calculation, and then assign its result",
                     opt=operation.opt,
                 ),
                 node=index,

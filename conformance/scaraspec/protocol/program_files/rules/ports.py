@@ -1,4 +1,4 @@
-"""Rules about the ports that nodes use (6.3, 6.5, 6.6a)."""
+"""Rules for the ports that nodes use (6.3, 6.5, 6.6a)."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ _OUTPUTS = (PortType.PWM_OUTPUT, PortType.DIGITAL_OUTPUT)
 
 @dataclass(frozen=True, slots=True)
 class _PortUse:
-    """A node's use of a port, and the configurations that suit it."""
+    """The use of a port by a node, and the suitable port types."""
 
     node: int
     port: int
@@ -43,7 +43,7 @@ def _port_number(context: LintContext) -> Iterator[Problem]:
         if use.port != 0 and context.port_type(use.port) is None:
             yield Problem(
                 UserMessage(
-                    "the node uses port {port}; ports are 1 to {ports}", port=use.port, ports=PORTS
+                    "the node uses port {port}; ports are 1 to {last}", port=use.port, last=PORTS
                 ),
                 node=use.node,
                 requirements=(use.requirement,),
@@ -55,7 +55,7 @@ def _port_zero(context: LintContext) -> Iterator[Problem]:
     for use in _port_uses(context):
         if use.port == 0:
             yield Problem(
-                "the node uses port 0, which exists only if ports are counted from 0",
+                "the node uses port 0, which exists only if port numbers start at 0",
                 node=use.node,
                 requirements=(use.requirement,),
             )
@@ -69,7 +69,7 @@ def _port_config(context: LintContext) -> Iterator[Problem]:
             needed = " or ".join(f"{kind.value}" for kind in use.suitable)
             yield Problem(
                 UserMessage(
-                    "the node uses port {port}, which is configured as {configured} and not "
+                    "the node uses port {port}, which is configured as {configured}, not "
                     "as {needed}",
                     port=use.port,
                     configured=configured,

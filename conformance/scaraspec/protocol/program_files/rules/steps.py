@@ -1,4 +1,4 @@
-"""Rules about single nodes: points, waits, outputs, timers (6.5)."""
+"""Rules for single nodes: points, waits, outputs, timers (6.5)."""
 
 from collections.abc import Iterator
 
@@ -15,8 +15,8 @@ from scaraspec.protocol.program_files.tables import Condition, NodeType, Opt, Po
 from scaraspec.user_message import UserMessage
 
 _TURN_DEG = 360
-_EARLIEST_S = 10**9  # an instant in 2001; the robot is younger
-_LAST_LONG_S = 2**31 - 1  # the last instant that a long of 4 bytes holds
+_EARLIEST_S = 10**9  # an instant in 2001; the robot is newer
+_LAST_LONG_S = 2**31 - 1  # the last instant in a long of 4 bytes
 _FULL_DUTY = 100
 
 
@@ -25,31 +25,31 @@ def _node_type(context: LintContext) -> Iterator[Problem]:
     for index, node in enumerate(context.program.nodes):
         if not NodeType.has(node.type):
             yield Problem(
-                UserMessage("the node type is {type}; node types are 1 to 13", type=node.type),
+                UserMessage("the node type is {type}; it must be 1 to 13", type=node.type),
                 node=index,
             )
 
 
 def _point_pose(context: LintContext) -> Iterator[Problem]:
-    """A point is four joint values (L926); larger ones are rather x, y, z, thetaX (A-6.5-2)."""
+    """A point is four joint values (L926); large values are probably a pose (A-6.5-2)."""
     for index, point in context.data(Point):
         if any(abs(value) > _TURN_DEG for value in point.values):
             yield Problem(
-                "the point holds more than a turn, so it is rather x, y, z, thetaX than four "
-                "joint values: find out what the robot takes it for before running it",
+                "the point has a value beyond 360, so it is probably x, y, z, thetaX and not four "
+                "joint values: check how the robot interprets it before you run the program",
                 node=index,
             )
 
 
 def _wait_zero(context: LintContext) -> Iterator[Problem]:
-    """A wait takes time (L928)."""
+    """A wait has a duration above 0 (L928)."""
     for index, wait in context.data(WaitSeconds):
         if wait.duration_s == 0:
-            yield Problem("the node waits for 0 seconds, which does nothing", node=index)
+            yield Problem("the node waits for 0 seconds, which has no effect", node=index)
 
 
 def _wait_condition(context: LintContext) -> Iterator[Problem]:
-    """A condition is 1 to 5 (L932), whose order is not that of the operators (A-6.5-11)."""
+    """A condition is 1 to 5 (L932); the order differs from that of the operators (A-6.5-11)."""
     for index, wait in context.data(WaitInput):
         if Condition.has(wait.condition):
             continue
@@ -57,7 +57,7 @@ def _wait_condition(context: LintContext) -> Iterator[Problem]:
             yield Problem(
                 UserMessage(
                     "the condition is {condition}, which is an operator; conditions are 1 to "
-                    "5, where 4 is not greater and 5 is not less",
+                    "5, where 4 is <= and 5 is >=",
                     condition=wait.condition,
                 ),
                 node=index,
@@ -66,7 +66,7 @@ def _wait_condition(context: LintContext) -> Iterator[Problem]:
         else:
             yield Problem(
                 UserMessage(
-                    "the condition is {condition}; conditions are 1 to 5", condition=wait.condition
+                    "the condition is {condition}; it must be 1 to 5", condition=wait.condition
                 ),
                 node=index,
                 requirements=("6.5/8",),
@@ -80,7 +80,7 @@ def _digital_waits(context: LintContext) -> Iterator[tuple[int, WaitInput]]:
 
 
 def _wait_never(context: LintContext) -> Iterator[Problem]:
-    """A wait for a digital input can come to an end (A-6.5-10)."""
+    """A wait for a digital input can end (A-6.5-10)."""
     for index, wait in _digital_waits(context):
         if not Condition.has(wait.condition):
             continue
@@ -88,11 +88,11 @@ def _wait_never(context: LintContext) -> Iterator[Problem]:
         if not any(condition.holds(state, wait.value_hundredths) for state in (0, 1, 100)):
             yield Problem(
                 UserMessage(
-                    "digital input {port} is never {replace} {value_hundredths:g}: the "
-                    "program waits forever",
+                    "digital input {port} is never {condition} {value:g}: the program waits "
+                    "forever",
                     port=wait.port,
-                    replace=condition.name.lower().replace("_", " "),
-                    value_hundredths=wait.value_hundredths / 100,
+                    condition=condition.name.lower().replace("_", " "),
+                    value=wait.value_hundredths / 100,
                 ),
                 node=index,
             )
@@ -104,10 +104,10 @@ def _wait_value(context: LintContext) -> Iterator[Problem]:
         if wait.value_hundredths not in (0, 1, 100):
             yield Problem(
                 UserMessage(
-                    "digital input {port} is compared with {value_hundredths:g}; its states "
-                    "are 0 and 1, stored as 0 and 100",
+                    "digital input {port} is compared with {value:g}; its states are 0 and 1, "
+                    "stored as 0 and 100",
                     port=wait.port,
-                    value_hundredths=wait.value_hundredths / 100,
+                    value=wait.value_hundredths / 100,
                 ),
                 node=index,
             )
@@ -119,8 +119,8 @@ def _wait_unscaled(context: LintContext) -> Iterator[Problem]:
         if wait.value_hundredths == 1:
             yield Problem(
                 UserMessage(
-                    "digital input {port} is compared with a stored 1, which a robot that "
-                    "scales all inputs takes for 0.01",
+                    "digital input {port} is compared with a stored 1; a robot that scales all "
+                    "inputs interprets it as 0.01",
                     port=wait.port,
                 ),
                 node=index,
@@ -133,7 +133,7 @@ def _output_type(context: LintContext) -> Iterator[Problem]:
         if output.type not in (PortType.PWM_OUTPUT, PortType.DIGITAL_OUTPUT):
             yield Problem(
                 UserMessage(
-                    "the output type is {type}; it is 3 for PWM or 4 for TTL", type=output.type
+                    "the output type is {type}; it must be 3 (PWM) or 4 (TTL)", type=output.type
                 ),
                 node=index,
             )
@@ -145,26 +145,26 @@ def _output_value(context: LintContext) -> Iterator[Problem]:
         if output.type == PortType.DIGITAL_OUTPUT and output.value not in (0, 1):
             yield Problem(
                 UserMessage(
-                    "TTL output {port} is set to {output_value}; it is 0 or 1",
+                    "TTL output {port} is set to {value}; it must be 0 or 1",
                     port=output.port,
-                    output_value=output.value,
+                    value=output.value,
                 ),
                 node=index,
             )
 
 
 def _pwm_value(context: LintContext) -> Iterator[Problem]:
-    """A PWM output has a duty of 0 to 100 and a time base (A-6.5-12)."""
+    """A PWM output has a duty cycle of 0 to 100 and a time base above 0 (A-6.5-12)."""
     for index, output in context.data(SetOutput):
         if output.type != PortType.PWM_OUTPUT:
             continue
         if output.value > _FULL_DUTY or output.time_base == 0:
             yield Problem(
                 UserMessage(
-                    "PWM output {port} has duty {output_value} and time base {time_base}; "
-                    "the document names no units, so try it without a load",
+                    "PWM output {port} has duty cycle {duty} and time base {time_base}; the "
+                    "document defines no units, so test it without a load",
                     port=output.port,
-                    output_value=output.value,
+                    duty=output.value,
                     time_base=output.time_base,
                 ),
                 node=index,
@@ -177,7 +177,7 @@ def _timer_microseconds(context: LintContext) -> Iterator[Problem]:
         if not 0 <= timer.microseconds < SECOND_US:
             yield Problem(
                 UserMessage(
-                    "the timer has {microseconds} microseconds; they are 0 to 999999",
+                    "the timer has {microseconds} microseconds; the range is 0 to 999999",
                     microseconds=timer.microseconds,
                 ),
                 node=index,
@@ -185,13 +185,13 @@ def _timer_microseconds(context: LintContext) -> Iterator[Problem]:
 
 
 def _timer_past(context: LintContext) -> Iterator[Problem]:
-    """A timer names an instant, not a duration (L938)."""
+    """A timer is an instant, not a duration (L938)."""
     for index, timer in context.data(WaitTimer):
         if timer.seconds < _EARLIEST_S:
             yield Problem(
                 UserMessage(
-                    "the timer waits for second {seconds} since 1970, which is before 2001: "
-                    "it is an instant, not a duration",
+                    "the timer waits until second {seconds} since 1970, which is before 2001: "
+                    "the value must be an instant, not a duration",
                     seconds=timer.seconds,
                 ),
                 node=index,
@@ -199,13 +199,13 @@ def _timer_past(context: LintContext) -> Iterator[Problem]:
 
 
 def _timer_2038(context: LintContext) -> Iterator[Problem]:
-    """An instant fits a long of 4 bytes (A-6.1-3, A-6.5-13)."""
+    """An instant fits into a long of 4 bytes (A-6.1-3, A-6.5-13)."""
     for index, timer in context.data(WaitTimer):
         if timer.seconds > _LAST_LONG_S:
             yield Problem(
                 UserMessage(
-                    "the timer waits for second {seconds} since 1970, after 2038: a robot "
-                    "whose long has 4 bytes cannot hold it",
+                    "the timer waits until second {seconds} since 1970, after 2038: it does not "
+                    "fit into a long of 4 bytes",
                     seconds=timer.seconds,
                 ),
                 node=index,

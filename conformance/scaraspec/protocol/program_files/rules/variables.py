@@ -1,4 +1,4 @@
-"""Rules about user variables and about names (6.4, and the alias of 6.5)."""
+"""Rules for user variables and names (6.4, and the alias of 6.5)."""
 
 from collections.abc import Iterator
 
@@ -15,7 +15,7 @@ def _key_twice(context: LintContext) -> Iterator[Problem]:
         if variable.key in first:
             yield Problem(
                 UserMessage(
-                    "key {key} is already that of variable {first}",
+                    "variable {first} already has the key {key}",
                     key=variable.key,
                     first=first[variable.key] + 1,
                 ),
@@ -26,7 +26,7 @@ def _key_twice(context: LintContext) -> Iterator[Problem]:
 
 
 def _variable_unused(context: LintContext) -> Iterator[Problem]:
-    """Variables are there to be used by nodes (L868)."""
+    """Every variable is used by a node (L868)."""
     used = set()
     for _, operation in context.data(Operation):
         if operation.result_type in (ResultType.CALCULATION, ResultType.ASSIGNMENT):
@@ -41,28 +41,28 @@ def _variable_unused(context: LintContext) -> Iterator[Problem]:
 
 
 def _name_full(context: LintContext) -> Iterator[Problem]:
-    """A variable's name ends in a NUL within its 20 bytes (A-6.4-1)."""
+    """The name of a variable ends with a NUL within its 20 bytes (A-6.4-1)."""
     for index, variable in enumerate(context.program.variables):
         if len(variable.name) == VARIABLE_NAME_BYTES:
             yield Problem(
                 UserMessage(
-                    "the name fills all {variable_name_bytes} bytes: a reader that expects a "
-                    "NUL reads on into the value",
-                    variable_name_bytes=VARIABLE_NAME_BYTES,
+                    "the name fills all {size_bytes} bytes: a reader that expects a NUL continues "
+                    "into the value",
+                    size_bytes=VARIABLE_NAME_BYTES,
                 ),
                 variable=index,
             )
 
 
 def _alias_full(context: LintContext) -> Iterator[Problem]:
-    """An alias ends in a NUL within its 30 bytes (A-6.5-1)."""
+    """An alias ends with a NUL within its 30 bytes (A-6.5-1)."""
     for index, node in enumerate(context.program.nodes):
         if len(node.alias) == ALIAS_BYTES:
             yield Problem(
                 UserMessage(
-                    "the alias fills all {alias_bytes} bytes: a reader that expects a NUL "
-                    "reads on into the node type",
-                    alias_bytes=ALIAS_BYTES,
+                    "the alias fills all {size_bytes} bytes: a reader that expects a NUL continues "
+                    "into the node type",
+                    size_bytes=ALIAS_BYTES,
                 ),
                 node=index,
             )
