@@ -1,4 +1,4 @@
-"""Every frame row of the document that prints a length, against codec and command table."""
+"""Codec and command table compared with every frame row of the document that has a length."""
 
 import json
 import re
@@ -18,7 +18,7 @@ BOTH_WAYS = pytest.mark.parametrize("direction", Direction, ids=lambda direction
 
 
 class Row(NamedTuple):
-    """One line of the file, as its README explains it."""
+    """One line of the fixture file; see its README."""
 
     line: int
     clause: str
@@ -43,7 +43,7 @@ class Row(NamedTuple):
 
     @property
     def frame(self) -> Frame:
-        """The frame that the row's fields describe."""
+        """The frame described by the fields of the row."""
         return Frame(
             Direction[self.direction],
             int(self.opcode, 16),
@@ -53,7 +53,7 @@ class Row(NamedTuple):
 
     @property
     def miscounted(self) -> bytes:
-        """The frame with the length that is printed."""
+        """The frame with the printed length."""
         assert isinstance(self.declared_length, int)
         at = 3 if self.tagged else 2
         return self.raw[:at] + bytes((self.declared_length,)) + self.raw[at + 1 :]
@@ -61,19 +61,19 @@ class Row(NamedTuple):
 
 @pytest.fixture(scope="module")
 def rows(fixtures_dir: Path) -> list[Row]:
-    """All rows."""
+    """Return all rows."""
     lines = (fixtures_dir / "frames" / "documented.jsonl").read_text(encoding="utf-8").splitlines()
     return [Row(**json.loads(line)) for line in lines]
 
 
 @pytest.fixture(scope="module")
 def wrong(rows: list[Row]) -> list[Row]:
-    """The rows whose printed length is wrong."""
+    """Return the rows with a wrong printed length."""
     return [row for row in rows if row.wrong_because]
 
 
 def test_the_file_has_all_rows_in_order(rows: list[Row], wrong: list[Row]) -> None:
-    """100 rows print a length; 14 of these are wrong, and no other one differs."""
+    """100 rows print a length; exactly 14 lengths are wrong."""
     lines = [row.line for row in rows]
     assert lines == sorted(set(lines))
     assert (len(rows), len(wrong)) == (100, 14)
@@ -83,7 +83,7 @@ def test_the_file_has_all_rows_in_order(rows: list[Row], wrong: list[Row]) -> No
 
 
 def test_the_fields_are_what_is_printed(rows: list[Row]) -> None:
-    """Direction, tag, opcode and declared length stand in the cells of the printed row."""
+    """Direction, tag, opcode and declared length match the cells of the printed row."""
     edges = {"A2C": ("0xAA", "0xCC"), "C2A": ("0xCC", "0xAA")}
     for row in rows:
         start, *cells, end = row.printed.split("\t")
@@ -95,7 +95,7 @@ def test_the_fields_are_what_is_printed(rows: list[Row]) -> None:
 
 
 def test_the_payload_is_the_printed_text_with_its_bars(rows: list[Row]) -> None:
-    """Quotes go and bars return for blanks, but where the note says what was decided instead."""
+    """Quotes are removed and spaces become bars, unless the note states another decision."""
     decided = {232, 601, 756, 780}
     for row in rows:
         cells = row.printed.split("\t")[3 + row.tagged : -1]
@@ -109,21 +109,21 @@ def test_the_payload_is_the_printed_text_with_its_bars(rows: list[Row]) -> None:
 
 
 def test_every_row_is_encoded_as_typed(rows: list[Row]) -> None:
-    """The encoder makes of a row's fields the bytes that were joined by hand."""
+    """Encoding the fields of a row gives the bytes that were typed by hand."""
     assert {row.line: row.frame.encode().hex().upper() for row in rows} == {
         row.line: row.frame_hex for row in rows
     }
 
 
 def test_every_row_is_decoded(rows: list[Row]) -> None:
-    """The bytes of a row are the one frame that its fields describe."""
+    """The bytes of a row are decoded to exactly the described frame."""
     assert {row.line: Framer(row.frame.direction).feed(row.raw) for row in rows} == {
         row.line: [row.frame] for row in rows
     }
 
 
 def test_every_row_is_decoded_byte_by_byte(rows: list[Row]) -> None:
-    """Nothing is found before the end byte, and the frame with it."""
+    """The frame is found at its end byte, not before."""
     for row in rows:
         framer = Framer(row.frame.direction)
         found = [framer.feed(bytes((byte,))) for byte in row.raw]
@@ -135,7 +135,7 @@ def test_every_row_is_decoded_byte_by_byte(rows: list[Row]) -> None:
 def test_all_rows_are_decoded_from_one_stream(
     rows: list[Row], direction: Direction, data: st.DataObject
 ) -> None:
-    """However the stream of all rows is cut, the frames come out in order and nothing is left."""
+    """The stream of all rows, split anywhere, gives all frames in order."""
     mine = [row for row in rows if row.frame.direction is direction]
     stream = b"".join(row.raw for row in mine)
     cuts = sorted(data.draw(st.sets(st.integers(0, len(stream)), max_size=20)))
@@ -146,7 +146,7 @@ def test_all_rows_are_decoded_from_one_stream(
 
 
 def test_no_row_is_a_frame_of_the_other_side(rows: list[Row]) -> None:
-    """Read in the wrong direction the bytes of a row hold no frame."""
+    """Decoded in the wrong direction, the bytes of a row contain no frame."""
     for row in rows:
         framer = Framer(row.frame.direction.opposite)
         found = [*framer.feed(row.raw), *framer.finish()]
@@ -154,7 +154,7 @@ def test_no_row_is_a_frame_of_the_other_side(rows: list[Row]) -> None:
 
 
 def test_the_command_table_reads_every_row(rows: list[Row]) -> None:
-    """Each payload is one of its clause's command, and nothing about it is complained of."""
+    """Each payload is decoded as a command of its clause, without issues."""
     for row in rows:
         reading = parse_frame(row.frame)
         assert reading is not None, row
@@ -165,7 +165,7 @@ def test_the_command_table_reads_every_row(rows: list[Row]) -> None:
 
 
 def test_the_empty_cell_may_hold_eight_bytes(rows: list[Row]) -> None:
-    """L601 prints no data: 1 to 4 mean the same four directions as digits and as numbers."""
+    """L601 prints no data; 1 to 4 as digits and as numbers give the same four directions."""
     (row,) = (row for row in rows if row.legal_payloads_hex)
     readings = [
         parse_frame(row.frame._replace(data=bytes.fromhex(payload)))
@@ -178,7 +178,7 @@ def test_the_empty_cell_may_hold_eight_bytes(rows: list[Row]) -> None:
 
 
 def test_a_printed_wrong_length_makes_no_frame(wrong: list[Row]) -> None:
-    """By itself the miscounted row is no frame, and with another behind it only that one is."""
+    """A row with a wrong length is not a frame; a frame after it is found."""
     next_frames = {A2C: Frame(A2C, 0x09), C2A: Frame(C2A, 0x09, b"00")}
     for row in wrong:
         direction = row.frame.direction
@@ -191,7 +191,7 @@ def test_a_printed_wrong_length_makes_no_frame(wrong: list[Row]) -> None:
 
 
 def test_a_printed_wrong_length_is_recognised(rows: list[Row], wrong: list[Row]) -> None:
-    """The judge's list of wrong lengths is that of the rows, and no right frame is on it."""
+    """`WRONG_LENGTHS` matches the rows, and contains no correct frame."""
     assert [(row.line, row.clause, row.declared_length, row.frame) for row in wrong] == [
         (known.line, known.clause, known.declared, known.frame) for known in WRONG_LENGTHS
     ]

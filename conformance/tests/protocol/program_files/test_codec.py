@@ -1,4 +1,4 @@
-"""Bytes to program and back: nothing is lost, nothing but one error is raised."""
+"""Parse and build: round trips without loss, and `ProgramError` as the only error."""
 
 import dataclasses
 import struct
@@ -37,14 +37,14 @@ EMPTY = build(Program())
 
 
 @given(...)
-def test_a_program_survives_being_written_and_read(program: Program, layout: Layout) -> None:
-    """parse(build(program)) is the program, in every layout."""
+def test_program_round_trip(program: Program, layout: Layout) -> None:
+    """parse(build(program)) equals the program, in every layout."""
     assert parse(build(program, layout), layout) == program
 
 
 @given(...)
-def test_a_file_survives_being_read_and_written(program: Program, layout: Layout) -> None:
-    """build(parse(file)) is the file, in whichever layout it is taken to have."""
+def test_file_round_trip(program: Program, layout: Layout) -> None:
+    """build(parse(file)) equals the file, in every layout that fits."""
     data = build(program, layout)
     found = detect(data)
     assert layout in found
@@ -54,7 +54,7 @@ def test_a_file_survives_being_read_and_written(program: Program, layout: Layout
 
 @given(st.data(), st.binary(min_size=2, max_size=2))
 def test_a_changed_file_is_a_program_or_a_program_error(data: st.DataObject, change: bytes) -> None:
-    """Any bytes written anywhere into a program leave a file that survives, or one error."""
+    """A changed file still round-trips, or parsing raises `ProgramError`."""
     layout = data.draw(st.from_type(Layout))
     file = bytearray(build(SMALL, layout))
     position = data.draw(st.integers(0, len(file) - len(change)))
@@ -67,7 +67,7 @@ def test_a_changed_file_is_a_program_or_a_program_error(data: st.DataObject, cha
 @example(b"SCARA" + bytes(84) + b"ARACS")
 @example(b"SCARA" + b"\xff" * 200 + b"ARACS")
 def test_any_bytes_are_a_program_or_a_program_error(data: bytes) -> None:
-    """No other exception leaves the parser, whatever it is given."""
+    """The parser raises no other exception for any input."""
     _survives_or_is_no_program(data)
 
 
@@ -81,8 +81,8 @@ def _survives_or_is_no_program(data: bytes) -> None:
 
 
 @pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
-def test_bytes_that_mean_nothing_survive(layout: Layout) -> None:
-    """Padding, unused union bytes, what follows a name and a signalling NaN come back as read."""
+def test_bytes_without_a_meaning_are_preserved(layout: Layout) -> None:
+    """Padding, unused union bytes, the rest of a name and a signalling NaN are preserved."""
     file = bytearray(build(SMALL, layout))
     start = layout.nodes_offset(1)
     file[5 : layout.points_offset] = b"\xcd" * (layout.points_offset - 5)
@@ -101,7 +101,7 @@ def test_bytes_that_mean_nothing_survive(layout: Layout) -> None:
 
 
 def test_a_change_touches_only_its_own_bytes() -> None:
-    """A value replaced in a program that was read is replaced in its bytes, and nothing else."""
+    """Replacing a value of a parsed program changes only the bytes of this value."""
     file = bytearray(FILE)
     offset = DEFAULT_LAYOUT.nodes_offset(1) + 36
     file[offset + 20] = 0xCD
@@ -112,8 +112,8 @@ def test_a_change_touches_only_its_own_bytes() -> None:
     assert build(changed) == file
 
 
-def test_a_new_type_leaves_nothing_of_the_old_one() -> None:
-    """What the union held for another node type is not the new type's."""
+def test_new_node_type_clears_the_union() -> None:
+    """The union data of the old node type is not kept for the new type."""
     read = parse(FILE).nodes[0]
     node = dataclasses.replace(read, type=NodeType.WAIT_SECONDS, data=WaitSeconds(3))
     fresh = Node(b"here", NodeType.WAIT_SECONDS, data=WaitSeconds(3))
@@ -124,13 +124,13 @@ def test_a_new_type_leaves_nothing_of_the_old_one() -> None:
 def test_a_program_can_move_to_another_layout(
     program: Program, layout: Layout, other: Layout
 ) -> None:
-    """The values of a program read in one layout can be written in any other."""
+    """A program parsed in one layout can be built in any other."""
     read = parse(build(program, layout), layout)
     assert parse(build(read, other), other) == program
 
 
 def test_a_late_instant_needs_a_long_of_8_bytes() -> None:
-    """A timer after 2038 is written in an lp64 layout and refused in the others."""
+    """A timer after 2038 can be built only in a layout with a long of 8 bytes."""
     program = Program(nodes=(POINT, Node(b"", NodeType.WAIT_TIMER, data=WaitTimer(2**31))))
     assert parse(build(program, LAYOUTS["lp64"])) == program
     with pytest.raises(ValueError, match=r"node 2 waits .* does not fit into a long of 4 bytes"):
@@ -138,7 +138,7 @@ def test_a_late_instant_needs_a_long_of_8_bytes() -> None:
 
 
 @pytest.mark.parametrize(
-    ("data", "fault", "offset"),
+    ("data", "defect", "offset"),
     [
         (b"", ProgramDefect.START, 0),
         (b"SCARB" + FILE[5:], ProgramDefect.START, 0),
@@ -156,13 +156,11 @@ def test_a_late_instant_needs_a_long_of_8_bytes() -> None:
         (FILE + FILE, ProgramDefect.SECOND, len(FILE)),
     ],
 )
-def test_what_is_wrong_is_said_with_its_place(
-    data: bytes, fault: ProgramDefect, offset: int
-) -> None:
-    """Each way of not being a program has its fault and its offset."""
+def test_defects_and_offsets(data: bytes, defect: ProgramDefect, offset: int) -> None:
+    """Each kind of invalid file has its defect and its offset."""
     with pytest.raises(ProgramError, match=f"byte {offset}: ") as caught:
         parse(data)
-    assert (caught.value.defect, caught.value.offset_bytes) == (fault, offset)
+    assert (caught.value.defect, caught.value.offset_bytes) == (defect, offset)
 
 
 @pytest.mark.parametrize(
@@ -200,28 +198,28 @@ def test_what_is_wrong_is_said_with_its_place(
         ),
     ],
 )
-def test_the_reason_is_given_in_numbers(data: bytes, reason: str) -> None:
-    """The message says what stands there, or what the header counts and the file has room for."""
+def test_reasons_contain_the_values(data: bytes, reason: str) -> None:
+    """The message contains the observed bytes, or the counts of the header and of the file."""
     with pytest.raises(ProgramError) as caught:
         parse(data)
     assert caught.value.reason == reason
 
 
 @pytest.mark.parametrize("name", ["packed", "pack2", "lp64", "ilp32-big", "packed-big"])
-def test_a_missing_record_is_told_in_the_layout_of_the_file(name: str) -> None:
-    """A node or variable too few is explained in the layout that the other ones have."""
+def test_missing_record_is_explained_in_the_layout_of_the_file(name: str) -> None:
+    """A missing node or variable is explained in the layout of the other records."""
     layout = LAYOUTS[name]
     file = build(SMALL, layout)
-    for first, size, fault in (
+    for first, size, defect in (
         (layout.nodes_offset(1), layout.node_bytes, ProgramDefect.NODES),
         (layout.variables_offset, 28, ProgramDefect.VARIABLES),
     ):
         with pytest.raises(ProgramError, match=f"in layout {name}, .* room for") as caught:
             parse(file[:first] + file[first + size :])
-        assert caught.value.defect is fault
+        assert caught.value.defect is defect
 
 
 def test_another_layout_can_be_refused() -> None:
-    """A file is read in the layout asked for or not at all."""
+    """A file is parsed only in the requested layout."""
     with pytest.raises(ProgramError, match="in layout packed, but the file has"):
         parse(FILE, LAYOUTS["packed"])

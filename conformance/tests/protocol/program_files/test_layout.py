@@ -1,4 +1,4 @@
-"""Where fields lie, and how the layout of a file is found."""
+"""Offsets of fields, and detection of the layout of a file."""
 
 import struct
 
@@ -44,7 +44,7 @@ def test_sizes_are_those_of_a_compiler(
 
 
 def test_every_header_goes_with_every_node_in_both_orders() -> None:
-    """Mixed cases are tried too: 3 headers, 5 nodes and 2 longs where the size does not tell."""
+    """All combinations exist: 3 headers, 5 nodes, and 2 longs for equal node sizes."""
     assert len(LAYOUTS) == 3 * 7 * 2
     assert len({layout[2:] for layout in map(_values, LAYOUTS.values())}) == len(LAYOUTS)
 
@@ -54,7 +54,7 @@ def _values(layout: Layout) -> tuple[object, ...]:
 
 
 def test_layouts_carry_the_names_of_the_readings() -> None:
-    """A layout reports its `prog_layout` and `endian` by the names that the dialect has."""
+    """A layout has the option names of the readings `prog_layout` and `endian`."""
     assert {layout.reading for layout in LAYOUTS.values()} == {
         option.name for option in READINGS["prog_layout"].options
     }
@@ -72,13 +72,13 @@ PLAIN = Program(
 
 @pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
 def test_a_plain_file_is_found_out(layout: Layout) -> None:
-    """For a program with usual values the best guess is right in every layout."""
+    """For a program with plausible values, the first detected layout is correct."""
     assert detect(build(PLAIN, layout))[0] == layout
 
 
 @pytest.mark.parametrize("layout", [LAYOUTS["ilp32-header13"], LAYOUTS["packed-header16"]])
-def test_equal_totals_are_told_apart_by_the_counts(layout: Layout) -> None:
-    """(16,61) and (13,64) have the same size for one node; the offset of points decides."""
+def test_counts_distinguish_layouts_of_equal_size(layout: Layout) -> None:
+    """(16,61) and (13,64) have the same size for one node; the offset of `points` decides."""
     data = build(PLAIN, layout)
     assert len(data) == 13 + 76 + 28 + 64 + 5 == 16 + 76 + 28 + 61 + 5
     assert detect(data)[0] == layout
@@ -97,7 +97,7 @@ def test_a_natural_file_of_three_nodes_is_not_taken_for_a_packed_one() -> None:
 
 
 def test_without_records_the_configuration_tells_the_byte_order() -> None:
-    """Counts of zero are the same in both orders; then plausible coordinates decide."""
+    """Counts of zero are equal in both byte orders; plausible coordinates decide."""
     program = Program(tool_position=(300.0, 0.5, 250.0, 0.0, 0.0, 0.0))
     for order, layout in (("<", LAYOUTS["ilp32"]), (">", LAYOUTS["ilp32-big"])):
         data = build(program, layout)
@@ -105,13 +105,13 @@ def test_without_records_the_configuration_tells_the_byte_order() -> None:
         assert detect(data)[0] == layout
 
 
-def test_nothing_told_means_the_default() -> None:
-    """An empty program of zeros fits every layout with its header; the default one is taken."""
+def test_default_layout_without_other_evidence() -> None:
+    """An empty program of zeros fits all layouts with its header; the default is chosen."""
     assert detect(build(Program()))[0] == DEFAULT_LAYOUT
 
 
 def test_the_size_of_a_long_shows_in_a_packed_timer() -> None:
-    """Packed nodes have one size for both longs; a plausible instant decides."""
+    """Packed nodes have the same size for both longs; a plausible instant decides."""
     for name in ("packed", "packed-long8", "pack2-big", "pack2-long8-big"):
         data = build(PLAIN, LAYOUTS[name])
         assert detect(data)[0].name == name

@@ -1,4 +1,4 @@
-"""The linter runs every rule, places what they find, and takes whatever it is given."""
+"""The linter runs all rules, reports the place of each finding, and accepts any input."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -26,7 +26,7 @@ GOOD = Program(nodes=(WAIT,))
 
 @given(...)
 def test_lint_takes_any_program(program: Program, layout: Layout) -> None:
-    """Whatever a program holds, findings come out: the same from bytes but for places."""
+    """Any program can be checked; its bytes give the same findings, with offsets."""
     data = build(program, layout)
     from_bytes = [
         (finding.code, finding.node, finding.variable, finding.message)
@@ -43,12 +43,12 @@ def test_lint_takes_any_program(program: Program, layout: Layout) -> None:
 
 @given(st.binary() | st.binary(max_size=60).map(lambda tail: build(GOOD) + tail))
 def test_lint_takes_any_bytes(data: bytes) -> None:
-    """Whatever bytes are, findings come out; other than a program always gives one."""
+    """Any bytes can be checked; bytes that are not a program give at least one finding."""
     assert lint(data) or data == build(GOOD)
 
 
-def test_a_finding_says_where() -> None:
-    """Numbers count from 1 as in the listing; the offset is that of the record."""
+def test_place_of_a_finding() -> None:
+    """Numbers start at 1 as in the listing; the offset is that of the record."""
     variables = tuple(Variable(key, b"") for key in (1, 2, 2))
     program = Program(variables=variables, nodes=(WAIT, UNKNOWN))
     data = build(program, LAYOUTS["lp64"])
@@ -63,14 +63,14 @@ def test_a_finding_says_where() -> None:
 
 
 def test_what_surrounds_a_program_does_not_hide_its_own_faults() -> None:
-    """Bytes behind the footer are reported, and the program before them as well."""
+    """Bytes after the footer are reported, and the program before them is checked."""
     found = lint(build(Program(nodes=(UNKNOWN,))) + b"\r\n")
     assert [finding.code for finding in found] == ["P-surplus", "P-node-type"]
     assert found[0].severity is Severity.WARNING
 
 
 def test_a_hostile_program_gives_a_bounded_list() -> None:
-    """Errors come first when the list is cut, and the cut is said."""
+    """If the list is cut, errors are kept and a last finding reports the cut."""
     zeros = [Node(b"", NodeType.WAIT_SECONDS, data=WaitSeconds(0))] * MAX_FINDINGS
     nodes = (*zeros, *[UNKNOWN] * 10)
     found = lint(Program(nodes=nodes))
@@ -80,7 +80,7 @@ def test_a_hostile_program_gives_a_bounded_list() -> None:
 
 
 def test_a_huge_hostile_program_takes_its_time_in_proportion() -> None:
-    """Overlapping counts, deep markers and many variables cost no more than a pass each."""
+    """The time is linear for overlapping counts, deep markers and many variables."""
     chain = tuple(Node(b"", NodeType.CURVE_MOVE, 50, 255) for _ in range(10_000))
     variables = tuple(Variable(key % 7, b"x") for key in range(10_000))
     assert len(lint(Program(nodes=chain, variables=variables))) == MAX_FINDINGS + 1

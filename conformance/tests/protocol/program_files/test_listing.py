@@ -1,4 +1,4 @@
-"""A listing shows everything, safely, and the same every time."""
+"""Listings: complete, safe to print, and deterministic."""
 
 import dataclasses
 
@@ -27,7 +27,7 @@ from scaraspec.protocol.readings import READINGS
 
 @given(...)
 def test_any_program_can_be_listed(program: Program, layout: Layout) -> None:
-    """Every program has a listing of printable lines, one per node, whatever its layout."""
+    """Every program has a listing of printable lines, one per node, in any layout."""
     text = listing(program)
     assert all(line.isprintable() for line in text.split("\n"))
     assert text.count("\n") >= len(program.nodes) + len(program.variables)
@@ -35,7 +35,7 @@ def test_any_program_can_be_listed(program: Program, layout: Layout) -> None:
 
 
 def test_points_are_shown_in_the_reading_asked_for() -> None:
-    """The same four values are joints or a pose, with their units."""
+    """The four values are shown as joints or as a pose, with units."""
     program = Program(nodes=(Node(b"", NodeType.POINT, data=Point((200.0, 300.0, 324.0, 34.6))),))
     assert "to J1 200°, J2 300°, Z 324 mm, J4 34.6°\n" in listing(program)
     assert "to x 200 mm, y 300 mm, z 324 mm, thetaX 34.6°\n" in listing(program, PointMeaning.POSE)
@@ -58,7 +58,7 @@ def test_points_are_shown_in_the_reading_asked_for() -> None:
     ],
 )
 def test_a_wrong_value_is_shown_and_not_hidden(data: NodeData, shown: str) -> None:
-    """What the tables do not know is shown as its number."""
+    """Numbers that are not in a table are shown as numbers."""
     kinds = {
         WaitInput: NodeType.WAIT_INPUT,
         SetOutput: NodeType.SET_OUTPUT,
@@ -70,7 +70,7 @@ def test_a_wrong_value_is_shown_and_not_hidden(data: NodeData, shown: str) -> No
 
 
 def test_a_name_stands_for_a_key_only_if_it_is_clear() -> None:
-    """Two variables of one name, or a name like an expression, are shown by key."""
+    """Variables with equal names, or with a name like an expression, are shown by key."""
     add = Node(b"", NodeType.COMPUTE, data=Operation(2, 1, 2, 2, 2, 3, 1))
     names = [b"a", b"b", b"c"], [b"a", b"b", b"b"], [b"a", b"1 + 1", b""]
     shown = [
@@ -92,7 +92,7 @@ def test_hostile_names_reach_no_terminal() -> None:
 
 
 def test_deep_nesting_does_not_fill_the_memory() -> None:
-    """Indentation ends at twenty levels."""
+    """Indentation is limited to twenty levels."""
     nodes = tuple(Node(b"", NodeType.LOOP) for _ in range(30_000))
     assert len(listing(Program(nodes=nodes))) < 100 * len(nodes)
 
@@ -105,7 +105,7 @@ def test_the_number_of_a_node_is_right_aligned() -> None:
 
 
 def test_the_image_of_a_record_is_not_listed() -> None:
-    """Bytes that mean nothing do not show."""
+    """Bytes without a meaning do not change the listing."""
     program = parse(build(Program(nodes=(Node(b"", NodeType.LOOP),))))
     bare = tuple(dataclasses.replace(node, image=b"") for node in program.nodes)
     assert listing(program) == listing(dataclasses.replace(program, nodes=bare, image=b""))

@@ -1,4 +1,4 @@
-"""A program can hold what a file can hold, right or wrong, and nothing else."""
+"""A program accepts every value that a file can contain, valid or not, and nothing else."""
 
 import re
 from collections.abc import Callable
@@ -31,7 +31,7 @@ from scaraspec.protocol.program_files import (
     ],
 )
 def test_a_value_outside_its_documented_range_can_be_held(make: Callable[[], object]) -> None:
-    """What fits the field is representable: files in the field are wrong."""
+    """Every value that fits into its field is accepted, because real files contain errors."""
     make()
 
 
@@ -59,8 +59,8 @@ def test_a_value_outside_its_documented_range_can_be_held(make: Callable[[], obj
         (lambda: Program(tool_position=(0.0,) * 5), "toolPos has 5 values"),
     ],
 )
-def test_what_fits_no_field_cannot_be_made(make: Callable[[], object], why: str) -> None:
-    """A program that exists can be written; the error says what is too large for what."""
+def test_values_out_of_range_are_rejected(make: Callable[[], object], why: str) -> None:
+    """A value that does not fit raises an error with the value and the range."""
     with pytest.raises(ValueError, match=re.escape(why)):
         make()
 
@@ -88,6 +88,6 @@ def test_the_two_tables_of_comparisons_differ() -> None:
 def test_a_condition_compares_the_input_with_the_value(
     number: int, *, below: bool, equal: bool, above: bool
 ) -> None:
-    """Each of the five conditions holds exactly where L932 says."""
+    """Each of the five conditions matches L932."""
     holds = Condition(number).holds
     assert (holds(99, 100), holds(100, 100), holds(101, 100)) == (below, equal, above)

@@ -1,4 +1,4 @@
-"""The sample files: their bytes are what a C compiler makes, their text is as published."""
+"""The sample files: their bytes match a C compiler, and their text is as published."""
 
 import json
 import shutil
@@ -42,7 +42,7 @@ def read(row: dict[str, Any]) -> bytes:
 
 
 def test_every_file_is_described() -> None:
-    """files.json names each program file, and each has its text beside it."""
+    """files.json lists all program files, and each has its text file."""
     present = {str(path.relative_to(SAMPLES)) for path in SAMPLES.rglob("*.rob")}
     assert present == {row["file"] for row in FILES}
     assert {path.stem for path in SAMPLES.glob("*.lst")} == {row["sample"] for row in WHOLE}
@@ -51,7 +51,7 @@ def test_every_file_is_described() -> None:
 
 @pytest.fixture(scope="session")
 def compiled(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
-    """The witness compiled with the flags asked for, once for each set of flags."""
+    """Return a function that compiles the witness, once per set of flags."""
     compiler = shutil.which("gcc")  # no other compiler has the storage order
     if compiler is None:
         pytest.skip("no gcc here; ctypes judges the same files in test_witness.py")
@@ -71,14 +71,14 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
 def test_a_c_compiler_places_every_byte_alike(
     row: dict[str, Any], compiled: Callable[..., Path]
 ) -> None:
-    """The file is what the document's structures hold when C writes them."""
+    """The file equals the structures of the document as written by C."""
     command = [compiled(*row["flags"]), row["sample"]]
     assert subprocess.run(command, check=True, capture_output=True).stdout == read(row)
 
 
 @each_whole
 def test_a_file_comes_back_byte_for_byte(row: dict[str, Any]) -> None:
-    """The layout is found, and what was read is written again as it was."""
+    """The layout is detected, and a parsed file is built again unchanged."""
     data = read(row)
     assert detect(data)[0].name == row["layout"]
     assert build(parse(data), LAYOUTS[row["layout"]]) == data
@@ -86,20 +86,20 @@ def test_a_file_comes_back_byte_for_byte(row: dict[str, Any]) -> None:
 
 @each_whole
 def test_a_file_has_its_listing(row: dict[str, Any]) -> None:
-    """A sample has one listing in whatever layout it is."""
+    """A sample has the same listing in every layout."""
     text = (SAMPLES / f"{row['sample']}.lst").read_text(encoding="utf-8")
     assert listing(parse(read(row))) == text
 
 
 @each_whole
 def test_the_whole_files_have_no_errors(row: dict[str, Any]) -> None:
-    """Only damaged files are wrong."""
+    """Only damaged files have errors."""
     assert not [str(finding) for finding in lint(read(row)) if finding.severity is Severity.ERROR]
 
 
 @each_damaged
 def test_a_damaged_file_has_its_findings(row: dict[str, Any]) -> None:
-    """What is wrong with a damaged file is published beside it, and something is."""
+    """The findings of a damaged file equal its published text; at least one is not INFO."""
     found = "".join(f"{finding}\n" for finding in lint(read(row)))
     assert found == (SAMPLES / row["file"]).with_suffix(".lint").read_text(encoding="utf-8")
     assert any(finding.severity is not Severity.INFO for finding in lint(read(row)))
@@ -123,20 +123,20 @@ def test_the_samples_use_everything_there_is() -> None:
 
 
 def test_the_demonstration_is_clean_and_ends() -> None:
-    """pick-and-place is in the default layout, has no loop, and not the least finding."""
+    """pick-and-place has the default layout, no loop, and no finding."""
     data = (SAMPLES / "pick-and-place.rob").read_bytes()
     assert lint(data) == ()
     assert NodeType.LOOP not in {node.type for node in parse(data).nodes}
 
 
 def test_the_endless_one_says_so() -> None:
-    """endless is right but for having no end."""
+    """The only finding of endless is that it does not end."""
     found = lint((SAMPLES / "endless.rob").read_bytes())
     assert [finding.code for finding in found] == ["P-endless-loop"]
 
 
 def test_no_beginning_of_a_file_is_a_program() -> None:
-    """A file cut anywhere is refused: no partial upload can run."""
+    """A file cut at any position is rejected, so no partial upload can run."""
     data = (SAMPLES / "pick-and-place.rob").read_bytes()
     for length in range(len(data)):
         with pytest.raises(ProgramError):

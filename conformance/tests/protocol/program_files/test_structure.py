@@ -1,4 +1,4 @@
-"""What belongs to what: markers, moves, and the counts of loops."""
+"""Structure of programs: markers, moves, and the counts of loops."""
 
 import pytest
 from hypothesis import given
@@ -34,12 +34,12 @@ LOOP = loop()
 
 
 def test_a_loop_and_its_end_name_each_other() -> None:
-    """Nested loops pair from the inside."""
+    """Nested loops are paired from the inside."""
     assert Structure.of([LOOP, LOOP, POINT, END_LOOP, END_LOOP]).partners == (4, 3, None, 1, 0)
 
 
 def test_an_if_leads_to_its_else_and_on_to_its_end() -> None:
-    """IF names ELSE or ENDIF, ELSE names ENDIF, and ENDIF the one before it."""
+    """The partner of IF is ELSE or ENDIF, of ELSE is ENDIF, of ENDIF is ELSE or IF."""
     assert Structure.of([IF, POINT, ELSE, POINT, ENDIF]).partners == (2, None, 4, None, 2)
     assert Structure.of([IF, POINT, ENDIF]).partners == (2, None, 0)
 
@@ -64,12 +64,12 @@ def test_an_if_leads_to_its_else_and_on_to_its_end() -> None:
 def test_a_marker_without_partner_is_reported(
     nodes: list[Node], unbalanced: list[tuple[int, Unbalanced]]
 ) -> None:
-    """Each kind of imbalance, and crossing, is reported at the marker to blame."""
+    """Each kind of unbalanced or crossing marker is reported at its index."""
     assert list(Structure.of(nodes).unbalanced) == unbalanced
 
 
 def test_the_next_nodes_belong_to_a_move() -> None:
-    """As many as it counts, the innermost move first, and no further than the program."""
+    """A move owns as many nodes as it counts, up to the end; the innermost move wins."""
     nodes = [POINT, move(2), POINT, POINT, POINT, move(3), move(1), POINT, POINT, move(9), POINT]
     assert Structure.of(nodes).owners == (
         None,
@@ -87,7 +87,7 @@ def test_the_next_nodes_belong_to_a_move() -> None:
 
 
 def test_depth_grows_in_loops_branches_and_moves() -> None:
-    """Markers stand at the depth of what is around them, ELSE at that of its IF."""
+    """Markers have the depth of the surrounding nodes, and ELSE has that of its IF."""
     nodes = [LOOP, IF, POINT, ELSE, move(1), POINT, ENDIF, END_LOOP]
     assert Structure.of(nodes).depths == (0, 1, 2, 1, 2, 3, 1, 0)
 
@@ -114,7 +114,7 @@ def test_the_counts_of_loops_tell_their_reading(outer: int, inner: int, mode: Co
 
 
 def test_readings_that_agree_are_all_named_and_others_not_at_all() -> None:
-    """Without nesting, records and children are the same; a wrong count has no reading."""
+    """Without nesting, records and children are equal; a wrong count has no reading."""
     assert readings([loop(1), POINT, END_LOOP]) == {0: {CountsMode.RECORDS, CountsMode.CHILDREN}}
     assert readings([loop(3), POINT, END_LOOP]) == {0: set()}
     assert readings([loop(1), POINT]) == {}
@@ -139,7 +139,7 @@ _block = st.recursive(
 
 @given(_block)
 def test_a_properly_nested_program_is_balanced(nodes: list[Node]) -> None:
-    """However markers are nested, each finds its partner, and the depth returns to zero."""
+    """With any nesting, each marker has its partner, and the final depth is zero."""
     structure = Structure.of(nodes)
     assert structure.unbalanced == ()
     for index, node in enumerate(nodes):
@@ -153,7 +153,7 @@ def test_a_properly_nested_program_is_balanced(nodes: list[Node]) -> None:
 
 @given(st.lists(st.sampled_from([LOOP, END_LOOP, IF, ELSE, ENDIF, POINT, move(2)]), max_size=30))
 def test_any_nodes_have_a_structure(nodes: list[Node]) -> None:
-    """A marker has a partner or is reported, never neither; nothing is raised."""
+    """Every marker has a partner or is reported; nothing is raised."""
     structure = Structure.of(nodes)
     reported = {index for index, _ in structure.unbalanced}
     for index, node in enumerate(nodes):
@@ -162,6 +162,6 @@ def test_any_nodes_have_a_structure(nodes: list[Node]) -> None:
 
 
 def test_the_deepest_nesting_takes_its_time_in_proportion() -> None:
-    """Neither recursion nor a search: thousands of markers, and every one the wrong way."""
+    """Thousands of wrong markers need no recursion and no search."""
     for nodes in ([LOOP] * 20_000, [IF] * 10_000 + [END_LOOP] * 10_000, [move(255)] * 20_000):
         assert len(Structure.of(nodes).depths) == 20_000

@@ -1,4 +1,4 @@
-"""The sample files as ctypes reads them: it places the document's structures by itself."""
+"""The sample files compared with ctypes, which lays out the structures independently."""
 
 import ctypes
 import json
@@ -31,13 +31,13 @@ NATURAL = 8
 
 
 def record(kind: type, pack: int, **fields: Any) -> Any:
-    """A structure or union under `#pragma pack(pack)`."""
+    """Return a structure or union with `#pragma pack(pack)`."""
     body = {"_layout_": "ms", "_pack_": pack, "_fields_": list(fields.items())}
     return type(kind)(kind.__name__, (kind,), body)
 
 
 def structures(layout: Layout, nodes: int, variables: int) -> Any:
-    """The whole file as the structures of the document (L813-998)."""
+    """Return the whole file as the structures of the document (L813-998)."""
     big = layout.byte_order is ByteOrder.BIG
 
     def order(kind: Any) -> Any:
@@ -108,7 +108,7 @@ def structures(layout: Layout, nodes: int, variables: int) -> Any:
 
 @pytest.mark.parametrize("row", WHOLE, ids=lambda row: row["file"])
 def test_ctypes_reads_the_same_values(row: dict[str, Any]) -> None:
-    """Every value of every file is where ctypes puts the field of the document's structure."""
+    """Every value of every file is at the position that ctypes gives its field."""
     data = (SAMPLES / row["file"]).read_bytes()
     program = parse(data)
     kind = structures(LAYOUTS[row["layout"]], len(program.nodes), len(program.variables))
@@ -131,7 +131,7 @@ def test_ctypes_reads_the_same_values(row: dict[str, Any]) -> None:
 
 
 def held(union: Any, kind: type) -> object:
-    """What the union of a node holds for data of this kind."""
+    """Return the union data of a node for this kind of data."""
     readers = {
         Point: lambda: Point(tuple(union.point)),
         WaitInput: lambda: WaitInput(*union.waitCond),
