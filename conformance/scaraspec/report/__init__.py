@@ -1,5 +1,5 @@
-"""report: what was judged, written for a person or for another program.
+"""Reports: the results of a run or an audit in formats for users and for programs.
 
-`model` is the one truth, results.json; every other form is made from it and adds no judgement.
-Nothing here opens a link, and what a subject sent is hostile text until a writer has made it safe.
+`model` defines results.json; all other formats are derived from it and add no verdicts. This
+package opens no links. Text from the system under test is untrusted until a writer sanitizes it.
 """

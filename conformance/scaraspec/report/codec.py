@@ -1,8 +1,8 @@
-"""Typed dataclasses to plain JSON values and back, driven by their annotations.
+"""Conversion of typed dataclasses to plain JSON values and back, based on their annotations.
 
-Nothing here knows what a result is. Writing never fails on a well-typed object; reading trusts
-nothing: what does not fit is told with its place, and keys that nobody knows are passed over, so
-that a later writer may add some.
+This module does not depend on the results model. Writing never fails for a well-typed object.
+Reading validates everything: an invalid value raises an error with its position. Unknown keys are
+ignored, so that later versions may add keys.
 """
 
 import math
@@ -22,11 +22,11 @@ _INTEGER_LIMIT: Final = 1 << 63
 
 
 class MisfitError(ValueError):
-    """A plain value is not of the type wanted; the message says where, and what it is."""
+    """A plain value has the wrong type; the message contains its position and the value."""
 
 
 def to_plain(value: Any) -> Any:
-    """The value as objects, arrays, strings and numbers; enums become their values."""
+    """Convert a value to dicts, lists, strings and numbers; enums become their values."""
     if is_dataclass(value) and not isinstance(value, type):
         members = {f.name: getattr(value, f.name) for f in fields(value)}
         plain = {name: to_plain(member) for name, member in members.items()}
@@ -44,10 +44,10 @@ def to_plain(value: Any) -> Any:
 
 
 def from_plain(wanted: type[T], plain: Any) -> T:
-    """Make a `wanted` of plain values.
+    """Create an object of type `wanted` from plain values.
 
     Raises:
-        MisfitError: They do not fit.
+        MisfitError: A value has the wrong type or is missing.
     """
     made: T = _make(wanted, plain, "")
     return made
@@ -103,7 +103,7 @@ def _make_dataclass(wanted: Any, plain: Any, at: str) -> Any:
 
 @cache
 def _members(wanted: Any) -> dict[str, tuple[Any, bool]]:
-    """Of each member its type, and whether it has no default."""
+    """Return for each member its type, and whether it is required."""
     hints = get_type_hints(wanted)
     return {
         f.name: (hints[f.name], f.default is MISSING and f.default_factory is MISSING)
@@ -145,7 +145,7 @@ _NAMES: Final = {dict: "an object", list: "an array", str: "a text", int: "an in
 
 
 def _a(wanted: type[T], plain: Any, at: str) -> T:
-    if type(plain) is not wanted:  # a bool is no int here
+    if type(plain) is not wanted:  # a bool is not accepted as an int
         raise MisfitError(
             UserMessage(
                 "{value} is {plain}, not {names}",

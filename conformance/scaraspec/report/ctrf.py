@@ -1,7 +1,7 @@
 """ctrf.json: the cases in the Common Test Report Format (https://ctrf.io).
 
-The format knows passed, failed, skipped and other; our own verdict goes with each as its raw
-status. What is inconclusive or broke down is *other*: neither a pass nor the subject's failure.
+The format has the statuses passed, failed, skipped and other; the raw status is our own verdict.
+Inconclusive cases and errors of the suite are *other*: neither a pass nor a failure of the SUT.
 """
 
 import json
@@ -14,7 +14,7 @@ from scaraspec.report.model import Case, Results
 from scaraspec.report.ordering import cases_for_machines
 
 SPEC_VERSION: Final = "0.0.0"
-"""The version that the specification gives itself; it is a draft."""
+"""The version of the specification, which is a draft."""
 
 _STATUSES: Final = {
     Verdict.NONE: "skipped",
@@ -27,16 +27,16 @@ _STATUSES: Final = {
 
 
 def write(results: Results, path: Path) -> None:
-    """Write ctrf.json, whole or not at all.
+    """Write ctrf.json atomically.
 
     Raises:
-        OSError: It cannot be written.
+        OSError: The file cannot be written.
     """
     write_whole(path, render(results))
 
 
 def render(results: Results) -> str:
-    """The text of ctrf.json."""
+    """Return the text of ctrf.json."""
     cases = cases_for_machines(results)
     statuses = [_STATUSES[case.verdict] for case in cases]
     took_ms = sum(_ms(case) for case in cases)

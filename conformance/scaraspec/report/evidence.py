@@ -1,8 +1,8 @@
-"""Exhibits: the frames that findings rest on, kept as hex with their fields marked.
+"""Evidence: the frames that support findings, stored as hex with their fields.
 
-A finding names places, not bytes; the bytes are at hand only while the recording passes. They are
-looked for among the frames of the happening just judged and the last few hundred others, and kept
-for a bounded number of findings. Passwords are hidden here, before anything can show them.
+A finding contains positions, not bytes, and the bytes are available only while the recording is
+read. This module searches the frames of the current event and the last few hundred frames, and
+stores them for a bounded number of findings. Passwords are masked here, before any output.
 """
 
 from collections import Counter, deque
@@ -35,18 +35,20 @@ _HIDDEN_VALUE: Final = "(hidden)"
 
 
 class Exhibits:
-    """Takes what a judge yields, and makes evidence of the places that findings name."""
+    """Collects the output of a judge, and returns the evidence for the positions in findings."""
 
     def __init__(self) -> None:
         self._recent: deque[FrameSeen | InvalidBytes] = deque(maxlen=_RECENT_FRAMES)
         self._last: tuple[FrameSeen, ...] = ()
         self._kept: dict[WireRange, Evidence] = {}
         self._findings: Counter[str] = Counter()
-        self._exchange: Exchange | None = None  # judged just now, and nothing wrong with it so far
+        self._exchange: Exchange | None = (
+            None  # the exchange being judged, without a failure so far
+        )
         self._sound: dict[str, tuple[FrameSeen, ...]] = {}
 
     def add(self, item: TrafficEvent | Finding) -> None:
-        """Take the next thing; a finding follows the happening that it judges."""
+        """Add the next item; a finding follows the event that it judges."""
         if isinstance(item, Finding):
             if item.verdict is Verdict.FAIL:
                 self._exchange = None
@@ -65,11 +67,11 @@ class Exhibits:
                 self._keep(item)
 
     def evidence(self, place: WireRange) -> Evidence:
-        """What is at a place, with its bytes where they were kept."""
+        """Return the evidence at a position, with its bytes if they were stored."""
         return self._kept.get(place) or _evidence(place)
 
     def passing(self, wire: Sequence[Evidence]) -> tuple[Evidence, ...]:
-        """The last right exchange of the command that evidence ends with; empty without one."""
+        """Return the last passing exchange of the command at the end of `wire`; empty if none."""
         name = next((evidence.note.partition(",")[0] for evidence in reversed(wire)), "")
         return tuple(exhibit(seen) for seen in self._sound.get(name, ()))
 
@@ -84,7 +86,7 @@ class Exhibits:
 
 
 def exhibit(seen: FrameSeen | InvalidBytes) -> Evidence:
-    """A frame, or bytes that are none, as evidence; passwords are hidden."""
+    """Return a frame or invalid bytes as evidence, with passwords masked."""
     if isinstance(seen, InvalidBytes):
         return _evidence(seen.place, f"no frame: {seen.why.value}", mask_unframed(seen.data))
     frame = seen.frame
@@ -113,7 +115,7 @@ def _evidence(
 
 
 def _fields(seen: FrameSeen, frame: Frame) -> Iterator[FrameField]:
-    """The parts of a frame in order (L89-98); the bars between texts are no part."""
+    """Yield the parts of a frame in order (L89-98), without the bars between texts."""
     direction, data = frame.direction, frame.data
     names = ("start", "tag", "opcode", "length") if frame.tagged else ("start", "opcode", "length")
     title = seen.command.title if seen.command else "undefined"
@@ -131,7 +133,7 @@ def _fields(seen: FrameSeen, frame: Frame) -> Iterator[FrameField]:
 
 
 def _chunk_fields(chunk: Chunk, at: int) -> Iterator[FrameField]:
-    """The members of fileData (L718-723)."""
+    """Yield the members of fileData (L718-723)."""
     for name, value in zip(("fileSize", "position", "length"), chunk[:3], strict=True):
         yield FrameField(name, at, 4, str(value))
         at += 4
@@ -152,7 +154,7 @@ def _text_fields(seen: FrameSeen, at: int) -> Iterator[FrameField]:
 
 
 def _names(payload: Payload | None, count: int) -> tuple[str, ...]:
-    """What the texts between bars are called; plain ``data`` where they fit no drawn form."""
+    """Return the names of the texts between bars; ``data`` if they do not match the payload."""
     fields = tuple(field.name for field in payload.fields) if payload else ()
     match payload:
         case FirstReply() | FinalResult():

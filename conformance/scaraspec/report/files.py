@@ -1,4 +1,4 @@
-"""Writing a report file: whole or not at all."""
+"""Atomic writing of report files."""
 
 import os
 import tempfile
@@ -6,12 +6,12 @@ from pathlib import Path
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write `text` as UTF-8 with LF, so that a reader sees the old file or all of the new one.
+    """Write `text` atomically as UTF-8 with LF: readers see the old or the complete new file.
 
-    A lone surrogate, which UTF-8 cannot hold, is written as its escape.
+    A lone surrogate, which UTF-8 cannot encode, is written as an escape sequence.
 
     Raises:
-        OSError: The folder is missing, full or not writable; `path` is then as it was.
+        OSError: The folder is missing, full or not writable; `path` is unchanged.
     """
     try:
         _write(path, text)
@@ -27,7 +27,7 @@ def _write(path: Path, text: str) -> None:
             file.write(text.encode("utf-8", "backslashreplace"))
             file.flush()
             os.fsync(file.fileno())
-        part.chmod(0o644)  # mkstemp leaves it to its owner alone
+        part.chmod(0o644)  # mkstemp allows access only to the owner
         part.replace(path)
     except BaseException:
         part.unlink(missing_ok=True)

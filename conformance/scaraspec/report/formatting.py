@@ -1,4 +1,4 @@
-"""Figures: numbers, times and durations written as a reader takes them in."""
+"""Formatting of numbers, times and durations for users."""
 
 from datetime import UTC, datetime, timedelta
 from typing import Final
@@ -8,7 +8,7 @@ _MINUTE_MS: Final = 60_000
 
 
 def duration(duration_ms: float) -> str:
-    """A duration to three digits, in the unit that suits it: ``58 µs``, ``1.24 ms``, ``2 min``."""
+    """Format a duration with three digits in a suitable unit: ``58 µs``, ``1.24 ms``, ``2 min``."""
     if duration_ms < 1:
         return f"{_three(duration_ms * 1e3)} µs"
     if duration_ms < 1e3:  # noqa: PLR2004 - a second
@@ -20,15 +20,15 @@ def duration(duration_ms: float) -> str:
 
 
 def _three(number: float) -> str:
-    """The number to three digits, or to the unit where that is more."""
+    """Format a number with three digits, or as an integer if it has more."""
     return f"{number:.3g}" if number < 999.5 else f"{number:.0f}"  # noqa: PLR2004 - rounds to 1000
 
 
 def instant(time_ns: int) -> str:
-    """A time as date and time of day to the microsecond, in UTC."""
+    """Format a time as UTC date and time with microseconds."""
     return f"{_EPOCH + timedelta(microseconds=time_ns // 1000):%Y-%m-%d %H:%M:%S.%f} UTC"
 
 
 def count(number: int) -> str:
-    """A whole number with its thousands apart."""
+    """Format an integer with thousands separators."""
     return f"{number:,}"

@@ -1,8 +1,8 @@
-"""Times in fixed memory: a histogram whose bins are equal on a logarithmic scale.
+"""Histogram of durations in bounded memory, with bins of equal width on a logarithmic scale.
 
-Sixteen bins double the time, so that a bin's geometric middle is within 2.2 % of all that fell
-into it. Minimum and maximum are exact. At most 512 bins, from 1 µs to 71 minutes; what lies beyond
-is counted in the first and the last.
+There are sixteen bins per factor of two, so the geometric mean of a bin is within 2.2 % of all its
+values. Minimum and maximum are exact. There are at most 512 bins, from 1 µs to 71 minutes; values
+beyond are counted in the first or the last bin.
 """
 
 import math
@@ -18,7 +18,7 @@ _BINS: Final = 32 * _PER_OCTAVE
 
 
 class Histogram:
-    """Counts durations in nanoseconds; one below zero, of a clock set back, counts as zero."""
+    """Counts durations in ns; a negative one (the clock was set back) counts as zero."""
 
     def __init__(self) -> None:
         self._bins: Counter[int] = Counter()
@@ -26,7 +26,7 @@ class Histogram:
         self._min_ns = self._max_ns = 0
 
     def add(self, duration_ns: int) -> None:
-        """Count one."""
+        """Add one duration."""
         duration_ns = max(duration_ns, 0)
         self._min_ns = min(self._min_ns, duration_ns) if self._count else duration_ns
         self._max_ns = max(self._max_ns, duration_ns)
@@ -35,7 +35,7 @@ class Histogram:
         self._bins[min(int(octaves * _PER_OCTAVE), _BINS - 1)] += 1
 
     def timing(self) -> Timing | None:
-        """What was counted; None where nothing was."""
+        """Return the statistics; None if there are no durations."""
         if not self._count:
             return None
         told: Counter[int] = Counter()

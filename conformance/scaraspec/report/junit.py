@@ -1,7 +1,7 @@
 """junit.xml: the cases for continuous integration, one test suite for each clause.
 
-A failure is a ``<failure>``; what is inconclusive or broke down is an ``<error>``, so that it is
-never green; what is tolerated passes and says why.
+A failure is a ``<failure>``. Inconclusive cases and errors of the suite are an ``<error>``, so that
+they never pass. Tolerated cases pass, with the reason as output.
 """
 
 from collections.abc import Iterator
@@ -25,16 +25,16 @@ _OUTCOMES: Final = {
 
 
 def write(results: Results, path: Path) -> None:
-    """Write junit.xml, whole or not at all.
+    """Write junit.xml atomically.
 
     Raises:
-        OSError: It cannot be written.
+        OSError: The file cannot be written.
     """
     write_whole(path, render(results))
 
 
 def render(results: Results) -> str:
-    """The text of junit.xml."""
+    """Return the text of junit.xml."""
     cases = cases_for_machines(results)
     root = _element("testsuites", name=f"{results.tool.name} {results.role.value}", **_sums(cases))
     for clause, of_clause in groupby(cases, key=_clause):
@@ -51,7 +51,7 @@ def _clause(case: Case) -> str:
 
 
 def _element(tag: str, text: str = "", **attributes: str) -> ET.Element:
-    """An element without a character that XML forbids."""
+    """Return an element with sanitized text: XML forbids some characters."""
     element = ET.Element(tag, {name: visible(value) for name, value in attributes.items()})
     element.text = visible(text) or None
     return element
@@ -80,7 +80,7 @@ def _testcase(case: Case, clause: str, results: Results) -> ET.Element:
 
 
 def _lines(case: Case) -> Iterator[str]:
-    """What a reader of the log needs; nothing for a pass."""
+    """Yield the details of a case; nothing for a pass."""
     if case.verdict is Verdict.PASS:
         return
     yield f"{case.verdict.value}: {case.message}"

@@ -1,8 +1,8 @@
-"""The results model: everything a report says, as typed values that round-trip results.json.
+"""The results model: the content of a report as typed values, stored in results.json.
 
-Here is what results are, and how they are read and written; who makes them (`audit`, the suite)
-and how they look (`html`, `terminal`, `junit`, `ctrf`) is elsewhere. The form of the file is a
-promise to other programs: a change that could break one of them makes a new schema number.
+This module defines, reads and writes results. `audit` and the suite create them; `html`,
+`terminal`, `junit` and `ctrf` show them. The format of the file is a public interface: an
+incompatible change needs a new schema number.
 """
 
 import json
@@ -22,12 +22,12 @@ from scaraspec.user_message import UserMessage
 
 SCHEMA: Final = "scaraspec.results/1"
 SEEN: Final = ".seen-"
-"""In the id of what the judge saw on the wire, whichever case was tried meanwhile."""
+"""Part of the id of a finding of the judge on the wire during a run."""
 _LARGEST_FILE_BYTES: Final = 512 * 2**20
 
 
 class ResultsError(Exception):
-    """A file that cannot be read as results; the message is one sentence for the user."""
+    """A file cannot be read as results; the message is one sentence for the user."""
 
 
 class Role(Enum):
@@ -40,29 +40,29 @@ class Role(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Tool:
-    """What judged."""
+    """The tool that produced the results."""
 
     name: str
     version: str
 
     @classmethod
     def own(cls) -> "Tool":
-        """This tool."""
+        """Return this tool with its version."""
         return cls("scaraspec", metadata.version("scaraspec"))
 
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """What was judged, as far as that is known; empty where it is not.
+    """The system under test; unknown attributes are empty.
 
     Attributes:
-        kind: What it is.
-        name: As its statement of conformance calls it.
+        kind: The role of the SUT.
+        name: The name in its ICS.
         version: The version that it claims or reports.
-        link: Where it was reached, such as ``tcp://192.168.1.2``.
-        file: The capture's file; of a run, the one that was recorded beside the results.
-        claims: What else its statement of conformance claims.
-        complaints: The end of what its process complained of.
+        link: The link URL, such as ``tcp://192.168.1.2``.
+        file: The capture file; for a run, the recording next to the results.
+        claims: The other claims of its ICS.
+        complaints: The end of the error output of its process.
     """
 
     kind: Role
@@ -75,19 +75,19 @@ class Subject:
 
     @property
     def title(self) -> str:
-        """What to call it."""
+        """The name for users: the name, else the link, else the file."""
         return self.name or self.link or self.file
 
 
 @dataclass(frozen=True, slots=True)
 class ReadingSeen:
-    """What one party does at one open point of the document.
+    """The observed reading of one side for one open point.
 
     Attributes:
-        options: The options seen, the most frequent first; empty where it was only claimed.
-        default: Whether exactly the register's default was seen.
-        mixed: Whether options were seen that exclude each other.
-        claimed: The option that the statement of conformance names; None where it is silent.
+        options: The observed options, the most frequent first; empty if it was only claimed.
+        default: Whether exactly the default of the register was observed.
+        mixed: Whether contradictory options were observed.
+        claimed: The option claimed in the ICS; None without a claim.
     """
 
     options: tuple[str, ...]
@@ -98,7 +98,7 @@ class ReadingSeen:
 
 @dataclass(frozen=True, slots=True)
 class FrameField:
-    """A part of a frame: where it begins in it, how long it is, what it says."""
+    """A part of a frame: name, offset in the frame, length and value."""
 
     name: str
     offset_bytes: int
@@ -108,18 +108,18 @@ class FrameField:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Bytes on the wire that a case rests on.
+    """Bytes on the wire that support the verdict of a case.
 
     Attributes:
-        connection: Names the connection within the recording.
-        direction: Who sent them.
-        offset_bytes: Where they begin in the stream of that direction.
-        length_bytes: How many they are.
-        time_ns: When the last of them passed, in nanoseconds since the Unix epoch.
-        note: What they are, such as ``run_program, final result``.
-        frame_hex: The bytes in upper-case hex without blanks, passwords as ``2A``; empty where
-            they were not kept, and only the beginning of very long ones.
-        fields: The parts of the frame, in order; empty for bytes that are no frame.
+        connection: The name of the connection in the recording.
+        direction: The sender of the bytes.
+        offset_bytes: The offset in the stream of that direction.
+        length_bytes: The number of bytes.
+        time_ns: The time of the last byte, in nanoseconds since the Unix epoch.
+        note: A description, such as ``run_program, final result``.
+        frame_hex: The bytes in upper-case hex without spaces, passwords as ``2A``; empty if they
+            were not stored; only the beginning of very long frames.
+        fields: The parts of the frame, in order; empty for invalid bytes.
     """
 
     connection: str
@@ -133,7 +133,7 @@ class Evidence:
 
     @property
     def place(self) -> str:
-        """Where it is, in short: ``connection 1, A2C byte 239, 216 bytes``."""
+        """The position in short form: ``connection 1, A2C byte 239, 216 bytes``."""
         return (
             f"connection {self.connection}, {self.direction.value} "
             f"byte {self.offset_bytes}, {self.length_bytes} bytes"
@@ -142,22 +142,22 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One thing that was tried or, in a capture, one thing that was found.
+    """One test case or, for a capture, one finding.
 
     Attributes:
-        id: Its requirement, with a short suffix where a requirement has several cases.
-        requirements: The ids of the requirements that it judges.
-        verdict: What was found.
-        cause: Who is responsible where it is no pass.
-        hazard: The worst that trying it could do to a real robot.
-        message: One sentence for a reader who has not seen the traffic.
-        expected: What the requirement leads to expect.
-        observed: What was there instead.
-        duration_s: How long it took, in seconds; 0 for what was found in a capture.
-        examples: For how many values it was tried, each judged by itself; 0 for one thing.
-        replay: One command line that shows it again.
+        id: The requirement, with a short suffix if the requirement has several cases.
+        requirements: The ids of the requirements that the case judges.
+        verdict: The verdict.
+        cause: Who is responsible if the case did not pass.
+        hazard: The worst effect of the case on a real robot.
+        message: One sentence that is understandable without the traffic.
+        expected: The expected behaviour.
+        observed: The observed behaviour.
+        duration_s: The duration in seconds; 0 for a finding in a capture.
+        examples: The number of values tried, each with its own verdict; 0 for a single try.
+        replay: The reproduction command.
         wire: The evidence, in order of time within each occurrence.
-        passing: Of a failure: the last exchange of the same command that was right.
+        passing: For a failure, the last passing exchange of the same command.
     """
 
     id: str
@@ -177,7 +177,7 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class RequirementResult:
-    """A requirement in scope: its gravest verdict, ``none`` where no case judged it."""
+    """A requirement in scope: its worst verdict, ``none`` if no case judged it."""
 
     id: str
     verdict: Verdict
@@ -186,16 +186,16 @@ class RequirementResult:
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """How long something took, over many times; all in milliseconds.
+    """Statistics of a duration, in milliseconds.
 
     Attributes:
-        count: How many were measured.
-        min_ms: The shortest, exact.
+        count: The number of measurements.
+        min_ms: The minimum, exact.
         p50_ms: The median, within 2.2 %.
-        p99_ms: What 99 of 100 do not exceed, within 2.2 %.
-        max_ms: The longest, exact.
-        bins: A histogram: where each bin that is not empty begins, and how many fell into it.
-            Four bins double the time; the first begins at 0.001 and holds all below, too.
+        p99_ms: The 99th percentile, within 2.2 %.
+        max_ms: The maximum, exact.
+        bins: A histogram: the start and the count of each non-empty bin. There are four bins per
+            factor of two; the first one starts at 0.001 and includes smaller values.
     """
 
     count: int
@@ -212,10 +212,10 @@ class CommandSeen:
 
     Attributes:
         name: The command, or the undefined opcode.
-        count: How many.
-        refused: How many were answered with a refusal.
-        endings: How many ended in each way that is not ``answered``.
-        latency: From the request's last byte to the first reply's first.
+        count: The number of exchanges.
+        refused: The number of refused requests.
+        endings: The number of exchanges for each ending other than ``answered``.
+        latency: From the last byte of the request to the first byte of the first reply.
         duration: From the first reply to the final result.
     """
 
@@ -229,7 +229,7 @@ class CommandSeen:
 
 @dataclass(frozen=True, slots=True)
 class ConnectionSeen:
-    """One connection; `note` holds its addresses where they are known."""
+    """One connection; `note` contains its addresses if they are known."""
 
     name: str
     begun_ns: int
@@ -242,7 +242,7 @@ class ConnectionSeen:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TransferSeen:
-    """One file transfer; `size_bytes` is -1 where no chunk said it."""
+    """One file transfer; `size_bytes` is -1 if no chunk contained the size."""
 
     name: str
     upload: bool
@@ -258,7 +258,7 @@ class TransferSeen:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunSeen:
-    """One run of a user program; `code` is one of table 8-1 where it was refused or failed."""
+    """One run of a user program; `code` is a code of table 8-1 if it was refused or failed."""
 
     name: str
     simulated: bool
@@ -270,7 +270,7 @@ class RunSeen:
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """Bytes that passed unseen; `length_bytes` is -1 where their number is not known."""
+    """Bytes missing in the recording; `length_bytes` is -1 if their number is unknown."""
 
     connection: str
     direction: Direction
@@ -282,20 +282,20 @@ class Loss:
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """What happened on the wire, whatever was right or wrong with it.
+    """The traffic on the wire, independent of verdicts.
 
     Attributes:
-        begun_ns: When the first thing happened.
-        ended_ns: When the last thing happened.
-        bytes: Bytes seen of each direction.
-        frames: Frames seen.
-        undecodable_bytes: Bytes that are part of no frame.
+        begun_ns: The time of the first event.
+        ended_ns: The time of the last event.
+        bytes: The number of bytes in each direction.
+        frames: The number of frames.
+        undecodable_bytes: The number of bytes that belong to no frame.
         connections: The connections, in order.
         exchanges: The commands used, by name.
         transfers: The file transfers, in order of their end.
         runs: The runs of user programs, in order of their end.
         losses: The gaps in the recording.
-        unlisted: How many connections, transfers, runs and losses there were beyond those listed.
+        unlisted: The numbers of connections, transfers, runs and losses that are not listed.
     """
 
     begun_ns: int
@@ -313,19 +313,19 @@ class Session:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Results:
-    """Everything a report says.
+    """The content of a report.
 
     Attributes:
-        tool: What judged.
-        subject: What was judged.
-        role: The part that it plays.
-        verdict: What the run amounts to.
+        tool: The tool that produced the results.
+        subject: The system under test.
+        role: The role of the SUT.
+        verdict: The conclusion of the run.
         counts: Cases by verdict.
-        readings: For ``client`` and ``controller``: what each does at the open points, by key.
+        readings: The observed readings of ``client`` and ``controller``, by key.
         requirements: The requirements in scope, in the order of the document.
         cases: The cases, in the order of the document.
-        session: What happened on the wire, where that is known.
-        notices: What the reader must know before the verdict, such as that the emergency stop
+        session: The traffic on the wire, if known.
+        notices: Important notices to show before the verdict, such as that the emergency stop
             does not work or that an interrupted run was recovered.
     """
 
@@ -342,26 +342,26 @@ class Results:
 
     @property
     def judged(self) -> int:
-        """How many requirements were decided: an inconclusive one was not."""
+        """The number of requirements with a decisive verdict; inconclusive is not decisive."""
         decided = (Verdict.PASS, Verdict.TOLERATED, Verdict.FAIL)
         return sum(each.verdict in decided for each in self.requirements)
 
     @property
     def examples(self) -> int:
-        """How many values all cases were tried for."""
+        """The number of values that all cases tried."""
         return sum(case.examples for case in self.cases)
 
     def to_json(self) -> str:
-        """The text of results.json: keys sorted, so that equal results are equal bytes."""
+        """Return the text of results.json; keys are sorted, so equal results give equal bytes."""
         plain = {"schema": SCHEMA, **to_plain(self)}
         text = json.dumps(plain, ensure_ascii=False, allow_nan=False, indent=1, sort_keys=True)
         return text + "\n"
 
     def write(self, path: Path) -> None:
-        """Write results.json, whole or not at all.
+        """Write results.json atomically.
 
         Raises:
-            OSError: It cannot be written.
+            OSError: The file cannot be written.
         """
         write_whole(path, self.to_json())
 
@@ -370,8 +370,8 @@ class Results:
         """Read results.json.
 
         Raises:
-            ResultsError: It cannot be read, is no results file, is torn or damaged, or is of
-                another schema version.
+            ResultsError: The file cannot be read, is not a results file, is incomplete or
+                damaged, or has another schema version.
         """
         try:
             with path.open("rb") as file:
@@ -393,10 +393,10 @@ class Results:
 
     @classmethod
     def from_json(cls, text: str | bytes) -> "Results":
-        """Read the text of a results.json.
+        """Parse the text of a results.json.
 
         Raises:
-            ResultsError: It is none; the message lacks its subject, the file's name.
+            ResultsError: The text is invalid; the message does not begin with the file name.
         """
         try:
             plain = json.loads(text, parse_constant=_refuse)

@@ -1,6 +1,6 @@
-"""The order in which a reader wants the cases, and the one case that a run as a whole may need.
+"""Ordering of cases by importance, and an additional case for the verdict of the whole run.
 
-Every writer takes its cases from here, so that they all tell the same.
+All writers use this module, so that they show the same cases.
 """
 
 from collections.abc import Iterable
@@ -19,18 +19,19 @@ TELLING: Final = (
     Verdict.PASS,
     Verdict.NONE,
 )
-"""The verdicts, those first whose cases a reader wants first."""
+"""The verdicts, the most important first."""
 
 UNSETTLED: Final = frozenset({Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE})
-"""The verdicts that keep a run from being conformant."""
+"""The verdicts of cases for which a run is not conformant."""
 
 _STRENGTHS, _BASES = list(Strength), list(Basis)
 
 
 def most_telling_first(results: Results) -> list[Case]:
-    """The cases, failures before all others; what is firm and stated before what is derived.
+    """Return the cases by importance: failures first, firm and stated requirements first.
 
-    Of equals what the judge saw on the wire comes first: a case may fail for what another shows.
+    Among equals, findings of the judge on the wire come first, because they may be the cause of a
+    failed case.
     """
 
     def key(case: Case) -> tuple[int, int, int, bool]:
@@ -47,7 +48,7 @@ def most_telling_first(results: Results) -> list[Case]:
 
 
 def told_once(cases: Iterable[Case]) -> list[tuple[Case, int]]:
-    """Of cases that say the same the first, and how many others say it."""
+    """Group cases with equal verdict and message; return the first case and the count of others."""
     alike: dict[tuple[Verdict, str], list[Case]] = {}
     for case in cases:
         alike.setdefault((case.verdict, case.message), []).append(case)
@@ -55,10 +56,10 @@ def told_once(cases: Iterable[Case]) -> list[tuple[Case, int]]:
 
 
 def cases_for_machines(results: Results) -> list[Case]:
-    """The cases for formats that have no verdict of the whole run: never green where it is not.
+    """Return the cases for formats without a verdict of the whole run.
 
-    A run that is not conformant though none of its cases says so, such as one that tested nothing,
-    gets one case more.
+    If the run is not conformant but no case shows this, such as in a run that tested nothing, an
+    additional case is added, so that the run does not pass.
     """
     cases = list(results.cases)
     if results.verdict is Conclusion.CONFORMANT or any(c.verdict in UNSETTLED for c in cases):

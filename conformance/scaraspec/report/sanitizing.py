@@ -1,7 +1,7 @@
-"""Hostile text made harmless to read: what a terminal, a page or XML would act on is shown instead.
+"""Sanitizing of untrusted text: control characters and invisible characters become visible.
 
-Every string that a writer puts out goes through here once. What each format has as its own
-mark-up is escaped by its own library.
+Every string that a writer outputs is sanitized once. The markup of each format is escaped by the
+library of that format.
 """
 
 import re
@@ -10,8 +10,8 @@ from typing import Final
 _LONGEST: Final = 10_000
 _PLANES: Final = range(0, 0x110000, 0x10000)
 
-# Controls but for tab and LF, what turns the direction of writing, line ends that are no LF, the
-# byte order mark, lone surrogates, and the two code points in each plane that are no characters.
+# Control characters except tab and LF, direction marks, line ends other than LF, the byte order
+# mark, lone surrogates, and the two noncharacters of each plane.
 _NO_CHARACTERS: Final = "".join(chr(plane + 0xFFFE) + chr(plane + 0xFFFF) for plane in _PLANES)
 _UNSEEN: Final = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb"
@@ -20,7 +20,7 @@ _UNSEEN: Final = re.compile(
 
 
 def visible(text: str) -> str:
-    """The text with the code in place of each character that cannot be seen; cut if huge."""
+    """Return the text with invisible characters replaced by their code points; cut if too long."""
     if len(text) > _LONGEST:
         text = f"{text[:_LONGEST]}… (+{len(text) - _LONGEST})"
     return _UNSEEN.sub(_code, text)

@@ -1,4 +1,4 @@
-"""Segments: a frame of the evidence cut at its fields, as the page draws it."""
+"""Segments: a frame of the evidence, split at its fields, as shown on the HTML page."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -11,9 +11,14 @@ _SHOWN_BYTES: Final = 16
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """A part of a frame; `more_bytes` of it are not in `shown_hex`.
+    """A part of a frame.
 
-    `differs` from what a frame of the same kind had in its place that was right.
+    Attributes:
+        shown_hex: The first bytes in hex.
+        more_bytes: The number of bytes that are not in `shown_hex`.
+        name: The name of the field, empty between fields.
+        value: The decoded value.
+        differs: Whether the part differs from that of a passing frame of the same kind.
     """
 
     shown_hex: str
@@ -24,11 +29,11 @@ class Segment:
 
 
 def segments(evidence: Evidence, passing: Iterable[Evidence] = ()) -> list[Segment]:
-    """The frame cut at its fields; what lies between two of them stands alone.
+    """Split a frame at its fields; bytes between two fields are a separate segment.
 
     Args:
         evidence: The frame.
-        passing: Frames that were right; the first of the same kind is what it is held against.
+        passing: Passing frames; the first one of the same kind is used for the comparison.
     """
     cut = list(_cut(evidence, _bytes(evidence.frame_hex)))
     right = next((one for one in passing if one.note == evidence.note), None)
@@ -58,7 +63,7 @@ def _segment(part: bytes, name: str = "", value: str = "") -> Segment:
 
 
 def _bytes(frame_hex: str) -> bytes:
-    """The bytes of a hex text; results that others wrote may hold anything in its place."""
+    """Return the bytes of a hex text; empty if it is invalid, as untrusted results may be."""
     try:
         return bytes.fromhex(frame_hex)
     except ValueError:

@@ -1,7 +1,7 @@
-"""The summary on a terminal: tables where there is one, plain lines where there is none.
+"""The summary on a terminal: tables on a terminal, plain lines otherwise.
 
-It says what a run amounts to and what to look at first; the rest is in the page. What a subject
-sent is shown, never obeyed: no control character of it reaches the terminal.
+It shows the verdict of the run and the most important findings; the HTML page shows the rest. Text
+from the SUT is sanitized: none of its control characters reaches the terminal.
 """
 
 from collections.abc import Iterator, Sequence
@@ -35,9 +35,9 @@ def show(results: Results, console: Console, *, findings: int = DEFAULT_FINDINGS
     """Print the summary.
 
     Args:
-        results: What to say.
-        console: Where to; a table is drawn only if it is a terminal.
-        findings: How many findings to show, the most telling ones.
+        results: The results to show.
+        console: The output; tables are drawn only if it is a terminal.
+        findings: The maximum number of findings, the most important first.
     """
     told = [case for case in most_telling_first(results) if case.verdict is not Verdict.PASS]
     shown = told_once(told)[:findings]
@@ -52,7 +52,7 @@ def show(results: Results, console: Console, *, findings: int = DEFAULT_FINDINGS
 
 
 def _text(text: str, style: str = "") -> Text:
-    """Text in which nothing is taken for mark-up, and nothing acts on the terminal."""
+    """Return sanitized text without markup."""
     return Text(visible(text), style)
 
 
@@ -104,7 +104,7 @@ def _coverage(results: Results) -> str:
 
 
 def _dialects(results: Results) -> Iterator[tuple[str, str]]:
-    """Of each party the readings seen that are not the default, and where it mixes them."""
+    """Yield for each side the observed readings that are not the default, with contradictions."""
     for party, seen in results.readings.items():
         told = [
             f"{key}={'+'.join(reading.options)}{' (mixed)' if reading.mixed else ''}"
@@ -120,7 +120,7 @@ def _which(case: Case, others: int) -> str:
 
 
 def _what(case: Case) -> str:
-    """The finding in one line."""
+    """Return the finding in one line."""
     compared = [
         f"{name} {_one_line(text)}"
         for name, text in (("expected", case.expected), ("observed", case.observed))

@@ -204,10 +204,10 @@ def test_the_dialect_is_told_with_its_meaning(page: Page) -> None:
     (table,) = page.of("table", "dialect")
     text = said(table, "en")
     for part in (
-        "endian A-5-2 In which byte order",
+        "endian A-5-2 What is the byte order",
         "big the most significant byte first little the least significant byte first mixed: one",
         "Claimed: little · not as claimed",
-        "a controller takes these and 0x01 to 0x04 default Claimed: ascii · as claimed",
+        "a controller accepts 0x01 to 0x04, too default Claimed: ascii · as claimed",
         "not seen Claimed: counts",
         "no_such_key x",
     ):
