@@ -52,10 +52,10 @@ class _Remembers(ControllerCore, ABC):
         """Hand it over."""
         answer = super().run_program(request)
         task, last = self.robot.task, self.last
-        if answer is ACCEPTED and task is not None and isinstance(task.act, interpreter.Run):
-            self.last = task.act
+        if answer is ACCEPTED and task is not None and isinstance(task.activity, interpreter.Run):
+            self.last = task.activity
             if last is not None and last.outcome is None:
-                self.inherit(task.act, last)
+                self.inherit(task.activity, last)
         return answer
 
     @abstractmethod

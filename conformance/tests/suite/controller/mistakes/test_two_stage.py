@@ -230,7 +230,7 @@ class StopsLater(ControllerCore):
             task = self.robot.stop(request.now_s)
             assert task is not None
             self.emit(request.session, Frame(C2A, request.frame.opcode, b"1"))
-            self.send_result(task.request, task.stopped)
+            self.send_result(task.request, task.outcome_if_stopped)
             return SILENCE
         return answer
 
