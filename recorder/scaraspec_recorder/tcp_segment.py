@@ -1,7 +1,7 @@
-"""A captured packet's bytes in, its TCP segment out.
+"""Reads the TCP segment of a captured packet.
 
-Law: headers only, by their fixed offsets, and no state: what several packets mean together is the
-business of `reassembly`. What a header states is followed only as far as it can be true.
+Belongs here: headers of single packets, without state. `reassembly` combines packets. Header values
+are used only as far as they are plausible.
 """
 
 import struct
@@ -37,14 +37,14 @@ class Segment(NamedTuple):
     """One TCP segment as captured.
 
     Attributes:
-        time_ns: When the observer saw it, nanoseconds since the Unix epoch.
-        src: Who sent it.
-        dst: To whom.
+        time_ns: Capture time, nanoseconds since the Unix epoch.
+        src: The sender.
+        dst: The receiver.
         seq: Sequence number, 32 bits.
-        ack: Acknowledgment number, 32 bits; means nothing unless `flags` holds ``ACK``.
-        flags: ``FIN``, ``SYN``, ``RST`` and ``ACK``, or-ed; other bits are not looked at.
+        ack: Acknowledgment number, 32 bits; valid only if `flags` contains ``ACK``.
+        flags: ``FIN``, ``SYN``, ``RST`` and ``ACK``, combined; other bits are ignored.
         payload: The payload bytes that were captured.
-        cut_bytes: How many more payload bytes the packet had, which the capture cut off.
+        cut_bytes: Number of payload bytes that the capture cut off.
     """
 
     time_ns: int
@@ -57,13 +57,13 @@ class Segment(NamedTuple):
     cut_bytes: int = 0
 
 
-class UnreadablePacket(Exception):  # noqa: N818 - nobody erred: the packet holds less than it should
+class UnreadablePacket(Exception):  # noqa: N818 - a property of the packet
     """A packet that carries, or may carry, TCP and cannot be read; the message says why."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Link:
-    """Where a link type keeps what is needed: both offsets in bytes."""
+    """Layout of a link type: header size and offset of the Ethertype, in bytes."""
 
     header_bytes: int
     ethertype_at: int | None = None  # None: IP follows, and its first four bits tell the version
@@ -135,7 +135,7 @@ def dissect(time_ns: int, link_type: int, packet: bytes, wire_bytes: int) -> Seg
 
 
 def _ip_start(link: _Link, packet: bytes) -> int | None:
-    """Offset of the IP header behind the link header and any VLAN tags; None: not IP."""
+    """Return the offset of the IP header after the link header and VLAN tags; None if not IP."""
     start = link.header_bytes
     if link.ethertype_at is None:
         return start

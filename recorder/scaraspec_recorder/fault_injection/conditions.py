@@ -1,6 +1,6 @@
-"""Conditions: which frames are meant, by what stands in them.
+"""Conditions that select frames by their content.
 
-Law: a condition looks at one frame and remembers nothing; counting is the rules' affair.
+A condition checks one frame and has no state; `rules` counts frames.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ PARTS: Final = ("request", "reply", "result")
 
 
 class ObservedFrame(NamedTuple):
-    """A frame that came, and what it is; an undefined opcode has no name."""
+    """A received frame with its command name and part; the name of an undefined opcode is empty."""
 
     frame: Frame
     name: str
@@ -23,7 +23,7 @@ class ObservedFrame(NamedTuple):
 
     @classmethod
     def of(cls, frame: Frame) -> Self:
-        """Read it against the command table."""
+        """Decode the frame with the command table."""
         if parsed := commands.parse_frame(frame):
             return cls(frame, parsed.command.name, parsed.part)
         part = "result" if frame.tagged else "request" if frame.direction is A2C else "reply"
@@ -35,11 +35,11 @@ class ObservedFrame(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """What must hold of a frame; None for anything.
+    """Requirements on a frame; None matches anything.
 
     Attributes:
         command: A name of the command table, or an opcode.
-        part: Which frame of the command it is, of `PARTS`.
+        part: Part of the command, one of `PARTS`.
         direction: ``"A2C"`` or ``"C2A"``.
     """
 
@@ -48,7 +48,7 @@ class Condition:
     direction: str | None = None
 
     def matches(self, passing: ObservedFrame) -> bool:
-        """Whether this frame is meant."""
+        """Whether this frame matches."""
         frame, name, part = passing
         command = name if isinstance(self.command, str) else frame.opcode
         return (
@@ -58,7 +58,7 @@ class Condition:
         )
 
     def contradiction(self) -> str:
-        """Why no frame at all can be meant, in words; empty where one can."""
+        """Return why no frame can match; empty if one can."""
         command = BY_NAME.get(self.command) if isinstance(self.command, str) else None
         if command is None:
             return ""

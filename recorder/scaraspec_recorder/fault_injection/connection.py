@@ -1,7 +1,7 @@
-"""A connection of the tap on which faults happen.
+"""A connection of the tap that applies injected faults.
 
-Law: recorded is what came from each side, before anything was done to it; what was done to it is a
-record of its own behind it (`Kind.INJECTED`). A half-close is recorded when it is passed on.
+Bytes are recorded as received, before any fault. Each fault is a separate record after them
+(`Kind.INJECTED`). A half-close is recorded when it is forwarded.
 """
 
 import asyncio
@@ -24,24 +24,26 @@ from scaraspec_recorder.tap import tcp
 from scaraspec_recorder.tap.tap import Connection, SocketEnd, Tap
 
 HELD_BYTES: Final = 256 << 10
-"""How much of a direction may be held up, plus one read, before its sender is paused."""
+"""Bytes of a direction that may be delayed, plus one read, before its sender is paused."""
 
 
 class _InjectedEnd(SocketEnd):
-    """One socket of it: what is read here goes through the injector."""
+    """One socket of the connection. Received bytes go through the injector."""
 
     connection: "InjectedConnection"
-    blocked = False  # this socket takes nothing
+    blocked = False  # the write buffer of this socket is full
 
     def data_received(self, data: bytes, time_ns: int = 0, kernel_time: bool = False) -> None:  # noqa: FBT001, FBT002 - as in `SocketEnd`
         if self.peer.transport:
-            # When, and whether, they are passed on is the injector's affair.
+            # The injector decides whether and when they are forwarded.
             passage = (time_ns or self._now_ns(), self.received_bytes, data, 0, kernel_time)
             self._append(Kind.BYTES, self.stream, *passage)
             self.received_bytes += len(data)
             self.connection.received(self, data)
         else:
-            super().data_received(data, time_ns, kernel_time)  # to come again
+            super().data_received(
+                data, time_ns, kernel_time
+            )  # delivered again after the connection is made
 
     def pause_writing(self) -> None:
         self.blocked = True
@@ -57,12 +59,12 @@ class _InjectedEnd(SocketEnd):
 
 
 class InjectedConnection(Connection):
-    """A client, its upstream, and the faults between them.
+    """A client's connection and its upstream connection, with injected faults.
 
     Args:
-        injection: What may happen.
+        injection: The rules.
         tap: The tap.
-        number: The connection's, counted from 1.
+        number: Number of the connection, counted from 1.
     """
 
     end_type = _InjectedEnd
@@ -76,18 +78,18 @@ class InjectedConnection(Connection):
         self._timer: asyncio.TimerHandle | None = None
 
     def received(self, end: SocketEnd, data: bytes) -> None:
-        """Bytes have come, and are recorded."""
+        """Process received bytes, which are already recorded."""
         if not self._ended:
             self._do(self._injector.receive(self._direction(end), data, self._loop.time()))
 
     def has_room(self, end: SocketEnd) -> bool:
-        """Whether more may be read here."""
+        """Whether more bytes may be read from this socket."""
         peer = self.upstream if end is self.client else self.client
         waiting_bytes = self._injector.queued_bytes(self._direction(end))
         return not self._ended and not peer.blocked and waiting_bytes <= HELD_BYTES
 
     def half_closed(self, end: SocketEnd) -> None:
-        """A sender sends no more: that is passed on behind what waits."""
+        """Process a half-close: it is forwarded after queued bytes."""
         self._do(self._injector.finish(self._direction(end), self._loop.time()))
 
     def _end(self, kind: Kind, end: SocketEnd, note: str) -> None:
@@ -119,7 +121,7 @@ class InjectedConnection(Connection):
         self._set_timer()
 
     def _cut(self, end: SocketEnd) -> None:
-        """Reset both ways, once what was passed on has left."""
+        """Reset both sockets after forwarded bytes are sent."""
         self._end(Kind.RESET, end, "cut by an injected fault")
         for each in self._ends:
             if each.transport:

@@ -1,7 +1,7 @@
-"""Faults: what is done to a frame on its way.
+"""Faults that can be applied to a frame.
 
-Law: a fault changes one parcel and says in words what it did; of a payload it never says anything.
-When a parcel goes, and that order is kept, is the injector's affair.
+A fault changes one queued frame and returns a description without payload data. The injector
+decides when a frame is sent and keeps the order.
 """
 
 from dataclasses import dataclass
@@ -13,22 +13,22 @@ from scaraspec_recorder.fault_injection.conditions import Condition
 
 @dataclass(eq=False, slots=True)
 class QueuedFrame:
-    """A frame on its way to the other side; or bytes that are none, or the end of the stream.
+    """A queued frame, other bytes, or the end of the stream.
 
     Attributes:
-        description: What it is, in words.
-        data: What will be passed on of it.
-        received_s: When it came.
-        due_s: When it goes, at the latest.
-        number: How many frames had passed on the connection, both ways, with this one.
-        direction_number: Its number among the frames of its direction.
-        piece_bytes: It goes in pieces of so many bytes; 0 for in one.
-        gap_s: How long after each of them.
-        followers: It goes already when so many more frames of its direction have come; 0 for never.
-        until: It goes already when such a frame has come.
-        cut: The connection is cut instead.
-        is_end: Its sender sends no more.
-        sent: It has been passed on.
+        description: Description of the frame.
+        data: Bytes that are still to be sent.
+        received_s: Time of reception.
+        due_s: Latest time of sending.
+        number: Number of the frame on the connection, both directions together.
+        direction_number: Number of the frame in its direction.
+        piece_bytes: Size of the pieces it is sent in; 0 sends it at once.
+        gap_s: Delay after each piece.
+        followers: It is sent earlier after this many further frames of its direction; 0 for never.
+        until: It is sent earlier after a frame that matches this condition.
+        cut: The connection is reset instead.
+        is_end: It stands for the half-close of the sender.
+        sent: It has been sent.
     """
 
     description: str
@@ -47,46 +47,46 @@ class QueuedFrame:
 
 
 class Fault(Protocol):
-    """One kind of fault; a dataclass of which the fields are its measures, the keys of a file."""
+    """One kind of fault: a dataclass whose fields are the parameters in a rules file."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
     def apply(self, parcel: QueuedFrame, dice: Random) -> str:
-        """Do it to a frame; return what was done in words, empty where it came to nothing."""
+        """Apply the fault to a frame. Return a description; empty if nothing changed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Delay:
-    """The frame goes later."""
+    """The frame is sent later."""
 
     delay_ms: float
 
-    def apply(self, parcel: QueuedFrame, dice: Random) -> str:  # noqa: ARG002 - nothing is left to chance
-        """Put its time off."""
+    def apply(self, parcel: QueuedFrame, dice: Random) -> str:  # noqa: ARG002 - not random
+        """Delay the frame."""
         parcel.due_s += self.delay_ms / 1000
         return f"{self.delay_ms:g} ms late"
 
 
 @dataclass(frozen=True, slots=True)
 class Jitter:
-    """The frame goes later, by a time that is drawn for each."""
+    """The frame is sent later by a random delay."""
 
     jitter_ms: float
 
     def apply(self, parcel: QueuedFrame, dice: Random) -> str:
-        """Put its time off by up to `jitter_ms`."""
+        """Delay the frame by up to `jitter_ms`."""
         return Delay(round(dice.uniform(0, self.jitter_ms), 3)).apply(parcel, dice)
 
 
 @dataclass(frozen=True, slots=True)
 class Fragment:
-    """The frame goes in pieces."""
+    """The frame is sent in pieces."""
 
     size_bytes: int
     gap_ms: float = 5.0
 
     def apply(self, parcel: QueuedFrame, dice: Random) -> str:  # noqa: ARG002 - as above
-        """Have it cut up; nothing comes of a frame that is no longer than a piece."""
+        """Split the frame; no effect if it is not longer than a piece."""
         if len(parcel.data) <= self.size_bytes:
             return ""
         parcel.piece_bytes, parcel.gap_s = self.size_bytes, self.gap_ms / 1000
@@ -95,13 +95,13 @@ class Fragment:
 
 @dataclass(frozen=True, slots=True)
 class Coalesce:
-    """The frame waits for those behind it, and all go as one piece."""
+    """The frame waits for the following frames and is sent together with them."""
 
     frames: int
     within_ms: float
 
     def apply(self, parcel: QueuedFrame, dice: Random) -> str:  # noqa: ARG002 - as above
-        """Have it wait until there are `frames`, for `within_ms` at most."""
+        """Wait until there are `frames`, at most `within_ms`."""
         parcel.due_s += self.within_ms / 1000
         parcel.followers = self.frames - 1
         return f"held to go as one with {parcel.followers} more, {self.within_ms:g} ms at most"
@@ -109,10 +109,10 @@ class Coalesce:
 
 @dataclass(frozen=True, slots=True)
 class Drop:
-    """The frame does not go at all."""
+    """The frame is not sent."""
 
     def apply(self, parcel: QueuedFrame, dice: Random) -> str:  # noqa: ARG002 - as above
-        """Leave nothing of it."""
+        """Remove all bytes."""
         parcel.data = b""
         return "not passed on"
 
@@ -122,15 +122,15 @@ class Corrupt:
     """One byte of the frame is changed.
 
     Attributes:
-        at_bytes: Which, from 0; from -1 back from the end; None to draw it for each frame.
-        xor: What it is combined with; None to draw it for each frame.
+        at_bytes: Index of the byte; negative counts from the end; None is random.
+        xor: Value that the byte is XORed with; None is random.
     """
 
     at_bytes: int | None = None
     xor: int | None = None
 
     def apply(self, parcel: QueuedFrame, dice: Random) -> str:
-        """Change it; nothing comes of a frame that has no such byte."""
+        """Change the byte; no effect if the frame has no such byte."""
         size_bytes = len(parcel.data)
         at = dice.randrange(max(size_bytes, 1)) if self.at_bytes is None else self.at_bytes
         xor = dice.randint(1, 255) if self.xor is None else self.xor
@@ -145,12 +145,12 @@ class Corrupt:
 
 @dataclass(frozen=True, slots=True)
 class Truncate:
-    """Only the beginning of the frame goes."""
+    """Only the first bytes of the frame are sent."""
 
     keep_bytes: int
 
     def apply(self, parcel: QueuedFrame, dice: Random) -> str:  # noqa: ARG002 - as above
-        """Leave its first bytes; nothing comes of a frame that has no more."""
+        """Keep the first bytes; no effect if the frame has no more."""
         if len(parcel.data) <= self.keep_bytes:
             return ""
         parcel.data = parcel.data[: self.keep_bytes]
@@ -159,17 +159,17 @@ class Truncate:
 
 @dataclass(frozen=True, slots=True)
 class Reset:
-    """The connection is cut instead: both sides are told by RST, and what waits is lost."""
+    """The connection is reset instead of sending the frame. Queued bytes are lost."""
 
     def apply(self, parcel: QueuedFrame, dice: Random) -> str:  # noqa: ARG002 - as above
-        """Have the connection cut in its place."""
+        """Reset the connection instead."""
         parcel.cut = True
         return "the connection cut instead"
 
 
 @dataclass(frozen=True, slots=True)
 class HoldBack:
-    """The frame waits until another one has come, on the same connection, from either side."""
+    """The frame waits for another frame on the same connection, in either direction."""
 
     at_most_ms: float
     until_command: int | str
@@ -177,12 +177,12 @@ class HoldBack:
     until_direction: str | None = None
 
     def apply(self, parcel: QueuedFrame, dice: Random) -> str:  # noqa: ARG002 - as above
-        """Have it wait, for `at_most_ms` at most."""
+        """Wait at most `at_most_ms`."""
         parcel.due_s += self.at_most_ms / 1000
         parcel.until = self.until
         return f"held back until {parcel.until}, {self.at_most_ms:g} ms at most"
 
     @property
     def until(self) -> Condition:
-        """Which frame it waits for."""
+        """Condition of the frame to wait for."""
         return Condition(self.until_command, self.until_part, self.until_direction)

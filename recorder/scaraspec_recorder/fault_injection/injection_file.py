@@ -1,37 +1,37 @@
-"""Files of faults: what is done on purpose to what passes, to try how both sides take it.
+"""Reads files that define fault injection.
 
-Lives here: what a file may say, and one clear sentence for anything wrong in it. What the faults do
-stands in `faults`. A file is TOML: a seed, and rules.
+Belongs here: the file format and its error messages. `faults` implements the faults. A file is TOML
+with a seed and rules.
 
-    seed = 7                    # where chance begins; 0 where it is left out
+    seed = 7                    # seed of random values; default 0
 
     [[rule]]
-    name = "slow status"        # what the capture calls it, beside its number
-    fault = "delay"             # what is done, and
-    delay_ms = 250              # its measures, see below
-    command = "get_status"      # to frames of this command: its name, or an opcode such as 0x09
+    name = "slow status"        # name in the capture, in addition to its number
+    fault = "delay"             # kind of fault, and
+    delay_ms = 250              # its parameters, see below
+    command = "get_status"      # command name, or an opcode such as 0x09
     part = "reply"              # request, reply or result (the final one)
     direction = "C2A"           # A2C: from the client; C2A: from the controller
-    connection = 1              # on this connection only, counted from 1 since the recorder began
-    every = 10                  # every tenth of them; or nth, first, probability
+    connection = 1              # only on this connection, counted from 1
+    every = 10                  # every tenth matching frame; or nth, first, probability
 
-Only `fault` and its measures must be there: what is left out means any, and all. Of `nth`, `every`,
-`first` (so many) and `probability` (0 to 1) a rule has one at most. Each connection counts anew.
-All rules that hit a frame are done to it, in their order.
+Only `fault` and its parameters are required; other keys default to any and all. A rule has at most
+one of `nth`, `every`, `first` (a number of frames) and `probability` (0 to 1). Each connection
+counts separately. All rules that match a frame are applied, in their order.
 
-    delay      delay_ms                 it goes later
-    jitter     jitter_ms                it goes later, by up to so much
-    fragment   size_bytes, gap_ms       it goes in pieces, so far apart (5 ms where not said)
-    coalesce   frames, within_ms        it waits until there are so many, and they go as one piece
-    drop                                it does not go at all
-    corrupt    at_bytes, xor            one byte of it is changed; what is not said is drawn
-    truncate   keep_bytes               only so many bytes of it go
-    reset                               the connection is cut in its place, both ways
-    hold-back  until_command,           it waits until such a frame has come on its connection, or
-               until_part,              for so long; only until_command and at_most_ms must be there
+    delay      delay_ms                 the frame is sent later
+    jitter     jitter_ms                the frame is sent later by up to this time
+    fragment   size_bytes, gap_ms       it is sent in pieces, gap_ms apart (default 5)
+    coalesce   frames, within_ms        it waits for this number of frames; all are sent together
+    drop                                it is not sent
+    corrupt    at_bytes, xor            one byte is changed; missing values are random
+    truncate   keep_bytes               only its first bytes are sent
+    reset                               the connection is reset instead, in both directions
+    hold-back  until_command,           it waits for such a frame on its connection, at most
+               until_part,              at_most_ms; until_command and at_most_ms are required
                until_direction, at_most_ms
 
-The bytes of a direction keep their order: what comes behind a frame that waits, waits too.
+The bytes of a direction keep their order: bytes after a delayed frame are delayed, too.
 """
 
 import reprlib
@@ -67,14 +67,14 @@ _NAME_CHARACTERS: Final = 60
 
 
 class InjectionError(ValueError):
-    """A file of faults that cannot be; the message is one sentence for the user."""
+    """The file is invalid. The message is one sentence for the user."""
 
 
 def load_injection(path: Path) -> Injection:
-    """Read a file of faults.
+    """Read a fault injection file.
 
     Raises:
-        InjectionError: It cannot be read, or what it says cannot be.
+        InjectionError: The file cannot be read, or its content is invalid.
     """
     try:
         return _injection(_load(path))
@@ -84,7 +84,7 @@ def load_injection(path: Path) -> Injection:
 
 @dataclass(frozen=True, slots=True)
 class _Values:
-    """What a key may hold: in words, and as a test."""
+    """Allowed values of a key: description and check."""
 
     words: str
     holds: Callable[[Any], bool]
@@ -148,9 +148,9 @@ _KEYS: Final[dict[str, _Values]] = {
     "first": _whole(1, _MOST),
     "probability": _number(1),
 }
-"""What any rule may have, and whether it is good."""
+"""Keys of all rules and their allowed values."""
 
-_MEASURES: Final[dict[str, _Values]] = {
+_PARAMETERS: Final[dict[str, _Values]] = {
     "delay_ms": _MILLISECONDS,
     "jitter_ms": _MILLISECONDS,
     "size_bytes": _whole(1, MAX_FRAME_BYTES),
@@ -165,7 +165,7 @@ _MEASURES: Final[dict[str, _Values]] = {
     "until_part": _PART,
     "until_direction": _DIRECTION,
 }
-"""What faults have, and whether it is good."""
+"""Parameters of the faults and their allowed values."""
 
 
 def _load(path: Path) -> dict[str, Any]:
@@ -178,7 +178,7 @@ def _load(path: Path) -> dict[str, Any]:
 def _injection(document: Mapping[str, Any]) -> Injection:
     if wrong := document.keys() - {"seed", "rule"}:
         raise InjectionError(
-            UserMessage("{wrong} means nothing here: take seed and [[rule]]", wrong=min(wrong))
+            UserMessage("{key} is not a key of this file: use seed and [[rule]]", key=min(wrong))
         )
     seed, tables = document.get("seed", 0), document.get("rule")
     if not (values := _whole(0, _MOST)).holds(seed):
@@ -186,57 +186,57 @@ def _injection(document: Mapping[str, Any]) -> Injection:
             UserMessage("seed must be {words}, not {seed}", words=values.words, seed=_shown(seed))
         )
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
-        raise InjectionError("it has no rule: begin each with a line [[rule]]")
+        raise InjectionError("it has no rule: start each rule with a line [[rule]]")
     if len(tables) > _MOST_RULES:
         raise InjectionError(
             UserMessage(
-                "it has {tables_count} rules, {most_rules} are the most",
-                tables_count=len(tables),
-                most_rules=_MOST_RULES,
+                "it has {rule_count} rules, but at most {max_rules} are allowed",
+                rule_count=len(tables),
+                max_rules=_MOST_RULES,
             )
         )
     return Injection(tuple(_rule(f"rule {n}", t) for n, t in enumerate(tables, start=1)), seed)
 
 
 def _rule(label: str, table: Mapping[str, Any]) -> Rule:
-    """Check a rule; `label` says which it is.
+    """Check a rule; `label` names it in messages.
 
     Raises:
-        InjectionError: Something in it is wrong.
+        InjectionError: The rule is invalid.
     """
     if "fault" not in table:
         raise InjectionError(
             UserMessage(
-                "{label}: fault is missing, it must be {words}",
+                "{label}: fault is missing: it must be {words}",
                 label=label,
                 words=_KEYS["fault"].words,
             )
         )
     _check(label, "fault", table["fault"])
     kind = _FAULTS[table["fault"]]
-    measures = {field.name: field.default is MISSING for field in fields(kind)}
+    parameters = {field.name: field.default is MISSING for field in fields(kind)}
     for key, value in table.items():
-        if key not in _KEYS and key not in measures:
-            keys = ", ".join((*measures, *_KEYS))
+        if key not in _KEYS and key not in parameters:
+            keys = ", ".join((*parameters, *_KEYS))
             raise InjectionError(
                 UserMessage(
-                    "{label}: {key} means nothing for {table}: take {keys}",
+                    "{label}: {key} is not a key of the fault {fault}: use {keys}",
                     label=label,
                     key=key,
-                    table=table["fault"],
+                    fault=table["fault"],
                     keys=keys,
                 )
             )
         _check(label, key, value)
-    for key, needed in measures.items():
+    for key, needed in parameters.items():
         if needed and key not in table:
-            words = _MEASURES[key].words
+            words = _PARAMETERS[key].words
             raise InjectionError(
                 UserMessage(
-                    "{label}: {key} is missing, {table} needs {words}",
+                    "{label}: {key} is missing: {fault} needs {words}",
                     label=label,
                     key=key,
-                    table=table["fault"],
+                    fault=table["fault"],
                     words=words,
                 )
             )
@@ -244,19 +244,19 @@ def _rule(label: str, table: Mapping[str, Any]) -> Rule:
     if len(picks) > 1:
         raise InjectionError(
             UserMessage(
-                "{label}: {picks} do not go together, take one",
+                "{label}: {picks} exclude each other: use one",
                 label=label,
                 picks=" and ".join(picks),
             )
         )
     pick = picks[0] if picks else ""
-    fault = kind(**{key: table[key] for key in measures if key in table})
+    fault = kind(**{key: table[key] for key in parameters if key in table})
     condition = Condition(table.get("command"), table.get("part"), table.get("direction"))
     waited_for = (fault.until,) if isinstance(fault, HoldBack) else ()
     for each in (condition, *waited_for):
-        if complaint := each.contradiction():
+        if reason := each.contradiction():
             raise InjectionError(
-                UserMessage("{label} means no frame: {complaint}", label=label, complaint=complaint)
+                UserMessage("{label} matches no frame: {reason}", label=label, reason=reason)
             )
     name = table.get("name")
     full = f"{label} ({name})" if name else label
@@ -264,7 +264,7 @@ def _rule(label: str, table: Mapping[str, Any]) -> Rule:
 
 
 def _check(label: str, key: str, value: object) -> None:
-    values = _KEYS.get(key) or _MEASURES[key]
+    values = _KEYS.get(key) or _PARAMETERS[key]
     if not values.holds(value):
         raise InjectionError(
             UserMessage(

@@ -1,8 +1,8 @@
-"""Injector: the bytes of one connection in, what is to be done with them out.
+"""Injector: receives the bytes of one connection and returns actions.
 
-Law: pure. Time comes in, nothing is waited for. The bytes of a direction keep their order, so what
-comes behind a frame that waits, waits too. Where no fault hits, every byte goes on unchanged, at
-the latest when its frame is complete or `PARTIAL_FRAME_S` after the last byte of an unfinished one.
+No I/O; the caller passes the time. The bytes of a direction keep their order, so bytes after a
+delayed frame are delayed, too. Without a fault, bytes are forwarded unchanged when their frame is
+complete, or `PARTIAL_FRAME_S` after the last byte of an incomplete one.
 """
 
 import math
@@ -18,31 +18,31 @@ from scaraspec_recorder.fault_injection.faults import Coalesce, HoldBack, Queued
 from scaraspec_recorder.fault_injection.rules import Injection, active_rules
 
 PARTIAL_FRAME_S: Final = 0.2
-"""How long the rest of a frame is waited for; then what there is goes on as bytes that are none."""
+"""Timeout of an incomplete frame; its bytes are then forwarded as other bytes."""
 
 
 class InjectionNote(NamedTuple):
-    """Something was done to what came in this direction: to be recorded."""
+    """Record this note: a fault was applied in this direction."""
 
     direction: Direction
     note: str
 
 
 class Forward(NamedTuple):
-    """These bytes are to be passed on, as one piece."""
+    """Forward these bytes with one write."""
 
     direction: Direction
     data: bytes
 
 
 class HalfClose(NamedTuple):
-    """All of this direction has been passed on: now its end is to be."""
+    """Forward the half-close of this direction."""
 
     direction: Direction
 
 
 class ResetBoth(NamedTuple):
-    """The connection is to be reset, both ways, in the place of a frame of this direction."""
+    """Reset the connection in both directions instead of sending a frame of this direction."""
 
     direction: Direction
 
@@ -51,7 +51,7 @@ Action = InjectionNote | Forward | HalfClose | ResetBoth
 
 
 class _Lane:
-    """One direction: what waits, the oldest first, and what goes."""
+    """One direction: queued frames, oldest first, and outgoing bytes."""
 
     def __init__(self, direction: Direction) -> None:
         self.direction = direction
@@ -60,19 +60,19 @@ class _Lane:
         self.queue: deque[QueuedFrame] = deque()
         self.queued_bytes = 0
         self.outgoing = bytearray()
-        self.coalescing: QueuedFrame | None = None  # waits for those behind it
-        self.not_before_s = -math.inf  # pieces of a frame are apart
-        self.partial_deadline_s = math.inf  # with an unfinished frame
+        self.coalescing: QueuedFrame | None = None  # waits for following frames
+        self.not_before_s = -math.inf  # delay between pieces
+        self.partial_deadline_s = math.inf  # of an incomplete frame
 
     def add(self, parcel: QueuedFrame) -> None:
-        """Put it behind all others."""
+        """Append a frame to the queue."""
         self.queue.append(parcel)
         self.queued_bytes += len(parcel.data)
         if parcel.followers:
             self.coalescing = parcel
 
     def send(self, parcel: QueuedFrame, now_s: float) -> None:
-        """Send the oldest parcel, or its next piece."""
+        """Send the oldest frame, or its next piece."""
         size_bytes = parcel.piece_bytes or len(parcel.data)
         piece, parcel.data = parcel.data[:size_bytes], parcel.data[size_bytes:]
         self.outgoing += piece
@@ -87,20 +87,18 @@ class _Lane:
 
 
 class Injector:
-    """Follows one connection. What it gives is in the order: told, forward, ended or cut.
+    """Applies the rules to one connection. Actions are ordered: notes, forwards, then ends.
 
     Args:
-        injection: What may happen.
-        connection: Its number, counted from 1.
+        injection: The rules.
+        connection: Number of the connection, counted from 1.
     """
 
     def __init__(self, injection: Injection, connection: int) -> None:
         self._rules = active_rules(injection, connection)
         self._lanes = {direction: _Lane(direction) for direction in Direction}
         self._frames = 0
-        self._last_match: dict[
-            Condition, int
-        ] = {  # by what is waited for: the last frame that met it
+        self._last_match: dict[Condition, int] = {  # number of the last frame that matched
             rule.fault.until: 0 for rule in injection.rules if isinstance(rule.fault, HoldBack)
         }
         self._notes: list[Action] = []
@@ -109,17 +107,17 @@ class Injector:
 
     @property
     def next_s(self) -> float:
-        """When `tick` is to be called; infinite where nothing waits for a time."""
+        """Time of the next `tick`; infinite if none is needed."""
         if self._ended:
             return math.inf
         return min(min(self._due_s(lane), lane.partial_deadline_s) for lane in self._lanes.values())
 
     def queued_bytes(self, direction: Direction) -> int:
-        """How much of a direction waits."""
+        """Return the queued bytes of a direction."""
         return self._lanes[direction].queued_bytes
 
     def receive(self, direction: Direction, data: bytes, now_s: float) -> list[Action]:
-        """Bytes have come."""
+        """Process received bytes."""
         lane = self._lanes[direction]
         at = lane.framer.offset_bytes
         self._take(lane, lane.framer.feed(data), at, now_s)
@@ -127,7 +125,7 @@ class Injector:
         return self._actions()
 
     def finish(self, direction: Direction, now_s: float) -> list[Action]:
-        """A sender sends no more; its end is passed on behind what waits."""
+        """Process a half-close; it is forwarded after the queued frames."""
         lane = self._lanes[direction]
         self._give_up(lane, now_s)
         lane.add(QueuedFrame("the end", b"", now_s, now_s, is_end=True))
@@ -135,7 +133,7 @@ class Injector:
         return self._actions()
 
     def tick(self, now_s: float) -> list[Action]:
-        """Time has passed."""
+        """Process expired delays and timeouts."""
         for lane in self._lanes.values():
             if lane.partial_deadline_s <= now_s:
                 self._give_up(lane, now_s)
@@ -143,7 +141,7 @@ class Injector:
         return self._actions()
 
     def flush(self) -> list[Action]:
-        """The connection ends: what waits goes at once, and nothing is done after that."""
+        """The connection ends: forward queued bytes now, and apply no more faults."""
         for lane in () if self._ended else self._lanes.values():
             waiting = takewhile(lambda parcel: not parcel.cut, lane.queue)
             data = b"".join(parcel.data for parcel in waiting)
@@ -155,13 +153,13 @@ class Injector:
         return self._actions()
 
     def _give_up(self, lane: _Lane, now_s: float) -> None:
-        """Wait no longer for the rest of a frame."""
+        """Stop waiting for the rest of a frame."""
         lane.partial_deadline_s = math.inf
         at = lane.framer.offset_bytes
         self._take(lane, lane.framer.finish(), at, now_s)
 
     def _take(self, lane: _Lane, found: Iterable[StreamItem], at: int, now_s: float) -> None:
-        """Put what was found from offset `at` on its way, and do to it what is due."""
+        """Queue the items found from offset `at`, and apply the rules."""
         for item in found:
             if self._ended:
                 return
@@ -183,14 +181,14 @@ class Injector:
             ]
 
     def _apply_rules(self, lane: _Lane, parcel: QueuedFrame, passing: ObservedFrame) -> list[str]:
-        """Count a frame and do to it the faults that hit it; return what was done."""
+        """Count a frame and apply its rules. Return the descriptions."""
         self._frames += 1
         lane.frames += 1
         parcel.number, parcel.direction_number = self._frames, lane.frames
         for condition in self._last_match:
             if condition.matches(passing):
                 self._last_match[condition] = self._frames
-        hits = [rule for rule in self._rules if rule.hits(passing)]  # all of them count
+        hits = [rule for rule in self._rules if rule.hits(passing)]  # every rule counts the frame
         gathered = lane.coalescing is not None
         return [
             done
@@ -200,7 +198,7 @@ class Injector:
         ]
 
     def _release(self, now_s: float) -> None:
-        """Send what is due."""
+        """Send frames that are due."""
         for lane in self._lanes.values():
             while not self._ended and self._due_s(lane) <= now_s:
                 parcel = lane.queue[0]
@@ -217,7 +215,7 @@ class Injector:
                     self._notes.append(InjectionNote(lane.direction, note))
 
     def _due_s(self, lane: _Lane) -> float:
-        """When a lane has something to send; infinite where nothing is in it."""
+        """Return when a lane has a frame to send; infinite if it is empty."""
         if not lane.queue:
             return math.inf
         parcel = lane.queue[0]
@@ -226,7 +224,7 @@ class Injector:
         return lane.not_before_s if gathered or met else max(parcel.due_s, lane.not_before_s)
 
     def _actions(self) -> list[Action]:
-        """Give what has come together, once."""
+        """Return and clear the collected actions."""
         actions = self._notes
         for lane in self._lanes.values():
             if lane.outgoing:

@@ -1,7 +1,7 @@
-"""Rules: a fault, the frames that it is for, and which of them it hits.
+"""Rules: a fault, the frames that match, and the selection among them.
 
-Law: what is left to chance comes from the seed alone, apart for each rule and connection, so that
-the same traffic meets the same faults whatever other connections do.
+Random values depend only on the seed, the rule and the connection: the same traffic gets the same
+faults, independent of other connections.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ PICKS: Final[dict[str, _Hits]] = {
     "first": lambda count, number, _: count <= number,
     "probability": lambda _, number, dice: dice.random() < number,
 }
-"""Which of the frames that are meant are hit, given the how many-th this is."""
+"""Selection among matching frames, by the frame's count."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,12 +28,12 @@ class Rule:
     """One rule of a file.
 
     Attributes:
-        label: What it is called in the capture.
-        fault: What is done.
-        condition: The frames that it is for.
-        connection: On this connection only, counted from 1; None for on each.
+        label: Name in the capture.
+        fault: The fault.
+        condition: Condition on the frames.
+        connection: Number of the connection, counted from 1; None for all.
         pick: A key of `PICKS`; empty for all frames.
-        number: What that key says.
+        number: Value of that key.
     """
 
     label: str
@@ -46,18 +46,18 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class Injection:
-    """What a file says: its rules, in its order, and where chance begins."""
+    """The rules of a file, in order, and the random seed."""
 
     rules: tuple[Rule, ...]
     seed: int = 0
 
 
 class ActiveRule:
-    """A rule on one connection, counting.
+    """A rule on one connection, with its frame count.
 
     Args:
         rule: The rule.
-        dice: Its own source of chance.
+        dice: Its random generator.
     """
 
     def __init__(self, rule: Rule, dice: Random) -> None:
@@ -66,7 +66,7 @@ class ActiveRule:
         self._count = 0
 
     def hits(self, passing: ObservedFrame) -> bool:
-        """Count a frame, and say whether the fault is for it."""
+        """Count a frame. Return whether the fault applies to it."""
         if not self.rule.condition.matches(passing):
             return False
         self._count += 1
@@ -74,15 +74,15 @@ class ActiveRule:
         return not pick or PICKS[pick](self._count, self.rule.number, self._dice)
 
     def apply(self, parcel: QueuedFrame) -> str:
-        """Do the fault; return what was done, empty where it came to nothing."""
+        """Apply the fault. Return a description; empty if nothing changed."""
         done = self.rule.fault.apply(parcel, self._dice)
         return f"{self.rule.label}: {done}" if done else ""
 
 
 def active_rules(injection: Injection, connection: int) -> list[ActiveRule]:
-    """Return the rules that are for a connection, ready to count its frames."""
+    """Return the rules of a connection, with their counts at 0."""
     return [
-        ActiveRule(rule, Random(f"{injection.seed}/{connection}/{number}"))  # noqa: S311 - to be the same again, not to be secret
+        ActiveRule(rule, Random(f"{injection.seed}/{connection}/{number}"))  # noqa: S311 - reproducible, not secret
         for number, rule in enumerate(injection.rules)
         if rule.connection in (None, connection)
     ]

@@ -1,9 +1,9 @@
-"""Wire events in, a pcapng file out: as if somebody had captured the link.
+"""Writes wire events as a pcapng file, like a capture of the link.
 
-Law: only what is told is written. Bytes, directions and times are those of the recording; Ethernet,
-IP and TCP around them are made up so that every reader puts the same streams together again. Where
-bytes are missing the sequence numbers leave a hole, and an acknowledgment proves that they passed.
-Why, and what was done to the link on purpose, is the comment of such a packet without bytes.
+Bytes, directions and times are those of the recording. The Ethernet, IP and TCP headers are
+synthetic, so that every reader reassembles the same streams. Missing bytes leave a hole in the
+sequence numbers, followed by an acknowledgment. The comment of this packet gives the reason;
+injected faults are also packet comments.
 """
 
 import re
@@ -43,7 +43,7 @@ _ENHANCED_PACKET: Final = 6
 
 @dataclass(slots=True)
 class _Side:
-    """One end of a connection, and how far it has come."""
+    """One endpoint of a connection and its sequence number."""
 
     end: Endpoint
     first: int  # sequence number of its first byte
@@ -61,11 +61,11 @@ class PcapngWriter:
         file: Opened for writing in binary; it stays open.
 
     Attributes:
-        shortened_gaps: Gaps of unknown length, or of more than sequence numbers can tell: each is a
-            hole of one byte.
+        shortened_gaps: Number of gaps whose length is unknown or exceeds the sequence numbers; each
+            is written as a hole of one byte.
 
     Raises:
-        OSError: From every method, where the file cannot be written.
+        OSError: From every method, if the file cannot be written.
     """
 
     def __init__(self, file: BinaryIO) -> None:
@@ -76,7 +76,7 @@ class PcapngWriter:
         file.write(_SECTION + _INTERFACE)
 
     def write(self, event: WireEvent) -> None:
-        """Write what an event looks like on the wire."""
+        """Write the packets of an event."""
         link = self._links.get(event.connection)
         if link is None or event.kind is Kind.OPENED:
             link = self._open(event)
@@ -109,7 +109,7 @@ class PcapngWriter:
                 del self._links[event.connection]
 
     def _open(self, event: WireEvent) -> _Link:
-        """Make up a connection; shake hands, unless the recording came late."""
+        """Create a synthetic connection, with a handshake if its opening was recorded."""
         ends = _ends(event.note, _EPHEMERAL_PORTS[self._count % len(_EPHEMERAL_PORTS)])
         link = {}
         for direction in Direction:
@@ -140,7 +140,7 @@ class PcapngWriter:
         payload: bytes = b"",
         comment: str = "",
     ) -> None:
-        """Write one packet, and count what it takes of the sequence numbers."""
+        """Write one packet, and advance the sequence number."""
         side, peer = link[sender], link[sender.opposite]
         acknowledged = peer.next if flags & ACK else 0
         tcp = struct.pack(
@@ -167,7 +167,7 @@ class PcapngWriter:
 
 
 def _options(comment: str) -> bytes:
-    """A comment, and the end of the options; nothing where there is none."""
+    """Return the options of a packet with a comment; empty without one."""
     if not comment:
         return b""
     text = comment.encode()[:_MOST_COMMENT_BYTES]
@@ -175,7 +175,7 @@ def _options(comment: str) -> bytes:
 
 
 def _ends(note: str, client_port: int) -> dict[Direction, Endpoint]:
-    """Both ends as the note of an opening names them; made up where it does not."""
+    """Return both endpoints from the note of an opening; synthetic ones if it has none."""
     texts, ports = dict(_UNKNOWN), {A2C: client_port, C2A: DEFAULT_PORT}
     if found := _WAY.search(note):
         for direction, groups in ((A2C, (1, 2)), (C2A, (3, 4))):
@@ -197,7 +197,7 @@ def _ends(note: str, client_port: int) -> dict[Direction, Endpoint]:
 
 
 def _ip(source: bytes, target: bytes, segment: bytes) -> tuple[bytes, bytes]:
-    """The Ethertype, and the IP packet around a TCP segment whose checksum it fills in."""
+    """Return the Ethertype and the IP packet of a TCP segment, with checksums."""
     pseudo = source + target + struct.pack(">II", len(segment), _TCP)
     checksum = _checksum(pseudo + segment)
     segment = segment[:16] + checksum + segment[18:]

@@ -1,4 +1,4 @@
-"""Raw events without their passwords, however the bytes were cut.
+"""Masks passwords in raw events, independent of how the bytes are split.
 
 `scaraspec.protocol.redaction` defines what is secret and how it is masked. This module finds the
 secret bytes in a stream. If in doubt, it masks too much rather than too little.
@@ -21,7 +21,7 @@ MASKED_NOTE: Final = "passwords masked"
 
 @dataclass(slots=True)
 class _Client:
-    """What one client sent and which of it must be hidden; positions count from its first byte."""
+    """Bytes of one client and the ranges to mask; positions count from its first byte."""
 
     framer: Framer
     after_gap: bool = False
@@ -30,7 +30,7 @@ class _Client:
     hidden: deque[tuple[int, int]] = field(default_factory=deque)
 
     def take(self, event: WireEvent) -> None:
-        """Queue an event, and note where the secrets are in what it settles."""
+        """Queue an event, and note the secret ranges in the frames that it completes."""
         framer = self.framer
         at = framer.offset_bytes
         self.pending.append((at + framer.held_bytes, event))
@@ -49,11 +49,11 @@ class _Client:
         self.held = (self.held + event.data)[-held:] if held else b""
 
     def release(self) -> Iterator[WireEvent]:
-        """Give what is pending up to the first byte whose frame is not complete."""
+        """Yield pending events up to the first incomplete frame."""
         yield from self._release(self.framer.offset_bytes)
 
     def force(self) -> Iterator[WireEvent]:
-        """Give all that is pending, hidden wherever it may be secret."""
+        """Yield all pending events, with possibly secret bytes masked."""
         at = self.framer.offset_bytes
         self._note_loose(self.held, at)
         yield from self._release(at + len(self.held))
@@ -70,7 +70,7 @@ class _Client:
             at = end
 
     def _note_loose(self, data: bytes, at: int) -> None:
-        """Bytes that are no frame, or none yet: behind a gap they may end one that is secret."""
+        """Note secret ranges in bytes outside frames. After a gap, they may end a secret frame."""
         begin = 0 if self.after_gap else secret_offset(data)
         if begin < len(data):
             self.hidden.append((at + begin, at + len(data)))
@@ -95,17 +95,17 @@ class _Client:
 
 
 class Redactor:
-    """Hides the passwords in raw events, for recordings that may leave the house.
+    """Masks passwords in raw events, for recordings that are passed to others.
 
-    Whether a byte is secret shows only when its frame is complete: until then, or until `flush`,
-    the events of its connection are held back, in their order.
+    Whether a byte is secret is known only when its frame is complete. Until then, or until `flush`,
+    the events of its connection are held back, in order.
     """
 
     def __init__(self) -> None:
         self._clients: dict[str, _Client] = {}
 
     def feed(self, event: WireEvent) -> Iterator[WireEvent]:
-        """Take the next event; give those of which all is known."""
+        """Process the next event. Yield the events that are decided."""
         client = self._clients.get(event.connection)
         if client is None:
             client = self._clients[event.connection] = _Client(Framer(A2C))
@@ -115,6 +115,6 @@ class Redactor:
         yield from client.release()
 
     def flush(self) -> Iterator[WireEvent]:
-        """Give what is held back, hidden wherever it may be secret."""
+        """Yield all events held back, with possibly secret bytes masked."""
         for client in self._clients.values():
             yield from client.force()

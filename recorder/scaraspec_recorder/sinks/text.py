@@ -1,7 +1,6 @@
-"""What happened, in words: one line of a log, one text of a payload, the same in every output.
+"""Texts of traffic events and findings: log lines and payload texts, the same in all outputs.
 
-Law: words only; passwords never among them. What happened is in `scaraspec.traffic.events`,
-whether it was right in findings.
+Texts never contain passwords.
 """
 
 from collections.abc import Callable
@@ -45,7 +44,7 @@ _SECOND_NS: Final = 1_000_000_000
 
 
 class Level:
-    """How grave a line is: the levels that Rerun and Foxglove share."""
+    """Log levels that Rerun and Foxglove share."""
 
     DEBUG: Final = "DEBUG"
     INFO: Final = "INFO"
@@ -54,7 +53,7 @@ class Level:
 
 
 class LogLine(NamedTuple):
-    """One line of a log: how grave, about what, and the text."""
+    """One log line: level, source and text."""
 
     level: str
     source: str
@@ -70,28 +69,28 @@ _LEVELS: Final = {
 
 
 def log_line(item: TrafficEvent | Finding) -> LogLine | None:
-    """The line for what deserves one in a log that is kept sparse; None for single frames."""
+    """Return the log line of an item; None for items without one, such as single frames."""
     make = _LINES.get(type(item))
     return make(item) if make else None
 
 
 def name_of(seen: FrameSeen) -> str:
-    """The name of a frame's command, or its undefined opcode."""
+    """Return the command name of a frame, or its undefined opcode."""
     return seen.command.name if seen.command else f"0x{seen.frame.opcode:02X}"
 
 
 def part_of(seen: FrameSeen) -> str:
-    """Which of its command's frames it is: request, reply, result; empty where undefined."""
+    """Return the part of the command: request, reply or result; empty if undefined."""
     return seen.parsed.part if seen.parsed else ""
 
 
 def frame_text(seen: FrameSeen) -> str:
-    """What a frame says."""
+    """Return the text of a frame's payload."""
     return SECRET if is_secret(seen.frame) else _text(seen.frame)
 
 
 def defect_texts(seen: FrameSeen) -> tuple[str, ...]:
-    """What is wrong with how a frame says it; of a secret one only the kind of wrong."""
+    """Return the defects of a frame's payload; only their kinds if the payload is secret."""
     found = seen.parsed.decoded.issues if seen.parsed else ()
     if not found:
         return ()
@@ -100,13 +99,13 @@ def defect_texts(seen: FrameSeen) -> tuple[str, ...]:
 
 
 def code_text(code: str) -> str:
-    """A code of table 8-1 with its meaning."""
+    """Return a code of table 8-1 with its meaning."""
     row = errors.lookup(code)
     return f"{code} {row.meaning}" if row else code
 
 
 def exchange_text(exchange: Exchange) -> str:
-    """A whole exchange: what was asked, what was answered, how it ended and how long it took."""
+    """Return the text of an exchange: request, replies, ending and duration."""
     asked = frame_text(exchange.request)
     parts = [f"{exchange.name} {asked}".rstrip()]
     if exchange.reply:
@@ -123,7 +122,7 @@ def exchange_text(exchange: Exchange) -> str:
 
 
 def transfer_text(transfer: Transfer) -> str:
-    """A file's way: which, where to, how far."""
+    """Return the text of a file transfer."""
     what = "upload" if transfer.upload else "download"
     name = show(transfer.name)
     if transfer.state is State.DONE:
@@ -133,20 +132,20 @@ def transfer_text(transfer: Transfer) -> str:
 
 
 def attachment_name(transfer: Transfer) -> str:
-    """A transferred file's name as a label: no path, whatever the peer called it."""
+    """Return a transferred file's name as a label without path separators."""
     name = show(transfer.name).translate({ord("/"): "_", ord("\\"): "_"})
     return f"{'upload' if transfer.upload else 'download'} {name}"
 
 
 def hex_text(item: InvalidBytes) -> str:
-    """The first bytes of an undecodable run, passwords masked."""
+    """Return the first bytes of an undecodable run, with passwords masked."""
     data = mask_unframed(item.data)
     more = "…" if item.place.length_bytes > _HEX_BYTES else ""
     return data[:_HEX_BYTES].hex(" ").upper() + more
 
 
 def place_text(place: WireRange) -> str:
-    """Where on the wire something is, for a reader who looks for it."""
+    """Return a position on the wire as text."""
     return (
         f"connection {place.connection} {place.direction.value} "
         f"bytes {place.offset_bytes}-{place.offset_bytes + place.length_bytes - 1}"
@@ -180,7 +179,7 @@ _SENDER: Final = {"A2C": "client", "C2A": "controller"}
 
 
 def _exchange_level(exchange: Exchange) -> str:
-    """Refused, failed and broken off stand out; mere queries and chunks step back."""
+    """Return WARN for refused or failed exchanges, DEBUG for queries and file chunks."""
     failed = exchange.outcome is not None and not exchange.outcome.done
     if exchange.accepted is False or failed or exchange.ending is not Ending.ANSWERED:
         return Level.WARN
@@ -191,7 +190,7 @@ def _exchange_level(exchange: Exchange) -> str:
 
 @lru_cache(maxsize=4096)
 def _text(frame: Frame) -> str:
-    """What a frame says. Polling says the same again and again, hence the cache."""
+    """Return the text of a frame. Cached, because polling repeats the same frames."""
     parsed = commands.parse_frame(frame)
     text = _value_text(parsed) if parsed else ""
     if not text and frame.data:

@@ -1,8 +1,8 @@
-"""One direction of one TCP connection: segments in any order in, bytes and gaps in order out.
+"""Reassembles one direction of a TCP connection: segments in, ordered bytes and gaps out.
 
-Law: sequence arithmetic and nothing else. Positions count bytes, are unwrapped from 32 bits and may
-be negative until the stream's start is known. When to stop waiting for a missing byte is decided by
-`reassembly`; nothing here delivers a byte at an offset that is not its own.
+Belongs here: sequence arithmetic only. Positions count bytes, are unwrapped from 32 bits and may be
+negative until the stream's start is known. `reassembly` decides when to stop waiting for a missing
+byte.
 """
 
 from collections import deque
@@ -50,7 +50,7 @@ class OrderedEvent(NamedTuple):
 
 
 class ByteStream:
-    """The bytes that one endpoint sends.
+    """The byte stream that one endpoint sends.
 
     Attributes:
         connection: Name of the connection.
@@ -110,7 +110,7 @@ class ByteStream:
         return self._origin is None or self._position(isn + 1) <= self.next
 
     def begin(self, isn: int) -> None:
-        """Take the start of the stream from a SYN that `may_begin`."""
+        """Set the start of the stream from a SYN that `may_begin` accepts."""
         if self.start is None:
             self.start = self.next = self.released = self._position(isn + 1)
 

@@ -1,4 +1,4 @@
-"""A capture file of any kind as wire events: its first bytes say what it is."""
+"""Opens a capture file of any format, which its first bytes identify."""
 
 from pathlib import Path
 
@@ -19,17 +19,19 @@ def open_capture(path: Path, *, port: int | None) -> McapCapture | PcapCapture:
         port: TCP port of the controller in packet captures; None for every connection.
 
     Returns:
-        The capture: it yields wire events, and sums up when it has.
+        The capture: an iterable of wire events with a summary.
 
     Raises:
-        CaptureError: The file cannot be read, or is none of these.
+        CaptureError: The file cannot be read, or has another format.
     """
     try:
         with path.open("rb") as file:
             head = file.read(len(MAGIC))
     except OSError as error:
         raise CaptureError(
-            UserMessage("{path} cannot be read: {value}", path=path, value=error.strerror or error)
+            UserMessage(
+                "{path} cannot be read: {reason}", path=path, reason=error.strerror or error
+            )
         ) from None
     if not head:
         raise CaptureError(UserMessage("{path} is empty: nothing was recorded", path=path))

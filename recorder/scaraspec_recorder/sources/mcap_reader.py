@@ -1,7 +1,7 @@
-"""capture.mcap, read: the raw layer as wire events again, whatever has become of the file.
+"""Reads capture.mcap: the raw layer as wire events, even from a damaged file.
 
-Law: only the raw layer counts; what an old decoder made of it is made anew. A torn or damaged file
-gives everything whole that it has and says what is missing; a traceback never. Nothing is written.
+Only the raw layer is read; everything else is decoded again. A damaged file yields all its intact
+records and notes about what is missing. Nothing is written.
 """
 
 import os
@@ -48,14 +48,14 @@ _RAW_KINDS: Final[dict[str, type[schemas.Message]]] = {
 
 @dataclass(slots=True)
 class McapSummary:
-    """What a recording held, and what of it could not be read.
+    """Summary of a recording and of its unreadable parts.
 
     Attributes:
-        events: Wire events that it gave.
-        last_ns: Time of the latest, 0 where there is none.
-        finished: The file was closed as it should be, and not cut off.
-        wrong_accounts: Streams whose account in the file differs from what the file holds.
-        notes: One sentence for each kind of thing that is missing.
+        events: Number of wire events.
+        last_ns: Time of the last event; 0 without events.
+        finished: Whether the file was closed properly.
+        wrong_accounts: Streams whose account in the file differs from the content.
+        notes: One sentence for each kind of missing data.
     """
 
     events: int = 0
@@ -66,12 +66,12 @@ class McapSummary:
 
     @property
     def whole(self) -> bool:
-        """Whether it is finished, and nothing in it is missing."""
+        """Whether the file is closed properly and complete."""
         return self.finished and not self.notes
 
 
 class RawLayerReader:
-    """Picks the events of the raw layer from the records of a file."""
+    """Converts records of the raw layer to wire events."""
 
     def __init__(self) -> None:
         self._schemas: dict[int, str] = {}
@@ -80,7 +80,7 @@ class RawLayerReader:
         self._missing = 0
 
     def take(self, record: McapRecord) -> WireEvent | None:
-        """The event that a record holds, None where it holds none or none that can be read."""
+        """Return the event of a record; None if it has no readable event."""
         if isinstance(record, Message):
             if kind := self._kinds.get(record.channel_id):
                 with suppress(ValueError):
@@ -97,7 +97,7 @@ class RawLayerReader:
         return None
 
     def finish(self, path: Path, summary: McapSummary) -> None:
-        """All records were taken: tell what is missing between them.
+        """Finish: add a note about missing events.
 
         Raises:
             CaptureError: The file has no raw layer.
@@ -107,13 +107,11 @@ class RawLayerReader:
             if summary.finished or (self._schemas and not ours):
                 raise CaptureError(
                     UserMessage(
-                        "{path} holds no raw bytes of a link: scaraspec record did not write it",
+                        "{path} has no raw bytes of a link: it was not written by scaraspec record",
                         path=path,
                     )
                 )
-            raise CaptureError(
-                UserMessage("{path} broke off before anything was recorded", path=path)
-            )
+            raise CaptureError(UserMessage("{path} ends before anything was recorded", path=path))
         if self._missing:
             summary.notes.append(f"{self._missing} raw events are missing in the file")
 
@@ -140,9 +138,9 @@ def _event(time_ns: int, message: schemas.Message) -> WireEvent:
 
 
 class McapCapture:
-    """The wire events of a recording, in the order in which they passed. Each iteration reads anew.
+    """The wire events of a recording, in order. Each iteration reads the file again.
 
-    Where bytes are missing between two events of a stream, a gap takes their place.
+    Missing bytes between two events of a stream become a gap.
 
     Attributes:
         path: The file.
@@ -158,7 +156,7 @@ class McapCapture:
         """False where the file says that its link was serial (L83).
 
         Raises:
-            CaptureError: It cannot be opened, or is no MCAP file.
+            CaptureError: It cannot be opened, or is not an MCAP file.
         """
         for record in read_records(self.path, McapSummary()):
             if isinstance(record, Metadata) and record.name == SESSION:
@@ -171,7 +169,7 @@ class McapCapture:
         """Read the file.
 
         Raises:
-            CaptureError: It cannot be opened, is no MCAP file, or none with a raw layer.
+            CaptureError: It cannot be opened, is not an MCAP file, or has no raw layer.
         """
         self.summary = summary = McapSummary()
         raw, gap_filler, audit = RawLayerReader(), GapFiller(), ByteAccountingCheck()
@@ -202,21 +200,21 @@ def read_mcap(path: Path) -> McapCapture:
         Its events; see `McapCapture`.
 
     Raises:
-        CaptureError: The file cannot be opened or is no MCAP file.
+        CaptureError: The file cannot be opened or is not an MCAP file.
     """
     with _open(path):
         return McapCapture(path)
 
 
 def read_records(path: Path, summary: McapSummary) -> Iterator[McapRecord]:
-    """Every whole record of an MCAP file, those in chunks too, in the file's order.
+    """Yield all intact records of an MCAP file, including those in chunks, in order.
 
     Args:
         path: The file.
-        summary: Is told whether the file was finished, and what was damaged.
+        summary: Receives whether the file was finished, and notes about damage.
 
     Raises:
-        CaptureError: The file cannot be opened or is no MCAP file.
+        CaptureError: The file cannot be opened or is not an MCAP file.
     """
     damaged_chunks = 0
     with _open(path) as file:
@@ -242,7 +240,7 @@ def read_records(path: Path, summary: McapSummary) -> Iterator[McapRecord]:
             yield from inner
         unread_bytes = file.seek(0, os.SEEK_END) - whole_bytes
     if damaged_chunks:
-        summary.notes.append(f"{damaged_chunks} damaged chunks of the file were left out")
+        summary.notes.append(f"{damaged_chunks} damaged chunks of the file were skipped")
     if not summary.finished:
         summary.notes.append("the file was not closed: what came after its last flush is missing")
         if unread_bytes:
@@ -257,11 +255,13 @@ def _open(path: Path) -> Iterator[BinaryIO]:
             if not magic:
                 raise CaptureError(UserMessage("{path} is empty: nothing was recorded", path=path))
             if magic != MAGIC:
-                raise CaptureError(UserMessage("{path} is no MCAP file", path=path))
+                raise CaptureError(UserMessage("{path} is not an MCAP file", path=path))
             yield file
     except OSError as error:
         raise CaptureError(
-            UserMessage("{path} cannot be read: {value}", path=path, value=error.strerror or error)
+            UserMessage(
+                "{path} cannot be read: {reason}", path=path, reason=error.strerror or error
+            )
         ) from None
 
 

@@ -1,8 +1,8 @@
-"""A pcap or pcapng file in, wire events out.
+"""Reads pcap and pcapng files as wire events.
 
-Law: only here is scapy met, and only for the records of the file; headers are read in `segment`,
-streams put together in `reassembly`. The file is streamed, never loaded. A file that is torn or
-damaged gives what stands before the damage, and a note; a traceback never.
+This is the only module that uses scapy, and only for the file's records: `tcp_segment` reads packet
+headers, `reassembly` rebuilds streams. The file is streamed, never loaded as a whole. A damaged
+file yields the packets before the damage, and a note.
 """
 
 import gzip
@@ -45,13 +45,13 @@ _READING_ERRORS: Final = (EOFError, OSError, ValueError, OverflowError, struct.e
 
 @dataclass(slots=True)
 class PcapSummary:
-    """What a capture held, and what of it could not be read.
+    """Summary of a capture and of its unreadable parts.
 
     Attributes:
         packets: Packets in the file.
-        segments: TCP segments of the connections looked for.
-        connections: Connections found.
-        notes: One sentence for each kind of thing that is missing or odd.
+        segments: TCP segments of the selected connections.
+        connections: Number of connections.
+        notes: One sentence for each kind of missing or unusual data.
     """
 
     packets: int = 0
@@ -61,10 +61,10 @@ class PcapSummary:
 
 
 class PcapCapture:
-    """The wire events of a capture file, in the order of time. Each iteration reads it anew.
+    """The wire events of a capture file, in order of time. Each iteration reads the file again.
 
     Attributes:
-        needs_login: What it holds passed over TCP.
+        needs_login: Always True: the traffic is TCP.
         path: The file.
         port: TCP port of the controller; None for every connection.
         summary: Complete when an iteration has ended.
@@ -177,7 +177,9 @@ def _records(path: Path, notes: list[str]) -> Iterator[_Record]:
                 record = read(reader, source)
             except _READING_ERRORS:
                 if source.position > begin or not source.ended:
-                    notes.append(f"the file is torn or damaged at byte {begin}: read up to there")
+                    notes.append(
+                        f"the file is damaged at byte {begin}: later packets were not read"
+                    )
                 return
             if record is not None:
                 yield record
@@ -251,7 +253,7 @@ def _reader(path: Path) -> Iterator[tuple[Any, _Source]]:
             file = gzip.GzipFile(fileobj=raw) if raw.peek(2)[:2] == _GZIP_MAGIC else raw
             if file.peek(4)[:4] not in _MAGICS:
                 raise CaptureError(
-                    UserMessage("{path} is no capture: neither MCAP, pcap nor pcapng", path=path)
+                    UserMessage("{path} is not a capture: neither MCAP, pcap nor pcapng", path=path)
                 )
             source = _Source(file)
             reader: Any = RawPcapReader(source)  # type: ignore[arg-type]  # open files serve as well
@@ -260,11 +262,11 @@ def _reader(path: Path) -> Iterator[tuple[Any, _Source]]:
             yield reader, source
     except OSError as error:
         raise CaptureError(
-            UserMessage("{path} cannot be read: {value}", path=path, value=error.strerror or error)
+            UserMessage(
+                "{path} cannot be read: {reason}", path=path, reason=error.strerror or error
+            )
         ) from None
     except (EOFError, zlib.error, Scapy_Exception):
-        raise CaptureError(
-            UserMessage("{path} is torn or damaged in its first bytes", path=path)
-        ) from None
+        raise CaptureError(UserMessage("{path} is damaged in its first bytes", path=path)) from None
     finally:
         log_runtime.removeFilter(silence)

@@ -1,18 +1,18 @@
-"""TCP segments of any number of connections in, wire events in the order of time out.
+"""Reassembles TCP segments of any number of connections into wire events in order of time.
 
-Law: pure, bounded in memory, and no guesses. A byte is delivered once, at its own offset; a byte
-that passed but was not captured becomes part of a gap, and only when nothing can bring it any more:
+No I/O, bounded memory, no guesses. A byte is delivered once, at its own offset. A byte that was
+sent but not captured becomes part of a gap, but only when it cannot arrive any more:
 
 - The receiver acknowledged it, and it is not among the next `Limits.late_segments` segments (a
-  capture may swap packets, so that an acknowledgment stands before what it acknowledges).
-- The connection was reset, its ports were used anew, or the capture ended.
+  capture may swap packets, so that an acknowledgment precedes its data).
+- The connection was reset, its ports were reused, or the capture ended.
 - What waits for it takes more memory than `Limits.held_bytes`.
 
-Until then every later event waits, also those of other connections: a reply is never told before
-the request that it answers, even where that request turns out to be lost.
+Until then, all later events wait, including those of other connections: a reply is never delivered
+before its request, even if that request is lost.
 
-Where the capture's clock is set back, time stands still instead, goes on from there, and a gap of
-no bytes says that nothing may be held against what was before.
+If the capture's clock is set back, event times stay constant and continue from there. A gap of zero
+bytes marks that earlier traffic must not cause failures.
 """
 
 from collections.abc import Collection, Iterable
@@ -38,7 +38,7 @@ STEP_NS: Final = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """How long and how much a reassembler waits.
+    """Limits of waiting for missing bytes.
 
     Attributes:
         late_segments: By how many segments a packet may stand too late in the capture.

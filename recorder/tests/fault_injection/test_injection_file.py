@@ -42,26 +42,29 @@ def test_the_documented_file_can_be_read(load: Load) -> None:
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("", "it has no rule: begin each with a line [[rule]]"),
+        ("", "it has no rule: start each rule with a line [[rule]]"),
         ("rule = 3", "it has no rule"),
         ("rule = [3]", "it has no rule"),
-        ("seeds = 3", "seeds means nothing here: take seed and [[rule]]"),
+        ("seeds = 3", "seeds is not a key of this file: use seed and [[rule]]"),
         ("seed = -1", "seed must be a whole number from 0 to 1000000000, not -1"),
         ("[[rule", "it is not a valid TOML file: "),
         ("x = '" + "x" * (1 << 20) + "'", "it is larger than 1 MiB"),
-        ("[[rule]]\n" * 300, "it has 300 rules, 256 are the most"),
-        ("[[rule]]", "rule 1: fault is missing, it must be one of delay, jitter, fragment,"),
+        ("[[rule]]\n" * 300, "it has 300 rules, but at most 256 are allowed"),
+        ("[[rule]]", "rule 1: fault is missing: it must be one of delay, jitter, fragment,"),
         ('[[rule]]\nfault = "slow"\n', "rule 1: fault must be one of delay, jitter"),
         ("[[rule]]\nfault = []", "rule 1: fault must be one of delay"),
-        (DELAY, "rule 1: delay_ms is missing, delay needs a number above 0, 3.6e+06 at most"),
+        (DELAY, "rule 1: delay_ms is missing: delay needs a number above 0, 3.6e+06 at most"),
         (DELAY + "delay_ms = 0", "rule 1: delay_ms must be a number above 0, 3.6e+06 at most, not"),
         (DELAY + "delay_ms = nan", "not nan"),
         (DELAY + "delay_ms = true", "not True"),
         (DELAY + "delay_ms = '5'", "not '5'"),
-        (DELAY + "delay = 5", "rule 1: delay means nothing for delay: take delay_ms, fault, name,"),
-        (DELAY + "xor = 5", "rule 1: xor means nothing for delay: take delay_ms"),
+        (
+            DELAY + "delay = 5",
+            "rule 1: delay is not a key of the fault delay: use delay_ms, fault, name,",
+        ),
+        (DELAY + "xor = 5", "rule 1: xor is not a key of the fault delay: use delay_ms"),
         (DROP + DROP + "nth = 0", "rule 2: nth must be a whole number from 1 to"),
-        (DROP + "nth = 1\nfirst = 2", "rule 1: nth and first do not go together"),
+        (DROP + "nth = 1\nfirst = 2", "rule 1: nth and first exclude each other"),
         (DROP + "probability = 2", "probability must be a number above 0, 1 at most, not 2"),
         (DROP + "command = 'status'", "command must be a command's name such as get_status"),
         (DROP + "command = 256", "or an opcode from 0x00 to 0xFF, not 256"),
@@ -72,18 +75,18 @@ def test_the_documented_file_can_be_read(load: Load) -> None:
         (DROP + 'name = "a\\nb"', "name must be a text of at most 60 characters, on one"),
         (
             DROP + "command = 'get_time'\npart = 'result'",
-            "rule 1 means no frame: get_time has no final result",
+            "rule 1 matches no frame: get_time has no final result",
         ),
         (
             DROP + "command = 'download_chunk'\npart = 'request'\ndirection = 'A2C'",
-            "rule 1 means no frame: the request of download_chunk goes C2A",
+            "rule 1 matches no frame: the request of download_chunk goes C2A",
         ),
         (
             (
                 '[[rule]]\nfault = "hold-back"\nat_most_ms = 1\n'
                 "until_command = 'get_time'\nuntil_part = 'result'"
             ),
-            "rule 1 means no frame: get_time has no final result",
+            "rule 1 matches no frame: get_time has no final result",
         ),
     ],
 )

@@ -175,7 +175,7 @@ def test_what_cannot_be_read_is_listed_too(tmp_path: Path) -> None:
     (tmp_path / NAME).write_bytes(b"damaged")
     RecordingIndex(tmp_path).save()
     (entry,) = lines(tmp_path)
-    assert entry["notes"] == [f"{tmp_path / NAME} is no MCAP file"]
+    assert entry["notes"] == [f"{tmp_path / NAME} is not an MCAP file"]
     assert entry["begin_ns"] == entry["end_ns"] == (tmp_path / NAME).stat().st_mtime_ns
 
 

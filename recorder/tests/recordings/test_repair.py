@@ -144,7 +144,7 @@ def test_what_is_no_recording_is_not_touched(tmp_path: Path) -> None:
     """Another's file stays as it is, and no copy is left behind."""
     path = tmp_path / "notes.mcap"
     path.write_text("mine")
-    with pytest.raises(CaptureError, match="is no MCAP file"):
+    with pytest.raises(CaptureError, match="is not an MCAP file"):
         repair(path)
     assert path.read_text() == "mine"
     assert list(tmp_path.iterdir()) == [path]

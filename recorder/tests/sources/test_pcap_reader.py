@@ -286,7 +286,7 @@ def test_a_pcapng_packet_of_no_interface_is_damage(path: Path) -> None:
     path.write_bytes(begin + packets[0])
     capture = read_pcap(path)
     assert list(capture) == OVER_IPV4
-    note = f"the file is torn or damaged at byte {len(begin)}: read up to there"
+    note = f"the file is damaged at byte {len(begin)}: later packets were not read"
     assert capture.summary.notes == [note]
 
 
@@ -477,7 +477,7 @@ def test_a_torn_file_gives_what_is_whole(
         list(capture)
         whole = sum(end <= length for end in ends) - 1
         assert capture.summary.packets == whole
-        note = f"the file is torn or damaged at byte {ends[whole]}: read up to there"
+        note = f"the file is damaged at byte {ends[whole]}: later packets were not read"
         assert (note in capture.summary.notes) == (length not in ends)
     assert scapy_says == []
 
@@ -487,7 +487,7 @@ def test_a_torn_compressed_file_gives_what_is_whole(path: Path) -> None:
     path.write_bytes(gzip.compress(pcap(frames(conversation())), mtime=0)[:-20])
     capture = read_pcap(path)
     list(capture)
-    assert "torn or damaged" in capture.summary.notes[0]
+    assert "is damaged" in capture.summary.notes[0]
 
 
 def test_a_giant_length_is_damage(path: Path) -> None:
@@ -501,7 +501,7 @@ def test_a_giant_length_is_damage(path: Path) -> None:
         path.write_bytes(content + giant + bytes(64))
         capture = read_pcap(path)
         assert list(capture) == OVER_IPV4
-        assert "torn or damaged" in capture.summary.notes[0]
+        assert "is damaged" in capture.summary.notes[0]
     source = _Source(io.BytesIO(b"?"))
     assert source.read(_MAX_RECORD_BYTES + 1) == b""
     assert source.read(_MAX_RECORD_BYTES) == b"?"
@@ -510,16 +510,16 @@ def test_a_giant_length_is_damage(path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
-        (b"", "is no capture: neither MCAP, pcap nor pcapng"),
-        (b"\x0a\x0d", "is no capture: neither MCAP, pcap nor pcapng"),
-        (b"an mcap file, say", "is no capture: neither MCAP, pcap nor pcapng"),
+        (b"", "is not a capture: neither MCAP, pcap nor pcapng"),
+        (b"\x0a\x0d", "is not a capture: neither MCAP, pcap nor pcapng"),
+        (b"an mcap file, say", "is not a capture: neither MCAP, pcap nor pcapng"),
         (
             gzip.compress(gzip.compress(b"?", mtime=0), mtime=0),
-            "is no capture: neither MCAP, pcap nor pcapng",
+            "is not a capture: neither MCAP, pcap nor pcapng",
         ),
-        (pcap([])[:23], "is torn or damaged in its first bytes"),
-        (pcapng([])[:12], "is torn or damaged in its first bytes"),
-        (b"\x1f\x8b\x08", "is torn or damaged in its first bytes"),
+        (pcap([])[:23], "is damaged in its first bytes"),
+        (pcapng([])[:12], "is damaged in its first bytes"),
+        (b"\x1f\x8b\x08", "is damaged in its first bytes"),
     ],
 )
 def test_no_capture(path: Path, content: bytes, reason: str) -> None:

@@ -1,8 +1,7 @@
-"""Writes MCAP: messages packed into whole chunks, six times as fast as the mcap package's writer.
+"""Writes the MCAP container, six times as fast as the writer of the mcap package.
 
-Law: the container and nothing of what is in it. Records that are rare are written by the mcap
-package; messages, which are not, are packed here. Everything up to the last `flush` can be read
-whatever becomes of the process (MCAP specification, "Data section").
+The mcap package encodes rare records; this module encodes messages. All data up to the last `flush`
+remains readable if the process is killed (MCAP specification, "Data section").
 """
 
 import struct
@@ -53,23 +52,23 @@ _SUMMARY: Final = (
 
 
 class Output(Protocol):
-    """Where the file goes."""
+    """The destination of the file."""
 
     def write(self, data: bytes, /) -> object:
-        """Take the next bytes of the file."""
+        """Write the next bytes of the file."""
 
     def flush(self) -> None:
         """Hand what was written to the operating system."""
 
 
 class ChunkWriter:
-    """One MCAP file, from its first byte to its last.
+    """Writes one MCAP file.
 
-    What `Output` raises goes through; after that the writer is of no further use.
+    Exceptions of `Output` are not caught; after one, the writer must not be used.
 
     Args:
         output: Receives the file.
-        library: Who wrote it, for its header.
+        library: Name of the writing program, for the header.
     """
 
     def __init__(self, output: Output, library: str) -> None:
@@ -93,7 +92,7 @@ class ChunkWriter:
         self._record(Header(profile="", library=library))
 
     def schema(self, name: str, encoding: str, data: bytes) -> int:
-        """Declare a schema and return its number; not in a chunk, so that damage costs only one."""
+        """Declare a schema, outside chunks to survive their damage. Return its number."""
         self._statistics.schema_count += 1
         schema = Schema(id=self._statistics.schema_count, name=name, encoding=encoding, data=data)
         self._record(schema)
@@ -117,7 +116,7 @@ class ChunkWriter:
         return channel.id
 
     def message(self, channel_id: int, time_ns: int, data: bytes, sequence: int = 0) -> None:
-        """Add a message; it is on its way to the disk when its chunk is full or flushed."""
+        """Add a message; it is written when its chunk is full or flushed."""
         head = _MESSAGE.pack(
             Opcode.MESSAGE,
             _MESSAGE_HEAD_BYTES + len(data),
@@ -136,7 +135,7 @@ class ChunkWriter:
             self._end_chunk()
 
     def attachment(self, time_ns: int, name: str, media_type: str, data: bytes) -> None:
-        """Add a file of its own."""
+        """Add an attachment."""
         attachment = Attachment(
             create_time=time_ns, log_time=time_ns, name=name, media_type=media_type, data=data
         )
@@ -154,13 +153,13 @@ class ChunkWriter:
         self._statistics.attachment_count += 1
 
     def metadata(self, name: str, entries: Mapping[str, str]) -> None:
-        """Add named texts."""
+        """Add a metadata record."""
         offset, length = self._record(Metadata(name=name, metadata=dict(entries)))
         self._summarize(MetadataIndex(offset=offset, length=length, name=name))
         self._statistics.metadata_count += 1
 
     def flush(self) -> None:
-        """End the chunk and hand all to the operating system."""
+        """End the chunk and flush all data to the operating system."""
         self._end_chunk()
         self._output.flush()
 
@@ -189,7 +188,7 @@ class ChunkWriter:
         self._indices: dict[int, list[int]] = {}  # by channel: time, offset, time, offset, …
 
     def _end_chunk(self) -> None:
-        """Write the chunk and its index; nothing where it is empty."""
+        """Write the chunk and its index, unless it is empty."""
         if not self._chunk:
             return
         data, indices = b"".join(self._chunk), self._indices
@@ -236,7 +235,7 @@ class ChunkWriter:
         statistics.message_end_time = max(statistics.message_end_time, last_ns)
 
     def _summarize(self, record: McapRecord) -> None:
-        """Keep a record for the summary, as bytes: a chunk costs two hundred of them."""
+        """Keep a record for the summary section, encoded: about 200 bytes per chunk."""
         self._summary[type(record)] += _serialize(record)
 
     def _record(self, record: McapRecord) -> tuple[int, int]:

@@ -1,8 +1,9 @@
-"""capture.mcap, written: what passed on the wire, and what it means.
+"""Writes capture.mcap: raw traffic and decoded items.
 
-Law: two layers. The raw one (`/raw/…`, `/connection`, `/gap`) is the truth, written as it came and
-enough to make everything else again; the derived one comes from a `Deriver` and holds no password.
-Reading back stands in `mcap_reading`. After an error the file is given up, never gone on with.
+The file has two layers. The raw layer (`/raw/…`, `/connection`, `/gap`) is the reference: it is
+written as received, and everything else can be derived from it again. The derived layer comes from
+a `Decoder` and contains no passwords. `mcap_reader` reads the file. After a write error, the file
+is not continued.
 """
 
 import math
@@ -43,11 +44,11 @@ CONNECTION_TOPIC: Final = "/connection"
 GAP_TOPIC: Final = "/gap"
 
 SESSION: Final = "session"
-"""The metadata that say what a recording is of; they stand before everything that passed."""
+"""Name of the metadata record that describes the session; it precedes all messages."""
 
 LINK: Final = "link"
 SERIAL: Final = "serial"
-"""What they say of a link that serves without a login (L83)."""
+"""Key and value in it of a serial link, which needs no login (L83)."""
 
 _OWN_TOPICS: Final[dict[str, type[schemas.Message]]] = {
     RAW_TOPICS[A2C]: schemas.RawChunk,
@@ -68,7 +69,7 @@ _UNKNOWN: Final = (math.nan,) * len(_JOINTS)
 
 
 class _Output:
-    """The file, brought to the disk by every flush; one that fails while it is empty is removed."""
+    """The file. Each flush syncs it to disk; a file that fails while empty is removed."""
 
     def __init__(self, file: BinaryIO, discard: Callable[[], None]) -> None:
         self.has_data = False
@@ -80,7 +81,7 @@ class _Output:
 
     def flush(self) -> None:
         self._do(self._file.flush)
-        with suppress(UnsupportedOperation):  # a file in memory has no number
+        with suppress(UnsupportedOperation):  # a file in memory has no descriptor
             self._do(getattr(os, "fdatasync", os.fsync), self._file.fileno())
 
     def close(self) -> None:
@@ -100,12 +101,12 @@ class McapSink:
 
     Args:
         file: Opened for writing in binary; closed by `close`.
-        session: What is known beforehand, such as the addresses; kept as metadata ``session``.
-        discard: Removes the file; called if it fails before anything of the link is in it.
+        session: Session metadata, such as the addresses; stored as metadata ``session``.
+        discard: Removes the file; called if writing fails before it contains traffic.
 
     Raises:
-        OSError: From every method, once the file cannot be written; then nothing more may be
-            called, and what the file holds is brought to light by `recover`.
+        OSError: From every method, if the file cannot be written. Then no further method may be
+            called; `repair` recovers the content.
     """
 
     def __init__(
@@ -141,7 +142,7 @@ class McapSink:
             self._writer.metadata(name, entries)
 
     def take(self, item: Item, number: int, line: LogLine | None) -> None:
-        """Write what a raw event brought about."""
+        """Write an item derived from a raw event."""
         if take := self._TAKE.get(type(item)):
             take(self, item, number)
         if line and line.level != event_text.Level.DEBUG:
@@ -152,8 +153,8 @@ class McapSink:
         self._dirty = True
         self._writer.message(self._channels["/log"], time_ns, foxglove.log(time_ns, *line))
 
-    def tick(self, now_ns: int) -> None:  # noqa: ARG002 - the scribe's clock; a flush needs none
-        """Bring everything to the disk, so that a loss of power keeps it too."""
+    def tick(self, now_ns: int) -> None:  # noqa: ARG002 - a flush needs no time
+        """Sync all data to disk, so that it survives a power failure."""
         if self._dirty:
             self._writer.flush()
             self._dirty = False
@@ -168,7 +169,7 @@ class McapSink:
         self._output.close()
 
     def _add(self, topic: str, data: bytes) -> None:
-        """Add a message of the derived layer, at the time of the event that brought it about."""
+        """Add a message of the derived layer with the time of its raw event."""
         self._writer.message(self._channels[topic], self._now_ns, data)
 
     def _frame(self, seen: FrameSeen, _: int) -> None:
@@ -238,7 +239,7 @@ class McapSink:
             self._add("/tf", foxglove.transforms(self._now_ns, (tool,)))
 
     def _arm(self, joints: JointValues) -> None:
-        """The arm's pose: joint values, their mean rates since the last ones, and transforms."""
+        """Write the arm's pose: joint values, mean rates since the last ones, and transforms."""
         time_ns = self._now_ns
         position = arm_model.to_si(joints)
         rates = _UNKNOWN
@@ -248,7 +249,7 @@ class McapSink:
                 (new - old) / elapsed_ns * 1e9 for new, old in zip(position, before, strict=True)
             )
         self._joints = (time_ns, position)
-        effort = _UNKNOWN  # the protocol tells none
+        effort = _UNKNOWN  # not in the protocol
         state = ros2.joint_state(time_ns, _JOINTS, position, rates, effort)
         self._add("/joint_states", state)
         self._add("/tf", foxglove.transforms(time_ns, arm_model.place(joints)))
@@ -291,7 +292,7 @@ class McapSink:
         )
         self._add("/findings", data)
 
-    # Functions, for with methods of its own a sink would refer to itself, and outlive its file.
+    # Functions, not bound methods: those would create a reference cycle.
     _TAKE: Final[Mapping[type, Callable[["McapSink", Any, int], None]]] = {
         FrameSeen: _frame,
         Exchange: _exchange,
@@ -302,7 +303,7 @@ class McapSink:
 
 
 def _raw(event: WireEvent) -> tuple[str, bytes]:
-    """A raw event's topic and message."""
+    """Return topic and message of a raw event."""
     where: dict[str, Any] = {
         "connection": event.connection,
         "direction": event.direction.value,
@@ -323,7 +324,7 @@ def _raw(event: WireEvent) -> tuple[str, bytes]:
 
 
 def _declare(writer: ChunkWriter) -> dict[str, int]:
-    """Declare every topic with its schema; give the channels' numbers by topic."""
+    """Declare all topics with their schemas. Return the channel numbers by topic."""
     channels, known = {}, {}
     for topic, kind in _OWN_TOPICS.items():
         if kind not in known:

@@ -1,8 +1,7 @@
-"""Live: a viewer draws the recording while it is made.
+"""Shows a recording in a Rerun viewer while it is made.
 
-Law: drawing may lag, lose and die, and the recording never waits for it: it runs in a process of
-its own, behind a queue that is bounded and drops what does not fit. What is drawn after a loss has
-a gap in it, as the offsets of the streams tell.
+The recording never waits for the viewer: drawing runs in a separate process with a bounded queue.
+Events that do not fit are dropped, and the drawing then contains a gap.
 """
 
 import logging
@@ -22,10 +21,10 @@ from scaraspec_recorder.sinks.decoder import Decoder
 from scaraspec_recorder.sinks.sink import OutputFolder
 
 VIEWER_TIMEOUT_S: Final = 30.0
-"""How long a viewer may take nothing before it gets no more."""
+"""Timeout of a viewer that accepts no data; it then gets no more."""
 
 CLOSE_TIMEOUT_S: Final = 5.0
-"""How long the drawing may take to catch up when the recording has ended."""
+"""Time limit for drawing the rest when the recording ends."""
 
 _BATCH_BYTES: Final = 64 << 10
 _EVENT_BYTES: Final = 200  # what an event without bytes counts
@@ -38,7 +37,7 @@ _Batch = tuple[int, list[WireEvent]]
 
 
 def live_sink(folder: OutputFolder, *, url: str, needs_login: bool = True) -> "LiveSink":  # noqa: ARG001 - a `SinkFactory`
-    """Make the sink that draws in a viewer (a `SinkFactory`); it writes no file.
+    """Create the sink that draws in a viewer (a `SinkFactory`); it writes no file.
 
     Args:
         folder: Not used.
@@ -49,16 +48,16 @@ def live_sink(folder: OutputFolder, *, url: str, needs_login: bool = True) -> "L
 
 
 class LiveSink:
-    """A sink that hands everything to another process, if that can keep up.
+    """A sink that passes events to another process and drops them if that is too slow.
 
     Args:
-        run: The process's function: takes the line from which it receives batches, as `draw` does,
-            and `arguments`.
-        arguments: Whatever else it needs.
-        most_batches: How many batches may wait, each of 64 KiB and one event at most.
+        run: Main function of the process: receives the connection for batches, like `draw`, and
+            `arguments`.
+        arguments: Further arguments.
+        most_batches: Maximum number of queued batches, each at most 64 KiB plus one event.
 
     Attributes:
-        lost_events: How many were dropped.
+        lost_events: Number of dropped events.
     """
 
     def __init__(
@@ -76,23 +75,23 @@ class LiveSink:
             self._process.start()
             self._pump.start()
         except OSError as error:  # no more processes, for now
-            _log.warning("nothing is drawn live: %s", error)
+            _log.warning("live drawing is not available: %s", error)
         far.close()
 
     def write(self, event: WireEvent) -> None:
-        """Take the next event."""
+        """Queue the next event."""
         self._events.append(event)
         self._size_bytes += _EVENT_BYTES + len(event.data)
         if self._size_bytes >= _BATCH_BYTES:
             self._hand_over()
 
     def tick(self, now_ns: int) -> None:
-        """Have drawn what was taken; nothing is durable here."""
+        """Pass queued events to the process."""
         self._now_ns = now_ns
         self._hand_over()
 
     def close(self) -> None:
-        """Wait for the drawing, but not for long."""
+        """Wait until the rest is drawn, with a timeout."""
         self._hand_over()
         if not self._pump.ident:
             return
@@ -121,17 +120,17 @@ class LiveSink:
         self._events, self._size_bytes = [], 0
 
     def _send(self) -> None:
-        """Be the thread that waits for the process."""
+        """Thread that sends batches to the process."""
         try:
             while batch := self._queue.get():
                 self._near.send(batch)
         except OSError:
-            _log.warning("the viewer is gone: recording goes on, drawing does not")
+            _log.warning("the viewer is closed: recording continues without drawing")
         self._near.close()
 
 
 def draw(line: Connection, url: str, needs_login: bool) -> None:  # noqa: FBT001 - passed on to a process
-    """Be the process that draws: until the line is closed, or the viewer is gone."""
+    """Main function of the drawing process: draw until the line or the viewer is closed."""
     ignore_signals()
     from scaraspec_recorder.sinks.rerun.rerun_sink import RerunSink  # noqa: PLC0415 - an optional extra
 
@@ -152,7 +151,7 @@ def draw(line: Connection, url: str, needs_login: bool) -> None:  # noqa: FBT001
 
 
 def _exit_after(delay_s: float) -> None:
-    """End this process then, whatever the viewer's library still waits for."""
+    """Exit this process after a delay, even if the viewer's library blocks."""
     timer = threading.Timer(delay_s, os._exit, (0,))
     timer.daemon = True
     timer.start()

@@ -1,7 +1,6 @@
-"""Optimizing: a .rrd file made small and quick to open, once it is complete.
+"""Optimizes complete .rrd files, so that they are smaller and open faster.
 
-Law: a convenience, done by the tool that the rerun package brings. What cannot be optimized, or
-not in time, stays as it is.
+Uses the tool of the rerun package. If it fails or takes too long, the file remains unchanged.
 """
 
 import os
@@ -14,10 +13,10 @@ from threading import BoundedSemaphore
 from typing import Final
 
 MOST_WAITING: Final = 8
-"""How many files may wait to be optimized; beyond that, they are left as they are."""
+"""Maximum number of files that wait for optimization; further files remain unchanged."""
 
 SUFFIX: Final = ".optimized"
-"""What the name of a file in the making ends with."""
+"""Suffix of temporary files."""
 
 _TIMEOUT_S: Final = 600
 _END: Final = b"RRF2FOOT"
@@ -28,10 +27,10 @@ _room = BoundedSemaphore(MOST_WAITING)
 
 
 def optimize(path: Path) -> bool:
-    """Compact a recording in place, as far as the tool for it is there and willing.
+    """Optimize a .rrd file in place, if the tool is available.
 
     Returns:
-        Whether it was done; otherwise the file stays as it is, which is larger and slower to open.
+        Whether the file was optimized; otherwise it is unchanged.
     """
     package = find_spec("rerun_cli")  # one on the PATH may be of another version
     folder = Path(package.origin).parent if package and package.origin else None
@@ -46,7 +45,7 @@ def optimize(path: Path) -> bool:
             capture_output=True,
             timeout=_TIMEOUT_S,
         )
-        if whole := is_whole(compact):  # of a disk that is full the tool says nothing
+        if whole := is_whole(compact):  # the tool does not report a full disk
             compact.replace(path)
     except (OSError, subprocess.SubprocessError):
         whole = False
@@ -56,10 +55,10 @@ def optimize(path: Path) -> bool:
 
 
 def is_whole(path: Path) -> bool:
-    """Whether a .rrd file has its footer, which comes last.
+    """Whether a .rrd file is complete: its footer is written last.
 
     Raises:
-        OSError: It cannot be read.
+        OSError: The file cannot be read.
     """
     with path.open("rb") as file:
         file.seek(-min(_END_BYTES, path.stat().st_size), os.SEEK_END)
@@ -67,7 +66,7 @@ def is_whole(path: Path) -> bool:
 
 
 def optimize_later(path: Path) -> Future[bool]:
-    """Compact a recording while the next is made: that does not wait for it."""
+    """Optimize a .rrd file in the background."""
     if not _room.acquire(blocking=False):
         left: Future[bool] = Future()
         left.set_result(False)

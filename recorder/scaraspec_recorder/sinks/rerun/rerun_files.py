@@ -1,10 +1,9 @@
-"""Streams of Rerun: begun and ended so that nothing of them is left, and files that may refuse.
+"""Rerun streams that release all resources, and files whose write errors are handled.
 
-Law: what is drawn stands elsewhere. The SDK keeps a stream that was closed, and the stream by which
-it sends a layout, with two threads and a mebibyte each; a recorder that rotates for weeks would
-gather thousands of them. And where a file refuses a write, its writer ends, and whoever then waits
-for it waits for ever: at the next flush, at a stream's end, at the end of the process. So what it
-writes goes through a pipe, and into the file from there, by ourselves.
+The SDK keeps closed streams and layout streams, with two threads and 1 MiB each; a recorder that
+rotates for weeks would accumulate thousands. If a file write fails, the SDK's writer thread ends
+and later flushes block forever. Therefore the SDK writes into a pipe, and this module copies from
+the pipe into the file.
 """
 
 import os
@@ -22,14 +21,14 @@ _READ_BYTES: Final = 1 << 16
 
 
 class _Layout:
-    """A layout that knows by which stream it was sent, which nobody else tells."""
+    """A layout that keeps the stream by which it was sent; the SDK does not expose it."""
 
     def __init__(self, layout: Any) -> None:
         self._layout = layout
         self._stream: rr.RecordingStream | None = None
 
     def to_blueprint(self) -> "_Layout":
-        """What the SDK asks for first."""
+        """Return the object that the SDK logs."""
         return self
 
     def _log_to_stream(self, stream: rr.RecordingStream) -> None:
@@ -37,27 +36,27 @@ class _Layout:
         self._layout._log_to_stream(stream)  # noqa: SLF001 - what the SDK calls in turn
 
     def end(self) -> None:
-        """It has been sent: let go of it."""
+        """Release the stream after the layout is sent."""
         if self._stream:
             self._stream.disconnect()
 
 
 class RerunFile:
-    """A stream into a new file; a file that is there is replaced.
+    """A stream into a new file; an existing file is replaced.
 
-    The footer tells where everything is. The SDK gathers it in memory: tens of MiB an hour.
+    The footer is an index. The SDK collects it in memory: tens of MiB per hour.
 
     Args:
-        application: Its name in the viewer.
+        application: Application name in the viewer.
         path: The file.
-        layout: How it is shown.
+        layout: The layout.
         footer: Whether to write one.
 
     Attributes:
         stream: The stream.
 
     Raises:
-        OSError: From every method, where the file cannot be written.
+        OSError: From every method, if the file cannot be written.
     """
 
     def __init__(self, application: str, path: Path, layout: Any, *, footer: bool = True) -> None:
@@ -72,16 +71,16 @@ class RerunFile:
                 self._pipe.opened()
 
     def flush(self) -> None:
-        """Wait until what was sent is in the file."""
+        """Wait until all sent data is in the file."""
         try:
             self.stream.flush()
         except RuntimeError as error:  # without a pipe
-            raise OSError(f"nothing can be drawn: {error}") from None
+            raise OSError(f"the recording cannot be drawn: {error}") from None
         if self._pipe:
             self._pipe.empty()
 
     def close(self) -> None:
-        """End the file; nobody else may have the stream any longer."""
+        """Close the file. No other reference to the stream may exist."""
         self.stream.disconnect()
         del self.stream
         release()
@@ -90,13 +89,13 @@ class RerunFile:
 
 
 class _Pipe:
-    """What comes out of a pipe goes into a file, or nowhere where that refuses it.
+    """Copies data from a pipe into a file; discards it after a write error.
 
     Attributes:
-        name: By which whoever writes opens the pipe.
+        name: Path by which the writer opens the pipe.
 
     Raises:
-        OSError: The file, or the pipe, cannot be made.
+        OSError: The file or the pipe cannot be created.
     """
 
     def __init__(self, path: Path) -> None:
@@ -109,36 +108,36 @@ class _Pipe:
         self._failure: OSError | None = None
         self._ended = False
         self._lock = threading.Lock()
-        # Not waited for at the end of the process: the SDK closes its end only behind that.
+        # Daemon: at process exit, the SDK closes its end only after the threads are joined.
         self._carrier = threading.Thread(target=self._carry, daemon=True)
         self._carrier.start()
 
     def opened(self) -> None:
-        """Whoever writes has opened it."""
+        """The writer has opened the pipe: close our writing end."""
         os.close(self._near)
 
     def empty(self) -> None:
-        """Carry what is in it now into the file.
+        """Copy the available data into the file.
 
         Raises:
-            OSError: That, or something before it, was refused.
+            OSError: This or an earlier write failed.
         """
         self._take()
         if self._failure:
             raise self._failure
 
     def close(self) -> None:
-        """Wait for the end, which whoever writes has written.
+        """Wait until the writer closes the pipe.
 
         Raises:
-            OSError: Something was refused.
+            OSError: A write failed.
         """
         self._carrier.join()
         if self._failure:
             raise self._failure
 
     def _carry(self) -> None:
-        """Be the thread that reads: whoever writes never waits for long."""
+        """Thread that copies data, so that the writer does not block."""
         while self._take():
             self._selector.select()
         self._selector.close()
@@ -149,7 +148,7 @@ class _Pipe:
             self._failure = self._failure or error
 
     def _take(self) -> bool:
-        """Carry what is there; return whether more may come."""
+        """Copy the available data. Return whether more may follow."""
         with self._lock:
             while not self._ended:
                 try:
@@ -166,12 +165,12 @@ class _Pipe:
 
 
 def connect(application: str, url: str, layout: Any) -> rr.RecordingStream:
-    """Begin a stream into a viewer, with a layout."""
+    """Open a stream to a viewer, with a layout."""
     stream = rr.RecordingStream(application, recording_id=uuid4())
     stream.connect_grpc(url, default_blueprint=layout)
     return stream
 
 
 def release() -> None:
-    """Free what is left of the streams that nobody has any longer."""
+    """Free streams without references."""
     rerun_bindings.flush_and_cleanup_orphaned_recordings()

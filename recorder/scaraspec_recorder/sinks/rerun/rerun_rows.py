@@ -1,7 +1,4 @@
-"""Rows for Rerun, gathered into columns: one chunk of hundreds costs little more than one row.
-
-Law: how values become components, and when they are sent; not what they mean.
-"""
+"""Rows for Rerun, batched into columns: a chunk of hundreds costs little more than one row."""
 
 from collections.abc import Callable
 from typing import Any, Final
@@ -19,11 +16,11 @@ Columns = Callable[[list[Any]], Any]
 
 
 class RowBatches:
-    """Rows that wait to be sent, by entity.
+    """Rows waiting to be sent, by entity.
 
     Args:
-        stream: Where to.
-        start_ns: Where the timeline ``elapsed`` begins, in nanoseconds since the Unix epoch.
+        stream: The stream.
+        start_ns: Start of the timeline ``elapsed`` in nanoseconds since the Unix epoch.
     """
 
     def __init__(self, stream: rr.RecordingStream, start_ns: int) -> None:
@@ -32,7 +29,7 @@ class RowBatches:
         self._rows: dict[str, tuple[Columns, list[tuple[int, int, Any]]]] = {}
 
     def put(self, entity: str, columns: Columns, time_ns: int, number: int, value: Any) -> None:
-        """Add a row: when, at which exchange, and what `columns` makes a component of."""
+        """Add a row with time, exchange number and value; `columns` converts the values."""
         _, rows = self._rows.setdefault(entity, (columns, []))
         rows.append((time_ns, number, value))
         if len(rows) >= _BATCH_ROWS:
@@ -62,7 +59,7 @@ def scalars(values: list[float]) -> Any:
 
 
 def states(values: list[str]) -> Any:
-    """States of a lane; an empty one ends what was before."""
+    """States of a lane; an empty one ends the previous state."""
     return rr.StateChange.columns(state=values)
 
 
@@ -87,7 +84,7 @@ def strips(values: list[tuple[Vector, Vector]]) -> Any:
 
 
 def placements(values: list[Placement]) -> Any:
-    """Where links stand on their parents."""
+    """Positions of links relative to their parents."""
     half = np.radians([value.turn_deg for value in values]) / 2
     zero = np.zeros_like(half)
     return rr.Transform3D.columns(

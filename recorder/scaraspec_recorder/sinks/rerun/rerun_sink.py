@@ -1,7 +1,7 @@
-"""capture.rrd, or a viewer: the recording as a picture.
+"""Writes a recording to capture.rrd or to a Rerun viewer.
 
-Law: drawn from the derived layer alone, and never the truth: what is lost here is drawn again from
-capture.mcap. How it looks stands in `blueprint`, how it is sent in `rerun_rows`.
+Only derived items are drawn; capture.mcap is the reference, from which the drawing can be made
+again. `blueprint` defines the layout, `rerun_rows` the encoding.
 """
 
 import os
@@ -27,7 +27,7 @@ from scaraspec_recorder.sinks.text import LogLine
 from scaraspec_recorder.spool.forwarded_chunks import LatencyTracker
 
 try:
-    # Its native half tells on stderr what is told here in a sentence; a user may still ask for it.
+    # The native library logs to stderr; errors are reported here. Users can enable the log.
     os.environ.setdefault("RUST_LOG", "off")
     import rerun as rr
 except ImportError:
@@ -47,9 +47,9 @@ class RerunSink:
     """Draws one recording.
 
     Args:
-        stream: Where to; connected and with its layout, see `to_file`.
-        session: What is known beforehand, such as the addresses.
-        delay_ns: How old a row may become before it is sent.
+        stream: A connected stream with its layout, see `to_file`.
+        session: Session metadata, such as the addresses.
+        delay_ns: Maximum age of a row before it is sent.
     """
 
     def __init__(
@@ -89,16 +89,16 @@ class RerunSink:
         optimized: bool = True,
         footer: bool = True,
     ) -> "RerunSink":
-        """Draw into a new file; one that is there is replaced.
+        """Draw into a new file; an existing one is replaced.
 
         Args:
             path: The file.
-            session: What is known beforehand, such as the addresses.
-            optimized: Whether to make it small and quick to open when it is complete.
-            footer: Whether to write a footer; optimizing makes one, and needs none.
+            session: Session metadata, such as the addresses.
+            optimized: Whether to optimize the file when it is complete.
+            footer: Whether to write a footer; the optimizer creates one itself.
 
         Raises:
-            OSError: From every method, where the file cannot be written.
+            OSError: From every method, if the file cannot be written.
         """
         file = rerun_files.RerunFile(APPLICATION, path, blueprint.layout(), footer=footer)
         sink = cls(file.stream, session)
@@ -112,15 +112,15 @@ class RerunSink:
         return cls(stream, delay_ns=LIVE_DELAY_NS)
 
     def wait(self, timeout_s: float) -> None:
-        """Wait until what was sent has arrived.
+        """Wait until all sent data has arrived.
 
         Raises:
-            RuntimeError: It has not after so long.
+            RuntimeError: The timeout has expired.
         """
         self._stream.flush(timeout_sec=timeout_s)
 
     def write(self, event: WireEvent) -> None:
-        """Take the time of a raw event, and whether its link is up; its bytes are not drawn."""
+        """Draw the connection state of a raw event; its bytes are not drawn."""
         self._now_ns = event.time_ns
         self._latencies.write(event)
         self._begin(event.time_ns)
@@ -129,7 +129,7 @@ class RerunSink:
             self._link(event)
 
     def take(self, item: Item, number: int, line: LogLine | None) -> None:
-        """Draw what a raw event brought about."""
+        """Draw an item derived from a raw event."""
         self._number = number
         match item:
             case FrameSeen():
@@ -148,7 +148,7 @@ class RerunSink:
         self._put(blueprint.EVENTS, rerun_rows.lines, line, time_ns)
 
     def tick(self, now_ns: int) -> None:
-        """Send what has waited long enough."""
+        """Send rows that have reached their maximum age."""
         if self._batches and not 0 <= now_ns - self._sent_ns < self._delay_ns:
             self._sent_ns = now_ns
             self._batches.flush()
@@ -156,7 +156,7 @@ class RerunSink:
                 self._file.flush()
 
     def close(self, summary: Mapping[str, str]) -> None:
-        """Send all, write the summary, and make a file small and quick to open."""
+        """Send all rows, write the summary, and optimize the file."""
         if self._batches:
             self._batches.flush()
         self._session_page(summary)
@@ -165,14 +165,14 @@ class RerunSink:
             self._stream.flush()
             self._stream.disconnect()
             return
-        del self._stream  # only what nobody has any longer is released
+        del self._stream  # release requires that no reference remains
         self._file.flush()
         self._file.close()
         if self._optimized:
             optimize(self._optimized)
 
     def _begin(self, time_ns: int) -> None:
-        """Let the timelines begin here, unless they have begun."""
+        """Start the timelines, unless they have started."""
         if self._batches is None:
             self._batches = rerun_rows.RowBatches(self._stream, time_ns)
             self._stream.send_recording_start_time_nanos(time_ns)
@@ -185,7 +185,7 @@ class RerunSink:
         self._batches.put(entity, columns, time_ns, self._number, value)
 
     def _state(self, lane: str, value: str, time_ns: int | None = None) -> None:
-        """Draw a state where it changes."""
+        """Draw a state if it changes."""
         if self._lanes.get(lane, "") != value:
             self._lanes[lane] = value
             known = self._names.get(lane)
@@ -201,7 +201,7 @@ class RerunSink:
         self._stream.log(blueprint.SESSION_PAGE, document, static=True)
 
     def _link(self, event: WireEvent) -> None:
-        """A connection came up, or went down."""
+        """Draw that a connection was opened or closed."""
         self._connected ^= {event.connection}
         count = len(self._connected)
         if count > 1:
@@ -277,7 +277,7 @@ class RerunSink:
             self._put(self._links[placement.link], rerun_rows.placements, placement)
 
     def _build_arm(self) -> None:
-        """Draw the links, now that it is known how they stand."""
+        """Draw the arm's links with the first joint values."""
         self._links[arm_model.BASE] = f"{blueprint.ARM}/{arm_model.BASE}"
         for segment in arm_model.SEGMENTS:
             self._links[segment.link] = f"{self._links[segment.parent]}/{segment.link}"
@@ -315,7 +315,7 @@ class RerunSink:
         if exchange.asked in _PORTS:
             self._put(blueprint.analog_series(exchange.asked), rerun_rows.scalars, exchange.answer)
 
-    # Functions, for with methods of its own a sink would refer to itself, and outlive its file.
+    # Functions, not bound methods: those would create a reference cycle.
     _DRAWERS: Final[Mapping[str, Callable[["RerunSink", Exchange], None]]] = {
         "get_status": _status,
         "get_running_program": _program,

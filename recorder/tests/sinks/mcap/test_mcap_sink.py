@@ -452,8 +452,8 @@ def test_foreign_files_are_refused_in_one_sentence(tmp_path: Path) -> None:
     text.write_text("no capture")
     empty.touch()
     cases = {
-        foreign: "holds no raw bytes of a link",
-        text: "is no MCAP file",
+        foreign: "has no raw bytes of a link",
+        text: "is not an MCAP file",
         empty: "is empty",
         tmp_path: "cannot be read",
         tmp_path / "absent.mcap": "cannot be read",
