@@ -59,11 +59,11 @@ class ByteStream:
         next: Position of the next byte to deliver; the lowest one known while `start` is None.
         acknowledged: Position up to which the receiver has said that it has the bytes.
         last: Moment of the latest event; no later one is earlier.
-        ready: Events that are in order and not told yet.
-        released: Position up to which events have been told.
+        ready: Events that are in order and not released yet.
+        released: Position up to which events have been released.
         ended: The end (FIN) has been delivered.
         held_bytes: Memory taken by segments that wait for a missing byte.
-        missing_start_note: Why the start was not seen, in words.
+        missing_start_note: Why the start was not captured.
     """
 
     def __init__(self, connection: str) -> None:

@@ -204,7 +204,7 @@ class Reassembler:
         opens = segment.flags & SYN
         if connection and opens:
             sender = connection.streams[ends.index(src)]
-            if not sender.may_begin(segment.seq):  # the same ports, used anew
+            if not sender.may_begin(segment.seq):  # the same ports, reused
                 self._give_up(connection)
                 connection = None
         if connection is None:
@@ -396,7 +396,7 @@ class Reassembler:
                 if peer in self._holes:
                     break
             heappop(self._queue)
-            if stream.ready:  # else it was told ahead of its turn
+            if stream.ready:  # otherwise it was released early
                 events.append(self._release_next(stream))
         return events
 

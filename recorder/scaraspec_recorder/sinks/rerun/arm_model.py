@@ -1,9 +1,9 @@
-"""The arm to draw: links, joints and simple shapes, as a table, as URDF and as transforms.
+"""Model of the drawn arm: links, joints and simple shapes, as a table, URDF and transforms.
 
-Law: a picture, not a measurement. The document gives no geometry (A-7-1) and no convention of the
-joint angles (A-4.27-3): whatever robot is recorded, the arm is drawn as that of register section 9,
-200 + 200 mm, joint values in degrees and millimetres. Where the tool is said to be (0x38) is
-measured and needs no model. Lengths in mm, angles in degrees, colours 0xRRGGBB.
+The model is an illustration. The document defines neither geometry (A-7-1) nor a convention of the
+joint angles (A-4.27-3): every robot is drawn with the arm of register section 9, 200 + 200 mm, and
+joint values in degrees and millimetres. The reported tool position (0x38) needs no model.
+Lengths are in mm, angles in degrees, colours 0xRRGGBB.
 """
 
 import math
@@ -40,7 +40,7 @@ class Cylinder(NamedTuple):
 
 
 class Segment(NamedTuple):
-    """A joint and the link behind it.
+    """A joint and the link that it moves.
 
     Attributes:
         joint: The joint's name in the command table.
@@ -62,7 +62,7 @@ class Segment(NamedTuple):
 
 
 class Placement(NamedTuple):
-    """Where a link stands relative to its parent: a shift, and a turn about Z."""
+    """Position of a link relative to its parent: a translation and a rotation about Z."""
 
     link: str
     parent: str
@@ -129,7 +129,7 @@ SEGMENTS: Final = (
 
 
 def place(joints: JointValues) -> Iterator[Placement]:
-    """Where each link stands on its parent at these joint values."""
+    """Yield the position of each link at these joint values."""
     for segment, value in zip(SEGMENTS, joints, strict=True):
         x, y, z = segment.origin_mm
         if segment.prismatic:
@@ -139,7 +139,7 @@ def place(joints: JointValues) -> Iterator[Placement]:
 
 
 def measured(tool: Pose) -> Placement:
-    """Where the controller says that the tool is; thetaX is its turn in the base frame (A-7-2)."""
+    """Return the reported tool position; thetaX is its rotation in the base frame (A-7-2)."""
     return Placement(MEASURED_TOOL, BASE, (tool.x, tool.y, tool.z), tool.theta_x)
 
 

@@ -1,7 +1,6 @@
-"""The layout with which a recording opens in the viewer, and the look of every series and lane.
+"""Layout of a recording in the viewer, and the style of each series and lane.
 
-Law: names, units, colours and places on the screen; no data. Entity paths are named here once, for
-`rerun_view` to fill.
+Belongs here: names, units, colours, layout and entity paths. `rerun_sink` writes the data.
 """
 
 from collections.abc import Iterable, Iterator
@@ -105,7 +104,7 @@ def analog_series(port: int) -> str:
 
 
 def styles() -> Iterator[tuple[str, Any]]:
-    """What is logged once and for all: how each series and lane looks."""
+    """Yield the static styles of all series and lanes."""
     for entity, (name, colour) in SERIES.items():
         yield entity, rr.SeriesLines(names=name, colors=_rgba(colour), widths=1.5)
     for entity, (name, colour) in LATENCY.items():
@@ -160,7 +159,7 @@ _SO_FAR: Final = [
 ]
 
 _AXIS: Final = rrb.TimeAxis(link="LinkToGlobal")
-"""One zoom for all plots and lanes: what happened together stands together."""
+"""A shared time axis for all plots and lanes."""
 
 
 def layout() -> Any:

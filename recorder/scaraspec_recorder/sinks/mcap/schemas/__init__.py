@@ -1,8 +1,8 @@
 """The messages of a recording (protobuf package ``scara.v1``), as one typed table.
 
-Law: a message is a NamedTuple; its descriptor and its bytes are made from the annotations and from
-nothing else. A field's number is its position: fields are only appended, never moved, so that old
-files can be read for ever.
+Each message is a NamedTuple; its descriptor and its encoding are derived from the annotations. The
+number of a field is its position: fields are only appended, never moved, so that old files remain
+readable.
 """
 
 from collections.abc import Callable
@@ -197,7 +197,7 @@ def _make_classes() -> dict[type[Message], Any]:
 
 
 class SchemaError(ValueError):
-    """Bytes are no message of the kind that they are said to be."""
+    """The bytes are not a valid message of the expected kind."""
 
 
 def full_name(kind: type[Message]) -> str:
@@ -217,29 +217,29 @@ _CLASSES: Final[dict[Any, Any]] = _make_classes()
 def encode(
     kind: Callable[_Fields, Message], /, *none: _Fields.args, **fields: _Fields.kwargs
 ) -> bytes:
-    """The protobuf bytes of the message of this kind that has these fields, each by its name.
+    """Encode a message of this kind with these fields as protobuf.
 
-    The tuple itself is not made: it would only be taken apart again.
+    No tuple is created, for speed.
     """
     data: bytes = _CLASSES[kind](*none, **fields).SerializeToString()
     return data
 
 
 def decode(kind: type[_M], data: bytes) -> _M:
-    """The message that these bytes are; fields they do not hold have their zero value or None.
+    """Decode a message; missing fields have their zero value or None.
 
     Raises:
-        SchemaError: They are none of that kind.
+        SchemaError: The bytes are not a message of this kind.
     """
     try:
         proto = _CLASSES[kind].FromString(data)
     except DecodeError:
         raise SchemaError(
             UserMessage(
-                "{data_count} bytes are no {package}.{name__}",
-                data_count=len(data),
+                "{byte_count} bytes are not a valid {package}.{message} message",
+                byte_count=len(data),
                 package=PACKAGE,
-                name__=kind.__name__,
+                message=kind.__name__,
             )
         ) from None
     return kind(*(_value(proto, field) for field in proto.DESCRIPTOR.fields))

@@ -1,7 +1,4 @@
-"""The two well-known messages that Foxglove and Rerun draw unasked: log lines and transforms.
-
-Law: how they are filled, not when.
-"""
+"""Encodes the two messages that Foxglove and Rerun draw by default: log lines and transforms."""
 
 from collections.abc import Iterable
 from functools import cache
@@ -31,7 +28,7 @@ _NS: Final = 1_000_000_000
 
 @cache
 def descriptor_set(name: str) -> bytes:
-    """The FileDescriptorSet of `LOG` or `TRANSFORMS`, with all that it depends on."""
+    """Return the FileDescriptorSet of `LOG` or `TRANSFORMS`, with all dependencies."""
     found = FileDescriptorSet()
     seen: set[str] = set()
 
@@ -59,7 +56,7 @@ def transforms(time_ns: int, placements: Iterable[Placement]) -> bytes:
 
 
 def _transform(stamp: Any, placement: Placement) -> Any:
-    """A transform by its fields, which go into a message far quicker than another message does."""
+    """Return a transform as a dict, which is faster to copy than a message."""
     x, y, z = placement.shift_mm
     half = radians(placement.turn_deg) / 2
     return {

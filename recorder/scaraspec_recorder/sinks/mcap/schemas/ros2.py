@@ -1,6 +1,6 @@
-"""The two ROS 2 messages that viewers draw unasked: joint states, and the robot's description.
+"""The two ROS 2 messages that viewers draw by default: joint states and robot description.
 
-Law: their definitions and their CDR bytes (little endian, XCDR1), nothing of what is in them.
+Belongs here: message definitions and CDR encoding (little endian, XCDR1).
 """
 
 import struct
@@ -42,7 +42,7 @@ _STAMP: Final = struct.Struct("<iI")
 
 
 class _Cdr:
-    """Bytes in the making: each number stands at a multiple of its own size."""
+    """CDR encoder: each number is aligned to its size."""
 
     def __init__(self, begun: bytes = b"") -> None:
         self.data = bytearray(begun)
@@ -90,7 +90,7 @@ def joint_state(
 
 @lru_cache
 def _named(names: tuple[str, ...]) -> bytes:
-    """What stands between the stamp, of eight bytes, and the numbers: the same for each state."""
+    """Return the bytes between the 8-byte stamp and the numbers, the same for each state."""
     cdr = _Cdr()
     cdr.text("")
     cdr.put("I", len(names))
