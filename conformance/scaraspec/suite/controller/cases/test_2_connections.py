@@ -183,6 +183,6 @@ def _is_served_with(
         if _is_replaced(subject, first, second):
             return False
         first.ask("get_status")
-        subject.tolerate("2/12", "max_clients", "one", "a further client is not served")
+        subject.tolerate("2/12", "max_clients", "one", "a second client is not served")
         return False
     return not _is_replaced(subject, first, second)

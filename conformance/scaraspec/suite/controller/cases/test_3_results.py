@@ -82,7 +82,7 @@ def test_one_tagged_result(
 
 @case("3/18", name="twice", hazards=_MOTION)
 def test_no_second_result(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Every command has exactly one final result, also after a wait."""
+    """No command has a second final result, also after a wait."""
     names = [name for name in TWO_STAGE if name not in subject.ics.unsupported]
     for name in names:
         perform(subject, line, name)
@@ -173,7 +173,7 @@ def test_repeated_runs(subject: ControllerUnderTest, line: OutgoingConnection) -
 
 @case("3/18", name="own-connection", hazards=_MOTION)
 def test_result_on_own_connection(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The final result arrives on the connection of its request, not on another one."""
+    """With another client connected, the final result arrives on the connection of its request."""
     subject.require_multiple_connections()
     other = subject.open()
     probe_responsiveness(subject, line)

@@ -132,7 +132,7 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
                 continue
             if f"{wrong}" == "empty in new":
                 line.ask("set_password", data=b"|" + correct)
-            if f"{wrong}" in _EMPTY_FIELDS:  # split at the first bar (A-4.2-3)
+            if f"{wrong}" in _EMPTY_FIELDS:  # split at the first | (A-4.2-3)
                 subject.tolerate(
                     "4.2/6", "A-4.2-3", "split", UserMessage("{wrong} was accepted", wrong=wrong)
                 )

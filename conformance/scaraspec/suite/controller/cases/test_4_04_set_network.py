@@ -163,11 +163,11 @@ def test_address(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 
     @example(_LONGEST)
     @given(_networks())
-    def check(network: Network) -> None:
+    def each(network: Network) -> None:
         lines[0] = _expect_set(subject, lines[0], network, retry=network != _LONGEST)
 
     with _network_restored(subject, line):
-        check()
+        each()
 
 
 @case("4.4/5", "4.4/2")

@@ -109,15 +109,15 @@ def test_every_moment(subject: ControllerUnderTest, line: OutgoingConnection) ->
     """Every time from 2000 to 2099 can be set and is shown."""
 
     @given(payload_values(BY_NAME["set_time"].request))
-    def check(time: datetime) -> None:
+    def each(time: datetime) -> None:
         first = set_to(subject, line, time)
         message = "the clock does not show the time that was set"
         expect_ran(subject, first, read(subject, line), message, "4.5/4")
 
     for time in _EDGES:
-        check = example(time)(check)
+        each = example(time)(each)
     with kept(subject, line, "clock"):
-        check()
+        each()
 
 
 def _expect_rollover(

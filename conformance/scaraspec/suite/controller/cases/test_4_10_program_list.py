@@ -184,7 +184,7 @@ def test_names(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     @example("AZaz09_-")
     @example("AZaz09")
     @given(st.text(NAME_CHARACTERS, max_size=18))
-    def check(stem: str) -> None:
+    def each(stem: str) -> None:
         name = subject.new_name(stem)
         try:
             store_program(subject, line, name)
@@ -199,7 +199,7 @@ def test_names(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
             observed=show(name),
         )
 
-    check()
+    each()
 
 
 @case("4.10/11", "4.10/2", name="another-connection")

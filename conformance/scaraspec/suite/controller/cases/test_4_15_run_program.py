@@ -113,7 +113,7 @@ def test_stored_programs_run(subject: ControllerUnderTest, line: OutgoingConnect
 
     @example(b"AZaz09.rob")
     @given(names)
-    def check(name: bytes) -> None:
+    def tried(name: bytes) -> None:
         stem, dot, _ = name[-20:].rpartition(b".")
         try:
             program = upload_short_program(
@@ -125,14 +125,14 @@ def test_stored_programs_run(subject: ControllerUnderTest, line: OutgoingConnect
             answer = expect_accepted(RUN, line.ask(RUN, program))
             expect(
                 answer.frame.data.rstrip(b"\0") == b"1",
-                "the first reply to a run is more than the flag 1",
+                "the first reply to a run is not just the flag 1",
                 expected="1",
                 observed=f"{answer}",
             )
             expect_success(subject, line, RUN)
         line.ask("delete_program", data=program)
 
-    check()
+    tried()
 
 
 @case("4.15/5", hazards=_MOTION, slow=True)
@@ -198,12 +198,12 @@ def _expect_similar_names_missing(
         expect_missing_program(subject, line, RUN, name, "4.15/7")
 
     @given(st.text("abcxyzABC0123456789_-", min_size=8, max_size=20))
-    def check(name: str) -> None:
+    def tried(name: str) -> None:
         expect_missing_program(
             subject, line, RUN, subject.files.prefix + f"{name}.rob".encode(), "4.15/7"
         )
 
-    check()
+    tried()
 
 
 @case("4.15/7", name="deleted", hazards=_MOTION)

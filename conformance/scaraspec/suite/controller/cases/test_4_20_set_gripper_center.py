@@ -68,12 +68,12 @@ def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     @example(Point(-0.1, 0.1, -100))
     @example(Point(99.9, -99.9, 5))
     @given(st.builds(Point, _tenths, _tenths, _tenths))
-    def check(center: Point) -> None:
+    def each(center: Point) -> None:
         _set(subject, line, center)
         _expect_reported(line, center)
 
     with kept(subject, line, "gripper centre"):
-        check()
+        each()
         line.close()
         new_line = subject.open()
         _set(subject, new_line, _PLAIN)
@@ -88,7 +88,7 @@ def test_decimals(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
     @example(_EXAMPLE)
     @example(_LARGE)
     @given(st.builds(Point, _thousandths, _thousandths, _thousandths))
-    def check(center: Point) -> None:
+    def each(center: Point) -> None:
         before = gripper_of(line)
         answer = line.ask("set_gripper_center", center)
         if answer.accepted:
@@ -98,7 +98,7 @@ def test_decimals(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
         expect_numbers(gripper_of(line), before, message, "4.20/2")
 
     with kept(subject, line, "gripper centre"):
-        check()
+        each()
 
 
 @case("4.20/3", "4.20/2", name="while-running", hazards=PROGRAMS)

@@ -82,7 +82,7 @@ def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     accepted_positions: list[Pose] = []
 
     @given(st.tuples(*[steps] * _DEFINED_FIELDS), st.booleans())
-    def check(step: tuple[float, ...], thetas: bool) -> None:  # noqa: FBT001 - drawn
+    def each(step: tuple[float, ...], thetas: bool) -> None:  # noqa: FBT001 - drawn
         stepped = Pose(*(a + b for a, b in zip(current, (*step, 0, 0), strict=True)))
         position = _rounded(stepped, 1)._replace(theta_y=34.5 * thetas, theta_z=-1.0 * thetas)
         before = initial_of(line)
@@ -100,7 +100,7 @@ def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
         gripper = Point(1.5, -2, 30.5)
         if not line.ask("set_gripper_center", gripper).accepted:
             gripper = gripper_of(line)
-        check()
+        each()
         line.close()
         last = accepted_positions[-1] if accepted_positions else current
         _expect_reported(subject.open(), last, "another connection returned another position")

@@ -132,7 +132,7 @@ def test_every_speed(subject: ControllerUnderTest, line: OutgoingConnection) -> 
     gripper = line.ask("get_gripper_center").value
     with arm_returned(subject, line) as pose:
 
-        def move(speed_percent: int) -> None:
+        def go(speed_percent: int) -> None:
             answer = expect_accepted(MOVE, ask_move(subject, line, pose, speed_percent))
             expect(
                 text_of(answer) == b"1",
@@ -144,8 +144,8 @@ def test_every_speed(subject: ControllerUnderTest, line: OutgoingConnection) -> 
             _expect_reached(subject, line, pose, gripper)
 
         for speed_percent in examples((1, 2, 9, 10, 99, 100)):
-            move(speed_percent)
-        given(st.integers(1, 100))(move)()
+            go(speed_percent)
+        given(st.integers(1, 100))(go)()
 
 
 @pytest.mark.parametrize("axis", AXES)

@@ -73,7 +73,7 @@ def test_sequences(line: OutgoingConnection) -> None:
     setting = st.tuples(st.sampled_from(ports), st.booleans())
 
     @given(st.lists(setting, min_size=1, max_size=6))
-    def check(settings: list[tuple[int, bool]]) -> None:
+    def shows(settings: list[tuple[int, bool]]) -> None:
         current = outputs(line)
         for port, on in settings:
             if set_output(line, port, on=on).accepted:
@@ -81,7 +81,7 @@ def test_sequences(line: OutgoingConnection) -> None:
         expect_outputs(line, current, "several outputs were set one after another")
 
     with outputs_kept(line):
-        check()
+        shows()
 
 
 @case("4.32/6", "3/30", name="all-at-once")

@@ -484,7 +484,7 @@ def test_queries_while_executing(subject: ControllerUnderTest, line: OutgoingCon
     upload(line, file, content)
     versions = [line.ask("get_version").value]
 
-    def check(queries: Sequence[Query]) -> None:
+    def tried(queries: Sequence[Query]) -> None:
         for query in known_to(subject, list(queries)):
             try:
                 line.ask(*query)
@@ -498,8 +498,8 @@ def test_queries_while_executing(subject: ControllerUnderTest, line: OutgoingCon
         )
 
     with executing_task(subject, line, RUN):
-        check(QUERIES)
-        given(some_queries)(check)()
+        tried(QUERIES)
+        given(some_queries)(tried)()
         fetched = leftover_content(line, file)
         versions.append(line.ask("get_version").value)
     versions.append(line.ask("get_version").value)

@@ -426,7 +426,7 @@ def test_nothing_after_the_last_answer(
     expect_nothing_more(line, "something followed the last reply of a transfer", "5.2/13")
 
 
-# What is stored
+# Stored content
 
 
 @case("5.2/12", name="again")

@@ -148,7 +148,7 @@ def test_end_is_found(subject: ControllerUnderTest, line: OutgoingConnection) ->
 
 @case("5.4/4", name="short-chunks")
 @given(lengths=st.permutations([1, 7, 64, 128, 200]))
-def test_end_after_short_chunks(
+def test_end_behind_short_chunks(
     subject: ControllerUnderTest, line: OutgoingConnection, lengths: list[int]
 ) -> None:
     """A file in chunks of any lengths ends where position + length is fileSize, not earlier."""

@@ -90,7 +90,7 @@ def test_one_wrong_letter(subject: ControllerUnderTest, line: OutgoingConnection
         positions = [*range(len(MAGIC)), *range(len(valid) - len(FOOTER), len(valid))]
 
         @given(st.sampled_from(positions), st.integers(0, 7))
-        def check(position: int, bit: int) -> None:
+        def never_run(position: int, bit: int) -> None:
             wrong = bytearray(valid)
             wrong[position] ^= 1 << bit
             description = UserMessage(
@@ -98,7 +98,7 @@ def test_one_wrong_letter(subject: ControllerUnderTest, line: OutgoingConnection
             )
             _expect_not_run(subject, robot, bytes(wrong), description)
 
-        check()
+        never_run()
 
 
 @case("6.5/28", name="sizes", hazards=PROGRAMS)

@@ -179,9 +179,8 @@ def _timer_problem(subject: ControllerUnderTest, robot: Bench, clock_s: float, a
     """Run a timer that ends a fixed time after a clock tick; return the problem, or ""."""
     robot.start([wait_until(round((clock_s + _TIMER_S) * _US_PER_S))])
     due_s = at_s + robot.ours_s(_TIMER_S)
-    remaining_s = max(
-        due_s - subject.now_ns / _NS_PER_S, 0.0
-    )  # the time may have come before the start
+    # The time may have come before the start.
+    remaining_s = max(due_s - subject.now_ns / _NS_PER_S, 0.0)
     result = robot.ended(within_s=remaining_s + robot.ours_s(_SLACK_S) + _LINK_S)
     if result is None:
         return "a timer is not over at its time"

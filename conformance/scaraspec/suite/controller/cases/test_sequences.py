@@ -106,7 +106,7 @@ def _run_in_any_order(
 
         @settings(max_examples=-(-examples // share), phases=(Phase.generate,))
         @given(sequences(operations, 2 + examples // 2))
-        def check(steps: list[Step]) -> None:
+        def each(steps: list[Step]) -> None:
             if not failed and (failure := attempt(subject, operations, names, steps)):
                 retry = partial(attempt, subject, operations, names, like=failure)
                 until_ns = subject.now_ns + _SHRINK_NS
@@ -116,7 +116,7 @@ def _run_in_any_order(
                 raise error
 
         with skip_if_other_program_runs(subject):
-            check()
+            each()
 
 
 @case("3/31", "5.2/12", "4.10/11", name="long-use", hazards=_STATE)
