@@ -1,4 +1,4 @@
-"""Registry of mutants: deliberately faulty controllers or clients, entered by a decorator.
+"""Registry of mutants: deliberately faulty controllers or clients, registered by a decorator.
 
 A case of a requirement that the mutant violates must fail because of it. A mutant changes one
 behaviour and leaves the rest as it is. The mutants are in `mutants.controller` and
@@ -8,29 +8,28 @@ behaviour and leaves the rest as it is. The mutants are in `mutants.controller` 
 import importlib
 import inspect
 import pkgutil
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType, ModuleType
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 T = TypeVar("T")
 C = TypeVar("C", bound=type[Any])
 
-_HUMP: Final = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
-
 
 @dataclass(frozen=True)
 class Mutant(Generic[T]):
-    """One wrong implementation.
+    """A faulty implementation.
 
     Attributes:
-        name: Of its class, in lower case with hyphens.
-        requirements: What it violates; each of them may be the one that finds it.
-        sentence: What it does wrong.
-        wrong: The implementation.
-        reading: Readings under which the fault shows, as ``key=option``; none for the default.
-        subtle: It shows late, now and then, at an edge, in one state, or to one of several peers.
+        name: The mutant id, as in ``prove --mutant ID``; in lower case with hyphens.
+        requirements: The requirements that it violates; a failed case of any of them kills it.
+        sentence: What the faulty device does.
+        wrong: The faulty implementation.
+        reading: Readings under which the fault is observable, as ``key=option``; empty for the
+            default readings.
+        subtle: Whether the fault shows only late, sometimes, at a limit, in one state, or to one
+            of several connections.
     """
 
     name: str
@@ -42,42 +41,55 @@ class Mutant(Generic[T]):
 
 
 class MutantRegistry(Generic[T]):
-    """The faults of one kind of implementation.
+    """The mutants of one kind of implementation.
 
     Args:
-        finish: Makes the implementation out of the class that the decorator finds.
+        finish: Makes the faulty implementation from the decorated class.
     """
 
     def __init__(self, finish: Callable[[Any], T]) -> None:
         self._finish = finish
-        self._entered: dict[str, Mutant[T]] = {}
+        self._mutants: dict[str, Mutant[T]] = {}
 
     def mutant(
-        self, *requirements: str, reading: tuple[str, ...] = (), subtle: bool = False
+        self,
+        mutant_id: str,
+        *requirements: str,
+        reading: tuple[str, ...] = (),
+        subtle: bool = False,
     ) -> Callable[[C], C]:
-        """Enter a class as a seeded fault that violates these requirements.
+        """Register the decorated class as a mutant that violates these requirements.
+
+        The first line of the docstring of the class is the sentence that ``prove --list`` prints.
+
+        Args:
+            mutant_id: The id, in lower case with hyphens; it is public and never changes.
+            requirements: The requirements that the mutant violates.
+            reading: Readings under which the fault is observable, as ``key=option``.
+            subtle: Whether the fault shows only in few situations; see `Mutant`.
 
         Raises:
-            ValueError: Another fault bears its name.
-            TypeError: The class lacks something without which nothing can be made of it.
+            ValueError: Another mutant has this id.
+            TypeError: The class is abstract.
         """
 
-        def enter(wrong: C) -> C:
-            name = _HUMP.sub("-", wrong.__name__).lower()
-            if name in self._entered:
-                raise ValueError(f"there is a fault {name} already")
+        def register(wrong: C) -> C:
+            if mutant_id in self._mutants:
+                raise ValueError(f"the mutant id {mutant_id} is already registered")
             if inspect.isabstract(wrong):
                 missing = ", ".join(sorted(wrong.__abstractmethods__))
-                raise TypeError(f"the fault {name} lacks {missing}")
+                raise TypeError(f"the mutant {mutant_id} does not implement {missing}")
             sentence = (wrong.__doc__ or "").strip().partition("\n")[0]
             made = self._finish(wrong)
-            self._entered[name] = Mutant(name, requirements, sentence, made, reading, subtle)
+            self._mutants[mutant_id] = Mutant(
+                mutant_id, requirements, sentence, made, reading, subtle
+            )
             return wrong
 
-        return enter
+        return register
 
     def all(self, package: ModuleType) -> Mapping[str, Mutant[T]]:
-        """All of them by name, out of the modules of a package, in the order of their names."""
+        """Import all modules of a package in the order of their names and return their mutants."""
         for module in sorted(pkgutil.iter_modules(package.__path__), key=lambda found: found.name):
             importlib.import_module(f"{package.__name__}.{module.name}")
-        return MappingProxyType(self._entered)
+        return MappingProxyType(self._mutants)

@@ -1,4 +1,4 @@
-"""What is entered as a seeded fault, and what is refused."""
+"""The registry registers mutants and refuses abstract classes and duplicate ids."""
 
 from abc import ABC, abstractmethod
 
@@ -10,26 +10,26 @@ from scaraspec.mutants.registry import MutantRegistry
 class _Client(ABC):
     @abstractmethod
     def data(self) -> bytes:
-        """What it sends."""
+        """Return the data that it sends."""
 
 
-def test_a_template_is_no_fault() -> None:
-    """What nothing can be made of would never run, and so would never be found either."""
+def test_an_abstract_class_is_refused() -> None:
+    """An abstract class could not be instantiated, so no case could kill it."""
     registry = MutantRegistry[type[_Client]](lambda wrong: wrong)
-    with pytest.raises(TypeError, match="the fault sends-nothing lacks data"):
+    with pytest.raises(TypeError, match="the mutant sends-nothing does not implement data"):
 
-        @registry.mutant("4.1/1")
+        @registry.mutant("sends-nothing", "4.1/1")
         class SendsNothing(_Client):
-            """It sends nothing."""
+            """The client sends nothing."""
 
 
-def test_names_are_unique() -> None:
-    """A second fault of a name would hide the first."""
+def test_ids_are_unique() -> None:
+    """A second mutant with the same id would replace the first."""
     registry = MutantRegistry[type](lambda wrong: wrong)
 
     class Silent:
-        """It says nothing."""
+        """The client sends nothing."""
 
-    registry.mutant("4.1/1")(Silent)
-    with pytest.raises(ValueError, match="there is a fault silent already"):
-        registry.mutant("4.1/1")(Silent)
+    registry.mutant("silent", "4.1/1")(Silent)
+    with pytest.raises(ValueError, match="the mutant id silent is already registered"):
+        registry.mutant("silent", "4.1/1")(Silent)

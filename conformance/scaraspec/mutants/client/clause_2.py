@@ -19,7 +19,7 @@ from scaraspec.transports.link import Ending
 # Who dials
 
 
-@mutant("2/1")
+@mutant("stays-connected-when-cut", "2/1")
 class StaysConnectedWhenCut(AsyncClient):
     """After its connection was cut off it takes itself for connected, and does not dial."""
 
@@ -34,7 +34,7 @@ class StaysConnectedWhenCut(AsyncClient):
         super()._connection_lost(reason)
 
 
-@mutant("2/1", subtle=True)
+@mutant("rests-after-vain-logins", "2/1", subtle=True)
 class RestsAfterVainLogins(AsyncClient):
     """After a login that came to nothing it does not dial when it is told to the next time."""
 
@@ -49,7 +49,7 @@ class RestsAfterVainLogins(AsyncClient):
             raise
 
 
-@mutant("2/3")
+@mutant("dials-the-next-port", "2/3")
 class DialsTheNextPort(AsyncClient):
     """It dials 8878 where 8877 is due."""
 
@@ -60,7 +60,7 @@ class DialsTheNextPort(AsyncClient):
 # What comes first
 
 
-@mutant("2/10")
+@mutant("asks-for-the-version-first", "2/10")
 class AsksForTheVersionFirst(ClientCore):
     """It asks for the version ahead of the login."""
 
@@ -71,7 +71,7 @@ class AsksForTheVersionFirst(ClientCore):
         super().begin(operation, now_s)
 
 
-@mutant("2/10", subtle=True)
+@mutant("asks-for-the-status-when-it-comes-back", "2/10", subtle=True)
 class AsksForTheStatusWhenItComesBack(AsyncClient):
     """From its second connection on it asks for the status ahead of the login."""
 
@@ -85,7 +85,7 @@ class AsksForTheStatusWhenItComesBack(AsyncClient):
 # Cut
 
 
-@mutant("2/5")
+@mutant("takes-segments-for-frames", "2/5")
 class TakesSegmentsForFrames(ClientCore):
     """What a segment leaves unfinished is dropped."""
 
@@ -94,7 +94,7 @@ class TakesSegmentsForFrames(ClientCore):
         return [*super().feed(data, now_s), *self._process_items(self._framer.finish(), now_s)]
 
 
-@mutant("2/5", subtle=True)
+@mutant("needs-the-head-at-once", "2/5", subtle=True)
 class NeedsTheHeadAtOnce(ClientCore):
     """A frame of which less than opcode and length have come is dropped."""
 
@@ -106,7 +106,7 @@ class NeedsTheHeadAtOnce(ClientCore):
         return events
 
 
-@mutant("2/5", subtle=True)
+@mutant("loses-last-bytes-alone", "2/5", subtle=True)
 class LosesLastBytesAlone(ClientCore):
     """A segment of one byte that would end a frame is lost."""
 
@@ -116,7 +116,7 @@ class LosesLastBytesAlone(ClientCore):
         return [] if alone else super().feed(data, now_s)
 
 
-@mutant("2/5", subtle=True)
+@mutant("impatient-within-frames", "2/5", subtle=True)
 class ImpatientWithinFrames(ClientCore):
     """A frame that stops for half a second is given up."""
 
@@ -142,21 +142,21 @@ class _LosesInPieces(ClientCore):
         return [] if lost else super()._dispatch(frame, now_s)
 
 
-@mutant("2/5", subtle=True)
+@mutant("loses-chunks-in-pieces", "2/5", subtle=True)
 class LosesChunksInPieces(_LosesInPieces):
     """A chunk that comes in pieces is lost."""
 
     opcode = BY_NAME["download_chunk"].opcode
 
 
-@mutant("2/5", subtle=True)
+@mutant("loses-logins-in-pieces", "2/5", subtle=True)
 class LosesLoginsInPieces(_LosesInPieces):
     """The answer to the login is lost where it comes in pieces."""
 
     opcode = BY_NAME["login"].opcode
 
 
-@mutant("2/5", subtle=True)
+@mutant("forgets-pieces-when-it-asks", "2/5", subtle=True)
 class ForgetsPiecesWhenItAsks(ClientCore):
     """What has come of a frame is thrown away when another request is sent."""
 
@@ -169,7 +169,7 @@ class ForgetsPiecesWhenItAsks(ClientCore):
 # Joined
 
 
-@mutant("2/6")
+@mutant("serves-the-first-of-each-segment", "2/6")
 class ServesTheFirstOfEachSegment(ClientCore):
     """Of the frames that one segment brings only the first is served."""
 
@@ -177,7 +177,7 @@ class ServesTheFirstOfEachSegment(ClientCore):
         return super()._process_items(list(found)[:1], now_s)
 
 
-@mutant("2/6", subtle=True)
+@mutant("serves-four-of-each-segment", "2/6", subtle=True)
 class ServesFourOfEachSegment(ClientCore):
     """Of the frames that one segment brings only the first four are served."""
 
@@ -185,7 +185,7 @@ class ServesFourOfEachSegment(ClientCore):
         return super()._process_items(list(found)[:4], now_s)
 
 
-@mutant("2/6", subtle=True)
+@mutant("serves-the-last-of-each-segment", "2/6", subtle=True)
 class ServesTheLastOfEachSegment(ClientCore):
     """Of the frames that one segment brings only the last is served."""
 
@@ -193,7 +193,7 @@ class ServesTheLastOfEachSegment(ClientCore):
         return super()._process_items(list(found)[-1:], now_s)
 
 
-@mutant("2/6", subtle=True)
+@mutant("accepts-at-the-beginning", "2/6", subtle=True)
 class AcceptsAtTheBeginning(ClientCore):
     """A two-stage command is accepted by the first frame of a segment only."""
 
@@ -225,21 +225,21 @@ class _DropsBehind(ClientCore):
         return isinstance(item, Frame) and item.opcode == self.opcode and not item.tagged
 
 
-@mutant("2/6", subtle=True)
+@mutant("drops-what-is-behind-chunks", "2/6", subtle=True)
 class DropsWhatIsBehindChunks(_DropsBehind):
     """What comes in one segment behind a chunk is dropped."""
 
     opcode = BY_NAME["download_chunk"].opcode
 
 
-@mutant("2/6", subtle=True)
+@mutant("drops-what-is-behind-answers-to-chunks", "2/6", subtle=True)
 class DropsWhatIsBehindAnswersToChunks(_DropsBehind):
     """What comes in one segment behind the answer to a chunk is dropped."""
 
     opcode = BY_NAME["upload_chunk"].opcode
 
 
-@mutant("2/6", subtle=True)
+@mutant("drops-what-is-behind-lists", "2/6", subtle=True)
 class DropsWhatIsBehindLists(_DropsBehind):
     """What comes in one segment behind a part of the program list is dropped."""
 

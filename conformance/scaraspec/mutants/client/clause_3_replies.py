@@ -20,7 +20,7 @@ _RESULT_BEGINS = bytes((C2A.start, TAG))
 # Counting, and the tag
 
 
-@mutant("3/9")
+@mutant("ends-at-the-first-mark", "3/9")
 class EndsAtTheFirstMark(ClientCore):
     """A frame is taken to end at the first AA, even in its data."""
 
@@ -28,7 +28,7 @@ class EndsAtTheFirstMark(ClientCore):
         return super()._dispatch(frame._replace(data=frame.data.partition(b"\xaa")[0]), now_s)
 
 
-@mutant("3/9", subtle=True)
+@mutant("begins-anew-at-each-start", "3/9", subtle=True)
 class BeginsAnewAtEachStart(ClientCore):
     """Data are taken to begin behind the last CC in them."""
 
@@ -36,7 +36,7 @@ class BeginsAnewAtEachStart(ClientCore):
         return super()._dispatch(frame._replace(data=frame.data.rpartition(b"\xcc")[2]), now_s)
 
 
-@mutant("3/9", subtle=True)
+@mutant("takes-lengths-for-marks", "3/9", subtle=True)
 class TakesLengthsForMarks(ClientCore):
     """A frame whose length is AA is taken to end there."""
 
@@ -45,7 +45,7 @@ class TakesLengthsForMarks(ClientCore):
         return super()._dispatch(frame._replace(data=b"") if ends else frame, now_s)
 
 
-@mutant("3/9", subtle=True)
+@mutant("takes-lengths-for-tags", "3/9", subtle=True)
 class TakesLengthsForTags(ClientCore):
     """A frame whose length is 90 is taken for a final result that nobody awaits."""
 
@@ -53,7 +53,7 @@ class TakesLengthsForTags(ClientCore):
         return [] if len(frame.data) == TAG else super()._dispatch(frame, now_s)
 
 
-@mutant("3/9", subtle=True)
+@mutant("looks-for-results-in-data", "3/9", subtle=True)
 class LooksForResultsInData(ClientCore):
     """Whatever looks like a final result counts as one, in the data of any frame."""
 
@@ -67,7 +67,7 @@ class LooksForResultsInData(ClientCore):
         return events
 
 
-@mutant("3/9", subtle=True)
+@mutant("looks-into-strays", "3/9", subtle=True)
 class LooksIntoStrays(ClientCore):
     """In the data of a frame that nobody awaits the reply is looked for that is awaited."""
 
@@ -89,7 +89,7 @@ class _TaglessFramer(Framer):
         self._loop_constants = (*self._loop_constants[:3], self._tag, self._loop_constants[4])
 
 
-@mutant("3/13")
+@mutant("takes-the-tag-for-an-opcode", "3/13")
 class TakesTheTagForAnOpcode(ClientCore):
     """The tag 90 is taken for an opcode, and the opcode behind it for a length."""
 
@@ -98,7 +98,7 @@ class TakesTheTagForAnOpcode(ClientCore):
         self._framer = _TaglessFramer()
 
 
-@mutant("3/13", subtle=True)
+@mutant("knows-the-tag-of-programs", "3/13", subtle=True)
 class KnowsTheTagOfPrograms(ClientCore):
     """Only the tagged frames of programs are known."""
 
@@ -107,7 +107,7 @@ class KnowsTheTagOfPrograms(ClientCore):
         return super()._dispatch(frame, now_s) if known else []
 
 
-@mutant("3/13", subtle=True)
+@mutant("loses-the-tag-between-segments", "3/13", subtle=True)
 class LosesTheTagBetweenSegments(ClientCore):
     """A segment that ends with the tag leaves nothing behind."""
 
@@ -116,7 +116,7 @@ class LosesTheTagBetweenSegments(ClientCore):
         return super().feed(data.removesuffix(b"\xcc\x90"), now_s)
 
 
-@mutant("3/13", subtle=True)
+@mutant("loses-what-follows-results", "3/13", subtle=True)
 class LosesWhatFollowsResults(ClientCore):
     """A frame that comes with a tagged one ahead of it in its segment is lost."""
 
@@ -130,7 +130,7 @@ class LosesWhatFollowsResults(ClientCore):
 # What nobody has defined
 
 
-@mutant("3/22")
+@mutant("takes-the-undefined-for-replies", "3/22")
 class TakesTheUndefinedForReplies(ClientCore):
     """A frame with an undefined opcode is taken for the reply to what was asked last."""
 
@@ -140,7 +140,7 @@ class TakesTheUndefinedForReplies(ClientCore):
         return super()._dispatch(frame, now_s)
 
 
-@mutant("3/22")
+@mutant("goes-deaf-at-the-undefined", "3/22")
 class GoesDeafAtTheUndefined(GoesDeaf):
     """A frame with an undefined opcode is the last thing that it hears."""
 
@@ -149,7 +149,7 @@ class GoesDeafAtTheUndefined(GoesDeaf):
         return super()._dispatch(frame, now_s)
 
 
-@mutant("3/22", subtle=True)
+@mutant("goes-deaf-at-undefined-results", "3/22", subtle=True)
 class GoesDeafAtUndefinedResults(GoesDeaf):
     """A tagged frame with an undefined opcode is the last thing that it hears."""
 
@@ -161,7 +161,7 @@ class GoesDeafAtUndefinedResults(GoesDeaf):
 # Late, in pieces, overtaken
 
 
-@mutant("3/27")
+@mutant("impatient-for-replies", "3/27")
 class ImpatientForReplies(ClientCore):
     """A reply that takes more than a quarter of a second is not waited for."""
 
@@ -172,7 +172,7 @@ class ImpatientForReplies(ClientCore):
             operation.deadline_s = now_s + 0.25
 
 
-@mutant("3/27")
+@mutant("forgets-its-request-at-results", "3/27")
 class ForgetsItsRequestAtResults(ClientCore):
     """A final result makes it forget that it waits for replies."""
 
@@ -186,7 +186,7 @@ class ForgetsItsRequestAtResults(ClientCore):
         return super()._dispatch(frame, now_s)
 
 
-@mutant("3/27", subtle=True)
+@mutant("ignores-replies-while-it-executes", "3/27", subtle=True)
 class IgnoresRepliesWhileItExecutes(ClientCore):
     """While a two-stage command executes only its own frames are listened to."""
 
@@ -198,7 +198,7 @@ class IgnoresRepliesWhileItExecutes(ClientCore):
 # Whose reply it is
 
 
-@mutant("3/33")
+@mutant("takes-replies-in-order", "3/33")
 class TakesRepliesInOrder(ClientCore):
     """A reply is taken for that to the oldest request, whatever its opcode."""
 
@@ -209,7 +209,7 @@ class TakesRepliesInOrder(ClientCore):
         return super()._dispatch(frame, now_s)
 
 
-@mutant("3/33", subtle=True)
+@mutant("takes-any-yes", "3/33", subtle=True)
 class TakesAnyYes(ClientCore):
     """A yes is taken for that to the oldest open setting, whatever its opcode."""
 
@@ -220,7 +220,7 @@ class TakesAnyYes(ClientCore):
         return super()._dispatch(frame, now_s)
 
 
-@mutant("3/33", subtle=True)
+@mutant("takes-one-pose-for-another", "3/33", subtle=True)
 class TakesOnePoseForAnother(ClientCore):
     """Where the tool is, is taken for where it begins, if that is asked."""
 
@@ -234,7 +234,7 @@ class TakesOnePoseForAnother(ClientCore):
         return super()._dispatch(frame, now_s)
 
 
-@mutant("3/33", subtle=True)
+@mutant("overlooks-tags-of-queries", "3/33", subtle=True)
 class OverlooksTagsOfQueries(ClientCore):
     """A tag on the reply to a query is overlooked."""
 
@@ -244,7 +244,7 @@ class OverlooksTagsOfQueries(ClientCore):
         return super()._dispatch(frame._replace(tagged=False) if one_stage else frame, now_s)
 
 
-@mutant("3/33", subtle=True)
+@mutant("takes-results-for-replies", "3/33", subtle=True)
 class TakesResultsForReplies(ClientCore):
     """A final result that comes ahead of the first reply is taken for both."""
 
@@ -261,7 +261,7 @@ class TakesResultsForReplies(ClientCore):
         return super()._dispatch(frame, now_s)
 
 
-@mutant("3/33", subtle=True)
+@mutant("takes-results-of-stops-for-replies", "3/33", subtle=True)
 class TakesResultsOfStopsForReplies(TakesResultsForReplies):
     """A final result of a stop that comes ahead of its first reply is taken for both."""
 
@@ -287,14 +287,14 @@ class _DeafAt(GoesDeaf):
         return super()._process_items(heard, now_s)
 
 
-@mutant("3/19")
+@mutant("goes-deaf-at-stray-bytes", "3/19")
 class GoesDeafAtStrayBytes(_DeafAt):
     """A byte between frames is the last thing that it hears."""
 
     why = SkipReason.STRAY
 
 
-@mutant("3/19", subtle=True)
+@mutant("goes-deaf-at-many-stray-bytes", "3/19", subtle=True)
 class GoesDeafAtManyStrayBytes(_DeafAt):
     """More than a hundred bytes between frames are the last thing that it hears."""
 
@@ -302,7 +302,7 @@ class GoesDeafAtManyStrayBytes(_DeafAt):
     least_bytes = 100
 
 
-@mutant("3/20")
+@mutant("goes-deaf-at-wrong-ends", "3/20")
 class GoesDeafAtWrongEnds(_DeafAt):
     """A frame with a wrong end byte is the last thing that it hears."""
 
@@ -321,28 +321,28 @@ class _LosesResultsAmong(ClientCore):
         return super()._dispatch(frame, now_s)
 
 
-@mutant("3/27", subtle=True)
+@mutant("loses-results-among-chunks", "3/27", subtle=True)
 class LosesResultsAmongChunks(_LosesResultsAmong):
     """What is done during a transfer is never told."""
 
     names = ("upload_name", "download_name")
 
 
-@mutant("3/27", subtle=True)
+@mutant("loses-results-in-lists", "3/27", subtle=True)
 class LosesResultsInLists(_LosesResultsAmong):
     """What is done while the programs are listed is never told."""
 
     names = ("list_programs",)
 
 
-@mutant("3/27", subtle=True)
+@mutant("loses-results-in-settings", "3/27", subtle=True)
 class LosesResultsInSettings(_LosesResultsAmong):
     """What is done while an output is set is never told."""
 
     names = ("set_digital_output",)
 
 
-@mutant("3/20")
+@mutant("overlooks-the-end", "3/20")
 class OverlooksTheEnd(ClientCore):
     """The end byte of a frame is not looked at."""
 
@@ -358,7 +358,7 @@ def _overlooked(item: StreamItem) -> StreamItem:
     return Frame(C2A, item.data[1], item.data[3 : 3 + size_bytes])
 
 
-@mutant("3/20", subtle=True)
+@mutant("overlooks-the-end-of-results", "3/20", subtle=True)
 class OverlooksTheEndOfResults(ClientCore):
     """The end byte of a tagged frame is not looked at."""
 
@@ -373,7 +373,7 @@ def _result_overlooked(item: StreamItem) -> StreamItem:
     return Frame(C2A, item.data[2], item.data[4:-1], tagged=True)
 
 
-@mutant("3/29")
+@mutant("keeps-half-frames-for-later", "3/29")
 class KeepsHalfFramesForLater(AsyncClient):
     """What half a frame has left in the buffer stays there for the next connection."""
 
@@ -396,7 +396,7 @@ class KeepsHalfFramesForLater(AsyncClient):
             return events
 
 
-@mutant("3/29", subtle=True)
+@mutant("waits-for-the-rest-of-frames", "3/29", subtle=True)
 class WaitsForTheRestOfFrames(AsyncClient):
     """It does not hang up before a frame that has begun is whole."""
 

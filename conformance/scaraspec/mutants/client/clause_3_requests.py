@@ -15,7 +15,7 @@ from scaraspec.protocol.frames import Frame
 # Layout
 
 
-@mutant("3/1", "3/8")
+@mutant("leaves-out-an-empty-length", "3/1", "3/8")
 class LeavesOutAnEmptyLength(SpoilsFrames):
     """The request for the version has no length byte, as it has no data."""
 
@@ -26,7 +26,7 @@ class LeavesOutAnEmptyLength(SpoilsFrames):
         return frame[:2] + frame[3:]
 
 
-@mutant("3/1", "3/7")
+@mutant("length-ahead-of-the-opcode", "3/1", "3/7")
 class LengthAheadOfTheOpcode(SpoilsFrames):
     """In the request to delete a program the length comes ahead of the opcode."""
 
@@ -37,7 +37,7 @@ class LengthAheadOfTheOpcode(SpoilsFrames):
         return frame[:1] + frame[2:3] + frame[1:2] + frame[3:]
 
 
-@mutant("3/2")
+@mutant("starts-as-the-controller", "3/2")
 class StartsAsTheController(SpoilsFrames):
     """The request for the network settings starts with CC."""
 
@@ -48,7 +48,7 @@ class StartsAsTheController(SpoilsFrames):
         return b"\xcc" + frame[1:]
 
 
-@mutant("3/3")
+@mutant("ends-as-the-controller", "3/3")
 class EndsAsTheController(SpoilsFrames):
     """The request for the gripper centre ends with AA."""
 
@@ -59,7 +59,7 @@ class EndsAsTheController(SpoilsFrames):
         return frame[:-1] + b"\xaa"
 
 
-@mutant("3/3")
+@mutant("ends-with-line-feed", "3/3")
 class EndsWithLineFeed(SpoilsFrames):
     """The request to set the time ends with a line feed."""
 
@@ -70,7 +70,7 @@ class EndsWithLineFeed(SpoilsFrames):
         return frame[:-1] + b"\n"
 
 
-@mutant("3/6", "3/7", subtle=True)
+@mutant("signed-length", "3/6", "3/7", subtle=True)
 class SignedLength(SpoilsFrames):
     """A length above 127 is sent as 127."""
 
@@ -81,7 +81,7 @@ class SignedLength(SpoilsFrames):
         return frame[:2] + bytes((min(frame[2], 127),)) + frame[3:]
 
 
-@mutant("3/6", "3/7", subtle=True)
+@mutant("two-bytes-of-length", "3/6", "3/7", subtle=True)
 class TwoBytesOfLength(SpoilsFrames):
     """A length above 127 is sent in two bytes of seven bits."""
 
@@ -94,7 +94,7 @@ class TwoBytesOfLength(SpoilsFrames):
         return frame[:2] + bytes((frame[2] | 0x80, frame[2] >> 7)) + frame[3:]
 
 
-@mutant("3/7")
+@mutant("counts-the-whole-frame", "3/7")
 class CountsTheWholeFrame(SpoilsFrames):
     """The length in the request to set an output counts start, opcode, length and end, too."""
 
@@ -105,7 +105,7 @@ class CountsTheWholeFrame(SpoilsFrames):
         return frame[:2] + bytes((len(frame),)) + frame[3:]
 
 
-@mutant("3/7")
+@mutant("length-of-the-example", "3/7")
 class LengthOfTheExample(SpoilsFrames):
     """The request to set the network has the length 36 that the document prints."""
 
@@ -116,7 +116,7 @@ class LengthOfTheExample(SpoilsFrames):
         return frame[:2] + bytes((36,)) + frame[3:]
 
 
-@mutant("3/8", "3/7")
+@mutant("sends-data-behind-zero", "3/8", "3/7")
 class SendsDataBehindZero(SpoilsFrames):
     """The request for the motors' temperatures has the length 0 and a byte of data."""
 
@@ -127,7 +127,7 @@ class SendsDataBehindZero(SpoilsFrames):
         return frame[:3] + b"\0" + frame[3:]
 
 
-@mutant("3/15")
+@mutant("tags-its-reset", "3/15")
 class TagsItsReset(SpoilsFrames):
     """The request to reset the robot has the tag 90 of its final result."""
 
@@ -138,7 +138,7 @@ class TagsItsReset(SpoilsFrames):
         return frame[:1] + b"\x90" + frame[1:]
 
 
-@mutant("3/28")
+@mutant("length-modulo256", "3/28")
 class LengthModulo256(ClientCore):
     """Names of any length are sent, and their length modulo 256."""
 
@@ -163,7 +163,7 @@ class LengthModulo256(ClientCore):
 # Opcodes
 
 
-@mutant("3/10")
+@mutant("asks-under-another-opcode", "3/10")
 class AsksUnderAnotherOpcode(ClientCore):
     """The joint angles are asked for under 3E, which the document skips."""
 
@@ -172,7 +172,7 @@ class AsksUnderAnotherOpcode(ClientCore):
         super()._send(f._replace(opcode=0x3E) if f.opcode == angles else f for f in frames)
 
 
-@mutant("3/10", subtle=True)
+@mutant("logs-out", "3/10", subtle=True)
 class LogsOut(AsyncClient):
     """It logs out with the opcode 02 before it hangs up."""
 
@@ -215,21 +215,21 @@ class _Ticking(ClientCore):
         return super().connection_lost(reason, now_s)
 
 
-@mutant("3/10", subtle=True)
+@mutant("beats-under-an-undefined-opcode", "3/10", subtle=True)
 class BeatsUnderAnUndefinedOpcode(_Ticking):
     """It keeps the connection alive with frames of the opcode 00."""
 
     beat = Frame(A2C, 0x00).encode()
 
 
-@mutant("3/32", subtle=True)
+@mutant("beats-with-single-bytes", "3/32", subtle=True)
 class BeatsWithSingleBytes(_Ticking):
     """It keeps the connection alive with bytes that belong to no frame."""
 
     beat = b"\0"
 
 
-@mutant("3/32")
+@mutant("line-ends-behind-frames", "3/32")
 class LineEndsBehindFrames(SpoilsFrames):
     """Behind the request to set the default program comes a line end."""
 
@@ -240,7 +240,7 @@ class LineEndsBehindFrames(SpoilsFrames):
         return frame + b"\r\n"
 
 
-@mutant("3/32", "3/10", subtle=True)
+@mutant("says-quit", "3/32", "3/10", subtle=True)
 class SaysQuit(AsyncClient):
     """Before it hangs up it sends the word quit."""
 
@@ -254,7 +254,7 @@ class SaysQuit(AsyncClient):
 # One at a time
 
 
-@mutant("3/25")
+@mutant("answers-the-last-asker-first", "3/25")
 class AnswersTheLastAskerFirst(ClientCore):
     """A query may be sent again before its answer; the first answer goes to who asked last."""
 

@@ -13,7 +13,7 @@ from scaraspec.protocol.frames import Frame
 # What is sent
 
 
-@mutant("4.1/1")
+@mutant("passwords-in-small-letters", "4.1/1")
 class PasswordsInSmallLetters(AltersRequests):
     """Passwords are sent in small letters."""
 
@@ -24,7 +24,7 @@ class PasswordsInSmallLetters(AltersRequests):
         return data.lower()
 
 
-@mutant("4.1/1", "T/10", subtle=True)
+@mutant("cuts-long-passwords", "4.1/1", "T/10", subtle=True)
 class CutsLongPasswords(AltersRequests):
     """Passwords are cut to sixteen characters."""
 
@@ -35,7 +35,7 @@ class CutsLongPasswords(AltersRequests):
         return data[:16]
 
 
-@mutant("4.1/1", subtle=True)
+@mutant("trims-passwords", "4.1/1", subtle=True)
 class TrimsPasswords(AltersRequests):
     """Blanks at the ends of a password are not sent."""
 
@@ -49,7 +49,7 @@ class TrimsPasswords(AltersRequests):
 # What is made of the answer
 
 
-@mutant("4.1/5", subtle=True)
+@mutant("asks-for-the-status-when-refused", "4.1/5", subtle=True)
 class AsksForTheStatusWhenRefused(ClientCore):
     """When its login was refused it asks for the status."""
 
@@ -59,7 +59,7 @@ class AsksForTheStatusWhenRefused(ClientCore):
         return super()._after_step(operation, now_s)
 
 
-@mutant("4.1/5")
+@mutant("goes-on-when-refused", "4.1/5")
 class GoesOnWhenRefused(AsyncClient):
     """A refused login is told as such, and does not keep it from anything."""
 
@@ -76,7 +76,7 @@ class GoesOnWhenRefused(AsyncClient):
             await self.login(self._password)
 
 
-@mutant("4.1/5", subtle=True)
+@mutant("stops-when-refused", "4.1/5", subtle=True)
 class StopsWhenRefused(GoesOnWhenRefused):
     """After a refused login nothing is sent but the emergency stop."""
 
@@ -91,7 +91,7 @@ class StopsWhenRefused(GoesOnWhenRefused):
             self.logged_in = logged_in
 
 
-@mutant("4.1/8")
+@mutant("all-but-no-is-yes", "4.1/8")
 class AllButNoIsYes(AltersReplies):
     """Every answer to the login but 0 is taken for a yes."""
 
@@ -102,7 +102,7 @@ class AllButNoIsYes(AltersReplies):
         return data if data == b"0" else b"1"
 
 
-@mutant("4.1/8", subtle=True)
+@mutant("looks-at-the-first-character", "4.1/8", subtle=True)
 class LooksAtTheFirstCharacter(AltersReplies):
     """Of the answer to the login only the first character is looked at."""
 
@@ -113,7 +113,7 @@ class LooksAtTheFirstCharacter(AltersReplies):
         return data[:1]
 
 
-@mutant("4.1/8", subtle=True)
+@mutant("nothing-is-yes", "4.1/8", subtle=True)
 class NothingIsYes(AltersReplies):
     """An answer to the login without data is taken for a yes."""
 
@@ -124,7 +124,7 @@ class NothingIsYes(AltersReplies):
         return data or b"1"
 
 
-@mutant("4.1/8", "2/1", subtle=True)
+@mutant("loss-is-yes", "4.1/8", "2/1", subtle=True)
 class LossIsYes(AsyncClient):
     """A connection that is lost before the login was answered is told as made."""
 

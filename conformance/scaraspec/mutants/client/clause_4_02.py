@@ -12,7 +12,7 @@ from scaraspec.protocol.commands import BY_NAME, PasswordChange
 from scaraspec.protocol.frames import Frame
 
 
-@mutant("4.2/1")
+@mutant("new-password-first", "4.2/1")
 class NewPasswordFirst(AltersFields):
     """The new password is sent ahead of the old one."""
 
@@ -23,7 +23,7 @@ class NewPasswordFirst(AltersFields):
         return fields[::-1]
 
 
-@mutant("4.2/1")
+@mutant("new-password-alone", "4.2/1")
 class NewPasswordAlone(AltersFields):
     """The new password is sent without the old one."""
 
@@ -34,7 +34,7 @@ class NewPasswordAlone(AltersFields):
         return fields[1:]
 
 
-@mutant("4.2/1", subtle=True)
+@mutant("repeats-the-new-password", "4.2/1", subtle=True)
 class RepeatsTheNewPassword(AltersFields):
     """The new password is sent twice, as forms ask for it."""
 
@@ -67,7 +67,7 @@ class _SendsAnyPair(ClientCore, ABC):
             self._pair = b"" if meant else self._pair
 
 
-@mutant("4.2/7", "T/6", subtle=True)
+@mutant("looks-for-bars-in-new-ones", "4.2/7", "T/6", subtle=True)
 class LooksForBarsInNewOnes(_SendsAnyPair):
     """Only the new password is looked through for bars."""
 
@@ -76,7 +76,7 @@ class LooksForBarsInNewOnes(_SendsAnyPair):
         return b"|".join(pair) if b"|" in pair.old and b"|" not in pair.new else b""
 
 
-@mutant("4.2/7", "T/10")
+@mutant("cuts-long-pairs", "4.2/7", "T/10")
 class CutsLongPairs(_SendsAnyPair):
     """A pair of passwords that is too long is cut."""
 

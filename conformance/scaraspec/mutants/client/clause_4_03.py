@@ -13,7 +13,7 @@ from scaraspec.mutants.client.altering import (
 # 4.3
 
 
-@mutant("4.3/1")
+@mutant("asks-for-the-first-network", "4.3/1")
 class AsksForTheFirstNetwork(AltersRequests):
     """The network settings are asked for with the number of an interface."""
 
@@ -24,7 +24,7 @@ class AsksForTheFirstNetwork(AltersRequests):
         return data + b"0"
 
 
-@mutant("4.3/5")
+@mutant("reads-columns", "4.3/5")
 class ReadsColumns(AltersReplies):
     """The three addresses are read at the columns that they have in the document."""
 
@@ -35,7 +35,7 @@ class ReadsColumns(AltersReplies):
         return b"|".join((data[:11], data[12:25], data[26:]))
 
 
-@mutant("4.3/5", subtle=True)
+@mutant("reads-fourteen-characters", "4.3/5", subtle=True)
 class ReadsFourteenCharacters(AltersReplies):
     """Of an address at most fourteen characters are read."""
 
@@ -46,7 +46,7 @@ class ReadsFourteenCharacters(AltersReplies):
         return b"|".join(text[:14] for text in data.split(b"|"))
 
 
-@mutant("4.3/5", subtle=True)
+@mutant("reads-thirty-six-bytes", "4.3/5", subtle=True)
 class ReadsThirtySixBytes(AltersReplies):
     """Of the reply 36 bytes are read, the length that the document prints."""
 
@@ -57,7 +57,7 @@ class ReadsThirtySixBytes(AltersReplies):
         return data[:36]
 
 
-@mutant("4.3/5", "T/9")
+@mutant("gateway-for-mask", "4.3/5", "T/9")
 class GatewayForMask(AltersReplies):
     """Gateway and mask are told the other way round."""
 
@@ -69,7 +69,7 @@ class GatewayForMask(AltersReplies):
         return b"|".join((ip, gateway, mask))
 
 
-@mutant("4.3/5", subtle=True)
+@mutant("reads-padding-as-octal", "4.3/5", subtle=True)
 class ReadsPaddingAsOctal(AltersReplies):
     """Padded numbers of an address are read as octal ones."""
 
@@ -90,7 +90,7 @@ def _octal(text: bytes) -> bytes:
 # 4.4
 
 
-@mutant("4.4/1")
+@mutant("mask-first", "4.4/1")
 class MaskFirst(AltersFields):
     """The mask is sent ahead of the address."""
 
@@ -101,7 +101,7 @@ class MaskFirst(AltersFields):
         return [fields[1], fields[0], fields[2]]
 
 
-@mutant("4.4/1")
+@mutant("without-gateway", "4.4/1")
 class WithoutGateway(AltersFields):
     """The gateway is not sent."""
 
@@ -112,7 +112,7 @@ class WithoutGateway(AltersFields):
         return fields[:2]
 
 
-@mutant("4.4/1", subtle=True)
+@mutant("gateway-is-the-first-host", "4.4/1", subtle=True)
 class GatewayIsTheFirstHost(AltersFields):
     """As the gateway the first address of the network is sent."""
 
@@ -123,7 +123,7 @@ class GatewayIsTheFirstHost(AltersFields):
         return [*fields[:2], fields[0].rpartition(b".")[0] + b".1"]
 
 
-@mutant("4.4/6")
+@mutant("loss-is-failure", "4.4/6")
 class LossIsFailure(AsyncClient):
     """A connection that ends behind the yes to a new network makes a failure of it."""
 
@@ -140,7 +140,7 @@ class LossIsFailure(AsyncClient):
         super()._connection_lost(reason)
 
 
-@mutant("T/9", subtle=True)
+@mutant("takes-loss-for-anew-network", "T/9", subtle=True)
 class TakesLossForANewNetwork(TakesLossForSuccess):
     """A link that is lost before a new network was answered is taken for the new network."""
 

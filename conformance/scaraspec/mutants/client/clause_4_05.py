@@ -9,7 +9,7 @@ from scaraspec.mutants.client.altering import AltersRequests
 # 4.5
 
 
-@mutant("4.5/1")
+@mutant("short-years", "4.5/1")
 class ShortYears(AltersRequests):
     """The year is sent with two digits."""
 
@@ -20,7 +20,7 @@ class ShortYears(AltersRequests):
         return data[2:]
 
 
-@mutant("4.5/1")
+@mutant("separated-time", "4.5/1")
 class SeparatedTime(AltersRequests):
     """The time is sent with marks between its parts."""
 
@@ -31,7 +31,7 @@ class SeparatedTime(AltersRequests):
         return b"%b-%b-%b %b:%b:%b" % (data[:4], *(data[i : i + 2] for i in range(4, 14, 2)))
 
 
-@mutant("4.5/1", subtle=True)
+@mutant("unpadded-time", "4.5/1", subtle=True)
 class UnpaddedTime(AltersRequests):
     """Hours below ten are sent with one digit."""
 
@@ -42,7 +42,7 @@ class UnpaddedTime(AltersRequests):
         return data[:8] + b"%d" % int(data[8:10]) + data[10:]
 
 
-@mutant("4.5/1", "T/10", subtle=True)
+@mutant("twelve-hours", "4.5/1", "T/10", subtle=True)
 class TwelveHours(AltersRequests):
     """The hours are sent as a clock with hands shows them."""
 
@@ -53,7 +53,7 @@ class TwelveHours(AltersRequests):
         return data[:8] + b"%02d" % ((int(data[8:10]) + 11) % 12 + 1) + data[10:]
 
 
-@mutant("4.5/2", subtle=True)
+@mutant("december-is-thirteen", "4.5/2", subtle=True)
 class DecemberIsThirteen(AltersRequests):
     """The months are counted from 1, and then another 1 is added to the last of them."""
 
@@ -64,7 +64,7 @@ class DecemberIsThirteen(AltersRequests):
         return data[:4] + b"13" + data[6:] if data[4:6] == b"12" else data
 
 
-@mutant("4.5/2", subtle=True)
+@mutant("midnight-is-twenty-four", "4.5/2", subtle=True)
 class MidnightIsTwentyFour(AltersRequests):
     """Midnight is sent as the hour 24."""
 
@@ -75,7 +75,7 @@ class MidnightIsTwentyFour(AltersRequests):
         return data[:8] + b"24" + data[10:] if data[8:10] == b"00" else data
 
 
-@mutant("4.5/2")
+@mutant("sends-any-digits", "4.5/2")
 class SendsAnyDigits(AsyncClient):
     """Whatever has fourteen digits is sent as a time."""
 
@@ -96,7 +96,7 @@ class SendsAnyDigits(AsyncClient):
         await super().set_time(datetime(2000, 1, 1))  # noqa: DTZ001 - the document names no zone
 
 
-@mutant("4.5/2", subtle=True)
+@mutant("every-year-is-leap", "4.5/2", subtle=True)
 class EveryYearIsLeap(AsyncClient):
     """The 29th of February is sent in every year."""
 
@@ -120,7 +120,7 @@ class EveryYearIsLeap(AsyncClient):
 # 4.6
 
 
-@mutant("4.6/1")
+@mutant("asks-with-its-own-time", "4.6/1")
 class AsksWithItsOwnTime(AltersRequests):
     """The time is asked for with the client's own."""
 

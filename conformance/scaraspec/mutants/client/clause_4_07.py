@@ -14,7 +14,7 @@ from scaraspec.protocol.frames import Frame
 # 4.7
 
 
-@mutant("4.7/1")
+@mutant("asks-for-the-version-of-something", "4.7/1")
 class AsksForTheVersionOfSomething(AltersRequests):
     """The version is asked for with a blank."""
 
@@ -25,7 +25,7 @@ class AsksForTheVersionOfSomething(AltersRequests):
         return data + b" "
 
 
-@mutant("4.7/5")
+@mutant("five-characters", "4.7/5")
 class FiveCharacters(AltersReplies):
     """Of a version five characters are read."""
 
@@ -36,7 +36,7 @@ class FiveCharacters(AltersReplies):
         return data[:5]
 
 
-@mutant("4.7/5", subtle=True)
+@mutant("three-numbers", "4.7/5", subtle=True)
 class ThreeNumbers(AltersReplies):
     """A version is told as three numbers, without the zeros that they begin with."""
 
@@ -50,7 +50,7 @@ class ThreeNumbers(AltersReplies):
         return b".".join(b"%d" % int(number) for number in numbers)
 
 
-@mutant("4.7/5", subtle=True)
+@mutant("sixty-four-characters", "4.7/5", subtle=True)
 class SixtyFourCharacters(AltersReplies):
     """Of a version 64 characters are read."""
 
@@ -61,7 +61,7 @@ class SixtyFourCharacters(AltersReplies):
         return data[:64]
 
 
-@mutant("4.7/5", "T/9", subtle=True)
+@mutant("end-of-the-last-version", "4.7/5", "T/9", subtle=True)
 class EndOfTheLastVersion(AltersReplies):
     """A version that is shorter than the one before is told with the end of that one."""
 
@@ -77,7 +77,7 @@ class EndOfTheLastVersion(AltersReplies):
 # 4.8
 
 
-@mutant("4.8/1")
+@mutant("asks-for-the-status-with-data", "4.8/1")
 class AsksForTheStatusWithData(AltersRequests):
     """The status is asked for with a NUL."""
 
@@ -88,7 +88,7 @@ class AsksForTheStatusWithData(AltersRequests):
         return data + b"\0"
 
 
-@mutant("4.8/11", subtle=True)
+@mutant("wants-capitals", "4.8/11", subtle=True)
 class WantsCapitals(AltersReplies):
     """A code in small letters is told as idle."""
 
@@ -99,7 +99,7 @@ class WantsCapitals(AltersReplies):
         return b"00" if data != data.upper() else data
 
 
-@mutant("4.8/11", "T/9")
+@mutant("reads-codes-as-numbers", "4.8/11", "T/9")
 class ReadsCodesAsNumbers(AsyncClient):
     """A code is told as the number that its digits give."""
 
@@ -110,7 +110,7 @@ class ReadsCodesAsNumbers(AsyncClient):
         return status._replace(code=digits.zfill(2))
 
 
-@mutant("4.8/11", subtle=True)
+@mutant("goes-deaf-at-unknown-codes", "4.8/11", subtle=True)
 class GoesDeafAtUnknownCodes(GoesDeaf):
     """A code that table 8-1 lacks is the last thing that it hears."""
 
@@ -120,7 +120,7 @@ class GoesDeafAtUnknownCodes(GoesDeaf):
         return super()._dispatch(frame, now_s)
 
 
-@mutant("4.8/11", subtle=True)
+@mutant("unknown-is-idle", "4.8/11", subtle=True)
 class UnknownIsIdle(AltersReplies):
     """A code that table 8-1 lacks is told as idle."""
 
@@ -131,7 +131,7 @@ class UnknownIsIdle(AltersReplies):
         return data if lookup(show(data)) else b"00"
 
 
-@mutant("4.8/11", subtle=True)
+@mutant("knows-single-faults-only", "4.8/11", subtle=True)
 class KnowsSingleFaultsOnly(AltersReplies):
     """Codes of several motors at once cannot be read."""
 

@@ -14,7 +14,7 @@ from scaraspec.protocol.payloads import NameListPart
 # 4.9
 
 
-@mutant("4.9/1")
+@mutant("asks-for-the-first-program", "4.9/1")
 class AsksForTheFirstProgram(AltersRequests):
     """The running program is asked for with a number."""
 
@@ -28,7 +28,7 @@ class AsksForTheFirstProgram(AltersRequests):
 # 4.10
 
 
-@mutant("4.10/1")
+@mutant("asks-for-the-part", "4.10/1")
 class AsksForThePart(AltersRequests):
     """The program list is asked for with the number of a part."""
 
@@ -51,7 +51,7 @@ class _OtherListing(ClientCore):
         return self.shape(BY_NAME[name], value, self.dialect)
 
 
-@mutant("4.10/10")
+@mutant("first-part-only", "4.10/10")
 class FirstPartOnly(_OtherListing):
     """Of a list only the first part is told."""
 
@@ -62,7 +62,7 @@ class FirstPartOnly(_OtherListing):
             return super()._accept(value._replace(more=False), now_s)
 
 
-@mutant("4.10/10")
+@mutant("last-part-only", "4.10/10")
 class LastPartOnly(_OtherListing):
     """Of a list only the last part is told."""
 
@@ -74,7 +74,7 @@ class LastPartOnly(_OtherListing):
             return super()._accept(value, now_s)
 
 
-@mutant("4.10/10", subtle=True)
+@mutant("loses-the-first-of-later-parts", "4.10/10", subtle=True)
 class LosesTheFirstOfLaterParts(_OtherListing):
     """The first name of each further part is lost, if there are others behind it."""
 
@@ -87,7 +87,7 @@ class LosesTheFirstOfLaterParts(_OtherListing):
             return super()._accept(value, now_s)
 
 
-@mutant("4.10/10", subtle=True)
+@mutant("sixteen-parts", "4.10/10", subtle=True)
 class SixteenParts(_OtherListing):
     """A list ends with its sixteenth part."""
 
@@ -99,7 +99,7 @@ class SixteenParts(_OtherListing):
             return super()._accept(value._replace(more=more), now_s)
 
 
-@mutant("4.10/10", subtle=True)
+@mutant("joins-names-of-parts", "4.10/10", subtle=True)
 class JoinsNamesOfParts(_OtherListing):
     """The last name of a part is taken for the beginning of the first of the next."""
 
@@ -112,7 +112,7 @@ class JoinsNamesOfParts(_OtherListing):
             return super()._accept(value, now_s)
 
 
-@mutant("4.10/10", reading=("list_cont=request",), subtle=True)
+@mutant("fetches-in-vain", "4.10/10", reading=("list_cont=request",), subtle=True)
 class FetchesInVain(_OtherListing):
     """The further parts of a list are asked for, and the last of them is not told (A-4.10-3 b)."""
 
@@ -124,7 +124,7 @@ class FetchesInVain(_OtherListing):
             return super()._accept(value._replace(names=()) if forgotten else value, now_s)
 
 
-@mutant("4.10/10", "T/9", subtle=True)
+@mutant("hides-dotted-names", "4.10/10", "T/9", subtle=True)
 class HidesDottedNames(_OtherListing):
     """Names that begin with a dot are not told, as files that a system hides."""
 
@@ -136,7 +136,7 @@ class HidesDottedNames(_OtherListing):
             return super()._accept(value._replace(names=shown), now_s)
 
 
-@mutant("4.10/10", subtle=True)
+@mutant("takes-the-flag-for-text", "4.10/10", subtle=True)
 class TakesTheFlagForText(AltersReplies):
     """Where no bar follows the flag of a list, the flag is told as part of the first name."""
 
@@ -147,7 +147,7 @@ class TakesTheFlagForText(AltersReplies):
         return data if data[1:2] in (b"|", b"") else data[:1] + b"|" + data
 
 
-@mutant("4.10/10", subtle=True)
+@mutant("impatient-for-parts", "4.10/10", subtle=True)
 class ImpatientForParts(_OtherListing):
     """A part that takes longer than a twentieth of a second is not waited for."""
 
@@ -166,7 +166,7 @@ class ImpatientForParts(_OtherListing):
             return []
 
 
-@mutant("4.10/10", "T/9", subtle=True)
+@mutant("sorts-names", "4.10/10", "T/9", subtle=True)
 class SortsNames(AsyncClient):
     """Programs are told in alphabetical order."""
 
@@ -175,7 +175,7 @@ class SortsNames(AsyncClient):
         return tuple(sorted(await super().list_programs()))
 
 
-@mutant("4.10/12")
+@mutant("empty-list-is-one-name", "4.10/12")
 class EmptyListIsOneName(AsyncClient):
     """An empty list is told as one empty name."""
 
@@ -184,7 +184,7 @@ class EmptyListIsOneName(AsyncClient):
         return await super().list_programs() or ("",)
 
 
-@mutant("4.10/12", subtle=True)
+@mutant("bar-is-one-name", "4.10/12", subtle=True)
 class BarIsOneName(AltersReplies):
     """An empty list with a bar behind its flag is told as one name."""
 
@@ -195,7 +195,7 @@ class BarIsOneName(AltersReplies):
         return b"0|-" if data == b"0|" else data
 
 
-@mutant("4.10/12", "T/9", subtle=True)
+@mutant("cuts-listed-names", "4.10/12", "T/9", subtle=True)
 class CutsListedNames(AltersReplies):
     """Listed names are cut to thirty bytes."""
 
@@ -206,7 +206,7 @@ class CutsListedNames(AltersReplies):
         return b"|".join(text[:30] for text in data.split(b"|"))
 
 
-@mutant("4.10/12", subtle=True)
+@mutant("fails-at-long-names", "4.10/12", subtle=True)
 class FailsAtLongNames(AltersReplies):
     """A list with a name of more than a hundred bytes cannot be read."""
 
@@ -220,7 +220,7 @@ class FailsAtLongNames(AltersReplies):
 # 4.11
 
 
-@mutant("4.11/1")
+@mutant("adds-extensions", "4.11/1")
 class AddsExtensions(AltersRequests):
     """The name of the program to delete is sent with an extension if it has none."""
 
@@ -231,7 +231,7 @@ class AddsExtensions(AltersRequests):
         return data if b"." in data else data + b".rob"
 
 
-@mutant("4.11/1")
+@mutant("replaces-extensions", "4.11/1")
 class ReplacesExtensions(AltersRequests):
     """The name of the program to delete is sent with the extension .rob for .txt."""
 
@@ -242,7 +242,7 @@ class ReplacesExtensions(AltersRequests):
         return data.removesuffix(b".txt") + b".rob" if data.endswith(b".txt") else data
 
 
-@mutant("4.11/1")
+@mutant("names-in-small-letters", "4.11/1")
 class NamesInSmallLetters(AltersRequests):
     """The name of the program to delete is sent in small letters."""
 
@@ -253,7 +253,7 @@ class NamesInSmallLetters(AltersRequests):
         return data.lower()
 
 
-@mutant("4.11/1", subtle=True)
+@mutant("ends-names-at-blanks", "4.11/1", subtle=True)
 class EndsNamesAtBlanks(AltersRequests):
     """The name of the program to delete is sent up to its first blank."""
 

@@ -13,7 +13,7 @@ _SET_DEFAULT = BY_NAME["set_default_program"].opcode
 _TEMPERATURES = BY_NAME["get_motor_temperatures"].opcode
 
 
-@mutant("4.12/1")
+@mutant("asks-for-the-default-with-data", "4.12/1")
 class AsksForTheDefaultWithData(AltersRequests):
     """The default program is asked for with a 0."""
 
@@ -24,7 +24,7 @@ class AsksForTheDefaultWithData(AltersRequests):
         return data + b"0"
 
 
-@mutant("4.12/1", subtle=True)
+@mutant("asks-for-the-default-under-both", "4.12/1", subtle=True)
 class AsksForTheDefaultUnderBoth(ClientCore):
     """The default program is asked for under 0D and, with the name of a program, under 13."""
 
@@ -37,7 +37,7 @@ class AsksForTheDefaultUnderBoth(ClientCore):
                 )
 
 
-@mutant("4.13/1")
+@mutant("sends-the-path", "4.13/1")
 class SendsThePath(AltersRequests):
     """The name of the default program is sent with the folder that it is in."""
 
@@ -48,7 +48,7 @@ class SendsThePath(AltersRequests):
         return b"/programs/" + data
 
 
-@mutant("4.13/1", subtle=True)
+@mutant("sends-the-first-part-of-names", "4.13/1", subtle=True)
 class SendsTheFirstPartOfNames(AltersRequests):
     """The name of the default program is sent up to the last point in it, and .rob behind that."""
 
@@ -59,7 +59,7 @@ class SendsTheFirstPartOfNames(AltersRequests):
         return data.rpartition(b".")[0] + b".rob" if data.count(b".") > 1 else data
 
 
-@mutant("4.14/1")
+@mutant("asks-for-every-motor", "4.14/1")
 class AsksForEveryMotor(AltersRequests):
     """The temperatures are asked for with the numbers of the motors."""
 
@@ -70,7 +70,7 @@ class AsksForEveryMotor(AltersRequests):
         return data + b"1|2|3|4"
 
 
-@mutant("4.14/4")
+@mutant("takes-temperatures-for-yes", "4.14/4")
 class TakesTemperaturesForYes(ClientCore):
     """Whatever comes under 0E is taken for the reply to setting the default program."""
 
@@ -80,7 +80,7 @@ class TakesTemperaturesForYes(ClientCore):
         return super()._dispatch(frame._replace(data=b"1") if mistaken else frame, now_s)
 
 
-@mutant("4.14/4", subtle=True)
+@mutant("takes-yes-for-temperatures", "4.14/4", subtle=True)
 class TakesYesForTemperatures(ClientCore):
     """Whatever comes under 0E while the temperatures are due is taken for these."""
 
@@ -91,7 +91,7 @@ class TakesYesForTemperatures(ClientCore):
         return super()._dispatch(frame, now_s)
 
 
-@mutant("4.14/4", "T/9", subtle=True)
+@mutant("reads-printed-temperatures-backwards", "4.14/4", "T/9", subtle=True)
 class ReadsPrintedTemperaturesBackwards(ClientCore):
     """Temperatures under 0E are told in the other order."""
 

@@ -13,7 +13,7 @@ _FIELD_BYTES: Final = 30
 _SHORT_BYTES: Final = 16
 
 
-@mutant("4.15/1")
+@mutant("runs-without-extension", "4.15/1")
 class RunsWithoutExtension(AltersRequests):
     """The program that is run is named without its extension."""
 
@@ -24,7 +24,7 @@ class RunsWithoutExtension(AltersRequests):
         return data.rpartition(b".")[0] or data
 
 
-@mutant("4.15/1")
+@mutant("runs-padded-names", "4.15/1")
 class RunsPaddedNames(AltersRequests):
     """The name of the program that is run is filled up with blanks to 30 bytes."""
 
@@ -35,7 +35,7 @@ class RunsPaddedNames(AltersRequests):
         return data.ljust(_FIELD_BYTES)
 
 
-@mutant("4.15/1", subtle=True)
+@mutant("runs-short-names", "4.15/1", subtle=True)
 class RunsShortNames(AltersRequests):
     """Of the name of the program that is run no more than 16 bytes are sent."""
 
@@ -46,7 +46,7 @@ class RunsShortNames(AltersRequests):
         return data[:_SHORT_BYTES]
 
 
-@mutant("4.15/1", subtle=True)
+@mutant("runs-with-the-rest-of-longer-names", "4.15/1", subtle=True)
 class RunsWithTheRestOfLongerNames(AltersRequests):
     """A shorter name is followed by the end of the longer one that was in the buffer before."""
 
@@ -59,7 +59,7 @@ class RunsWithTheRestOfLongerNames(AltersRequests):
         return self._buffer
 
 
-@mutant("4.15/1", subtle=True)
+@mutant("runs-up-to-the-first-blank", "4.15/1", subtle=True)
 class RunsUpToTheFirstBlank(AltersRequests):
     """Of a name with blanks in it the first word is sent."""
 
@@ -70,7 +70,7 @@ class RunsUpToTheFirstBlank(AltersRequests):
         return data.partition(b" ")[0]
 
 
-@mutant("4.16/1")
+@mutant("runs-instead-of-simulating", "4.16/1")
 class RunsInsteadOfSimulating(ReplacesRequests):
     """A simulation is asked for as a run, which moves the arm."""
 
@@ -81,7 +81,7 @@ class RunsInsteadOfSimulating(ReplacesRequests):
         return frame._replace(opcode=BY_NAME[_RUN].opcode)
 
 
-@mutant("4.16/1")
+@mutant("simulation-is-marked", "4.16/1")
 class SimulationIsMarked(AltersRequests):
     """The name of the program that is simulated is followed by a mark that it is."""
 
@@ -92,7 +92,7 @@ class SimulationIsMarked(AltersRequests):
         return data + b"|1"
 
 
-@mutant("4.16/1", subtle=True)
+@mutant("simulates-what-ran-last", "4.16/1", subtle=True)
 class SimulatesWhatRanLast(AltersRequests):
     """Once a program has been run, that is the one which is simulated."""
 

@@ -14,7 +14,7 @@ _STOP: Final = "emergency_stop"
 _OPCODE: Final = BY_NAME[_STOP].opcode
 
 
-@mutant("4.17/1")
+@mutant("stop-says-how", "4.17/1")
 class StopSaysHow(AltersRequests):
     """The stop carries a 1."""
 
@@ -25,7 +25,7 @@ class StopSaysHow(AltersRequests):
         return data + b"1"
 
 
-@mutant("4.17/1", subtle=True)
+@mutant("stop-names-the-program", "4.17/1", subtle=True)
 class StopNamesTheProgram(AltersRequests):
     """The stop carries the name of the program that was run last, since it "stops programs"."""
 
@@ -42,7 +42,7 @@ class StopNamesTheProgram(AltersRequests):
         return data + self._ran
 
 
-@mutant("4.17/9", subtle=True)
+@mutant("interrupted-result-ends-the-stop", "4.17/9", subtle=True)
 class InterruptedResultEndsTheStop(ClientCore):
     """While a stop is carried out any result is taken for its own."""
 
@@ -52,7 +52,7 @@ class InterruptedResultEndsTheStop(ClientCore):
         return super()._dispatch(frame, now_s)
 
 
-@mutant("4.17/9", subtle=True)
+@mutant("stop-ends-all-well", "4.17/9", subtle=True)
 class StopEndsAllWell(ClientCore):
     """The success of a stop is taken for that of what it stops."""
 
@@ -65,7 +65,7 @@ class StopEndsAllWell(ClientCore):
         return events
 
 
-@mutant("4.17/9", subtle=True)
+@mutant("unasked-result-ends-the-link", "4.17/9", subtle=True)
 class UnaskedResultEndsTheLink(ClientCore):
     """At a result that nobody here has asked for the client gives up the connection."""
 
@@ -91,21 +91,21 @@ class _VainStopEndsEverything(ClientCore):
         return events
 
 
-@mutant("4.17/9", subtle=True)
+@mutant("failed-stop-ends-everything", "4.17/9", subtle=True)
 class FailedStopEndsEverything(_VainStopEndsEverything):
     """What goes on when a stop has failed is taken for stopped."""
 
     accepted = True
 
 
-@mutant("4.17/9", subtle=True)
+@mutant("refused-stop-ends-everything", "4.17/9", subtle=True)
 class RefusedStopEndsEverything(_VainStopEndsEverything):
     """What goes on when a stop was refused is taken for stopped."""
 
     accepted = False
 
 
-@mutant("4.17/9", subtle=True)
+@mutant("stop-waits-for-what-it-stops", "4.17/9", subtle=True)
 class StopWaitsForWhatItStops(ClientCore):
     """The success of a stop counts only when what it stops has told a result of its own."""
 
@@ -134,7 +134,7 @@ class _HoldsTheStop(ClientCore, ABC):
         return super().is_free(slot) and not (slot == _STOP and any(map(self.hinders, self._open)))
 
 
-@mutant("4.17/10")
+@mutant("queries-hold-the-stop", "4.17/10")
 class QueriesHoldTheStop(_HoldsTheStop):
     """The stop waits for the reply to a query."""
 
@@ -143,7 +143,7 @@ class QueriesHoldTheStop(_HoldsTheStop):
         return not isinstance(operation, TwoStage)
 
 
-@mutant("4.17/10", subtle=True)
+@mutant("orders-hold-the-stop", "4.17/10", subtle=True)
 class OrdersHoldTheStop(_HoldsTheStop):
     """The stop waits for the first reply to another order."""
 
@@ -152,7 +152,7 @@ class OrdersHoldTheStop(_HoldsTheStop):
         return isinstance(operation, TwoStage) and operation.stage is Stage.REQUESTED
 
 
-@mutant("4.17/10", subtle=True)
+@mutant("execution-holds-the-stop", "4.17/10", subtle=True)
 class ExecutionHoldsTheStop(_HoldsTheStop):
     """The stop waits until what executes has ended by itself."""
 
@@ -161,7 +161,7 @@ class ExecutionHoldsTheStop(_HoldsTheStop):
         return isinstance(operation, TwoStage) and operation.stage is Stage.EXECUTING
 
 
-@mutant("4.17/9", subtle=True)
+@mutant("remembers-the-stop", "4.17/9", subtle=True)
 class RemembersTheStop(ClientCore):
     """Behind a stop whatever takes more than a quarter of a second is told as stopped."""
 

@@ -27,7 +27,7 @@ class _KeepsFormerData(AltersRequests):
         return data + self._buffer
 
 
-@mutant("4.18/1")
+@mutant("reset-says-one", "4.18/1")
 class ResetSaysOne(AltersRequests):
     """The reset carries a 1."""
 
@@ -38,7 +38,7 @@ class ResetSaysOne(AltersRequests):
         return data + b"1"
 
 
-@mutant("4.18/1", subtle=True)
+@mutant("second-reset-is-forced", "4.18/1", subtle=True)
 class SecondResetIsForced(AltersRequests):
     """Every reset but the first carries the word force."""
 
@@ -51,7 +51,7 @@ class SecondResetIsForced(AltersRequests):
         return data + b"force" if self._count > 1 else data
 
 
-@mutant("4.19/1")
+@mutant("gripper-is-asked-for-by-name", "4.19/1")
 class GripperIsAskedForByName(AltersRequests):
     """The request for the gripper centre carries the word tcp."""
 
@@ -62,14 +62,14 @@ class GripperIsAskedForByName(AltersRequests):
         return data + b"tcp"
 
 
-@mutant("4.19/1", subtle=True)
+@mutant("gripper-is-asked-for-as-it-was-set", "4.19/1", subtle=True)
 class GripperIsAskedForAsItWasSet(_KeepsFormerData):
     """The request for the gripper centre carries the one that was set before."""
 
     name, former = "get_gripper_center", "set_gripper_center"
 
 
-@mutant("4.22/1")
+@mutant("position-is-asked-for-with-nul", "4.22/1")
 class PositionIsAskedForWithNul(AltersRequests):
     """The request for the initial tool position carries the NUL that ends an empty text."""
 
@@ -80,14 +80,14 @@ class PositionIsAskedForWithNul(AltersRequests):
         return data + b"\0"
 
 
-@mutant("4.22/1", subtle=True)
+@mutant("position-is-asked-for-as-it-was-set", "4.22/1", subtle=True)
 class PositionIsAskedForAsItWasSet(_KeepsFormerData):
     """The request for the initial tool position carries the one that was set before."""
 
     name, former = "get_initial_tool_position", "set_initial_tool_position"
 
 
-@mutant("4.23/1")
+@mutant("pose-is-asked-for-by-its-parts", "4.23/1")
 class PoseIsAskedForByItsParts(AltersRequests):
     """The request for the tool coordinates says how many are wanted."""
 
@@ -98,14 +98,14 @@ class PoseIsAskedForByItsParts(AltersRequests):
         return data + b"6"
 
 
-@mutant("4.23/1", subtle=True)
+@mutant("pose-is-asked-for-as-it-was-commanded", "4.23/1", subtle=True)
 class PoseIsAskedForAsItWasCommanded(_KeepsFormerData):
     """The request for the tool coordinates carries the target of the last move."""
 
     name, former = "get_tool_coordinates", "set_tool_coordinates"
 
 
-@mutant("4.25/1")
+@mutant("release-names-all-joints", "4.25/1")
 class ReleaseNamesAllJoints(AltersRequests):
     """The release of the joints says how many there are."""
 
@@ -116,7 +116,7 @@ class ReleaseNamesAllJoints(AltersRequests):
         return data + _JOINTS
 
 
-@mutant("4.25/1")
+@mutant("release-is-lock-with-zero", "4.25/1")
 class ReleaseIsLockWithZero(ReplacesRequests):
     """The joints are released by a lock that carries a 0."""
 
@@ -127,7 +127,7 @@ class ReleaseIsLockWithZero(ReplacesRequests):
         return frame._replace(opcode=BY_NAME["lock_joints"].opcode, data=b"0")
 
 
-@mutant("4.26/1")
+@mutant("lock-says-one", "4.26/1")
 class LockSaysOne(AltersRequests):
     """The lock of the joints carries a 1."""
 
@@ -138,7 +138,7 @@ class LockSaysOne(AltersRequests):
         return data + b"1"
 
 
-@mutant("4.26/1", subtle=True)
+@mutant("second-lock-releases", "4.26/1", subtle=True)
 class SecondLockReleases(ReplacesRequests):
     """The lock is a switch: every second one releases the joints."""
 
@@ -151,7 +151,7 @@ class SecondLockReleases(ReplacesRequests):
         return frame if self._locked else frame._replace(opcode=BY_NAME["release_joints"].opcode)
 
 
-@mutant("4.27/1")
+@mutant("angles-are-asked-for-by-number", "4.27/1")
 class AnglesAreAskedForByNumber(AltersRequests):
     """The request for the joint angles says how many are wanted."""
 
@@ -162,7 +162,7 @@ class AnglesAreAskedForByNumber(AltersRequests):
         return data + _JOINTS
 
 
-@mutant("4.27/1", subtle=True)
+@mutant("angles-are-asked-for-as-they-were", "4.27/1", subtle=True)
 class AnglesAreAskedForAsTheyWere(AltersRequests):
     """From the third time on the request for the joint angles says which time it is."""
 

@@ -14,7 +14,7 @@ from scaraspec.protocol.frames import Frame
 _SET: Final = "set_gripper_center"
 
 
-@mutant("4.20/1")
+@mutant("gripper-back-to-front", "4.20/1")
 class GripperBackToFront(AltersFields):
     """The gripper centre is sent as z, y and x."""
 
@@ -25,7 +25,7 @@ class GripperBackToFront(AltersFields):
         return fields[::-1]
 
 
-@mutant("4.20/1")
+@mutant("gripper-between-blanks", "4.20/1")
 class GripperBetweenBlanks(AltersRequests):
     """The numbers of the gripper centre are separated by blanks, as they are printed."""
 
@@ -36,7 +36,7 @@ class GripperBetweenBlanks(AltersRequests):
         return data.replace(b"|", b" ")
 
 
-@mutant("4.20/1")
+@mutant("gripper-in-brackets", "4.20/1")
 class GripperInBrackets(AltersRequests):
     """The gripper centre is sent in brackets, as the text writes (x,y,z)."""
 
@@ -47,7 +47,7 @@ class GripperInBrackets(AltersRequests):
         return b"(" + data + b")"
 
 
-@mutant("4.20/1", subtle=True)
+@mutant("gripper-with-decimal-commas", "4.20/1", subtle=True)
 class GripperWithDecimalCommas(AltersRequests):
     """Decimals of the gripper centre are written with a comma, as the user's country has it."""
 
@@ -79,7 +79,7 @@ class _WritesNumbers(ClientCore, ABC):
             super()._send([frame])
 
 
-@mutant("4.20/1", subtle=True)
+@mutant("large-numbers-with-exponent", "4.20/1", subtle=True)
 class LargeNumbersWithExponent(_WritesNumbers):
     """Numbers are written by %g: a million is 1e+06."""
 
@@ -88,7 +88,7 @@ class LargeNumbersWithExponent(_WritesNumbers):
         return b"%g" % number if abs(number) >= 1 else b"%.3f" % number
 
 
-@mutant("4.20/1", subtle=True)
+@mutant("small-numbers-with-exponent", "4.20/1", subtle=True)
 class SmallNumbersWithExponent(_WritesNumbers):
     """Numbers are written as the language prints them: a hundred-thousandth is 1e-05."""
 
@@ -97,7 +97,7 @@ class SmallNumbersWithExponent(_WritesNumbers):
         return repr(number).encode()
 
 
-@mutant("4.20/1", subtle=True)
+@mutant("zeros-are-left-away", "4.20/1", subtle=True)
 class ZerosAreLeftAway(_WritesNumbers):
     """The number 0 is an empty field."""
 
@@ -106,7 +106,7 @@ class ZerosAreLeftAway(_WritesNumbers):
         return b"%.3f" % number if number else b""
 
 
-@mutant("4.20/1", subtle=True)
+@mutant("small-negatives-are-positive", "4.20/1", subtle=True)
 class SmallNegativesArePositive(_WritesNumbers):
     """Numbers between -1 and 0 lose their sign: whole part and fraction are written apart."""
 

@@ -20,7 +20,7 @@ _PRINTED_BYTES: Final = 25  # L450
 # 4.21
 
 
-@mutant("4.21/1")
+@mutant("position-of-four-numbers", "4.21/1")
 class PositionOfFourNumbers(AltersFields):
     """The initial position is sent without the angles that mean nothing."""
 
@@ -31,7 +31,7 @@ class PositionOfFourNumbers(AltersFields):
         return fields[:4]
 
 
-@mutant("4.21/1")
+@mutant("position-begins-with-its-angles", "4.21/1")
 class PositionBeginsWithItsAngles(AltersFields):
     """The initial position is sent with the angles ahead of x, y and z."""
 
@@ -42,7 +42,7 @@ class PositionBeginsWithItsAngles(AltersFields):
         return fields[3:] + fields[:3]
 
 
-@mutant("4.21/1", subtle=True)
+@mutant("position-swaps-useless-angles", "4.21/1", subtle=True)
 class PositionSwapsUselessAngles(AltersFields):
     """Of the initial position thetaY and thetaZ are sent in each other's place."""
 
@@ -53,7 +53,7 @@ class PositionSwapsUselessAngles(AltersFields):
         return [*fields[:4], fields[5], fields[4]]
 
 
-@mutant("4.21/1", subtle=True)
+@mutant("position-within-half-turns", "4.21/1", subtle=True)
 class PositionWithinHalfTurns(AltersFields):
     """Angles of the initial position beyond half a turn are sent as the same angle within."""
 
@@ -64,7 +64,7 @@ class PositionWithinHalfTurns(AltersFields):
         return [*fields[:3], b"%.1f" % ((float(fields[3]) + 180) % 360 - 180), *fields[4:]]
 
 
-@mutant("4.21/1", subtle=True)
+@mutant("position-of-zeros-is-empty", "4.21/1", subtle=True)
 class PositionOfZerosIsEmpty(AltersFields):
     """Zeros at the end of the initial position are left away, bars and all."""
 
@@ -93,7 +93,7 @@ class _Miscounts(ClientCore, ABC):
             self._outbox += data[:2] + bytes([self.length(data[2])]) + data[3:]
 
 
-@mutant("4.21/6")
+@mutant("position-length-as-printed", "4.21/6")
 class PositionLengthAsPrinted(_Miscounts):
     """The length byte of the initial position is always 25, as in the document's row."""
 
@@ -102,7 +102,7 @@ class PositionLengthAsPrinted(_Miscounts):
         return _PRINTED_BYTES
 
 
-@mutant("4.21/6", subtle=True)
+@mutant("position-length-of-the-former", "4.21/6", subtle=True)
 class PositionLengthOfTheFormer(_Miscounts):
     """The length byte of the initial position is that of the one before."""
 
@@ -117,7 +117,7 @@ class PositionLengthOfTheFormer(_Miscounts):
 # 4.19, 4.22, 4.23: as they are told
 
 
-@mutant("T/9", "4.19/1", subtle=True)
+@mutant("gripper-is-told-in-whole-millimetres", "T/9", "4.19/1", subtle=True)
 class GripperIsToldInWholeMillimetres(AsyncClient):
     """Of the gripper centre whole millimetres are told."""
 
@@ -126,7 +126,7 @@ class GripperIsToldInWholeMillimetres(AsyncClient):
         return Point(*map(int, await super().get_gripper_center()))
 
 
-@mutant("T/9", "4.22/1", subtle=True)
+@mutant("position-is-told-without-signs", "T/9", "4.22/1", subtle=True)
 class PositionIsToldWithoutSigns(AsyncClient):
     """Of the initial position the signs of thetaX are lost."""
 
@@ -136,7 +136,7 @@ class PositionIsToldWithoutSigns(AsyncClient):
         return pose._replace(theta_x=abs(pose.theta_x))
 
 
-@mutant("T/9", "4.23/1", subtle=True)
+@mutant("pose-is-told-once", "T/9", "4.23/1", subtle=True)
 class PoseIsToldOnce(AsyncClient):
     """The tool coordinates are told as they were when they were asked for the first time."""
 
@@ -152,7 +152,7 @@ class PoseIsToldOnce(AsyncClient):
 # What counts
 
 
-@mutant("4.23/4")
+@mutant("tilted-poses-are-refused", "4.23/4")
 class TiltedPosesAreRefused(AsyncClient):
     """Tool coordinates whose thetaY or thetaZ is not 0 are taken for damaged."""
 
@@ -164,7 +164,7 @@ class TiltedPosesAreRefused(AsyncClient):
         return pose
 
 
-@mutant("4.23/4", subtle=True)
+@mutant("last-angle-is-added", "4.23/4", subtle=True)
 class LastAngleIsAdded(AsyncClient):
     """The angle about the vertical is told as the sum of thetaX and thetaZ."""
 
@@ -182,21 +182,21 @@ class _TurnsAboutZ(AltersFields):
         return [*fields[:-3], b"0", fields[-2], fields[-3]]
 
 
-@mutant("7/2")
+@mutant("position-turns-about-z", "7/2")
 class PositionTurnsAboutZ(_TurnsAboutZ):
     """The angle of the initial position is sent as thetaZ, as it turns about the vertical."""
 
     name = _SET
 
 
-@mutant("7/2")
+@mutant("move-turns-about-z", "7/2")
 class MoveTurnsAboutZ(_TurnsAboutZ):
     """The angle of a move is sent as thetaZ, as it turns about the vertical."""
 
     name = "set_tool_coordinates"
 
 
-@mutant("7/2", subtle=True)
+@mutant("pose-turns-about-z", "7/2", subtle=True)
 class PoseTurnsAboutZ(AltersReplies):
     """The angle of the tool coordinates is looked for in thetaZ where thetaX is not 0."""
 

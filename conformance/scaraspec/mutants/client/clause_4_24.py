@@ -9,7 +9,7 @@ _MOVE: Final = "set_tool_coordinates"
 _FULL_PERCENT: Final = 100
 
 
-@mutant("4.24/1")
+@mutant("speed-comes-last", "4.24/1")
 class SpeedComesLast(AltersFields):
     """The speed of a move is sent behind the pose."""
 
@@ -20,7 +20,7 @@ class SpeedComesLast(AltersFields):
         return [*fields[1:], fields[0]]
 
 
-@mutant("4.24/1")
+@mutant("move-without-speed", "4.24/1")
 class MoveWithoutSpeed(AltersFields):
     """A move is sent without its speed, as an initial position is."""
 
@@ -31,7 +31,7 @@ class MoveWithoutSpeed(AltersFields):
         return fields[1:]
 
 
-@mutant("4.24/1")
+@mutant("move-of-five-numbers", "4.24/1")
 class MoveOfFiveNumbers(AltersFields):
     """A move is sent without the angles that mean nothing."""
 
@@ -42,7 +42,7 @@ class MoveOfFiveNumbers(AltersFields):
         return fields[:5]
 
 
-@mutant("4.24/1", subtle=True)
+@mutant("move-swaps-axes", "4.24/1", subtle=True)
 class MoveSwapsAxes(AltersFields):
     """Of a move x and y are sent in each other's place where x is negative."""
 
@@ -54,7 +54,7 @@ class MoveSwapsAxes(AltersFields):
         return [speed, y, x, *rest] if x.startswith(b"-") else fields
 
 
-@mutant("4.24/1", subtle=True)
+@mutant("move-in-whole-millimetres", "4.24/1", subtle=True)
 class MoveInWholeMillimetres(AltersFields):
     """Of a move whole millimetres are sent."""
 
@@ -66,7 +66,7 @@ class MoveInWholeMillimetres(AltersFields):
         return [fields[0], *cut, *fields[4:]]
 
 
-@mutant("4.24/2")
+@mutant("speed-with-its-unit", "4.24/2")
 class SpeedWithItsUnit(AltersFields):
     """The speed of a move is sent with a percent sign."""
 
@@ -77,7 +77,7 @@ class SpeedWithItsUnit(AltersFields):
         return [fields[0] + b"%", *fields[1:]]
 
 
-@mutant("4.24/2")
+@mutant("speed-as-fraction", "4.24/2")
 class SpeedAsFraction(AltersFields):
     """The speed of a move is sent as a fraction of full speed."""
 
@@ -88,7 +88,7 @@ class SpeedAsFraction(AltersFields):
         return [b"%.2f" % (int(fields[0]) / _FULL_PERCENT), *fields[1:]]
 
 
-@mutant("4.24/2", subtle=True)
+@mutant("full-speed-is-ninety-nine", "4.24/2", subtle=True)
 class FullSpeedIsNinetyNine(AltersFields):
     """Full speed is sent as 99 %, for want of a third digit."""
 
@@ -99,7 +99,7 @@ class FullSpeedIsNinetyNine(AltersFields):
         return [b"99" if fields[0] == b"100" else fields[0], *fields[1:]]
 
 
-@mutant("4.24/2", subtle=True)
+@mutant("speed-zero-is-sent", "4.24/2", subtle=True)
 class SpeedZeroIsSent(SendsUnchecked):
     """A speed of 0 %, or less, is sent: the lower bound is not checked."""
 
@@ -110,7 +110,7 @@ class SpeedZeroIsSent(SendsUnchecked):
         return value == int(value) and value < 1
 
 
-@mutant("4.24/2", subtle=True)
+@mutant("speed-of-byte-size-is-sent", "4.24/2", subtle=True)
 class SpeedOfByteSizeIsSent(SendsUnchecked):
     """Any speed is sent that fits a byte."""
 
@@ -121,7 +121,7 @@ class SpeedOfByteSizeIsSent(SendsUnchecked):
         return value == int(value) and _FULL_PERCENT < value < 256  # noqa: PLR2004 - a byte
 
 
-@mutant("4.24/2", subtle=True)
+@mutant("half-percents-are-sent", "4.24/2", subtle=True)
 class HalfPercentsAreSent(SendsUnchecked):
     """A speed between two whole percentages is sent as it is."""
 

@@ -8,7 +8,7 @@ from scaraspec.mutants.client.altering import AltersRequests
 _JOG: Final = "jog"
 
 
-@mutant("4.28/1")
+@mutant("jog-in-two-digits", "4.28/1")
 class JogInTwoDigits(AltersRequests):
     """The direction of a jog is sent in two digits."""
 
@@ -19,7 +19,7 @@ class JogInTwoDigits(AltersRequests):
         return b"0" + data
 
 
-@mutant("4.28/1")
+@mutant("jog-in-words", "4.28/1")
 class JogInWords(AltersRequests):
     """The direction of a jog is sent as sign and axis."""
 
@@ -30,7 +30,7 @@ class JogInWords(AltersRequests):
         return (b"+y", b"-y", b"+x", b"-x")[int(data) - 1]
 
 
-@mutant("4.28/1", subtle=True)
+@mutant("later-jogs-say-more", "4.28/1", subtle=True)
 class LaterJogsSayMore(AltersRequests):
     """From the second jog on a 0 follows the direction."""
 
@@ -43,7 +43,7 @@ class LaterJogsSayMore(AltersRequests):
         return data + b"0" if self._count > 1 else data
 
 
-@mutant("4.28/2")
+@mutant("jog-counts-from-zero", "4.28/2")
 class JogCountsFromZero(AltersRequests):
     """Directions are counted from 0."""
 
@@ -54,7 +54,7 @@ class JogCountsFromZero(AltersRequests):
         return b"%d" % (int(data) - 1)
 
 
-@mutant("4.28/2")
+@mutant("jog-in-letters", "4.28/2")
 class JogInLetters(AltersRequests):
     """Directions are told by the letters a to d."""
 
@@ -65,7 +65,7 @@ class JogInLetters(AltersRequests):
         return b"abcd"[int(data) - 1 : int(data)]
 
 
-@mutant("4.28/2", subtle=True)
+@mutant("jog-in-two-forms", "4.28/2", subtle=True)
 class JogInTwoForms(AltersRequests):
     """Directions are sent as digits four times, and as numbers from then on."""
 
@@ -78,7 +78,7 @@ class JogInTwoForms(AltersRequests):
         return bytes([int(data)]) if self._count > 4 else data  # noqa: PLR2004 - once in each direction
 
 
-@mutant("4.28/3")
+@mutant("jog-begins-with-x", "4.28/3")
 class JogBeginsWithX(AltersRequests):
     """Directions are counted from +X, as is usual."""
 
@@ -89,7 +89,7 @@ class JogBeginsWithX(AltersRequests):
         return data.translate(bytes.maketrans(b"1234", b"3412"))
 
 
-@mutant("4.28/3")
+@mutant("jog-mixes-up-signs", "4.28/3")
 class JogMixesUpSigns(AltersRequests):
     """The negative direction comes first."""
 
@@ -100,7 +100,7 @@ class JogMixesUpSigns(AltersRequests):
         return data.translate(bytes.maketrans(b"1234", b"2143"))
 
 
-@mutant("4.28/3", subtle=True)
+@mutant("second-jog-turns-back", "4.28/3", subtle=True)
 class SecondJogTurnsBack(AltersRequests):
     """The second jog in the same direction goes the other way."""
 

@@ -24,7 +24,7 @@ _BYTE: Final = 8
 # 4.31
 
 
-@mutant("4.31/1")
+@mutant("input-is-asked-for-by-port", "4.31/1")
 class InputIsAskedForByPort(AltersRequests):
     """The digital inputs are asked for with a port, as the heading has it."""
 
@@ -35,7 +35,7 @@ class InputIsAskedForByPort(AltersRequests):
         return data + b"1"
 
 
-@mutant("4.31/1", subtle=True)
+@mutant("error-names-the-port", "4.31/1", subtle=True)
 class ErrorNamesThePort(AltersRequests):
     """After an error the digital inputs are asked for with a port."""
 
@@ -48,7 +48,7 @@ class ErrorNamesThePort(AltersRequests):
         return data + b"8" if self._count > 1 else data
 
 
-@mutant("4.31/3")
+@mutant("inputs-are-reversed", "4.31/3")
 class InputsAreReversed(AsyncClient):
     """Of the inputs port 1 is told leftmost."""
 
@@ -57,7 +57,7 @@ class InputsAreReversed(AsyncClient):
         return (await super().get_digital_inputs())[::-1]
 
 
-@mutant("4.31/3", subtle=True)
+@mutant("inputs-lose-their-zeros", "4.31/3", subtle=True)
 class InputsLoseTheirZeros(AsyncClient):
     """The inputs are told as a number: zeros ahead of it are lost."""
 
@@ -66,7 +66,7 @@ class InputsLoseTheirZeros(AsyncClient):
         return f"{int(await super().get_digital_inputs())}"
 
 
-@mutant("4.31/3", subtle=True)
+@mutant("input-six-is-skipped", "4.31/3", subtle=True)
 class InputSixIsSkipped(AsyncClient):
     """Of the inputs port 6 is left away, as in the document's list."""
 
@@ -76,7 +76,7 @@ class InputSixIsSkipped(AsyncClient):
         return "0" + bits[:2] + bits[3:]
 
 
-@mutant("4.31/3", subtle=True)
+@mutant("inputs-are-rotated", "4.31/3", subtle=True)
 class InputsAreRotated(AsyncClient):
     """The inputs are counted from port 0: each is told one place further left."""
 
@@ -89,7 +89,7 @@ class InputsAreRotated(AsyncClient):
 # 4.32
 
 
-@mutant("4.32/1")
+@mutant("output-behind-its-value", "4.32/1")
 class OutputBehindItsValue(AltersFields):
     """An output is set with the value ahead of the port."""
 
@@ -100,7 +100,7 @@ class OutputBehindItsValue(AltersFields):
         return fields[::-1]
 
 
-@mutant("4.32/1")
+@mutant("output-behind-comma", "4.32/1")
 class OutputBehindComma(AltersRequests):
     """Port and value of an output are separated by a comma."""
 
@@ -111,7 +111,7 @@ class OutputBehindComma(AltersRequests):
         return data.replace(b"|", b",")
 
 
-@mutant("4.32/1", subtle=True)
+@mutant("outputs-count-from-zero", "4.32/1", subtle=True)
 class OutputsCountFromZero(AltersFields):
     """Outputs are counted from 0."""
 
@@ -122,7 +122,7 @@ class OutputsCountFromZero(AltersFields):
         return [b"%d" % (int(fields[0]) - 1), fields[1]]
 
 
-@mutant("4.32/1", subtle=True)
+@mutant("outputs-of-one-digit", "4.32/1", subtle=True)
 class OutputsOfOneDigit(AltersFields):
     """Of the number of an output one digit is sent."""
 
@@ -133,7 +133,7 @@ class OutputsOfOneDigit(AltersFields):
         return [fields[0][-1:], fields[1]]
 
 
-@mutant("4.32/1", "4.32/2")
+@mutant("outputs-are-set-to-words", "4.32/1", "4.32/2")
 class OutputsAreSetToWords(AltersFields):
     """An output is set to the word true or false."""
 
@@ -144,7 +144,7 @@ class OutputsAreSetToWords(AltersFields):
         return [fields[0], b"true" if fields[1] == b"1" else b"false"]
 
 
-@mutant("4.32/2", subtle=True)
+@mutant("outputs-are-set-to-anything", "4.32/2", subtle=True)
 class OutputsAreSetToAnything(SendsUnchecked):
     """An output is set to any whole number that the user names."""
 
@@ -155,7 +155,7 @@ class OutputsAreSetToAnything(SendsUnchecked):
         return value not in (0, 1) and value == int(value)
 
 
-@mutant("4.32/2", subtle=True)
+@mutant("outputs-are-set-by-halves", "4.32/2", subtle=True)
 class OutputsAreSetByHalves(SendsUnchecked):
     """Of the value of an output only the range is checked: a half is sent."""
 
@@ -169,7 +169,7 @@ class OutputsAreSetByHalves(SendsUnchecked):
 # 4.33
 
 
-@mutant("4.33/1")
+@mutant("analog-port-unpadded", "4.33/1")
 class AnalogPortUnpadded(AltersRequests):
     """The number of an analog input is sent as it is: 8 for 08."""
 
@@ -180,7 +180,7 @@ class AnalogPortUnpadded(AltersRequests):
         return data.lstrip(b"0")
 
 
-@mutant("4.33/1")
+@mutant("analog-port-in-three-digits", "4.33/1")
 class AnalogPortInThreeDigits(AltersRequests):
     """The number of an analog input is sent in three digits."""
 
@@ -191,7 +191,7 @@ class AnalogPortInThreeDigits(AltersRequests):
         return data.rjust(3, b"0")
 
 
-@mutant("4.33/1")
+@mutant("analog-port-behind-blank", "4.33/1")
 class AnalogPortBehindBlank(AltersRequests):
     """The number of an analog input is filled up with a blank."""
 
@@ -202,7 +202,7 @@ class AnalogPortBehindBlank(AltersRequests):
         return data.lstrip(b"0").rjust(2)
 
 
-@mutant("4.33/1", subtle=True)
+@mutant("analog-port-in-hexadecimals", "4.33/1", subtle=True)
 class AnalogPortInHexadecimals(AltersRequests):
     """The number of an analog input is sent in hexadecimals: 0A for 10."""
 
@@ -213,7 +213,7 @@ class AnalogPortInHexadecimals(AltersRequests):
         return b"%02X" % int(data)
 
 
-@mutant("4.33/1", subtle=True)
+@mutant("analog-port-beyond-two-digits", "4.33/1", subtle=True)
 class AnalogPortBeyondTwoDigits(SendsUnchecked):
     """The number of an analog input is sent even where it has three digits."""
 
@@ -224,7 +224,7 @@ class AnalogPortBeyondTwoDigits(SendsUnchecked):
         return value > 99  # noqa: PLR2004 - two digits
 
 
-@mutant("4.33/4")
+@mutant("zero-is-an-error", "4.33/4")
 class ZeroIsAnError(AsyncClient):
     """The analog value 0 is taken for an error."""
 
@@ -236,7 +236,7 @@ class ZeroIsAnError(AsyncClient):
         return value
 
 
-@mutant("4.33/4")
+@mutant("error-is-zero", "4.33/4")
 class ErrorIsZero(AsyncClient):
     """An error is told as the analog value 0."""
 
@@ -248,7 +248,7 @@ class ErrorIsZero(AsyncClient):
             return 0.0
 
 
-@mutant("4.33/4", subtle=True)
+@mutant("error-is-the-last-value", "4.33/4", subtle=True)
 class ErrorIsTheLastValue(AsyncClient):
     """After an error the analog value before it is told again."""
 
@@ -264,7 +264,7 @@ class ErrorIsTheLastValue(AsyncClient):
         return self._last
 
 
-@mutant("4.33/4", subtle=True)
+@mutant("zero-with-decimals-is-an-error", "4.33/4", subtle=True)
 class ZeroWithDecimalsIsAnError(AltersReplies):
     """Only the whole digits of an analog value are understood: 0.0 is taken for an error."""
 
@@ -278,7 +278,7 @@ class ZeroWithDecimalsIsAnError(AltersReplies):
 # 4.34
 
 
-@mutant("4.34/1")
+@mutant("output-is-asked-for-by-port", "4.34/1")
 class OutputIsAskedForByPort(AltersRequests):
     """The digital outputs are asked for with a port, as the heading has it."""
 
@@ -289,7 +289,7 @@ class OutputIsAskedForByPort(AltersRequests):
         return data + b"1"
 
 
-@mutant("4.34/1", subtle=True)
+@mutant("output-is-asked-for-as-it-was-set", "4.34/1", subtle=True)
 class OutputIsAskedForAsItWasSet(AltersRequests):
     """Once an output has been set, the outputs are asked for with its number."""
 
@@ -306,7 +306,7 @@ class OutputIsAskedForAsItWasSet(AltersRequests):
         return data + self._port
 
 
-@mutant("4.34/3")
+@mutant("outputs-are-reversed", "4.34/3")
 class OutputsAreReversed(AsyncClient):
     """Of the outputs port 1 is told leftmost."""
 
@@ -315,7 +315,7 @@ class OutputsAreReversed(AsyncClient):
         return (await super().get_digital_outputs())[::-1]
 
 
-@mutant("4.34/3", subtle=True)
+@mutant("output-bytes-are-swapped", "4.34/3", subtle=True)
 class OutputBytesAreSwapped(AsyncClient):
     """Of the outputs the lower eight are told ahead of the upper eight."""
 
@@ -325,7 +325,7 @@ class OutputBytesAreSwapped(AsyncClient):
         return bits[_BYTE:] + bits[:_BYTE]
 
 
-@mutant("4.34/3", subtle=True)
+@mutant("upper-outputs-are-forgotten", "4.34/3", subtle=True)
 class UpperOutputsAreForgotten(AsyncClient):
     """Of the outputs the upper eight are told as 0."""
 

@@ -13,7 +13,7 @@ _OFF: Final = "shutdown"
 _MOMENT_S: Final = 0.02
 
 
-@mutant("4.35/1")
+@mutant("shutdown-says-one", "4.35/1")
 class ShutdownSaysOne(AltersRequests):
     """The shutdown carries a 1."""
 
@@ -24,7 +24,7 @@ class ShutdownSaysOne(AltersRequests):
         return data + b"1"
 
 
-@mutant("4.35/1", subtle=True)
+@mutant("shutdown-keeps-the-target", "4.35/1", subtle=True)
 class ShutdownKeepsTheTarget(AltersRequests):
     """The shutdown carries the target of the last move, which was in the buffer before."""
 
@@ -68,21 +68,21 @@ class _SettlesLater(PendingOperation):
         return super().expire(now_s)
 
 
-@mutant("4.35/6")
+@mutant("shutdown-waits-for-results", "4.35/6")
 class ShutdownWaitsForResults(_OtherShutdown):
     """The shutdown has not ended before a final result, which never comes."""
 
     shape = TwoStage
 
 
-@mutant("4.35/6", subtle=True)
+@mutant("shutdown-needs-time", "4.35/6", subtle=True)
 class ShutdownNeedsTime(_OtherShutdown):
     """A link that is lost right behind the reply makes the shutdown an error."""
 
     shape = _SettlesLater
 
 
-@mutant("4.35/6", subtle=True)
+@mutant("lost-link-ends-all-well", "4.35/6", subtle=True)
 class LostLinkEndsAllWell(ClientCore):
     """What is open when the link is lost behind a shutdown counts as done."""
 
@@ -95,7 +95,7 @@ class LostLinkEndsAllWell(ClientCore):
         return events + super().connection_lost(reason, now_s)
 
 
-@mutant("T/9", subtle=True)
+@mutant("takes-loss-for-shutdown", "T/9", subtle=True)
 class TakesLossForShutdown(TakesLossForSuccess):
     """A link that is lost before the shutdown was answered is taken for the shutdown itself."""
 

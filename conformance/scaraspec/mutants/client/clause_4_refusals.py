@@ -30,7 +30,7 @@ class _AltersRefusals(ClientCore, ABC):
         return super()._dispatch(frame, now_s)
 
 
-@mutant("4/13")
+@mutant("every-reply-is-yes", "4/13")
 class EveryReplyIsYes(_AltersRefusals):
     """A first reply is taken for a yes, whatever it says."""
 
@@ -39,7 +39,7 @@ class EveryReplyIsYes(_AltersRefusals):
         return bool(frame.data)
 
 
-@mutant("4/13", subtle=True)
+@mutant("bare-refusal-is-yes", "4/13", subtle=True)
 class BareRefusalIsYes(_AltersRefusals):
     """A refusal is known by its bar: a 0 alone is taken for a yes."""
 
@@ -48,7 +48,7 @@ class BareRefusalIsYes(_AltersRefusals):
         return frame.data == b"0" and frame.opcode != _STOP
 
 
-@mutant("4/13", subtle=True)
+@mutant("unknown-refusal-is-yes", "4/13", subtle=True)
 class UnknownRefusalIsYes(_AltersRefusals):
     """A refusal whose code is in no table is taken for a yes."""
 
@@ -57,7 +57,7 @@ class UnknownRefusalIsYes(_AltersRefusals):
         return b"|" in frame.data and errors.lookup(frame.data[2:].decode("latin-1")) is None
 
 
-@mutant("4/13", subtle=True)
+@mutant("missing-file-is-waited-for", "4/13", subtle=True)
 class MissingFileIsWaitedFor(_AltersRefusals):
     """A refusal with the code 20, for a missing program, is taken for a yes."""
 
@@ -66,7 +66,7 @@ class MissingFileIsWaitedFor(_AltersRefusals):
         return frame.data == b"0|20"
 
 
-@mutant("4/13", subtle=True)
+@mutant("busy-behind-refusals", "4/13", subtle=True)
 class BusyBehindRefusals(ClientCore):
     """After a refusal the client goes on counting the command as under way: no other is sent."""
 
@@ -90,7 +90,7 @@ class _RefusedIsFailed(TwoStage):
         super().fail(Failed(self.command, error.code) if isinstance(error, Refused) else error)
 
 
-@mutant("4/13")
+@mutant("refusal-is-told-as-failure", "4/13")
 class RefusalIsToldAsFailure(OtherTwoStage):
     """What was refused is told as begun and failed."""
 
@@ -132,28 +132,28 @@ class _OfMotorsOnly(_AltersCodes):
         return code if code[:1] == "1" else "1F"
 
 
-@mutant("4/12")
+@mutant("codes-lose-their-zero", "4/12")
 class CodesLoseTheirZero(OtherTwoStage):
     """Codes are told as numbers: of 05 the zero is lost."""
 
     shape = _AsNumbers
 
 
-@mutant("4/12")
+@mutant("codes-are-told-in-decimals", "4/12")
 class CodesAreToldInDecimals(OtherTwoStage):
     """Codes are told in decimals: 12 becomes 18."""
 
     shape = _AsDecimals
 
 
-@mutant("4/12")
+@mutant("every-other-code-blames-motors", "4/12")
 class EveryOtherCodeBlamesMotors(OtherTwoStage):
     """Whatever is no motor's fault is told as one of all motors."""
 
     shape = _OfMotorsOnly
 
 
-@mutant("4/12", subtle=True)
+@mutant("code-before-the-last", "4/12", subtle=True)
 class CodeBeforeTheLast(ClientCore):
     """With every refusal or failure the code of the one before is told."""
 
@@ -167,7 +167,7 @@ class CodeBeforeTheLast(ClientCore):
         return super()._after_step(operation, now_s)
 
 
-@mutant("4/12", subtle=True)
+@mutant("code-zero-is-success", "4/12", subtle=True)
 class CodeZeroIsSuccess(AltersResults):
     """A failure with the code 00 is taken for a success: no error has occurred."""
 
@@ -176,7 +176,7 @@ class CodeZeroIsSuccess(AltersResults):
         return b"11" if data == b"00|00" else data
 
 
-@mutant("4/12", subtle=True)
+@mutant("unknown-failure-is-success", "4/12", subtle=True)
 class UnknownFailureIsSuccess(AltersResults):
     """A failure whose code is in no table is taken for a success."""
 
@@ -186,7 +186,7 @@ class UnknownFailureIsSuccess(AltersResults):
         return b"11" if data[:2] == b"00" and known is None else data
 
 
-@mutant("4/12", subtle=True)
+@mutant("reserved-failure-is-success", "4/12", subtle=True)
 class ReservedFailureIsSuccess(AltersResults):
     """A failure with a reserved code is taken for a success."""
 
@@ -211,14 +211,14 @@ def told_of_swapped(code: str) -> str:
     return errors.code_for_joints(swapped.get(joint, joint) for joint in known.joints).text
 
 
-@mutant("8/4", "4/12")
+@mutant("wrist-is-taken-for-the-gripper", "8/4", "4/12")
 class WristIsTakenForTheGripper(OtherTwoStage):
     """Of an order's code the wrist's bit and the gripper's are mixed up."""
 
     shape = _MixesUpJoints
 
 
-@mutant("8/4")
+@mutant("status-mixes-up-joints", "8/4")
 class StatusMixesUpJoints(AltersReplies):
     """Of the status the wrist's bit and the gripper's are mixed up."""
 
@@ -229,7 +229,7 @@ class StatusMixesUpJoints(AltersReplies):
         return told_of_swapped(data.decode("latin-1")).encode("latin-1")
 
 
-@mutant("8/4", subtle=True)
+@mutant("one-joint-of-several", "8/4", subtle=True)
 class OneJointOfSeveral(AltersReplies):
     """Of several faulty joints the status tells the first one only."""
 
@@ -243,7 +243,7 @@ class OneJointOfSeveral(AltersReplies):
         return errors.code_for_joints(code.joints[:1]).text.encode()
 
 
-@mutant("8/6")
+@mutant("small-letters-are-idle", "8/6")
 class SmallLettersAreIdle(AltersReplies):
     """A status in small letters is in no table, and taken for idle."""
 
@@ -254,7 +254,7 @@ class SmallLettersAreIdle(AltersReplies):
         return b"00" if data != data.upper() else data
 
 
-@mutant("8/6", subtle=True)
+@mutant("small-letters-succeed", "8/6", subtle=True)
 class SmallLettersSucceed(AltersResults):
     """A failure whose code is in small letters is in no table, and taken for a success."""
 
@@ -263,7 +263,7 @@ class SmallLettersSucceed(AltersResults):
         return b"11" if data != data.upper() else data
 
 
-@mutant("8/6", subtle=True)
+@mutant("small-letters-are-yes", "8/6", subtle=True)
 class SmallLettersAreYes(_AltersRefusals):
     """A refusal whose code is in small letters is in no table, and taken for a yes."""
 
@@ -272,7 +272,7 @@ class SmallLettersAreYes(_AltersRefusals):
         return frame.data != frame.data.upper()
 
 
-@mutant("8/6", subtle=True)
+@mutant("small-letters-are-digits", "8/6", subtle=True)
 class SmallLettersAreDigits(AltersReplies):
     """A status in small letters is read digit by digit from a table of capitals: 1a becomes 10."""
 

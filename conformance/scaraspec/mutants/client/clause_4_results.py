@@ -24,7 +24,7 @@ def _executes(frame: Frame) -> bool:
 # Not told by their tag
 
 
-@mutant("4/9", subtle=True)
+@mutant("tells-results-by-their-data", "4/9", subtle=True)
 class TellsResultsByTheirData(ClientCore):
     """What begins with 11 or 00 is taken for a final result, with or without its tag."""
 
@@ -33,7 +33,7 @@ class TellsResultsByTheirData(ClientCore):
         return super()._dispatch(frame._replace(tagged=tagged), now_s)
 
 
-@mutant("4/9")
+@mutant("refusal-with-eleven-is-success", "4/9")
 class RefusalWithElevenIsSuccess(ClientCore):
     """A refusal with the code 11 is taken for a success, which ends in 11 too."""
 
@@ -44,7 +44,7 @@ class RefusalWithElevenIsSuccess(ClientCore):
         return events + super()._dispatch(frame._replace(data=b"11", tagged=True), now_s)
 
 
-@mutant("4/9")
+@mutant("failure-with-eleven-is-success", "4/9")
 class FailureWithElevenIsSuccess(AltersResults):
     """A failure with the code 11 is taken for a success: only the end of the data is looked at."""
 
@@ -62,7 +62,7 @@ class _EndsAtOnce(TwoStage):
         return []
 
 
-@mutant("4/9")
+@mutant("first-reply-is-the-result", "4/9")
 class FirstReplyIsTheResult(OtherTwoStage):
     """The first reply is taken for the final result."""
 
@@ -79,14 +79,14 @@ class _TakesAnyResult(TwoStage):
         return super().expects(frame, parsed)
 
 
-@mutant("4/9", "4.17/9", subtle=True)
+@mutant("any-result-ends-it", "4/9", "4.17/9", subtle=True)
 class AnyResultEndsIt(OtherTwoStage):
     """Behind the tag the opcode is not looked at: the first result ends what was begun first."""
 
     shape = _TakesAnyResult
 
 
-@mutant("4/9", subtle=True)
+@mutant("refusal-ends-the-first", "4/9", subtle=True)
 class RefusalEndsTheFirst(ClientCore):
     """A second order that is refused ends the first one, which goes on."""
 
@@ -112,7 +112,7 @@ def _first_reply(event: Event) -> bool:
     )
 
 
-@mutant("4/10")
+@mutant("drops-what-follows-the-first-reply", "4/10")
 class DropsWhatFollowsTheFirstReply(ClientCore):
     """What comes in the same segment as a first reply is thrown away."""
 
@@ -125,7 +125,7 @@ class DropsWhatFollowsTheFirstReply(ClientCore):
         return events
 
 
-@mutant("4/10", subtle=True)
+@mutant("flushes-behind-the-first-reply", "4/10", subtle=True)
 class FlushesBehindTheFirstReply(ClientCore):
     """Behind a first reply the buffer is emptied, and with it the beginning of the result."""
 
@@ -137,7 +137,7 @@ class FlushesBehindTheFirstReply(ClientCore):
         return events
 
 
-@mutant("4/10", subtle=True)
+@mutant("failure-must-come-later", "4/10", subtle=True)
 class FailureMustComeLater(ClientCore):
     """A failure in the same segment as the first reply is not seen: only a success is so quick."""
 
@@ -152,7 +152,7 @@ class FailureMustComeLater(ClientCore):
         return events
 
 
-@mutant("4/10", subtle=True)
+@mutant("result-behind-another-reply-is-lost", "4/10", subtle=True)
 class ResultBehindAnotherReplyIsLost(ClientCore):
     """A final result is not seen in the same segment behind the reply to something else."""
 
@@ -218,28 +218,28 @@ class _AsksAgain(_Impatient):
         return [self._request]
 
 
-@mutant("4/11")
+@mutant("waits-five-seconds", "4/11")
 class WaitsFiveSeconds(OtherTwoStage):
     """The final result is waited for as long as a first reply, five seconds."""
 
     shape = _ForFiveSeconds
 
 
-@mutant("4/11", subtle=True)
+@mutant("waits-ten-seconds", "4/11", subtle=True)
 class WaitsTenSeconds(OtherTwoStage):
     """The final result is waited for hardly longer than ten seconds, whatever the robot says."""
 
     shape = _ForTenSeconds
 
 
-@mutant("4/11", subtle=True)
+@mutant("silence-is-success", "4/11", subtle=True)
 class SilenceIsSuccess(OtherTwoStage):
     """A result that does not come in eight seconds is taken for a success."""
 
     shape = _ForgetsIt
 
 
-@mutant("4/16", subtle=True)
+@mutant("asks-again-when-it-takes-long", "4/16", subtle=True)
 class AsksAgainWhenItTakesLong(OtherTwoStage):
     """What has not ended in three seconds is asked for again."""
 
@@ -258,7 +258,7 @@ class _AsksUntilAccepted(TwoStage):
         return self.begin(now_s) if self.stage is Stage.REQUESTED else super().expire(now_s)
 
 
-@mutant("4/16", subtle=True)
+@mutant("asks-again-until-accepted", "4/16", subtle=True)
 class AsksAgainUntilAccepted(OtherTwoStage):
     """What has not been accepted in a quarter of a second is asked for again."""
 
@@ -272,14 +272,14 @@ class _AsksTwice(TwoStage):
         return [*super()._accept(value, now_s), self._request]
 
 
-@mutant("4/16")
+@mutant("asks-twice", "4/16")
 class AsksTwice(OtherTwoStage):
     """What was accepted is asked for once more, to be sure."""
 
     shape = _AsksTwice
 
 
-@mutant("4/16", subtle=True)
+@mutant("asks-again-when-idle", "4/16", subtle=True)
 class AsksAgainWhenIdle(ClientCore):
     """What has not ended is asked for again when the robot says that it is idle."""
 
@@ -295,7 +295,7 @@ class AsksAgainWhenIdle(ClientCore):
         return events
 
 
-@mutant("4/16", subtle=True)
+@mutant("asks-again-on-the-next-link", "4/16", subtle=True)
 class AsksAgainOnTheNextLink(ClientCore):
     """What had not ended when the link was lost is asked for again behind the next login."""
 

@@ -35,7 +35,7 @@ from scaraspec.protocol.transfer import (
 # The structure
 
 
-@mutant("5.1/1", "5.1/2", "5.2/5")
+@mutant("numbers-of-eight-bytes", "5.1/1", "5.1/2", "5.2/5")
 class NumbersOfEightBytes(AltersChunkData):
     """The three numbers of a chunk have eight bytes each."""
 
@@ -44,7 +44,7 @@ class NumbersOfEightBytes(AltersChunkData):
         return struct.pack("<QQQ", *chunk[:3]) + chunk.buffer
 
 
-@mutant("5.1/1", "5.1/2")
+@mutant("leaves-out-the-length", "5.1/1", "5.1/2")
 class LeavesOutTheLength(AltersChunkData):
     """Chunks have no length: the frame has one."""
 
@@ -53,7 +53,7 @@ class LeavesOutTheLength(AltersChunkData):
         return struct.pack("<II", *chunk[:2]) + chunk.data
 
 
-@mutant("5.1/1", "5.1/3", "5.1/4")
+@mutant("position-ahead-of-file-size", "5.1/1", "5.1/3", "5.1/4")
 class PositionAheadOfFileSize(AltersChunkData):
     """The position stands where fileSize belongs, and the other way round."""
 
@@ -67,14 +67,14 @@ class _Filled(Receiver):
         return super().take(data.ljust(FILE_DATA_BYTES, b"\0") if data else data, now_s)
 
 
-@mutant("5.1/1", subtle=True)
+@mutant("pads-chunks-that-are-cut-off", "5.1/1", subtle=True)
 class PadsChunksThatAreCutOff(JudgesChunks):
     """A chunk of fewer bytes than its length says is filled up with zeros and taken."""
 
     receiver = _Filled
 
 
-@mutant("5.1/2", "5.1/1")
+@mutant("aligns-the-structure", "5.1/2", "5.1/1")
 class AlignsTheStructure(AltersChunkData):
     """A chunk is sent with four bytes of padding at its end."""
 
@@ -83,7 +83,7 @@ class AlignsTheStructure(AltersChunkData):
         return super().data(chunk) + bytes(4)
 
 
-@mutant("5.1/2", "5.1/1", subtle=True)
+@mutant("cuts-the-last-chunk-to-words", "5.1/2", "5.1/1", subtle=True)
 class CutsTheLastChunkToWords(AltersChunkData):
     """A last chunk is cut off behind its content, rounded up to four bytes."""
 
@@ -99,7 +99,7 @@ class _FromTheEnd(Receiver):
         return super().take(data, now_s)
 
 
-@mutant("5.1/2", "5.3/11", subtle=True)
+@mutant("forgets-what-is-cut-off", "5.1/2", "5.3/11", subtle=True)
 class ForgetsWhatIsCutOff(JudgesChunks):
     """Of a chunk that is cut off behind its content zeros are kept."""
 
@@ -109,7 +109,7 @@ class ForgetsWhatIsCutOff(JudgesChunks):
 # fileSize
 
 
-@mutant("5.1/3")
+@mutant("file-size-is-what-is-left", "5.1/3")
 class FileSizeIsWhatIsLeft(AltersChunks):
     """fileSize is what is left to send, and shrinks from chunk to chunk."""
 
@@ -118,7 +118,7 @@ class FileSizeIsWhatIsLeft(AltersChunks):
         return chunk._replace(file_size=chunk.file_size - chunk.position)
 
 
-@mutant("5.1/3", "5.1/6")
+@mutant("file-size-counts-chunks", "5.1/3", "5.1/6")
 class FileSizeCountsChunks(AltersChunks):
     """fileSize is the number of chunks."""
 
@@ -127,7 +127,7 @@ class FileSizeCountsChunks(AltersChunks):
         return chunk._replace(file_size=-(-chunk.file_size // BUFFER_BYTES))
 
 
-@mutant("5.1/3")
+@mutant("file-size-counts-the-nul", "5.1/3")
 class FileSizeCountsTheNul(AltersChunks):
     """fileSize counts a zero at the end that is not sent."""
 
@@ -136,7 +136,7 @@ class FileSizeCountsTheNul(AltersChunks):
         return chunk._replace(file_size=chunk.file_size + 1)
 
 
-@mutant("5.1/3", subtle=True)
+@mutant("file-size-of-full-chunks", "5.1/3", subtle=True)
 class FileSizeOfFullChunks(AltersChunks):
     """fileSize is rounded up to full chunks, but in the last one."""
 
@@ -149,7 +149,7 @@ class FileSizeOfFullChunks(AltersChunks):
 # position
 
 
-@mutant("5.1/4", "5.1/8")
+@mutant("positions-count-chunks", "5.1/4", "5.1/8")
 class PositionsCountChunks(AltersChunks):
     """position is the number of the chunk."""
 
@@ -158,7 +158,7 @@ class PositionsCountChunks(AltersChunks):
         return chunk._replace(position=chunk.position // BUFFER_BYTES)
 
 
-@mutant("5.1/4", "5.1/8")
+@mutant("positions-from-one", "5.1/4", "5.1/8")
 class PositionsFromOne(AltersChunks):
     """position is counted from 1."""
 
@@ -167,7 +167,7 @@ class PositionsFromOne(AltersChunks):
         return chunk._replace(position=chunk.position + 1)
 
 
-@mutant("5.1/4", "5.1/8")
+@mutant("position-is-the-end", "5.1/4", "5.1/8")
 class PositionIsTheEnd(AltersChunks):
     """position is where the chunk ends."""
 
@@ -186,7 +186,7 @@ class _InFullSteps(Receiver):
         return bytes(content[: self.size_bytes])
 
 
-@mutant("5.1/4", "5.3/11", "5.4/4")
+@mutant("stores-chunks-in-full-steps", "5.1/4", "5.3/11", "5.4/4")
 class StoresChunksInFullSteps(JudgesChunks):
     """Each chunk of a download is written 200 bytes behind the one before."""
 
@@ -196,7 +196,7 @@ class StoresChunksInFullSteps(JudgesChunks):
 # length
 
 
-@mutant("5.1/5", "5.1/6")
+@mutant("length-is-the-buffer", "5.1/5", "5.1/6")
 class LengthIsTheBuffer(AltersChunks):
     """length is always 200."""
 
@@ -205,7 +205,7 @@ class LengthIsTheBuffer(AltersChunks):
         return chunk._replace(length=BUFFER_BYTES)
 
 
-@mutant("5.1/5", "5.4/3")
+@mutant("length-counts-the-head", "5.1/5", "5.4/3")
 class LengthCountsTheHead(AltersChunks):
     """length is the size of the structure."""
 
@@ -214,7 +214,7 @@ class LengthCountsTheHead(AltersChunks):
         return chunk._replace(length=HEAD_BYTES + chunk.length)
 
 
-@mutant("5.1/6", "5.1/5", subtle=True)
+@mutant("last-length-counts-the-nul", "5.1/6", "5.1/5", subtle=True)
 class LastLengthCountsTheNul(AltersChunks):
     """The last chunk, unless it is full, reaches one byte beyond the file."""
 
@@ -235,7 +235,7 @@ class _Hasty(Upload):
         return frames
 
 
-@mutant("5.1/7", "5.2/19")
+@mutant("done-with-the-last-chunk", "5.1/7", "5.2/19")
 class DoneWithTheLastChunk(UploadsOtherwise):
     """An upload is done when its last chunk has been sent."""
 
@@ -247,7 +247,7 @@ class _Endless(Upload):
         """Wait for more."""
 
 
-@mutant("5.1/7", "5.2/19")
+@mutant("waits-behind-the-last-answer", "5.1/7", "5.2/19")
 class WaitsBehindTheLastAnswer(UploadsOtherwise):
     """An upload waits for another answer behind that to its last chunk."""
 
@@ -259,7 +259,7 @@ class _Unended(Download):
         """Wait for more."""
 
 
-@mutant("5.1/7", "5.3/11", "5.4/4")
+@mutant("waits-behind-the-last-chunk", "5.1/7", "5.3/11", "5.4/4")
 class WaitsBehindTheLastChunk(DownloadsOtherwise):
     """A download waits for another chunk behind its last one."""
 
@@ -274,7 +274,7 @@ class _ByteEarly(Receiver):
         return taken
 
 
-@mutant("5.1/7", "5.3/11", "5.4/4", subtle=True)
+@mutant("ends-one-byte-early", "5.1/7", "5.3/11", "5.4/4", subtle=True)
 class EndsOneByteEarly(JudgesChunks):
     """A download is done when all its bytes but one have come."""
 
@@ -290,7 +290,7 @@ class _Backwards(Sender):
         self._chunks = reversed(tuple(chunks_of(content)))
 
 
-@mutant("5.1/8")
+@mutant("sends-the-last-chunk-first", "5.1/8")
 class SendsTheLastChunkFirst(CutsOtherwise):
     """An upload begins with its last chunk."""
 
@@ -311,7 +311,7 @@ class _Overlapping(Sender):
             position += BUFFER_BYTES - 1 if position + len(piece) < len(content) else BUFFER_BYTES
 
 
-@mutant("5.1/8", "5.1/4")
+@mutant("repeats-the-last-byte", "5.1/8", "5.1/4")
 class RepeatsTheLastByte(CutsOtherwise):
     """Each chunk begins with the last byte of the one before."""
 
@@ -325,7 +325,7 @@ class _Gapped(Sender):
         self._chunks = (chunk for number, chunk in every if number != 3 or chunk.last)  # noqa: PLR2004 - the fourth
 
 
-@mutant("5.1/8", "5.2/20", subtle=True)
+@mutant("skips-the-fourth-chunk", "5.1/8", "5.2/20", subtle=True)
 class SkipsTheFourthChunk(CutsOtherwise):
     """The fourth chunk of an upload is left out, unless it is the last."""
 
@@ -335,7 +335,7 @@ class SkipsTheFourthChunk(CutsOtherwise):
 # The byte order
 
 
-@mutant("5.1/9", subtle=True)
+@mutant("last-chunk-is-big-endian", "5.1/9", subtle=True)
 class LastChunkIsBigEndian(AltersChunkData):
     """The last of several chunks is big-endian."""
 
@@ -345,7 +345,7 @@ class LastChunkIsBigEndian(AltersChunkData):
         return FILE_DATA.encode(chunk, self.dialect.replace(endian=order))
 
 
-@mutant("5.1/9", subtle=True)
+@mutant("second-upload-is-big-endian", "5.1/9", subtle=True)
 class SecondUploadIsBigEndian(AltersChunkData):
     """Every other upload of a connection is big-endian."""
 
@@ -370,7 +370,7 @@ class _SwapsAll(Receiver):
         return super().take(data, now_s)
 
 
-@mutant("5.1/9", "5.3/11", subtle=True)
+@mutant("swaps-the-content-too", "5.1/9", "5.3/11", subtle=True)
 class SwapsTheContentToo(JudgesChunks):
     """Of a big-endian chunk the content is swapped like the numbers."""
 
@@ -386,7 +386,7 @@ class _AllAtOnce(Upload):
         return [*super().begin(now_s), Frame(A2C, UPLOAD_CHUNK, data)]
 
 
-@mutant("5.1/11", "5.2/7", "5.2/4")
+@mutant("sends-content-with-the-name", "5.1/11", "5.2/7", "5.2/4")
 class SendsContentWithTheName(UploadsOtherwise):
     """The first chunk is sent together with the name."""
 
@@ -398,7 +398,7 @@ class _ContentFirst(_AllAtOnce):
         return super().begin(now_s)[::-1]
 
 
-@mutant("5.1/11")
+@mutant("sends-content-ahead-of-the-name", "5.1/11")
 class SendsContentAheadOfTheName(UploadsOtherwise):
     """The first chunk is sent ahead of the name."""
 
@@ -416,7 +416,7 @@ class _WholeBuffers(Receiver):
         return b"".join(piece.ljust(BUFFER_BYTES, b"\0") for piece in pieces)
 
 
-@mutant("5.1/12", "5.3/11", "5.2/16")
+@mutant("stores-whole-buffers", "5.1/12", "5.3/11", "5.2/16")
 class StoresWholeBuffers(JudgesChunks):
     """Each chunk of a download is stored as 200 bytes."""
 
@@ -431,7 +431,7 @@ class _WholeLastBuffer(Receiver):
         return taken
 
 
-@mutant("5.1/12", "5.3/11", subtle=True)
+@mutant("stores-the-last-buffer-up-to-zeros", "5.1/12", "5.3/11", subtle=True)
 class StoresTheLastBufferUpToZeros(JudgesChunks):
     """The last chunk of a download is stored up to the zeros that fill it."""
 
@@ -441,7 +441,7 @@ class StoresTheLastBufferUpToZeros(JudgesChunks):
 # What is missing
 
 
-@mutant("5.1/13")
+@mutant("appends-whatever-comes", "5.1/13")
 class AppendsWhateverComes(JudgesChunks):
     """Chunks of a download are appended in any order, and the one that reaches the end ends it."""
 
@@ -458,7 +458,7 @@ class _Sparse(Careless):
         return bytes(buffer)
 
 
-@mutant("5.1/13")
+@mutant("fills-gaps-with-zeros", "5.1/13")
 class FillsGapsWithZeros(JudgesChunks):
     """Chunks of a download are written where they belong; what is missing at the end stays zero."""
 
@@ -471,7 +471,7 @@ class _Counting(Receiver):
         return "" if chunk.legal and repeated else super()._problem(chunk)
 
 
-@mutant("5.1/13")
+@mutant("counts-repeated-bytes", "5.1/13")
 class CountsRepeatedBytes(JudgesChunks):
     """A download is done when as many bytes have come as it has, repeated ones counted too."""
 
@@ -483,7 +483,7 @@ class _Overlapped(_Counting):
         return super()._problem(chunk) if chunk.position not in self._pieces else "repeated"
 
 
-@mutant("5.1/13", subtle=True)
+@mutant("counts-overlapping-bytes", "5.1/13", subtle=True)
 class CountsOverlappingBytes(JudgesChunks):
     """A chunk that overlaps others is taken and counted in full, unless it begins as one did."""
 
@@ -505,7 +505,7 @@ class _Preallocated(Receiver):
         return super().content.ljust(self.first_bytes, b"\0")[: self.first_bytes]
 
 
-@mutant("5.1/13", subtle=True)
+@mutant("keeps-the-first-file-size", "5.1/13", subtle=True)
 class KeepsTheFirstFileSize(JudgesChunks):
     """Room is made for the first fileSize, though a later one ends the download."""
 

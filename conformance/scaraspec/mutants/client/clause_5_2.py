@@ -49,7 +49,7 @@ class _Names(AltersFrames):
         return (frame,)
 
 
-@mutant("5.2/1")
+@mutant("uploads-under-its-own-name", "5.2/1")
 class UploadsUnderItsOwnName(MeetsFiles):
     """A file is uploaded under the name that it has on the client's disk."""
 
@@ -58,7 +58,7 @@ class UploadsUnderItsOwnName(MeetsFiles):
         return local.name
 
 
-@mutant("5.2/1", "5.3/1")
+@mutant("adds-the-extension", "5.2/1", "5.3/1")
 class AddsTheExtension(_Names):
     """A name without .rob gets one."""
 
@@ -67,7 +67,7 @@ class AddsTheExtension(_Names):
         return name if name.endswith(b".rob") else name[: NAME_MAX_BYTES - 4] + b".rob"
 
 
-@mutant("5.2/1", "5.3/1")
+@mutant("lowers-names", "5.2/1", "5.3/1")
 class LowersNames(_Names):
     """Names are sent in lower case."""
 
@@ -76,7 +76,7 @@ class LowersNames(_Names):
         return name.lower()
 
 
-@mutant("5.2/1", "5.3/1")
+@mutant("names-of-fixed-size", "5.2/1", "5.3/1")
 class NamesOfFixedSize(_Names):
     """Names are sent in a field of 30 bytes, filled up with zeros."""
 
@@ -85,7 +85,7 @@ class NamesOfFixedSize(_Names):
         return name.ljust(NAME_MAX_BYTES, b"\0")
 
 
-@mutant("5.2/1", subtle=True)
+@mutant("question-marks-for-chinese", "5.2/1", subtle=True)
 class QuestionMarksForChinese(_Names):
     """What is no ASCII in a name is sent as a question mark."""
 
@@ -94,7 +94,7 @@ class QuestionMarksForChinese(_Names):
         return name.decode().encode("ascii", "replace")
 
 
-@mutant("5.2/18")
+@mutant("cuts-upload-names", "5.2/18")
 class CutsUploadNames(MeetsFiles):
     """A name of more than 30 bytes is cut, and sent so."""
 
@@ -103,7 +103,7 @@ class CutsUploadNames(MeetsFiles):
         return (remote or local.name)[:NAME_MAX_BYTES]
 
 
-@mutant("5.2/18", subtle=True)
+@mutant("refuses-names-of-thirty-bytes", "5.2/18", subtle=True)
 class RefusesNamesOfThirtyBytes(MeetsFiles):
     """A name of 30 bytes is refused as too long."""
 
@@ -135,14 +135,14 @@ class _DeafToNames(_Deaf):
         return self.stage is Stage.REQUESTED
 
 
-@mutant("5.2/4", "5.2/19")
+@mutant("sends-content-after-refusal", "5.2/4", "5.2/19")
 class SendsContentAfterRefusal(UploadsOtherwise):
     """Content is sent although the controller has refused the name."""
 
     way = _DeafToNames
 
 
-@mutant("5.2/4", subtle=True)
+@mutant("remembers-the-first-yes", "5.2/4", subtle=True)
 class RemembersTheFirstYes(ClientCore):
     """A name that was accepted once is taken for accepted ever after."""
 
@@ -175,7 +175,7 @@ class _Contented(Upload):
             super().fail(error)
 
 
-@mutant("5.2/19", "5.2/9")
+@mutant("uploads-without-yes-are-done", "5.2/19", "5.2/9")
 class UploadsWithoutYesAreDone(UploadsOtherwise):
     """An upload whose name was refused, or not answered, is told as done."""
 
@@ -185,7 +185,7 @@ class UploadsWithoutYesAreDone(UploadsOtherwise):
 # The content
 
 
-@mutant("5.2/5", "5.1/1")
+@mutant("head-and-buffer-apart", "5.2/5", "5.1/1")
 class HeadAndBufferApart(AltersFrames):
     """The numbers of a chunk are sent in one frame, its buffer in the next."""
 
@@ -197,7 +197,7 @@ class HeadAndBufferApart(AltersFrames):
         return tuple(frame._replace(data=piece) for piece in pieces)
 
 
-@mutant("5.2/5", "5.1/1", subtle=True)
+@mutant("escapes-end-bytes", "5.2/5", "5.1/1", subtle=True)
 class EscapesEndBytes(AltersFrames):
     """A chunk with 0xCC in it ends there, and the rest goes into another frame."""
 
@@ -226,7 +226,7 @@ class _Window(Upload):
             yield Frame(A2C, UPLOAD_CHUNK, FILE_DATA.encode(chunk, self._dialect))
 
 
-@mutant("5.2/7")
+@mutant("sends-one-chunk-ahead", "5.2/7")
 class SendsOneChunkAhead(UploadsOtherwise):
     """The next chunk is sent together with one that is not answered yet."""
 
@@ -239,7 +239,7 @@ class _LateWindow(_Window):
         return super().ahead() if self.moved_bytes > BUFFER_BYTES else iter(())
 
 
-@mutant("5.2/7", subtle=True)
+@mutant("sends-ahead-once-it-runs", "5.2/7", subtle=True)
 class SendsAheadOnceItRuns(UploadsOtherwise):
     """From the third chunk on, the next one is not held back."""
 
@@ -251,7 +251,7 @@ class _DeafToChunks(_Deaf):
         return self.stage is not Stage.REQUESTED
 
 
-@mutant("5.2/8", "5.2/19")
+@mutant("ignores-refused-chunks", "5.2/8", "5.2/19")
 class IgnoresRefusedChunks(UploadsOtherwise):
     """A chunk that is refused counts like one that was taken."""
 
@@ -263,7 +263,7 @@ class _DeafToTheLast(_Deaf):
         return self.moved_bytes + BUFFER_BYTES >= len(self._content) > 0
 
 
-@mutant("5.2/19", subtle=True)
+@mutant("ignores-the-last-refusal", "5.2/19", subtle=True)
 class IgnoresTheLastRefusal(UploadsOtherwise):
     """The answer to the last chunk is awaited, but not read."""
 
@@ -277,7 +277,7 @@ class _OneMore(_Window):
         return list(self.ahead()) if executing and self.error else frames
 
 
-@mutant("5.2/8", subtle=True)
+@mutant("stops-one-chunk-late", "5.2/8", subtle=True)
 class StopsOneChunkLate(UploadsOtherwise):
     """After a chunk was refused the next one is sent still."""
 
@@ -291,7 +291,7 @@ class _Forever(Forever, Upload):
     pass
 
 
-@mutant("5.2/9")
+@mutant("uploads-wait-for-ever", "5.2/9")
 class UploadsWaitForEver(UploadsOtherwise):
     """An upload waits for an answer without end."""
 
@@ -302,7 +302,7 @@ class _Hurried(Hurried, Upload):
     pass
 
 
-@mutant("5.2/9")
+@mutant("uploads-wait-five-seconds", "5.2/9")
 class UploadsWaitFiveSeconds(UploadsOtherwise):
     """An upload waits for an answer as long as other commands do, 5 s."""
 
@@ -313,7 +313,7 @@ class _Lazy(Lazy, Upload):
     pass
 
 
-@mutant("5.2/9", subtle=True)
+@mutant("uploads-wait-too-long", "5.2/9", subtle=True)
 class UploadsWaitTooLong(UploadsOtherwise):
     """An upload is given up after 75 s."""
 
@@ -324,7 +324,7 @@ class _InAll(InAll, Upload):
     pass
 
 
-@mutant("5.2/9", subtle=True)
+@mutant("uploads-have-thirty-seconds-in-all", "5.2/9", subtle=True)
 class UploadsHaveThirtySecondsInAll(UploadsOtherwise):
     """The 30 s count from the name on, for all of an upload."""
 
@@ -335,21 +335,21 @@ class _ForeverAtFirst(ForeverAtFirst, Upload):
     pass
 
 
-@mutant("5.2/9", subtle=True)
+@mutant("upload-names-wait-for-ever", "5.2/9", subtle=True)
 class UploadNamesWaitForEver(UploadsOtherwise):
     """The answer to the name of an upload is awaited without end."""
 
     way = _ForeverAtFirst
 
 
-@mutant("5.2/9", subtle=True)
+@mutant("other-replies-put-off-uploads", "5.2/9", subtle=True)
 class OtherRepliesPutOffUploads(PutsOff):
     """The 30 s of an upload count anew from whatever comes."""
 
     way = Upload
 
 
-@mutant("5.2/9", subtle=True)
+@mutant("late-answers-revive-uploads", "5.2/9", subtle=True)
 class LateAnswersReviveUploads(ClientCore):
     """An answer that comes after an upload was given up makes it go on."""
 
@@ -390,7 +390,7 @@ class _Thorough(Upload):
         return frames
 
 
-@mutant("5.2/13", "5.2/17")
+@mutant("empty-chunk-at-the-end", "5.2/13", "5.2/17")
 class EmptyChunkAtTheEnd(UploadsOtherwise):
     """An upload ends with a chunk of length 0."""
 
@@ -403,7 +403,7 @@ class _OnFullChunks(_Thorough):
         return None if len(self._content) % BUFFER_BYTES else super().behind()
 
 
-@mutant("5.2/13", "5.2/17", subtle=True)
+@mutant("empty-chunk-behind-full-ones", "5.2/13", "5.2/17", subtle=True)
 class EmptyChunkBehindFullOnes(UploadsOtherwise):
     """An upload of a multiple of 200 bytes ends with a chunk of length 0."""
 
@@ -418,7 +418,7 @@ class _LastTwice(_Thorough):
         return Chunk(len(self._content), position, len(piece), piece)
 
 
-@mutant("5.2/13")
+@mutant("sends-the-last-chunk-twice", "5.2/13")
 class SendsTheLastChunkTwice(UploadsOtherwise):
     """When an upload is over, its last chunk is sent again."""
 
@@ -428,7 +428,7 @@ class SendsTheLastChunkTwice(UploadsOtherwise):
 # Sizes and contents
 
 
-@mutant("5.2/16", "5.1/3", subtle=True)
+@mutant("sizes-of-sixteen-bits", "5.2/16", "5.1/3", subtle=True)
 class SizesOfSixteenBits(AltersChunks):
     """fileSize and position have only 16 bits that count."""
 
@@ -437,7 +437,7 @@ class SizesOfSixteenBits(AltersChunks):
         return chunk._replace(file_size=chunk.file_size & 0xFFFF, position=chunk.position & 0xFFFF)
 
 
-@mutant("5.2/16", "5.1/3", subtle=True)
+@mutant("cuts-large-files", "5.2/16", "5.1/3", subtle=True)
 class CutsLargeFiles(AltersContent):
     """Of a larger file only the first 65,535 bytes are sent."""
 
@@ -453,14 +453,14 @@ class _CountsToByte(Sender):
         return super().next_chunk()
 
 
-@mutant("5.2/16", "5.2/20", subtle=True)
+@mutant("counts-chunks-in-one-byte", "5.2/16", "5.2/20", subtle=True)
 class CountsChunksInOneByte(CutsOtherwise):
     """An upload stops behind 255 chunks."""
 
     sender = _CountsToByte
 
 
-@mutant("5.2/16", "5.2/20")
+@mutant("loses-start-bytes", "5.2/16", "5.2/20")
 class LosesStartBytes(AltersContent):
     """What is 0xAA in a file is sent as 0x55."""
 
@@ -469,7 +469,7 @@ class LosesStartBytes(AltersContent):
         return content.replace(b"\xaa", b"\x55")
 
 
-@mutant("5.2/20", "5.2/16")
+@mutant("stops-at-zeros", "5.2/20", "5.2/16")
 class StopsAtZeros(AltersContent):
     """What stands behind a zero in a chunk is sent as zeros: it is copied as a string."""
 
@@ -479,7 +479,7 @@ class StopsAtZeros(AltersContent):
         return b"".join(p.partition(b"\0")[0].ljust(len(p), b"\0") for p in pieces)
 
 
-@mutant("5.2/20", subtle=True)
+@mutant("reads-text-files", "5.2/20", subtle=True)
 class ReadsTextFiles(AltersContent):
     """A file is read as text: its ends of lines become line feeds."""
 
@@ -488,7 +488,7 @@ class ReadsTextFiles(AltersContent):
         return content.replace(b"\r\n", b"\n")
 
 
-@mutant("5.2/20", subtle=True)
+@mutant("drops-the-byte-order-mark", "5.2/20", subtle=True)
 class DropsTheByteOrderMark(AltersContent):
     """The mark with which some texts in UTF-8 begin is left out."""
 
@@ -497,7 +497,7 @@ class DropsTheByteOrderMark(AltersContent):
         return content.removeprefix(b"\xef\xbb\xbf") or content
 
 
-@mutant("5.2/20", subtle=True)
+@mutant("strips-the-end", "5.2/20", subtle=True)
 class StripsTheEnd(AltersContent):
     """Blanks and zeros at the end of a file are not sent."""
 
@@ -509,7 +509,7 @@ class StripsTheEnd(AltersContent):
 # Empty files
 
 
-@mutant("5.2/17", "5.2/19")
+@mutant("empty-files-are-done-at-once", "5.2/17", "5.2/19")
 class EmptyFilesAreDoneAtOnce(MeetsFiles):
     """An empty file is told as sent, and nothing is sent."""
 
@@ -518,7 +518,7 @@ class EmptyFilesAreDoneAtOnce(MeetsFiles):
         return super().sends(local, remote) if local.stat().st_size else None
 
 
-@mutant("5.2/19", subtle=True)
+@mutant("missing-files-are-done", "5.2/19", subtle=True)
 class MissingFilesAreDone(MeetsFiles):
     """A file that does not exist is told as sent."""
 
@@ -527,7 +527,7 @@ class MissingFilesAreDone(MeetsFiles):
         return super().sends(local, remote) if local.exists() else None
 
 
-@mutant("5.2/17", subtle=True)
+@mutant("empty-files-become-one-zero", "5.2/17", subtle=True)
 class EmptyFilesBecomeOneZero(AltersContent):
     """An empty file is sent as one zero."""
 
@@ -539,7 +539,7 @@ class EmptyFilesBecomeOneZero(AltersContent):
 # What is said
 
 
-@mutant("5.2/19")
+@mutant("any-answer-is-yes", "5.2/19")
 class AnyAnswerIsYes(UploadsOtherwise):
     """Whatever is not a plain 0 is taken for a yes."""
 
@@ -558,14 +558,14 @@ class _AnyOpcode(Upload):
         return parsed.part == "reply" and frame.data == b"1"
 
 
-@mutant("5.2/19", "3/33")
+@mutant("answers-of-any-opcode", "5.2/19", "3/33")
 class AnswersOfAnyOpcode(UploadsOtherwise):
     """A 1 under any opcode is taken for the answer to a name or a chunk."""
 
     way = _AnyOpcode
 
 
-@mutant("5.2/19", "3/33", subtle=True)
+@mutant("ignores-the-tag", "5.2/19", "3/33", subtle=True)
 class IgnoresTheTag(UploadsOtherwise):
     """A 1 behind the tag of results is taken for the answer to a name or a chunk."""
 
@@ -585,7 +585,7 @@ class _Optimistic(Upload):
             super().fail(error)
 
 
-@mutant("5.2/19")
+@mutant("lost-uploads-are-done", "5.2/19")
 class LostUploadsAreDone(UploadsOtherwise):
     """An upload whose connection ends behind its first chunk is told as done."""
 
@@ -596,7 +596,7 @@ class _CutOff(_Optimistic):
     lost = staticmethod(lambda error: "cut" in str(error))
 
 
-@mutant("5.2/19", subtle=True)
+@mutant("uploads-cut-off-are-done", "5.2/19", subtle=True)
 class UploadsCutOffAreDone(UploadsOtherwise):
     """An upload whose connection is cut off, and not closed, is told as done."""
 
@@ -611,7 +611,7 @@ class _Whatever(Download):
             super().fail(error)
 
 
-@mutant("5.2/19", "5.3/11")
+@mutant("lost-downloads-are-done", "5.2/19", "5.3/11")
 class LostDownloadsAreDone(DownloadsOtherwise):
     """A download whose connection ends on the way is told as done, with what has come."""
 
@@ -626,14 +626,14 @@ class _Denied(Download):
             super().fail(error)
 
 
-@mutant("5.2/19")
+@mutant("refused-downloads-are-empty", "5.2/19")
 class RefusedDownloadsAreEmpty(DownloadsOtherwise):
     """A download that the controller refuses is told as done: an empty file."""
 
     way = _Denied
 
 
-@mutant("5.2/19", subtle=True)
+@mutant("remembers-refusals", "5.2/19", subtle=True)
 class RemembersRefusals(ClientCore):
     """A name that could not be downloaded once never can be again."""
 

@@ -27,7 +27,7 @@ from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, Chunk, Receiver
 # The name
 
 
-@mutant("5.3/1")
+@mutant("names-of-eight-bytes", "5.3/1")
 class NamesOfEightBytes(AltersFrames):
     """Of a name that is asked for eight bytes are sent, as the document prints it."""
 
@@ -36,7 +36,7 @@ class NamesOfEightBytes(AltersFrames):
         return (frame._replace(data=frame.data[:8]) if frame.opcode == DOWNLOAD_NAME else frame,)
 
 
-@mutant("5.3/1")
+@mutant("downloads-under-its-own-name", "5.3/1")
 class DownloadsUnderItsOwnName(AsyncClient):
     """A download asks for the name that the file is to have on the client's disk."""
 
@@ -50,7 +50,7 @@ class DownloadsUnderItsOwnName(AsyncClient):
         return await super().download(Path(local).name if local else remote, local, progress)
 
 
-@mutant("5.3/11", subtle=True)
+@mutant("fetches-once", "5.3/11", subtle=True)
 class FetchesOnce(AsyncClient):
     """What was downloaded once is copied from there when it is ordered again."""
 
@@ -79,7 +79,7 @@ def _copied(content: bytes, path: Path) -> Path:
 # The answers
 
 
-@mutant("5.3/5")
+@mutant("answers-each-chunk-twice", "5.3/5")
 class AnswersEachChunkTwice(AltersFrames):
     """Each chunk is answered twice."""
 
@@ -94,7 +94,7 @@ class _Silent(Download):
         return [] if self.settled and not self.error else frames
 
 
-@mutant("5.3/5")
+@mutant("leaves-the-last-chunk-unanswered", "5.3/5")
 class LeavesTheLastChunkUnanswered(DownloadsOtherwise):
     """The last chunk of a download is not answered."""
 
@@ -109,7 +109,7 @@ class _Asking(Download):
         return [go_on] if asked and not self.settled else frames
 
 
-@mutant("5.3/5")
+@mutant("asks-for-the-first-chunk", "5.3/5")
 class AsksForTheFirstChunk(DownloadsOtherwise):
     """The promise of a file is answered like a chunk, to make the first one come."""
 
@@ -122,14 +122,14 @@ class _Sulking(Download):
         return [] if self.error else frames
 
 
-@mutant("5.3/5", subtle=True)
+@mutant("never-answers-no", "5.3/5", subtle=True)
 class NeverAnswersNo(DownloadsOtherwise):
     """A chunk that cannot be taken gets no answer."""
 
     way = _Sulking
 
 
-@mutant("5.3/5")
+@mutant("takes-unasked-chunks", "5.3/5")
 class TakesUnaskedChunks(ClientCore):
     """A chunk of no download is answered 1."""
 
@@ -138,7 +138,7 @@ class TakesUnaskedChunks(ClientCore):
             self._send([chunk_reply(accepted=True, dialect=self.dialect)])
 
 
-@mutant("5.3/5", subtle=True)
+@mutant("drops-what-comes-with-the-promise", "5.3/5", subtle=True)
 class DropsWhatComesWithThePromise(ClientCore):
     """What comes in one segment with the promise of a file is lost."""
 
@@ -148,7 +148,7 @@ class DropsWhatComesWithThePromise(ClientCore):
         return super().feed(promise if data.startswith(promise) else data, now_s)
 
 
-@mutant("5.3/5", subtle=True)
+@mutant("answers-pieces-of-chunks", "5.3/5", subtle=True)
 class AnswersPiecesOfChunks(ClientCore):
     """A chunk that comes in pieces is answered with each of them that is long."""
 
@@ -176,7 +176,7 @@ class _Final(Receiver):
         return super().take(data, now_s)
 
 
-@mutant("5.3/8", "5.2/19")
+@mutant("empty-chunks-are-the-end", "5.3/8", "5.2/19")
 class EmptyChunksAreTheEnd(JudgesChunks):
     """A chunk of length 0 ends a download as done."""
 
@@ -188,7 +188,7 @@ class _Patient(Receiver):
         return None if _is_empty(data) else super().take(data, now_s)
 
 
-@mutant("5.3/8")
+@mutant("ignores-empty-chunks", "5.3/8")
 class IgnoresEmptyChunks(JudgesChunks):
     """A chunk of length 0 is ignored, and the next one awaited."""
 
@@ -200,7 +200,7 @@ class _Polite(Receiver):
         return True if data and _is_empty(data) else super().take(data, now_s)
 
 
-@mutant("5.3/8", "5.3/5", subtle=True)
+@mutant("takes-empty-chunks", "5.3/8", "5.3/5", subtle=True)
 class TakesEmptyChunks(JudgesChunks):
     """A chunk of length 0 is answered 1, and the next one awaited; a frame without data ends."""
 
@@ -212,7 +212,7 @@ class _Hollow(Receiver):
         return None if not data else super().take(data, now_s)
 
 
-@mutant("5.3/8", subtle=True)
+@mutant("ignores-frames-without-data", "5.3/8", subtle=True)
 class IgnoresFramesWithoutData(JudgesChunks):
     """A chunk frame without any data is ignored, and the next one awaited."""
 
@@ -222,7 +222,7 @@ class IgnoresFramesWithoutData(JudgesChunks):
 # The file
 
 
-@mutant("5.3/11", "5.2/16")
+@mutant("writes-text-files", "5.3/11", "5.2/16")
 class WritesTextFiles(KeepsOtherwise):
     """A file is written as text: a carriage return is put before each line feed."""
 
@@ -231,7 +231,7 @@ class WritesTextFiles(KeepsOtherwise):
         return content.replace(b"\n", b"\r\n")
 
 
-@mutant("5.3/11", subtle=True)
+@mutant("drops-zeros-at-the-end", "5.3/11", subtle=True)
 class DropsZerosAtTheEnd(KeepsOtherwise):
     """Zeros at the end of a file are taken for padding, and not stored."""
 
@@ -245,14 +245,14 @@ class _Narrow(Receiver):
         return super()._problem(chunk._replace(position=chunk.position % 2**16))
 
 
-@mutant("5.3/11", subtle=True)
+@mutant("positions-of-sixteen-bits", "5.3/11", subtle=True)
 class PositionsOfSixteenBits(JudgesChunks):
     """Of the position of a chunk that comes only 16 bits are read."""
 
     receiver = _Narrow
 
 
-@mutant("5.3/11")
+@mutant("loses-the-last-byte", "5.3/11")
 class LosesTheLastByte(KeepsOtherwise):
     """The last byte of a file is not stored."""
 
@@ -261,7 +261,7 @@ class LosesTheLastByte(KeepsOtherwise):
         return content[:-1]
 
 
-@mutant("5.3/11", subtle=True)
+@mutant("keeps-the-end-of-the-file-before", "5.3/11", subtle=True)
 class KeepsTheEndOfTheFileBefore(KeepsOtherwise):
     """A file that is shorter than the one before ends like that one: its memory is used again."""
 
@@ -276,7 +276,7 @@ class KeepsTheEndOfTheFileBefore(KeepsOtherwise):
 # Local files
 
 
-@mutant("5.3/12")
+@mutant("overwrites-local-files", "5.3/12")
 class OverwritesLocalFiles(MeetsFiles):
     """A local file that exists is overwritten."""
 
@@ -286,7 +286,7 @@ class OverwritesLocalFiles(MeetsFiles):
         return True
 
 
-@mutant("5.3/12", subtle=True)
+@mutant("overwrites-empty-files", "5.3/12", subtle=True)
 class OverwritesEmptyFiles(MeetsFiles):
     """A local file that exists and is empty is overwritten."""
 
@@ -297,7 +297,7 @@ class OverwritesEmptyFiles(MeetsFiles):
         return True
 
 
-@mutant("5.3/12")
+@mutant("empties-refused-files", "5.3/12")
 class EmptiesRefusedFiles(MeetsFiles):
     """A local file that exists is opened for writing, which empties it, and then refused."""
 
@@ -308,7 +308,7 @@ class EmptiesRefusedFiles(MeetsFiles):
         return True
 
 
-@mutant("5.3/12", "5.2/19", subtle=True)
+@mutant("existing-files-are-done", "5.3/12", "5.2/19", subtle=True)
 class ExistingFilesAreDone(MeetsFiles):
     """A local file that exists is kept, and the download is told as done."""
 
@@ -330,7 +330,7 @@ class _Clamping(Receiver):
         return super().take(data, now_s)
 
 
-@mutant("5.3/13")
+@mutant("clamps-lengths", "5.3/13")
 class ClampsLengths(JudgesChunks):
     """A chunk longer than the buffer is taken as if it had as many bytes as there is room for."""
 
@@ -343,7 +343,7 @@ class _LongBuffers(Careless):
         return "" if within and chunk.length <= len(chunk.buffer) else super()._problem(chunk)
 
 
-@mutant("5.3/13")
+@mutant("takes-what-the-frame-holds", "5.3/13")
 class TakesWhatTheFrameHolds(JudgesChunks):
     """A chunk longer than 200 bytes is taken if its frame holds as many."""
 
@@ -355,7 +355,7 @@ class _Boundless(Careless):
         return "" if chunk.length <= BUFFER_BYTES else super()._problem(chunk)
 
 
-@mutant("5.3/13", "5.1/13")
+@mutant("takes-chunks-beyond-the-end", "5.3/13", "5.1/13")
 class TakesChunksBeyondTheEnd(JudgesChunks):
     """Whether a chunk lies within the file is not looked at."""
 
@@ -368,7 +368,7 @@ class _OneBeyond(Receiver):
         return super()._problem(chunk._replace(file_size=chunk.file_size + beyond))
 
 
-@mutant("5.3/13", subtle=True)
+@mutant("takes-one-byte-too-many", "5.3/13", subtle=True)
 class TakesOneByteTooMany(JudgesChunks):
     """A chunk may reach one byte beyond the end of the file."""
 
@@ -382,7 +382,7 @@ class _Wrapping(Careless):
         return "" if wraps else super()._problem(chunk)
 
 
-@mutant("5.3/13", subtle=True)
+@mutant("adds-in-thirty-two-bits", "5.3/13", subtle=True)
 class AddsInThirtyTwoBits(JudgesChunks):
     """position + length is computed in 32 bits, and wraps round."""
 

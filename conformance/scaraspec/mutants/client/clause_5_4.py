@@ -54,7 +54,7 @@ class _Stuffed(Upload):
         return [Frame(A2C, UPLOAD_CHUNK, head + piece.ljust(BUFFER_BYTES, b"\0"))]
 
 
-@mutant("5.4/3", "5.1/5")
+@mutant("fills-the-frame", "5.4/3", "5.1/5")
 class FillsTheFrame(UploadsOtherwise):
     """A chunk holds as much as goes into its frame, 243 bytes."""
 
@@ -67,7 +67,7 @@ class _StuffedAtTheEnd(_Stuffed):
         return left_bytes if left_bytes <= _ROOM_BYTES else BUFFER_BYTES
 
 
-@mutant("5.4/3", "5.1/5", subtle=True)
+@mutant("stuffs-the-rest-in", "5.4/3", "5.1/5", subtle=True)
 class StuffsTheRestIn(UploadsOtherwise):
     """The last chunk holds more than 200 bytes where that saves another one."""
 
@@ -85,7 +85,7 @@ class _UpToAShortOne(Receiver):
         return taken
 
 
-@mutant("5.4/4", "5.1/7", "5.3/11")
+@mutant("short-chunks-are-the-last", "5.4/4", "5.1/7", "5.3/11")
 class ShortChunksAreTheLast(JudgesChunks):
     """A chunk that is not full ends a download."""
 
@@ -100,7 +100,7 @@ class _Counting(Receiver):
         return taken
 
 
-@mutant("5.4/4", "5.3/11", subtle=True)
+@mutant("counts-chunks-to-the-end", "5.4/4", "5.3/11", subtle=True)
 class CountsChunksToTheEnd(JudgesChunks):
     """A download is done when as many chunks have come as full ones would have been."""
 
@@ -115,7 +115,7 @@ class _OnlyFull(Receiver):
         return taken
 
 
-@mutant("5.4/4", "5.1/7", subtle=True)
+@mutant("full-chunks-are-never-the-last", "5.4/4", "5.1/7", subtle=True)
 class FullChunksAreNeverTheLast(JudgesChunks):
     """A download does not end with a chunk that is full."""
 
@@ -129,7 +129,7 @@ class _Forever(Forever, Download):
     pass
 
 
-@mutant("5.4/5")
+@mutant("downloads-wait-for-ever", "5.4/5")
 class DownloadsWaitForEver(DownloadsOtherwise):
     """A download waits for its next chunk without end."""
 
@@ -140,7 +140,7 @@ class _Hurried(Hurried, Download):
     pass
 
 
-@mutant("5.4/5")
+@mutant("downloads-wait-five-seconds", "5.4/5")
 class DownloadsWaitFiveSeconds(DownloadsOtherwise):
     """A download waits for a chunk as long as other commands do for a reply, 5 s."""
 
@@ -151,7 +151,7 @@ class _Lazy(Lazy, Download):
     pass
 
 
-@mutant("5.4/5", subtle=True)
+@mutant("downloads-wait-too-long", "5.4/5", subtle=True)
 class DownloadsWaitTooLong(DownloadsOtherwise):
     """A download is given up after 75 s."""
 
@@ -162,7 +162,7 @@ class _InAll(InAll, Download):
     pass
 
 
-@mutant("5.4/5", subtle=True)
+@mutant("downloads-have-thirty-seconds-in-all", "5.4/5", subtle=True)
 class DownloadsHaveThirtySecondsInAll(DownloadsOtherwise):
     """The 30 s count from the name on, for all of a download."""
 
@@ -173,7 +173,7 @@ class _ForeverAtFirst(ForeverAtFirst, Download):
     pass
 
 
-@mutant("5.4/5", subtle=True)
+@mutant("download-names-wait-for-ever", "5.4/5", subtle=True)
 class DownloadNamesWaitForEver(DownloadsOtherwise):
     """The answer to the name of a download is awaited without end."""
 
@@ -188,21 +188,21 @@ class _ForeverForTheFirst(Download):
         return frames
 
 
-@mutant("5.4/5", subtle=True)
+@mutant("first-chunks-are-awaited-for-ever", "5.4/5", subtle=True)
 class FirstChunksAreAwaitedForEver(DownloadsOtherwise):
     """The first chunk of a download is awaited without end."""
 
     way = _ForeverForTheFirst
 
 
-@mutant("5.4/5", subtle=True)
+@mutant("other-replies-put-off-downloads", "5.4/5", subtle=True)
 class OtherRepliesPutOffDownloads(PutsOff):
     """The 30 s of a download count anew from whatever comes."""
 
     way = Download
 
 
-@mutant("5.4/5", "5.3/5", subtle=True)
+@mutant("takes-late-chunks", "5.4/5", "5.3/5", subtle=True)
 class TakesLateChunks(ClientCore):
     """A chunk that comes after a download was given up is answered 1."""
 
@@ -244,12 +244,12 @@ class _Stuck(ClientCore):
         return super()._after_step(operation, now_s)
 
 
-@mutant("5.4/6")
+@mutant("busy-once-transfers-fail", "5.4/6")
 class BusyOnceTransfersFail(_Stuck):
     """After a transfer has failed no other one begins."""
 
 
-@mutant("5.4/6", subtle=True)
+@mutant("busy-once-downloads-break", "5.4/6", subtle=True)
 class BusyOnceDownloadsBreak(_Stuck):
     """After a download has failed on its way no other transfer begins."""
 

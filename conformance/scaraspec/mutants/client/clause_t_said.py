@@ -16,7 +16,7 @@ from scaraspec.protocol.payloads import FLAG
 # Numbers
 
 
-@mutant("T/9")
+@mutant("loses-the-minus", "T/9")
 class LosesTheMinus(AltersReplies):
     """Negative joint angles are told as positive ones."""
 
@@ -27,7 +27,7 @@ class LosesTheMinus(AltersReplies):
         return data.replace(b"-", b"")
 
 
-@mutant("T/9")
+@mutant("rounds-coordinates", "T/9")
 class RoundsCoordinates(AltersReplies):
     """The gripper centre is told in whole numbers."""
 
@@ -38,7 +38,7 @@ class RoundsCoordinates(AltersReplies):
         return b"|".join(b"%d" % round(float(text)) for text in data.split(b"|"))
 
 
-@mutant("T/9", subtle=True)
+@mutant("minus-only-ahead-of-wholes", "T/9", subtle=True)
 class MinusOnlyAheadOfWholes(AltersReplies):
     """The sign of a number between 0 and -1 is lost, because its whole part is read by itself."""
 
@@ -49,7 +49,7 @@ class MinusOnlyAheadOfWholes(AltersReplies):
         return data.replace(b"-0.", b"0.")
 
 
-@mutant("T/5", subtle=True)
+@mutant("wants-decimals", "T/5", subtle=True)
 class WantsDecimals(AltersReplies):
     """Joint angles without decimals cannot be read."""
 
@@ -60,7 +60,7 @@ class WantsDecimals(AltersReplies):
         return data if all(b"." in text for text in data.split(b"|")) else b""
 
 
-@mutant("T/5", "T/9", subtle=True)
+@mutant("reads-one-decimal", "T/5", "T/9", subtle=True)
 class ReadsOneDecimal(AltersReplies):
     """Of the decimals of the joint angles only the first is read."""
 
@@ -71,7 +71,7 @@ class ReadsOneDecimal(AltersReplies):
         return b"|".join(text[: text.find(b".") + 2 or None] for text in data.split(b"|"))
 
 
-@mutant("T/9")
+@mutant("swaps-joints", "T/9")
 class SwapsJoints(AltersReplies):
     """The temperatures of both arms are told the other way round."""
 
@@ -83,7 +83,7 @@ class SwapsJoints(AltersReplies):
         return b"|".join((outer, inner, *others))
 
 
-@mutant("T/9")
+@mutant("reverses-bits", "T/9")
 class ReversesBits(AsyncClient):
     """The digital inputs are told lowest port first."""
 
@@ -92,7 +92,7 @@ class ReversesBits(AsyncClient):
         return (await super().get_digital_inputs())[::-1]
 
 
-@mutant("T/9", subtle=True)
+@mutant("drops-leading-zeros", "T/9", subtle=True)
 class DropsLeadingZeros(AsyncClient):
     """The digital outputs are told as a number is, without the zeros ahead of the first one."""
 
@@ -101,7 +101,7 @@ class DropsLeadingZeros(AsyncClient):
         return (await super().get_digital_outputs()).lstrip("0")
 
 
-@mutant("T/9")
+@mutant("no-value-is-zero", "T/9")
 class NoValueIsZero(AsyncClient):
     """An analog input that cannot be read is told as 0."""
 
@@ -116,7 +116,7 @@ class NoValueIsZero(AsyncClient):
 # Times
 
 
-@mutant("T/9", subtle=True)
+@mutant("forgets-days", "T/9", subtle=True)
 class ForgetsDays(AltersReplies):
     """Of a run time only hours, minutes and seconds are read."""
 
@@ -127,7 +127,7 @@ class ForgetsDays(AltersReplies):
         return data[:-8] + b"00" + data[-6:] if len(data) > 8 else data  # noqa: PLR2004 - DDHHMMSS
 
 
-@mutant("T/9", subtle=True)
+@mutant("windows-years", "T/9", subtle=True)
 class WindowsYears(AltersReplies):
     """Of a year only two digits are read, and those from 70 on mean the last century."""
 
@@ -138,7 +138,7 @@ class WindowsYears(AltersReplies):
         return (b"19" if data[2:4] >= b"70" else b"20") + data[2:]
 
 
-@mutant("T/9")
+@mutant("minutes-for-months", "T/9")
 class MinutesForMonths(AltersReplies):
     """The month is told where the minute is due."""
 
@@ -152,7 +152,7 @@ class MinutesForMonths(AltersReplies):
 # Names
 
 
-@mutant("T/9", subtle=True)
+@mutant("cuts-the-running-name", "T/9", subtle=True)
 class CutsTheRunningName(AltersReplies):
     """The name of the running program is cut to thirty bytes."""
 
@@ -165,7 +165,7 @@ class CutsTheRunningName(AltersReplies):
         return flag + bar + b"|".join((name[:30], *time))
 
 
-@mutant("T/9")
+@mutant("running-for-nothing", "T/9")
 class RunningForNothing(AltersReplies):
     """Where no program runs, one without a name is told."""
 
@@ -176,7 +176,7 @@ class RunningForNothing(AltersReplies):
         return b"1|-|00000000" if data == b"0" else data
 
 
-@mutant("T/9", subtle=True)
+@mutant("empty-fields-are-program", "T/9", subtle=True)
 class EmptyFieldsAreProgram(AltersReplies):
     """Where no program runs, which is told by empty fields, one without a name is told."""
 
@@ -187,7 +187,7 @@ class EmptyFieldsAreProgram(AltersReplies):
         return b"1|-|00000000" if data == b"0||" else data
 
 
-@mutant("T/9")
+@mutant("cuts-the-default-name", "T/9")
 class CutsTheDefaultName(AltersReplies):
     """The name of the default program is told without its extension."""
 
@@ -198,7 +198,7 @@ class CutsTheDefaultName(AltersReplies):
         return data.partition(b".")[0]
 
 
-@mutant("T/9", subtle=True)
+@mutant("no-default-is-main", "T/9", subtle=True)
 class NoDefaultIsMain(AltersReplies):
     """Where no default program is set, main.rob is told."""
 
@@ -212,7 +212,7 @@ class NoDefaultIsMain(AltersReplies):
 # Outcomes and codes
 
 
-@mutant("T/9")
+@mutant("every-flag-is-yes", "T/9")
 class EveryFlagIsYes(ClientCore):
     """The no to a setting is taken for a yes."""
 
@@ -223,7 +223,7 @@ class EveryFlagIsYes(ClientCore):
         return super()._dispatch(frame._replace(data=b"1") if no else frame, now_s)
 
 
-@mutant("T/9", subtle=True)
+@mutant("outputs-always-set", "T/9", subtle=True)
 class OutputsAlwaysSet(AsyncClient):
     """Setting an output is told as done, whatever the controller says."""
 
@@ -239,7 +239,7 @@ class OutputsAlwaysSet(AsyncClient):
         await self.wait_for(lambda: operation.settled)
 
 
-@mutant("T/9", subtle=True)
+@mutant("knows-what-it-has-set", "T/9", subtle=True)
 class KnowsWhatItHasSet(AsyncClient):
     """The default program that was set is told from memory, and not asked for."""
 
@@ -255,7 +255,7 @@ class KnowsWhatItHasSet(AsyncClient):
         return self._set or await super().get_default_program()
 
 
-@mutant("T/9", subtle=True)
+@mutant("knows-what-it-runs", "T/9", subtle=True)
 class KnowsWhatItRuns(AsyncClient):
     """While a program runs that it has begun, that is told to run, and not asked for."""
 
@@ -274,7 +274,7 @@ class KnowsWhatItRuns(AsyncClient):
         return RunningProgram(self._runs, 1) if self._runs else await super().get_running_program()
 
 
-@mutant("T/9", subtle=True)
+@mutant("nonsense-is-the-last-word", "T/9", subtle=True)
 class NonsenseIsTheLastWord(AsyncClient):
     """Behind temperatures that it could not read it does not ask for them any more."""
 
@@ -291,7 +291,7 @@ class NonsenseIsTheLastWord(AsyncClient):
             raise
 
 
-@mutant("T/9", subtle=True)
+@mutant("sets-outputs-once", "T/9", subtle=True)
 class SetsOutputsOnce(AsyncClient):
     """An output that was set to a value is not set to it again, and told as done."""
 
@@ -304,21 +304,21 @@ class SetsOutputsOnce(AsyncClient):
             self._last = port, value
 
 
-@mutant("T/9", subtle=True)
+@mutant("takes-loss-for-deletion", "T/9", subtle=True)
 class TakesLossForDeletion(TakesLossForSuccess):
     """A link that is lost before a deletion was answered is taken for the deletion."""
 
     name = "delete_program"
 
 
-@mutant("T/9", subtle=True)
+@mutant("takes-loss-for-new-password", "T/9", subtle=True)
 class TakesLossForNewPassword(TakesLossForSuccess):
     """A link that is lost before a new password was answered is taken for its change."""
 
     name = "set_password"
 
 
-@mutant("T/9")
+@mutant("failures-are-done", "T/9")
 class FailuresAreDone(AltersResults):
     """A command that was begun and not done is told as done."""
 
@@ -327,7 +327,7 @@ class FailuresAreDone(AltersResults):
         return b"11" if data.startswith(b"00|") else data
 
 
-@mutant("T/9", subtle=True)
+@mutant("codes-are-decimal", "T/9", subtle=True)
 class CodesAreDecimal(ClientCore):
     """Of a code only its decimal digits are read."""
 
@@ -341,7 +341,7 @@ class CodesAreDecimal(ClientCore):
 # Beyond ASCII
 
 
-@mutant("T/8")
+@mutant("question-marks", "T/8")
 class QuestionMarks(AltersReplies):
     """What is not ASCII in a listed name is told as question marks."""
 
@@ -352,7 +352,7 @@ class QuestionMarks(AltersReplies):
         return bytes(byte if byte < 0x80 else ord("?") for byte in data)  # noqa: PLR2004 - beyond ASCII
 
 
-@mutant("T/8", subtle=True)
+@mutant("leaves-out-the-foreign", "T/8", subtle=True)
 class LeavesOutTheForeign(AltersReplies):
     """What is not ASCII in a listed name is left out."""
 

@@ -16,7 +16,7 @@ from scaraspec.protocol.frames import Frame
 # Separators
 
 
-@mutant("T/1")
+@mutant("blanks-for-bars", "T/1")
 class BlanksForBars(AltersRequests):
     """The network settings are sent with blanks for bars, as the document is printed."""
 
@@ -27,7 +27,7 @@ class BlanksForBars(AltersRequests):
         return data.replace(b"|", b" ")
 
 
-@mutant("T/1")
+@mutant("commas-for-bars", "T/1")
 class CommasForBars(AltersRequests):
     """The gripper centre is sent with commas between its coordinates."""
 
@@ -38,7 +38,7 @@ class CommasForBars(AltersRequests):
         return data.replace(b"|", b",")
 
 
-@mutant("T/1")
+@mutant("blanks-around-bars", "T/1")
 class BlanksAroundBars(AltersRequests):
     """A move is sent with blanks around its bars."""
 
@@ -49,7 +49,7 @@ class BlanksAroundBars(AltersRequests):
         return data.replace(b"|", b" | ")
 
 
-@mutant("T/1")
+@mutant("two-bars", "T/1")
 class TwoBars(AltersRequests):
     """Between the last two values of the initial position stand two bars."""
 
@@ -61,7 +61,7 @@ class TwoBars(AltersRequests):
         return head + b"||" + tail
 
 
-@mutant("T/1", subtle=True)
+@mutant("columns-for-bars", "T/1", subtle=True)
 class ColumnsForBars(AltersRequests):
     """Two short passwords are sent with blanks that fill up a column between them."""
 
@@ -76,7 +76,7 @@ class ColumnsForBars(AltersRequests):
 # Marks and digits
 
 
-@mutant("T/2")
+@mutant("quoted-names", "T/2")
 class QuotedNames(AltersRequests):
     """The name of the program to run is sent between quotation marks."""
 
@@ -87,7 +87,7 @@ class QuotedNames(AltersRequests):
         return b'"' + data + b'"'
 
 
-@mutant("T/2")
+@mutant("curly-quotes", "T/2")
 class CurlyQuotes(AltersRequests):
     """The time is sent between the curly quotation marks that the document prints."""
 
@@ -98,7 +98,7 @@ class CurlyQuotes(AltersRequests):
         return "“".encode() + data + "”".encode()
 
 
-@mutant("T/3")
+@mutant("binary-port", "T/3")
 class BinaryPort(AltersRequests):
     """Port and value of an output are sent as bytes."""
 
@@ -109,7 +109,7 @@ class BinaryPort(AltersRequests):
         return b"|".join(bytes((int(text),)) for text in data.split(b"|"))
 
 
-@mutant("T/3", "4.5/1")
+@mutant("packed-time", "T/3", "4.5/1")
 class PackedTime(AltersRequests):
     """The time is sent with two digits in a byte."""
 
@@ -123,7 +123,7 @@ class PackedTime(AltersRequests):
 # Ends
 
 
-@mutant("T/4")
+@mutant("names-end-with-lines", "T/4")
 class NamesEndWithLines(AltersRequests):
     """A line end follows the name of the program to simulate."""
 
@@ -134,7 +134,7 @@ class NamesEndWithLines(AltersRequests):
         return data + b"\r\n"
 
 
-@mutant("T/4")
+@mutant("time-ends-with-blanks", "T/4")
 class TimeEndsWithBlanks(AltersRequests):
     """The time is filled up to sixteen characters with blanks."""
 
@@ -145,7 +145,7 @@ class TimeEndsWithBlanks(AltersRequests):
         return data.ljust(16)
 
 
-@mutant("T/4", subtle=True)
+@mutant("rest-of-the-buffer", "T/4", subtle=True)
 class RestOfTheBuffer(AltersRequests):
     """Behind the name of the default program come a NUL and what was in the buffer before."""
 
@@ -173,7 +173,7 @@ class _Numbers(AltersRequests, ABC):
         """Write one."""
 
 
-@mutant("T/5", subtle=True)
+@mutant("exponents", "T/5", subtle=True)
 class Exponents(_Numbers):
     """Large and small numbers are sent with an exponent."""
 
@@ -182,7 +182,7 @@ class Exponents(_Numbers):
         return f"{number}" if 1e-3 <= abs(number) < 1e7 or not number else f"{number:e}"  # noqa: PLR2004 - as these do
 
 
-@mutant("T/5")
+@mutant("commas-for-points", "T/5")
 class CommasForPoints(AltersRequests):
     """The decimals of the initial position stand behind a comma."""
 
@@ -193,7 +193,7 @@ class CommasForPoints(AltersRequests):
         return data.replace(b".", b",")
 
 
-@mutant("T/5")
+@mutant("empty-for-zero", "T/5")
 class EmptyForZero(_Numbers):
     """A zero is sent as an empty field."""
 
@@ -202,7 +202,7 @@ class EmptyForZero(_Numbers):
         return f"{number:.3f}" if number else ""
 
 
-@mutant("T/5", subtle=True)
+@mutant("no-zero-ahead-of-the-point", "T/5", subtle=True)
 class NoZeroAheadOfThePoint(_Numbers):
     """Numbers below one are sent without the zero ahead of their point."""
 
@@ -233,21 +233,21 @@ class _SendsBars(ClientCore):
             self._barred = b"" if meant else self._barred
 
 
-@mutant("T/6")
+@mutant("sends-bars-in-names", "T/6")
 class SendsBarsInNames(_SendsBars):
     """A name with a bar in it is sent."""
 
     names = ("delete_program", "set_default_program", "run_program", "simulate_program")
 
 
-@mutant("T/6", subtle=True)
+@mutant("sends-bars-in-passwords", "T/6", subtle=True)
 class SendsBarsInPasswords(_SendsBars):
     """A password with a bar in it is sent."""
 
     names = ("login",)
 
 
-@mutant("T/6", subtle=True)
+@mutant("drops-bars-of-file-names", "T/6", subtle=True)
 class DropsBarsOfFileNames(ClientCore):
     """The name of a file is sent without the bars in it."""
 
@@ -263,7 +263,7 @@ class DropsBarsOfFileNames(ClientCore):
 # Whole values
 
 
-@mutant("T/10")
+@mutant("cuts-passwords", "T/10")
 class CutsPasswords(AltersRequests):
     """Passwords are cut to eight characters."""
 
@@ -274,7 +274,7 @@ class CutsPasswords(AltersRequests):
         return b"|".join(text[:8] for text in data.split(b"|"))
 
 
-@mutant("T/10", subtle=True)
+@mutant("cuts-long-names", "T/10", subtle=True)
 class CutsLongNames(ClientCore):
     """The name of a program is cut to thirty bytes."""
 
@@ -283,7 +283,7 @@ class CutsLongNames(ClientCore):
         return super().command(name, value[:30] if isinstance(value, bytes) else value)
 
 
-@mutant("T/10")
+@mutant("drops-the-minus", "T/10")
 class DropsTheMinus(AltersRequests):
     """The coordinates of the initial position are sent without their signs."""
 
@@ -294,7 +294,7 @@ class DropsTheMinus(AltersRequests):
         return data.replace(b"-", b"")
 
 
-@mutant("T/10")
+@mutant("sends-whole-numbers", "T/10")
 class SendsWholeNumbers(_Numbers):
     """The gripper centre is sent without its decimals."""
 
@@ -303,7 +303,7 @@ class SendsWholeNumbers(_Numbers):
         return str(int(number))
 
 
-@mutant("T/10")
+@mutant("swaps-axes", "T/10")
 class SwapsAxes(AltersRequests):
     """The coordinates of a move are sent in another order."""
 
@@ -315,7 +315,7 @@ class SwapsAxes(AltersRequests):
         return b"|".join((speed, z, y, x, *angles))
 
 
-@mutant("T/10", subtle=True)
+@mutant("trims-names", "T/10", subtle=True)
 class TrimsNames(AltersRequests):
     """Blanks at either end of a name are not sent: another program is deleted than was named."""
 
@@ -326,7 +326,7 @@ class TrimsNames(AltersRequests):
         return data.strip()
 
 
-@mutant("T/10", subtle=True)
+@mutant("trims-names-of-runs", "T/10", subtle=True)
 class TrimsNamesOfRuns(ClientCore):
     """Blanks at either end of a name are not sent: another program is run than was named."""
 
@@ -338,7 +338,7 @@ class TrimsNamesOfRuns(ClientCore):
         )
 
 
-@mutant("T/10", subtle=True)
+@mutant("reuses-its-buffer", "T/10", subtle=True)
 class ReusesItsBuffer(ClientCore):
     """A name that is shorter than the one before has the end of that one behind it."""
 

@@ -16,7 +16,7 @@ from scaraspec.virtual_controller.session import Action, Carrier, Close, Request
 # Connections
 
 
-@mutant("2/1")
+@mutant("closes-behind-replies", "2/1")
 class ClosesBehindReplies(ControllerCore):
     """A connection is closed behind its first reply to anything but a login, as by a web server."""
 
@@ -27,7 +27,7 @@ class ClosesBehindReplies(ControllerCore):
             self._end(session, 0.0)
 
 
-@mutant("2/2", subtle=True)
+@mutant("every-third-connection", "2/2", subtle=True)
 class EveryThirdConnection(ControllerCore):
     """Every third connection is taken by the system, but nobody serves it."""
 
@@ -36,7 +36,7 @@ class EveryThirdConnection(ControllerCore):
         return super().open(connection, now_s, link) if connection % 3 else []
 
 
-@mutant("2/13", subtle=True)
+@mutant("fifty-connections", "2/13", subtle=True)
 class FiftyConnections(ControllerCore):
     """After fifty connections no further one is served."""
 
@@ -45,7 +45,7 @@ class FiftyConnections(ControllerCore):
         return [Close(connection)] if connection > 50 else super().open(connection, now_s, link)
 
 
-@mutant("2/13", subtle=True)
+@mutant("every-ninetieth-connection", "2/13", subtle=True)
 class EveryNinetiethConnection(ControllerCore):
     """Every ninetieth connection is refused."""
 
@@ -81,7 +81,7 @@ class _Leaky(ControllerCore, ABC):
         return super().close(connection, now_s)
 
 
-@mutant("2/13", subtle=True)
+@mutant("leaks-half-frames", "2/13", subtle=True)
 class LeaksHalfFrames(_Leaky):
     """Sessions that end in the middle of a frame are never freed, and sixteen are all there are."""
 
@@ -90,7 +90,7 @@ class LeaksHalfFrames(_Leaky):
         return session.framer.deadline_s is not None
 
 
-@mutant("2/13", subtle=True)
+@mutant("leaks-the-silent", "2/13", subtle=True)
 class LeaksTheSilent(_Leaky):
     """Sessions that ask nothing after the login are never freed, and sixteen are all there are."""
 
@@ -112,7 +112,7 @@ class LeaksTheSilent(_Leaky):
 # A further client
 
 
-@mutant("2/12", subtle=True)
+@mutant("one-buffer-for-all", "2/12", subtle=True)
 class OneBufferForAll(ControllerCore):
     """All connections share one receive buffer: what is half in one goes on in the other."""
 
@@ -125,7 +125,7 @@ class OneBufferForAll(ControllerCore):
         return actions
 
 
-@mutant("2/12", subtle=True)
+@mutant("newcomer-takes-the-replies", "2/12", subtle=True)
 class NewcomerTakesTheReplies(ControllerCore):
     """Replies go to the client that connected last, whoever has asked."""
 
@@ -134,7 +134,7 @@ class NewcomerTakesTheReplies(ControllerCore):
         super().emit(self.sessions[max(self.sessions)] if self.sessions else session, frame)
 
 
-@mutant("2/12", subtle=True)
+@mutant("newcomer-clears-buffers", "2/12", subtle=True)
 class NewcomerClearsBuffers(ControllerCore):
     """When a client connects, what the others have half sent is thrown away."""
 
@@ -145,7 +145,7 @@ class NewcomerClearsBuffers(ControllerCore):
         return super().open(connection, now_s, link)
 
 
-@mutant("2/12")
+@mutant("everyone-hears-all", "2/12")
 class EveryoneHearsAll(ControllerCore):
     """Each reply is sent to all clients that are logged in."""
 
@@ -167,7 +167,7 @@ class _KeepsNothing(RequestFramer):
         return found
 
 
-@mutant("2/5")
+@mutant("segment-is-frame", "2/5")
 class SegmentIsFrame(OtherFramer):
     """What a segment does not end is thrown away: a frame has to come in one."""
 
@@ -179,7 +179,7 @@ class _OverlooksEnds(RequestFramer):
         return super().receive(b"" if data == b"\xcc" else data, now_s)
 
 
-@mutant("2/5", subtle=True)
+@mutant("end-byte-alone", "2/5", subtle=True)
 class EndByteAlone(OtherFramer):
     """A segment of one byte that is an end byte is overlooked."""
 
@@ -196,7 +196,7 @@ class _Cut(RequestFramer):
         return found
 
 
-@mutant("2/5", subtle=True)
+@mutant("cut-behind-length", "2/5", subtle=True)
 class CutBehindLength(OtherFramer):
     """A frame that is cut just behind its length byte is lost."""
 
@@ -207,7 +207,7 @@ class _CutLater(_Cut):
     at_byte = 8
 
 
-@mutant("2/5", subtle=True)
+@mutant("cut-behind-eighth-byte", "2/5", subtle=True)
 class CutBehindEighthByte(OtherFramer):
     """A frame that is cut just behind its eighth byte is lost."""
 
@@ -219,7 +219,7 @@ class _Impatient(RequestFramer):
         super().__init__(dialect.replace(partial_timeout="0.5"))
 
 
-@mutant("2/5")
+@mutant("impatient-with-pauses", "2/5")
 class ImpatientWithPauses(OtherFramer):
     """An unfinished frame is given up after half a second."""
 
@@ -235,7 +235,7 @@ class _FromTheFirstByte(RequestFramer):
         return found
 
 
-@mutant("2/5", subtle=True)
+@mutant("counts-from-first-byte", "2/5", subtle=True)
 class CountsFromFirstByte(OtherFramer):
     """The time for a frame runs from its first byte, not from its last one so far."""
 
@@ -250,7 +250,7 @@ class _ForgetsTheRest(RequestFramer):
         return found
 
 
-@mutant("2/5", "2/6", subtle=True)
+@mutant("rest-behind-frame", "2/5", "2/6", subtle=True)
 class RestBehindFrame(OtherFramer):
     """Where a segment ends a frame and begins another, the beginning is lost."""
 
@@ -264,7 +264,7 @@ class _First(RequestFramer):
         return super().receive(data, now_s)[: self.most]
 
 
-@mutant("2/6")
+@mutant("one-frame-per-segment", "2/6")
 class OneFramePerSegment(OtherFramer):
     """Of several frames in one segment only the first is served."""
 
@@ -275,14 +275,14 @@ class _Sixteen(_First):
     most = 16
 
 
-@mutant("2/6", subtle=True)
+@mutant("sixteen-frames-per-segment", "2/6", subtle=True)
 class SixteenFramesPerSegment(OtherFramer):
     """Of more than sixteen frames in one segment the others are lost."""
 
     framer = _Sixteen
 
 
-@mutant("2/6", subtle=True)
+@mutant("small-buffer", "2/6", subtle=True)
 class SmallBuffer(ControllerCore):
     """Of a segment of more than 256 bytes the rest is lost."""
 
@@ -291,7 +291,7 @@ class SmallBuffer(ControllerCore):
         return super().receive(connection, data[:256], now_s)
 
 
-@mutant("2/6", subtle=True)
+@mutant("login-ends-the-segment", "2/6", subtle=True)
 class LoginEndsTheSegment(ControllerCore):
     """What comes in one segment with the login is lost."""
 
@@ -305,7 +305,7 @@ class LoginEndsTheSegment(ControllerCore):
 # Logins
 
 
-@mutant("2/11")
+@mutant("needs-no-login", "2/11")
 class NeedsNoLogin(ControllerCore):
     """Whoever connects may do everything."""
 
@@ -314,7 +314,7 @@ class NeedsNoLogin(ControllerCore):
         self.sessions[connection].logged_in = True
 
 
-@mutant("2/11", subtle=True)
+@mutant("one-login-for-all", "2/11", subtle=True)
 class OneLoginForAll(ControllerCore):
     """While one client is logged in, all are."""
 
@@ -323,7 +323,7 @@ class OneLoginForAll(ControllerCore):
         return anybody or super()._is_permitted(session, command)
 
 
-@mutant("2/11", subtle=True)
+@mutant("login-outlives-the-connection", "2/11", subtle=True)
 class LoginOutlivesTheConnection(ControllerCore):
     """Once somebody has logged in, nobody has to any more."""
 
@@ -341,7 +341,7 @@ class LoginOutlivesTheConnection(ControllerCore):
         return self._opened or super()._is_permitted(session, command)
 
 
-@mutant("2/11", subtle=True)
+@mutant("uploads-leave-their-login", "2/11", subtle=True)
 class UploadsLeaveTheirLogin(ControllerCore):
     """Who connects behind a client that left in the midst of an upload is logged in as that one."""
 
@@ -361,7 +361,7 @@ class UploadsLeaveTheirLogin(ControllerCore):
         return super().close(connection, now_s)
 
 
-@mutant("2/11")
+@mutant("refused-but-in", "2/11")
 class RefusedButIn(ControllerCore):
     """A wrong password is answered "0", but the session counts as logged in."""
 
@@ -372,7 +372,7 @@ class RefusedButIn(ControllerCore):
         return right
 
 
-@mutant("2/11", subtle=True)
+@mutant("second-refusal-is-in", "2/11", subtle=True)
 class SecondRefusalIsIn(ControllerCore):
     """Whoever is refused twice on a connection counts as logged in."""
 
@@ -408,7 +408,7 @@ class _ForStrangers(ControllerCore):
             super().emit(session, frame)
 
 
-@mutant("2/11")
+@mutant("silently-obeys-strangers", "2/11")
 class SilentlyObeysStrangers(_ForStrangers):
     """Without a login nothing is answered, but the gripper centre is set all the same."""
 
@@ -416,7 +416,7 @@ class SilentlyObeysStrangers(_ForStrangers):
     silent = True
 
 
-@mutant("2/11")
+@mutant("clock-for-strangers", "2/11")
 class ClockForStrangers(_ForStrangers):
     """The clock can be set without a login."""
 
@@ -424,7 +424,7 @@ class ClockForStrangers(_ForStrangers):
     silent = True
 
 
-@mutant("2/11", subtle=True)
+@mutant("clock-for-strangers-in-company", "2/11", subtle=True)
 class ClockForStrangersInCompany(ClockForStrangers):
     """While somebody is logged in, the clock can be set without a login."""
 
@@ -433,7 +433,7 @@ class ClockForStrangersInCompany(ClockForStrangers):
         return company and super()._is_obeyed(session, command)
 
 
-@mutant("2/11", subtle=True)
+@mutant("refused-may-delete", "2/11", subtle=True)
 class RefusedMayDelete(_ForStrangers):
     """Who was refused at the login may delete files."""
 
@@ -456,7 +456,7 @@ class RefusedMayDelete(_ForStrangers):
         return refused and super()._is_obeyed(session, command)
 
 
-@mutant("2/11")
+@mutant("upload-for-strangers", "2/11")
 class UploadForStrangers(_ForStrangers):
     """Files can be uploaded without a login."""
 
@@ -464,7 +464,7 @@ class UploadForStrangers(_ForStrangers):
     silent = True
 
 
-@mutant("2/11")
+@mutant("deletes-for-strangers", "2/11")
 class DeletesForStrangers(_ForStrangers):
     """Files can be deleted without a login."""
 
@@ -472,7 +472,7 @@ class DeletesForStrangers(_ForStrangers):
     silent = True
 
 
-@mutant("2/11")
+@mutant("password-for-strangers", "2/11")
 class PasswordForStrangers(_ForStrangers):
     """The password can be changed without a login, since the request holds the old one."""
 
@@ -480,7 +480,7 @@ class PasswordForStrangers(_ForStrangers):
     silent = True
 
 
-@mutant("2/11")
+@mutant("outputs-for-strangers", "2/11")
 class OutputsForStrangers(_ForStrangers):
     """Outputs can be set without a login."""
 
@@ -488,7 +488,7 @@ class OutputsForStrangers(_ForStrangers):
     silent = True
 
 
-@mutant("2/11")
+@mutant("runs-for-strangers", "2/11")
 class RunsForStrangers(_ForStrangers):
     """Programs can be run without a login."""
 
@@ -496,21 +496,21 @@ class RunsForStrangers(_ForStrangers):
     silent = True
 
 
-@mutant("2/11")
+@mutant("jogs-for-strangers", "2/11")
 class JogsForStrangers(_ForStrangers):
     """The arm can be jogged without a login."""
 
     names = frozenset({"jog"})
 
 
-@mutant("2/11")
+@mutant("shuts-down-for-strangers", "2/11")
 class ShutsDownForStrangers(_ForStrangers):
     """The robot can be shut down without a login."""
 
     names = frozenset({"shutdown"})
 
 
-@mutant("2/11")
+@mutant("settings-for-strangers", "2/11")
 class SettingsForStrangers(ControllerCore):
     """What only changes state is obeyed without a login; only motion and loss are guarded."""
 

@@ -29,42 +29,42 @@ class _OtherOpcode(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("3/11", "3/10")
+@mutant("angles-under-unknown-opcode", "3/11", "3/10")
 class AnglesUnderUnknownOpcode(_OtherOpcode):
     """The joint angles come under the undefined opcode 0x3E."""
 
     opcode, instead = 0x3C, 0x3E
 
 
-@mutant("3/11")
+@mutant("version-under-time", "3/11")
 class VersionUnderTime(_OtherOpcode):
     """The version comes under the opcode of the time."""
 
     opcode, instead = 0x08, 0x07
 
 
-@mutant("3/11")
+@mutant("setter-under-getter", "3/11")
 class SetterUnderGetter(_OtherOpcode):
     """The reply to the gripper centre that was set comes under the opcode that asks for it."""
 
     opcode, instead = 0x35, 0x34
 
 
-@mutant("3/11")
+@mutant("upload-under-download", "3/11")
 class UploadUnderDownload(_OtherOpcode):
     """The reply to the name of an upload comes under the opcode of a download."""
 
     opcode, instead = 0x50, 0x54
 
 
-@mutant("3/11")
+@mutant("deletion-under-default", "3/11")
 class DeletionUnderDefault(_OtherOpcode):
     """The reply to a deletion comes under the opcode next to it."""
 
     opcode, instead = 0x0C, 0x0D
 
 
-@mutant("3/11", "3/31", subtle=True)
+@mutant("opcode-of-the-last-request", "3/11", "3/31", subtle=True)
 class OpcodeOfTheLastRequest(ControllerCore):
     """After two hundred requests, replies bear the opcode of the request before."""
 
@@ -102,7 +102,7 @@ class _Undefined(Mortal, ABC):
             super().handle(session, frame, now_s)
 
 
-@mutant("3/21")
+@mutant("answers-with-error-opcode", "3/21")
 class AnswersWithErrorOpcode(_Undefined):
     """An undefined opcode is answered with the opcode 0xFF."""
 
@@ -111,7 +111,7 @@ class AnswersWithErrorOpcode(_Undefined):
         self.emit(session, Frame(C2A, 0xFF, b"0"))
 
 
-@mutant("3/21")
+@mutant("ignores-high-bit", "3/21")
 class IgnoresHighBit(_Undefined):
     """The highest bit of an opcode is overlooked, so that 0x89 asks for the status."""
 
@@ -122,7 +122,7 @@ class IgnoresHighBit(_Undefined):
             super().handle(session, known, now_s)
 
 
-@mutant("3/21")
+@mutant("jogs-on-cut-opcodes", "3/21")
 class JogsOnCutOpcodes(_Undefined):
     """0x3E to 0x41, which were cut from the document, still jog the arm."""
 
@@ -133,7 +133,7 @@ class JogsOnCutOpcodes(_Undefined):
             self.plant.start(way, now_s)
 
 
-@mutant("3/21")
+@mutant("sets-outputs-on-unknown", "3/21")
 class SetsOutputsOnUnknown(_Undefined):
     """0x45 sets the digital output that its data name."""
 
@@ -143,7 +143,7 @@ class SetsOutputsOnUnknown(_Undefined):
             self.plant.digital_outputs[1] = True
 
 
-@mutant("3/21")
+@mutant("defaults-on-unknown", "3/21")
 class DefaultsOnUnknown(_Undefined):
     """0x02 puts the gripper centre back to what it was when the robot was delivered."""
 
@@ -153,7 +153,7 @@ class DefaultsOnUnknown(_Undefined):
             self.save(gripper_center=(1.0, 1.0, 1.0))
 
 
-@mutant("3/21", subtle=True)
+@mutant("clears-on-unknown", "3/21", subtle=True)
 class ClearsOnUnknown(_Undefined):
     """0x10 leaves no default program."""
 
@@ -163,7 +163,7 @@ class ClearsOnUnknown(_Undefined):
             self.save(default_program=b"")
 
 
-@mutant("3/21", subtle=True)
+@mutant("cancels-on-unknown", "3/21", subtle=True)
 class CancelsOnUnknown(_Undefined):
     """0x51 ends the upload that is open on its connection."""
 
@@ -173,7 +173,7 @@ class CancelsOnUnknown(_Undefined):
             session.transfer = None
 
 
-@mutant("3/21", subtle=True)
+@mutant("stops-on-unknown", "3/21", subtle=True)
 class StopsOnUnknown(_Undefined):
     """0xFF ends what executes."""
 
@@ -185,7 +185,7 @@ class StopsOnUnknown(_Undefined):
             self.send_result(task.request, task.outcome_if_stopped)
 
 
-@mutant("3/21", subtle=True)
+@mutant("switches-off-on-unknown", "3/21", subtle=True)
 class SwitchesOffOnUnknown(_Undefined):
     """0x48 switches every digital output off."""
 
@@ -196,7 +196,7 @@ class SwitchesOffOnUnknown(_Undefined):
                 self.plant.digital_outputs[port] = False
 
 
-@mutant("3/21", subtle=True)
+@mutant("dies-of-high-opcodes", "3/21", subtle=True)
 class DiesOfHighOpcodes(_Undefined):
     """An opcode beyond the table of commands, with 255 bytes of data, ends the program."""
 
@@ -206,7 +206,7 @@ class DiesOfHighOpcodes(_Undefined):
             self.die(now_s)
 
 
-@mutant("3/21")
+@mutant("deaf-after-unknown", "3/21")
 class DeafAfterUnknown(_Undefined):
     """After the undefined opcode 0x13 plus one, nothing on its connection is answered any more."""
 
@@ -219,7 +219,7 @@ class DeafAfterUnknown(_Undefined):
 # Requests without waiting
 
 
-@mutant("3/24", "2/6", "3/31", subtle=True)
+@mutant("loses-third-of-burst", "3/24", "2/6", "3/31", subtle=True)
 class LosesThirdOfBurst(ControllerCore):
     """Of requests that come together the third is never answered."""
 
@@ -227,7 +227,7 @@ class LosesThirdOfBurst(ControllerCore):
         super()._process_items(session, found[:2] + found[3:], now_s)
 
 
-@mutant("3/24", "2/6", subtle=True)
+@mutant("answers-same-once", "3/24", "2/6", subtle=True)
 class AnswersSameOnce(ControllerCore):
     """Of equal requests that come together only one is answered."""
 
@@ -250,7 +250,7 @@ class _Sorts(ControllerCore, ABC):
         super()._process_items(session, sorted(found, key=self.rank), now_s)
 
 
-@mutant("3/30")
+@mutant("last-setting-first", "3/30")
 class LastSettingFirst(ControllerCore):
     """Settings that come together take effect from the last to the first."""
 
@@ -259,7 +259,7 @@ class LastSettingFirst(ControllerCore):
         super()._process_items(session, found[::-1] if turned else found, now_s)
 
 
-@mutant("3/30")
+@mutant("stops-first", "3/30")
 class StopsFirst(_Sorts):
     """Of requests that come together the emergency stop is served first."""
 
@@ -268,7 +268,7 @@ class StopsFirst(_Sorts):
         return 0 if _is(item, 0x32) else 1
 
 
-@mutant("3/30")
+@mutant("queries-last", "3/30")
 class QueriesLast(_Sorts):
     """Of requests that come together those that read are served last."""
 
@@ -277,7 +277,7 @@ class QueriesLast(_Sorts):
         return 1 if _is(item, 0x34) else 0
 
 
-@mutant("3/30", subtle=True)
+@mutant("clock-of-the-first", "3/30", subtle=True)
 class ClockOfTheFirst(ControllerCore):
     """Of times that come together only the first is set, though all are answered with yes."""
 
@@ -293,7 +293,7 @@ class ClockOfTheFirst(ControllerCore):
         return super().set_time(request)
 
 
-@mutant("3/30")
+@mutant("chunks-before-names", "3/30")
 class ChunksBeforeNames(_Sorts):
     """Of requests that come together the chunks are taken before the name of their file."""
 
@@ -318,7 +318,7 @@ class _FallsSilent(ControllerCore, ABC):
             super().handle(session, frame, now_s)
 
 
-@mutant("3/31")
+@mutant("never-tells-temperatures", "3/31")
 class NeverTellsTemperatures(_FallsSilent):
     """The motor temperatures are never told."""
 
@@ -344,7 +344,7 @@ class _Counts(_FallsSilent, ABC):
         """Whether this one is lost."""
 
 
-@mutant("3/31", subtle=True)
+@mutant("thousand-requests", "3/31", subtle=True)
 class ThousandRequests(_Counts):
     """After a thousand requests a connection is not served any more."""
 
@@ -353,7 +353,7 @@ class ThousandRequests(_Counts):
         return number > 1000
 
 
-@mutant("3/31", subtle=True)
+@mutant("loses-one-in-seven-hundred", "3/31", subtle=True)
 class LosesOneInSevenHundred(_Counts):
     """Every seven-hundredth request of a connection is lost."""
 
@@ -362,7 +362,7 @@ class LosesOneInSevenHundred(_Counts):
         return number % 700 == 0
 
 
-@mutant("3/31", subtle=True)
+@mutant("loses-request-behind-refusals", "3/31", subtle=True)
 class LosesRequestBehindRefusals(_FallsSilent):
     """Behind thirty refused downloads on a connection nothing is answered."""
 
@@ -383,7 +383,7 @@ class LosesRequestBehindRefusals(_FallsSilent):
         return self._refused.get(session, 0) >= 30
 
 
-@mutant("3/31", "5.2/2", subtle=True)
+@mutant("twenty-file-handles", "3/31", "5.2/2", subtle=True)
 class TwentyFileHandles(ControllerCore):
     """Each upload keeps a file open; after twenty no further one is taken."""
 
@@ -397,7 +397,7 @@ class TwentyFileHandles(ControllerCore):
         return self._opened <= 20 and super().upload_name(request)
 
 
-@mutant("3/31")
+@mutant("answers-after-six-seconds", "3/31")
 class AnswersAfterSixSeconds(SendsLater):
     """The analog value comes after six seconds."""
 
@@ -414,7 +414,7 @@ class AnswersAfterSixSeconds(SendsLater):
             super().emit(session, frame)
 
 
-@mutant("3/31", subtle=True)
+@mutant("takes-equals-for-repetition", "3/31", subtle=True)
 class TakesEqualsForRepetition(_FallsSilent):
     """A request that equals the one before on its connection is taken for its repetition."""
 

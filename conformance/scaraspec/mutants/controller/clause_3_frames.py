@@ -14,7 +14,7 @@ from scaraspec.virtual_controller.session import Action, Carrier, Request, Sessi
 # Layout
 
 
-@mutant("3/1", "3/7")
+@mutant("swaps-opcode-and-length", "3/1", "3/7")
 class SwapsOpcodeAndLength(AltersBytes):
     """In the reply with the version the length byte stands in front of the opcode."""
 
@@ -23,7 +23,7 @@ class SwapsOpcodeAndLength(AltersBytes):
         return data[:1] + data[2:0:-1] + data[3:] if data[1] == 0x08 else data
 
 
-@mutant("3/1", "3/5")
+@mutant("leaves-the-end-away", "3/1", "3/5")
 class LeavesTheEndAway(AltersBytes):
     """The reply with the version has no end byte."""
 
@@ -32,7 +32,7 @@ class LeavesTheEndAway(AltersBytes):
         return data[:-1] if data[1] == 0x08 else data
 
 
-@mutant("3/4")
+@mutant("starts-like-client", "3/4")
 class StartsLikeClient(AltersBytes):
     """The reply with the digital inputs begins with 0xAA."""
 
@@ -41,7 +41,7 @@ class StartsLikeClient(AltersBytes):
         return b"\xaa" + data[1:] if data[1] == 0x42 else data
 
 
-@mutant("3/4", "3/5")
+@mutant("speaks-like-client", "3/4", "3/5")
 class SpeaksLikeClient(AltersBytes):
     """All frames but the login's begin with 0xAA and end with 0xCC."""
 
@@ -50,7 +50,7 @@ class SpeaksLikeClient(AltersBytes):
         return data if data[1] == 0x01 else b"\xaa" + data[1:-1] + b"\xcc"
 
 
-@mutant("3/5")
+@mutant("ends-like-client", "3/5")
 class EndsLikeClient(AltersBytes):
     """The reply with the tool coordinates ends with 0xCC."""
 
@@ -59,7 +59,7 @@ class EndsLikeClient(AltersBytes):
         return data[:-1] + b"\xcc" if data[1] == 0x38 else data
 
 
-@mutant("3/5", subtle=True)
+@mutant("ends-long-frames-with-zero", "3/5", subtle=True)
 class EndsLongFramesWithZero(AltersBytes):
     """Frames of more than 200 bytes end with 0x00."""
 
@@ -86,7 +86,7 @@ class _OtherLength(AltersBytes, ABC):
         return data[:head] + self.length(data[head - 1], data[head]) + data[head + 1 :]
 
 
-@mutant("3/6", subtle=True)
+@mutant("length-of-two-bytes", "3/6", subtle=True)
 class LengthOfTwoBytes(_OtherLength):
     """A length from 128 on takes two bytes, as in other protocols."""
 
@@ -97,7 +97,7 @@ class LengthOfTwoBytes(_OtherLength):
         return bytes((size_bytes & 0x7F | 0x80, size_bytes >> 7))
 
 
-@mutant("3/6")
+@mutant("length-in-digits", "3/6")
 class LengthInDigits(_OtherLength):
     """The length of the network settings is sent in ASCII digits."""
 
@@ -106,7 +106,7 @@ class LengthInDigits(_OtherLength):
         return b"%d" % size_bytes if opcode == 0x04 else bytes((size_bytes,))
 
 
-@mutant("3/7")
+@mutant("counts-whole-frame", "3/7")
 class CountsWholeFrame(_OtherLength):
     """The length counts start, opcode, length and end too."""
 
@@ -115,7 +115,7 @@ class CountsWholeFrame(_OtherLength):
         return bytes((min(size_bytes + 4, 255),))
 
 
-@mutant("3/7")
+@mutant("counts-end-byte", "3/7")
 class CountsEndByte(_OtherLength):
     """The length of the joint angles counts the end byte."""
 
@@ -124,7 +124,7 @@ class CountsEndByte(_OtherLength):
         return bytes((size_bytes + (opcode == 0x3C),))
 
 
-@mutant("3/7")
+@mutant("copies-printed-length", "3/7")
 class CopiesPrintedLength(_OtherLength):
     """The length of the digital outputs is 3, as printed."""
 
@@ -133,7 +133,7 @@ class CopiesPrintedLength(_OtherLength):
         return bytes((3 if opcode == 0x49 else size_bytes,))
 
 
-@mutant("3/8")
+@mutant("pads-nothing", "3/8")
 class PadsNothing(AltersBytes):
     """A reply without data has a zero behind its length all the same."""
 
@@ -142,7 +142,7 @@ class PadsNothing(AltersBytes):
         return data[:3] + b"\0" + data[3:] if data[2] == 0 else data
 
 
-@mutant("3/6", "3/9", subtle=True)
+@mutant("takes-lengths-for-signed", "3/6", "3/9", subtle=True)
 class TakesLengthsForSigned(ControllerCore):
     """Of a frame with more than 127 bytes of data the data are taken for frames."""
 
@@ -153,7 +153,7 @@ class TakesLengthsForSigned(ControllerCore):
         return super().receive(connection, data, now_s)
 
 
-@mutant("3/6", subtle=True)
+@mutant("loses-step-at255", "3/6", subtle=True)
 class LosesStepAt255(ControllerCore):
     """Behind a frame with 255 bytes of data the next one is answered wrongly."""
 
@@ -188,14 +188,14 @@ class _EndsAtMark(RequestFramer):
         return found
 
 
-@mutant("3/9")
+@mutant("ends-at-first-end-byte", "3/9")
 class EndsAtFirstEndByte(OtherFramer):
     """A frame ends at the first 0xCC, whatever its length says."""
 
     framer = _EndsAtMark
 
 
-@mutant("3/9", subtle=True)
+@mutant("begins-anew-at-start-byte", "3/9", subtle=True)
 class BeginsAnewAtStartByte(ControllerCore):
     """In data of more than 50 bytes, 0xAA begins a frame anew."""
 
@@ -204,7 +204,7 @@ class BeginsAnewAtStartByte(ControllerCore):
         return super().receive(connection, data[max(data.rfind(b"\xaa", 0, -50), 0) :], now_s)
 
 
-@mutant("3/9", subtle=True)
+@mutant("names-end-at-end-byte", "3/9", subtle=True)
 class NamesEndAtEndByte(ControllerCore):
     """A frame with a name is searched for more frames behind a 0xCC in the name."""
 
@@ -216,7 +216,7 @@ class NamesEndAtEndByte(ControllerCore):
         return actions
 
 
-@mutant("3/9", subtle=True)
+@mutant("escapes-marks", "3/9", subtle=True)
 class EscapesMarks(ControllerCore):
     """In what is received, 0xCC 0xAA is taken for one escaped 0xAA."""
 
@@ -234,7 +234,7 @@ class EscapesMarks(ControllerCore):
 # What is sent besides
 
 
-@mutant("3/10")
+@mutant("analog-under-unknown-opcode", "3/10")
 class AnalogUnderUnknownOpcode(ControllerCore):
     """A frame with the undefined opcode 0x45 comes with every analog value."""
 
@@ -245,7 +245,7 @@ class AnalogUnderUnknownOpcode(ControllerCore):
             super().emit(session, frame._replace(opcode=0x45))
 
 
-@mutant("3/26", "3/10")
+@mutant("beats-like-heart", "3/26", "3/10")
 class BeatsLikeHeart(SendsLater):
     """Half a second after every reply a frame with the opcode 0xFE says that it is alive."""
 
@@ -260,7 +260,7 @@ class BeatsLikeHeart(SendsLater):
         super().handle(session, frame, now_s)
 
 
-@mutant("3/26", "3/16")
+@mutant("announces-itself", "3/26", "3/16")
 class AnnouncesItself(ControllerCore):
     """A client that has logged in is told the result of the reset at power-on."""
 
@@ -270,7 +270,7 @@ class AnnouncesItself(ControllerCore):
         return super().login(request)
 
 
-@mutant("3/32", "3/26")
+@mutant("greets-in-words", "3/32", "3/26")
 class GreetsInWords(ControllerCore):
     """A client that connects is greeted with a line of text."""
 
@@ -279,7 +279,7 @@ class GreetsInWords(ControllerCore):
         self.transmit(self.sessions[connection], b"UISR4200S ready\r\n")
 
 
-@mutant("3/32")
+@mutant("ends-lines", "3/32")
 class EndsLines(AltersBytes):
     """A line end follows each reply with the version."""
 
@@ -288,7 +288,7 @@ class EndsLines(AltersBytes):
         return data + b"\r\n" if data[1] == 0x08 else data
 
 
-@mutant("3/32")
+@mutant("fills-up-frames", "3/32")
 class FillsUpFrames(AltersBytes):
     """Replies with the network settings are filled up with zeros to 64 bytes."""
 
@@ -297,7 +297,7 @@ class FillsUpFrames(AltersBytes):
         return data.ljust(64, b"\0") if data[1] == 0x04 else data
 
 
-@mutant("3/32")
+@mutant("sends-checksums", "3/32")
 class SendsChecksums(AltersBytes):
     """A checksum follows each frame but the login's."""
 

@@ -14,7 +14,7 @@ from scaraspec.virtual_controller.session import Request, Session
 # The tag
 
 
-@mutant("3/12", "3/14")
+@mutant("forgets-the-tag", "3/12", "3/14")
 class ForgetsTheTag(ControllerCore):
     """Final results come without the tag."""
 
@@ -23,7 +23,7 @@ class ForgetsTheTag(ControllerCore):
         super().emit(session, frame._replace(tagged=False))
 
 
-@mutant("3/12", "3/14")
+@mutant("forgets-the-tag-of-moves", "3/12", "3/14")
 class ForgetsTheTagOfMoves(ControllerCore):
     """The final result of a move comes without the tag."""
 
@@ -32,7 +32,7 @@ class ForgetsTheTagOfMoves(ControllerCore):
         super().emit(session, frame._replace(tagged=frame.tagged and frame.opcode != 0x39))
 
 
-@mutant("3/12", "3/14")
+@mutant("forgets-the-tag-of-release", "3/12", "3/14")
 class ForgetsTheTagOfRelease(ControllerCore):
     """The final result of releasing the joints comes without the tag."""
 
@@ -41,7 +41,7 @@ class ForgetsTheTagOfRelease(ControllerCore):
         super().emit(session, frame._replace(tagged=frame.tagged and frame.opcode != 0x3A))
 
 
-@mutant("3/12")
+@mutant("tag-behind-the-opcode", "3/12")
 class TagBehindTheOpcode(AltersBytes):
     """The tag stands behind the opcode of a final result."""
 
@@ -50,7 +50,7 @@ class TagBehindTheOpcode(AltersBytes):
         return data[:1] + data[2:0:-1] + data[3:] if data[1] == 0x90 else data
 
 
-@mutant("3/12")
+@mutant("another-tag", "3/12")
 class AnotherTag(AltersBytes):
     """The tag of a final result is 0x91."""
 
@@ -59,7 +59,7 @@ class AnotherTag(AltersBytes):
         return data[:1] + b"\x91" + data[2:] if data[1] == 0x90 else data
 
 
-@mutant("3/14")
+@mutant("tags-the-outputs", "3/14")
 class TagsTheOutputs(ControllerCore):
     """The digital outputs come behind the tag of final results."""
 
@@ -71,7 +71,7 @@ class TagsTheOutputs(ControllerCore):
 # The order of reply and result
 
 
-@mutant("3/16")
+@mutant("locks-before-it-answers", "3/16")
 class LocksBeforeItAnswers(ControllerCore):
     """The result of locking the joints is sent ahead of the first reply."""
 
@@ -82,7 +82,7 @@ class LocksBeforeItAnswers(ControllerCore):
             self._send_deferred()
 
 
-@mutant("3/16")
+@mutant("stops-before-it-answers", "3/16")
 class StopsBeforeItAnswers(ControllerCore):
     """The result of an emergency stop is sent ahead of its first reply."""
 
@@ -116,14 +116,14 @@ class _ResultOfRefusals(SendsLater):
             self.send_at(self._now_s + self.late_s, session, result)
 
 
-@mutant("3/17")
+@mutant("refusals-have-results", "3/17")
 class RefusalsHaveResults(_ResultOfRefusals):
     """A run that was refused ends with a failure at once."""
 
     opcodes = frozenset({0x30})
 
 
-@mutant("3/17")
+@mutant("far-moves-have-results", "3/17")
 class FarMovesHaveResults(_ResultOfRefusals):
     """A move that was refused ends with a failure a moment later."""
 
@@ -131,7 +131,7 @@ class FarMovesHaveResults(_ResultOfRefusals):
     late_s = 0.3
 
 
-@mutant("3/17")
+@mutant("needless-stops-have-results", "3/17")
 class NeedlessStopsHaveResults(_ResultOfRefusals):
     """An emergency stop that nothing needed has a result."""
 
@@ -139,7 +139,7 @@ class NeedlessStopsHaveResults(_ResultOfRefusals):
     late_s = 0.1
 
 
-@mutant("3/17", subtle=True)
+@mutant("busy-refusals-have-results", "3/17", subtle=True)
 class BusyRefusalsHaveResults(_ResultOfRefusals):
     """The joints, which are not locked while a program runs, tell a moment later that they are."""
 
@@ -150,7 +150,7 @@ class BusyRefusalsHaveResults(_ResultOfRefusals):
 # One result
 
 
-@mutant("3/18", "4.16/3")
+@mutant("simulations-have-no-result", "3/18", "4.16/3")
 class SimulationsHaveNoResult(ControllerCore):
     """A simulation ends without a final result."""
 
@@ -185,7 +185,7 @@ class _Repeats(SendsLater, ABC):
             self.send_at(self._now_s + self.late_s, session, frame)
 
 
-@mutant("3/18")
+@mutant("resets-end-twice", "3/18")
 class ResetsEndTwice(_Repeats):
     """The result of a reset is sent twice."""
 
@@ -194,7 +194,7 @@ class ResetsEndTwice(_Repeats):
         return frame.opcode == 0x33
 
 
-@mutant("3/18")
+@mutant("locks-end-twice", "3/18")
 class LocksEndTwice(_Repeats):
     """The result of locking the joints is sent again a quarter of a second later."""
 
@@ -205,7 +205,7 @@ class LocksEndTwice(_Repeats):
         return frame.opcode == 0x3B
 
 
-@mutant("3/18", subtle=True)
+@mutant("tenth-run-ends-twice", "3/18", subtle=True)
 class TenthRunEndsTwice(_Repeats):
     """The result of every tenth run is sent twice."""
 
@@ -219,7 +219,7 @@ class TenthRunEndsTwice(_Repeats):
         return frame.opcode == 0x30 and self._runs % 10 == 0
 
 
-@mutant("3/18", "4.15/5", "4.24/6", subtle=True)
+@mutant("result-for-the-newest", "3/18", "4.15/5", "4.24/6", subtle=True)
 class ResultForTheNewest(ControllerCore):
     """Final results go to the client that connected last."""
 

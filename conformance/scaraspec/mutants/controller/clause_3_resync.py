@@ -14,7 +14,7 @@ from scaraspec.virtual_controller.session import Action, Carrier, Session
 # Stray bytes
 
 
-@mutant("3/19")
+@mutant("dies-of-stray-bytes", "3/19")
 class DiesOfStrayBytes(Skips):
     """Bytes ahead of a start byte end the program."""
 
@@ -24,7 +24,7 @@ class DiesOfStrayBytes(Skips):
             self.die(now_s)
 
 
-@mutant("3/19", subtle=True)
+@mutant("dies-of-much-garbage", "3/19", subtle=True)
 class DiesOfMuchGarbage(Skips):
     """More than 4096 stray bytes at once end the program."""
 
@@ -34,7 +34,7 @@ class DiesOfMuchGarbage(Skips):
             self.die(now_s)
 
 
-@mutant("3/19")
+@mutant("dies-of-zeros", "3/19")
 class DiesOfZeros(Skips):
     """A hundred zeros end the program."""
 
@@ -44,7 +44,7 @@ class DiesOfZeros(Skips):
             self.die(now_s)
 
 
-@mutant("3/20", subtle=True)
+@mutant("restarts-at-wrong-end", "3/20", subtle=True)
 class RestartsAtWrongEnd(Skips):
     """A wrong end byte ends the program, which is started anew at once: every client is cut off."""
 
@@ -72,14 +72,14 @@ class _Deaf(RequestFramer):
         return found
 
 
-@mutant("3/19", "3/31")
+@mutant("deaf-after-stray-bytes", "3/19", "3/31")
 class DeafAfterStrayBytes(OtherFramer):
     """After stray bytes nothing is heard any more on a connection, which stays open."""
 
     framer = _Deaf
 
 
-@mutant("3/19")
+@mutant("answers-stray-bytes", "3/19")
 class AnswersStrayBytes(Skips):
     """Stray bytes are answered as a login that failed."""
 
@@ -89,7 +89,7 @@ class AnswersStrayBytes(Skips):
             self.emit(session, Frame(C2A, 0x01, b"0"))
 
 
-@mutant("3/19", "3/20", "3/10")
+@mutant("says-nak", "3/19", "3/20", "3/10")
 class SaysNak(Skips):
     """Bytes that are no frame are answered with a frame of the opcode 0x15."""
 
@@ -101,7 +101,7 @@ class SaysNak(Skips):
 # Spoilt frames
 
 
-@mutant("3/20")
+@mutant("dies-of-wrong-ends", "3/20")
 class DiesOfWrongEnds(Skips):
     """A wrong end byte ends the program."""
 
@@ -111,7 +111,7 @@ class DiesOfWrongEnds(Skips):
             self.die(now_s)
 
 
-@mutant("3/20", subtle=True)
+@mutant("dies-of-swapped-end", "3/20", subtle=True)
 class DiesOfSwappedEnd(Skips):
     """An end byte of 0xEC, a digit of which is wrong, ends the program."""
 
@@ -126,14 +126,14 @@ class _DeafAfterBadEnd(_Deaf):
         return item.why is SkipReason.BAD_END
 
 
-@mutant("3/20", "3/31")
+@mutant("deaf-after-wrong-ends", "3/20", "3/31")
 class DeafAfterWrongEnds(OtherFramer):
     """After a wrong end byte nothing is heard any more on a connection, which stays open."""
 
     framer = _DeafAfterBadEnd
 
 
-@mutant("3/20", subtle=True)
+@mutant("hundred-wrong-frames", "3/20", subtle=True)
 class HundredWrongFrames(Skips):
     """After a hundred spoilt frames, on whatever connections, nobody is served any more."""
 
@@ -148,7 +148,7 @@ class HundredWrongFrames(Skips):
             self.die(now_s)
 
 
-@mutant("3/20")
+@mutant("dies-of-client-tags", "3/20")
 class DiesOfClientTags(Mortal):
     """A tag from a client ends the program."""
 
@@ -159,7 +159,7 @@ class DiesOfClientTags(Mortal):
         return super().receive(connection, data, now_s)
 
 
-@mutant("3/20")
+@mutant("answers-with-next-opcode", "3/20")
 class AnswersWithNextOpcode(Skips):
     """A spoilt frame is answered under the opcode of another command."""
 
@@ -169,7 +169,7 @@ class AnswersWithNextOpcode(Skips):
             self.emit(session, Frame(C2A, 0x0B, b"0"))
 
 
-@mutant("3/20")
+@mutant("dies-of-lengths-in-digits", "3/20")
 class DiesOfLengthsInDigits(Mortal):
     """A frame that is shorter than its length of 0x30 says ends the program."""
 
@@ -180,7 +180,7 @@ class DiesOfLengthsInDigits(Mortal):
         return super().receive(connection, data, now_s)
 
 
-@mutant("3/20", subtle=True)
+@mutant("dies-of-truncation", "3/20", subtle=True)
 class DiesOfTruncation(Mortal):
     """A frame that is cut behind its fifth byte, and followed by another, ends the program."""
 
@@ -197,7 +197,7 @@ class DiesOfTruncation(Mortal):
         return super().receive(connection, data, now_s)
 
 
-@mutant("3/20", subtle=True)
+@mutant("dies-of-frame-in-frame", "3/20", subtle=True)
 class DiesOfFrameInFrame(Mortal):
     """A whole frame inside of a spoilt one ends the program."""
 
@@ -209,7 +209,7 @@ class DiesOfFrameInFrame(Mortal):
         return super().receive(connection, data, now_s)
 
 
-@mutant("3/20")
+@mutant("dies-of-lengths-that-count-all", "3/20")
 class DiesOfLengthsThatCountAll(Mortal):
     """A length that counts the whole frame makes the program wait for ever, with all clients."""
 
@@ -220,7 +220,7 @@ class DiesOfLengthsThatCountAll(Mortal):
         return super().receive(connection, data, now_s)
 
 
-@mutant("3/20")
+@mutant("dies-of-printed-lengths", "3/20")
 class DiesOfPrintedLengths(Skips):
     """A request for a download with the length that the document prints ends the program."""
 
@@ -233,7 +233,7 @@ class DiesOfPrintedLengths(Skips):
 # The other direction
 
 
-@mutant("3/23")
+@mutant("dies-of-its-own-form", "3/23")
 class DiesOfItsOwnForm(Mortal):
     """A frame in the controller's own form ends the program."""
 
@@ -244,7 +244,7 @@ class DiesOfItsOwnForm(Mortal):
         return super().receive(connection, data, now_s)
 
 
-@mutant("3/23", "3/32")
+@mutant("answers-in-the-other-form", "3/23", "3/32")
 class AnswersInTheOtherForm(ControllerCore):
     """A frame in the controller's own form is answered in the client's."""
 
@@ -256,7 +256,7 @@ class AnswersInTheOtherForm(ControllerCore):
         return super().receive(connection, data, now_s)
 
 
-@mutant("3/23")
+@mutant("takes-replies-for-requests", "3/23")
 class TakesRepliesForRequests(ControllerCore):
     """A frame in the controller's own form is answered with the network settings."""
 
@@ -270,7 +270,7 @@ class TakesRepliesForRequests(ControllerCore):
 # Frames that stop
 
 
-@mutant("3/29", subtle=True)
+@mutant("half-frames-block-all", "3/29", subtle=True)
 class HalfFramesBlockAll(ControllerCore):
     """While one client is in the middle of a frame, the others are not heard."""
 
@@ -287,7 +287,7 @@ class _Patient(RequestFramer):
         super().__init__(dialect.replace(partial_timeout="none"))
 
 
-@mutant("3/29", subtle=True)
+@mutant("half-frames-go-on", "3/29", subtle=True)
 class HalfFramesGoOn(OtherFramer):
     """What the last client has half sent stays in the buffer of the next one, for ever."""
 
@@ -309,7 +309,7 @@ class HalfFramesGoOn(OtherFramer):
             self.sessions[connection].framer, self._left = self._left, None
 
 
-@mutant("3/29", subtle=True)
+@mutant("dies-of-cut-frames", "3/29", subtle=True)
 class DiesOfCutFrames(Mortal):
     """A connection that ends in the data of a frame ends the program."""
 
@@ -324,7 +324,7 @@ class DiesOfCutFrames(Mortal):
         return actions
 
 
-@mutant("3/29")
+@mutant("dies-of-silence", "3/29")
 class DiesOfSilence(Skips):
     """When the rest of a frame does not come in time, the program ends."""
 
@@ -334,7 +334,7 @@ class DiesOfSilence(Skips):
             self.die(now_s)
 
 
-@mutant("3/29", subtle=True)
+@mutant("three-half-frames", "3/29", subtle=True)
 class ThreeHalfFrames(ControllerCore):
     """While three clients are in the middle of a frame, no new one is served."""
 

@@ -22,7 +22,7 @@ def _is_first_reply(frame: Frame) -> bool:
 # ---------------------------------------------------------------------- first replies
 
 
-@mutant("4/1")
+@mutant("says-eleven-first", "4/1")
 class SaysElevenFirst(ControllerCore):
     """The first reply of acceptance has the form of the final result."""
 
@@ -33,7 +33,7 @@ class SaysElevenFirst(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4/1")
+@mutant("says-ok", "4/1")
 class SaysOk(ControllerCore):
     """A lock is accepted with a word."""
 
@@ -44,7 +44,7 @@ class SaysOk(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4/1")
+@mutant("refuses-without-reason", "4/1")
 class RefusesWithoutReason(ControllerCore):
     """A refusal is a bare 0, without its code."""
 
@@ -55,7 +55,7 @@ class RefusesWithoutReason(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4/1")
+@mutant("refuses-without-bar", "4/1")
 class RefusesWithoutBar(ControllerCore):
     """A refusal has no bar between the flag and the code."""
 
@@ -66,7 +66,7 @@ class RefusesWithoutBar(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4/1")
+@mutant("refuses-in-form-of-result", "4/1")
 class RefusesInFormOfResult(ControllerCore):
     """A refusal has the form of a failed final result."""
 
@@ -77,7 +77,7 @@ class RefusesInFormOfResult(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4/4", "8/2")
+@mutant("refuses-with-unlisted-code", "4/4", "8/2")
 class RefusesWithUnlistedCode(ControllerCore):
     """A missing program is refused with 32, which is 20 in hexadecimal taken for a number."""
 
@@ -88,7 +88,7 @@ class RefusesWithUnlistedCode(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4/4", subtle=True)
+@mutant("blames-the-wrong-motor", "4/4", subtle=True)
 class BlamesTheWrongMotor(ControllerCore):
     """A fault of the inner arm's motor refuses commands with the outer arm's code."""
 
@@ -99,7 +99,7 @@ class BlamesTheWrongMotor(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4/4")
+@mutant("overlooks-position-fault", "4/4")
 class OverlooksPositionFault(ControllerCore):
     """A robot with the fault 05 still accepts a jog."""
 
@@ -108,7 +108,7 @@ class OverlooksPositionFault(ControllerCore):
         return ACCEPTED if self.plant.fault_code == "05" else super().jog(request)
 
 
-@mutant("4/4")
+@mutant("overlooks-angle-fault", "4/4")
 class OverlooksAngleFault(ControllerCore):
     """A robot with the fault 06 still accepts a move."""
 
@@ -119,7 +119,7 @@ class OverlooksAngleFault(ControllerCore):
         return super().set_tool_coordinates(request)
 
 
-@mutant("4/14")
+@mutant("answers-run-at-its-end", "4/14")
 class AnswersRunAtItsEnd(ControllerCore):
     """The first reply to a run comes together with its final result."""
 
@@ -132,7 +132,7 @@ class AnswersRunAtItsEnd(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4/14")
+@mutant("answers-simulation-at-its-end", "4/14")
 class AnswersSimulationAtItsEnd(ControllerCore):
     """The first reply to a simulation comes together with its final result."""
 
@@ -145,7 +145,7 @@ class AnswersSimulationAtItsEnd(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4/14")
+@mutant("answers-move-at-its-end", "4/14")
 class AnswersMoveAtItsEnd(ControllerCore):
     """The first reply to a move comes together with its final result."""
 
@@ -158,7 +158,7 @@ class AnswersMoveAtItsEnd(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4/14")
+@mutant("answers-reset-at-its-end", "4/14")
 class AnswersResetAtItsEnd(ControllerCore):
     """The first reply to a reset comes together with its final result."""
 
@@ -174,7 +174,7 @@ class AnswersResetAtItsEnd(ControllerCore):
 # ---------------------------------------------------------------------- final results
 
 
-@mutant("4/2")
+@mutant("ends-with-one", "4/2")
 class EndsWithOne(ControllerCore):
     """A final result that tells of success has one digit."""
 
@@ -185,7 +185,7 @@ class EndsWithOne(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4/2")
+@mutant("ends-with-code", "4/2")
 class EndsWithCode(ControllerCore):
     """A final result that tells of success bears a code too."""
 
@@ -196,7 +196,7 @@ class EndsWithCode(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4/2")
+@mutant("locks-with-one", "4/2")
 class LocksWithOne(ControllerCore):
     """Of all commands the lock alone ends with one digit."""
 
@@ -207,7 +207,7 @@ class LocksWithOne(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4/2", subtle=True)
+@mutant("loses-results-in-transfers", "4/2", subtle=True)
 class LosesResultsInTransfers(ControllerCore):
     """What ends while its client sends a file or fetches one is never told."""
 
@@ -217,7 +217,7 @@ class LosesResultsInTransfers(ControllerCore):
             super().send_result(request, outcome)
 
 
-@mutant("4/3")
+@mutant("fails-without-code", "4/3")
 class FailsWithoutCode(ControllerCore):
     """A failed final result has no code."""
 
@@ -228,7 +228,7 @@ class FailsWithoutCode(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4/3")
+@mutant("fails-of-four-bytes", "4/3")
 class FailsOfFourBytes(ControllerCore):
     """A failed final result has the form of a refusal."""
 
@@ -239,7 +239,7 @@ class FailsOfFourBytes(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4/3", "4.15/6")
+@mutant("fault-ends-as-done", "4/3", "4.15/6")
 class FaultEndsAsDone(ControllerCore):
     """A run during which a motor fails is said to be done."""
 
@@ -250,7 +250,7 @@ class FaultEndsAsDone(ControllerCore):
         super().send_result(request, outcome)
 
 
-@mutant("4/5", "8/2")
+@mutant("fails-with-unlisted-code", "4/5", "8/2")
 class FailsWithUnlistedCode(ControllerCore):
     """What a stop interrupts fails with a code that table 8-1 does not have."""
 
@@ -261,7 +261,7 @@ class FailsWithUnlistedCode(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4/5")
+@mutant("fails-with-mirrored-code", "4/5")
 class FailsWithMirroredCode(ControllerCore):
     """A failed final result names the motors in the order of another bit mask."""
 
@@ -272,7 +272,7 @@ class FailsWithMirroredCode(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("3/16", "4/1")
+@mutant("ends-before-it-begins", "3/16", "4/1")
 class EndsBeforeItBegins(ControllerCore):
     """A lock's final result comes ahead of its first reply."""
 
@@ -285,7 +285,7 @@ class EndsBeforeItBegins(ControllerCore):
         self.emit(request.session, Frame(C2A, request.frame.opcode, data, tagged=True))
 
 
-@mutant("3/17")
+@mutant("ends-what-it-refused", "3/17")
 class EndsWhatItRefused(ControllerCore):
     """A refused run is followed by a failed final result."""
 
@@ -297,7 +297,7 @@ class EndsWhatItRefused(ControllerCore):
         return answer
 
 
-@mutant("3/17")
+@mutant("ends-stop-that-was-not-needed", "3/17")
 class EndsStopThatWasNotNeeded(ControllerCore):
     """A stop of an idle robot is answered 0, and then 11."""
 
@@ -309,7 +309,7 @@ class EndsStopThatWasNotNeeded(ControllerCore):
         return answer
 
 
-@mutant("3/18")
+@mutant("ends-twice", "3/18")
 class EndsTwice(ControllerCore):
     """The final result of a simulation is sent twice."""
 
@@ -320,7 +320,7 @@ class EndsTwice(ControllerCore):
             super().send_result(request, outcome)
 
 
-@mutant("3/18", subtle=True)
+@mutant("repeats-the-last-result", "3/18", subtle=True)
 class RepeatsTheLastResult(ControllerCore):
     """The reply to the first query behind a run's result is followed by that result again."""
 
@@ -336,7 +336,7 @@ class RepeatsTheLastResult(ControllerCore):
             self._kept = frame
 
 
-@mutant("3/18", "4.15/5", subtle=True)
+@mutant("forgets-the-fortieth-result", "3/18", "4.15/5", subtle=True)
 class ForgetsTheFortiethResult(ControllerCore):
     """The fortieth run has no final result."""
 
@@ -351,7 +351,7 @@ class ForgetsTheFortiethResult(ControllerCore):
             self._ended += 1
 
 
-@mutant("3/18", "4.15/5", subtle=True)
+@mutant("loses-result-between-replies", "3/18", "4.15/5", subtle=True)
 class LosesResultBetweenReplies(ControllerCore):
     """A run that ends less than a tenth of a second behind a query has no final result."""
 
@@ -392,42 +392,42 @@ class _Forgetful(ControllerCore):
         super()._reply(session, command, frame, answer)
 
 
-@mutant("4/6")
+@mutant("moves-during-run", "4/6")
 class MovesDuringRun(_Forgetful):
     """A move is accepted while a program runs."""
 
     forgets, meanwhile = "set_tool_coordinates", "run_program"
 
 
-@mutant("4/6")
+@mutant("runs-during-simulation", "4/6")
 class RunsDuringSimulation(_Forgetful):
     """A run is accepted while a program is simulated."""
 
     forgets, meanwhile = "run_program", "simulate_program"
 
 
-@mutant("4/6")
+@mutant("locks-during-move", "4/6")
 class LocksDuringMove(_Forgetful):
     """A lock is accepted while the arm moves."""
 
     forgets, meanwhile = "lock_joints", "set_tool_coordinates"
 
 
-@mutant("4/6")
+@mutant("moves-during-reset", "4/6")
 class MovesDuringReset(_Forgetful):
     """A move is accepted while the robot resets."""
 
     forgets, meanwhile = "set_tool_coordinates", "reset"
 
 
-@mutant("4/6")
+@mutant("simulates-during-jog", "4/6")
 class SimulatesDuringJog(_Forgetful):
     """A simulation is accepted during a jog."""
 
     forgets, meanwhile = "simulate_program", "jog"
 
 
-@mutant("4/6")
+@mutant("starts-later", "4/6")
 class StartsLater(ControllerCore):
     """A busy robot says nothing to a move, and begins it once it is free."""
 
@@ -438,7 +438,7 @@ class StartsLater(ControllerCore):
         return super()._defer_while_busy(session, command, frame)
 
 
-@mutant("4/6", subtle=True)
+@mutant("moves-after-refusal", "4/6", subtle=True)
 class MovesAfterRefusal(ControllerCore):
     """A move that a running program has kept from is made behind it, without a word."""
 
@@ -462,7 +462,7 @@ class MovesAfterRefusal(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4/6", subtle=True)
+@mutant("other-clients-may-move", "4/6", subtle=True)
 class OtherClientsMayMove(ControllerCore):
     """Whether the robot is busy is asked for each connection, not for the robot."""
 
@@ -475,7 +475,7 @@ class OtherClientsMayMove(ControllerCore):
         return super().lock_joints(request)
 
 
-@mutant("4/15")
+@mutant("busy-is-always-one", "4/15")
 class BusyIsAlwaysOne(ControllerCore):
     """Every busy refusal bears 01, whatever executes."""
 
@@ -486,7 +486,7 @@ class BusyIsAlwaysOne(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4/15")
+@mutant("busy-is-always-moving", "4/15")
 class BusyIsAlwaysMoving(ControllerCore):
     """A busy refusal during a run bears 04."""
 
@@ -497,7 +497,7 @@ class BusyIsAlwaysMoving(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4/15", "4.15/4", subtle=True)
+@mutant("busy-after-refusal", "4/15", "4.15/4", subtle=True)
 class BusyAfterRefusal(ControllerCore):
     """A robot that has refused a missing program refuses the next run as busy."""
 
@@ -513,7 +513,7 @@ class BusyAfterRefusal(ControllerCore):
         return answer
 
 
-@mutant("4/15", "4.15/4", subtle=True)
+@mutant("busy-after-lost-client", "4/15", "4.15/4", subtle=True)
 class BusyAfterLostClient(ControllerCore):
     """A program whose client was lost leaves the robot busy for runs."""
 
@@ -533,7 +533,7 @@ class BusyAfterLostClient(ControllerCore):
         return super().run_program(request)
 
 
-@mutant("4/15", "4.15/5", subtle=True)
+@mutant("tires-after-forty-runs", "4/15", "4.15/5", subtle=True)
 class TiresAfterFortyRuns(ControllerCore):
     """After forty runs every further one is refused as busy."""
 
@@ -550,7 +550,7 @@ class TiresAfterFortyRuns(ControllerCore):
 # ---------------------------------------------------------------------- the status
 
 
-@mutant("4/7", subtle=True)
+@mutant("status-lags", "4/7", subtle=True)
 class StatusLags(ControllerCore):
     """The first status behind a final result is still that of the command which has ended."""
 
@@ -570,7 +570,7 @@ class StatusLags(ControllerCore):
         return last if now == "00" else now
 
 
-@mutant("4/7", subtle=True)
+@mutant("simulation-never-ends", "4/7", subtle=True)
 class SimulationNeverEnds(ControllerCore):
     """Behind a simulation the status stays 02 until something else executes."""
 
@@ -600,42 +600,42 @@ class _IdleDuring(ControllerCore):
         return super().get_status(request)
 
 
-@mutant("4/8")
+@mutant("idle-during-run", "4/8")
 class IdleDuringRun(_IdleDuring):
     """The status is 00 while a program runs."""
 
     during = 0x30
 
 
-@mutant("4/8")
+@mutant("idle-during-simulation", "4/8")
 class IdleDuringSimulation(_IdleDuring):
     """The status is 00 while a program is simulated."""
 
     during = 0x31
 
 
-@mutant("4/8")
+@mutant("idle-during-reset", "4/8")
 class IdleDuringReset(_IdleDuring):
     """The status is 00 while the robot resets."""
 
     during = 0x33
 
 
-@mutant("4/8")
+@mutant("idle-during-move", "4/8")
 class IdleDuringMove(_IdleDuring):
     """The status is 00 while the arm moves to a pose."""
 
     during = 0x39
 
 
-@mutant("4/8")
+@mutant("idle-during-jog", "4/8")
 class IdleDuringJog(_IdleDuring):
     """The status is 00 during a jog."""
 
     during = 0x3D
 
 
-@mutant("4/8", "4.8/4", subtle=True)
+@mutant("flickers-idle", "4/8", "4.8/4", subtle=True)
 class FlickersIdle(ControllerCore):
     """Every tenth status during a run is 00."""
 
@@ -648,7 +648,7 @@ class FlickersIdle(ControllerCore):
         return "00" if now == "01" and self._asked % 10 == 0 else now
 
 
-@mutant("4/8", "4.8/4", subtle=True)
+@mutant("idle-before-the-result", "4/8", "4.8/4", subtle=True)
 class IdleBeforeTheResult(ControllerCore):
     """The status is 00 for the last tenth of a second of a program, ahead of its result."""
 
@@ -660,7 +660,7 @@ class IdleBeforeTheResult(ControllerCore):
         return super().get_status(request)
 
 
-@mutant("3/31", subtle=True)
+@mutant("deaf-for-the-version", "3/31", subtle=True)
 class DeafForTheVersion(ControllerCore):
     """While a program runs the version is not told."""
 

@@ -14,7 +14,7 @@ _LOGIN: Final = 0x01
 _LOGINS: Final = 7
 
 
-@mutant("4.1/2", subtle=True)
+@mutant("refuses-second-login", "4.1/2", subtle=True)
 class RefusesSecondLogin(ControllerCore):
     """Who has logged in and does so again is answered 0."""
 
@@ -23,7 +23,7 @@ class RefusesSecondLogin(ControllerCore):
         return not request.session.logged_in and super().login(request)
 
 
-@mutant("4.1/2", "4.1/6", subtle=True)
+@mutant("every-seventh-login-fails", "4.1/2", "4.1/6", subtle=True)
 class EverySeventhLoginFails(ControllerCore):
     """Every seventh login since power-on is answered 0, right as it is."""
 
@@ -35,7 +35,7 @@ class EverySeventhLoginFails(ControllerCore):
         return super().login(request) and self._count % _LOGINS != 0
 
 
-@mutant("4.1/6", "4.1/2", subtle=True)
+@mutant("login-behind-version-fails", "4.1/6", "4.1/2", subtle=True)
 class LoginBehindVersionFails(ControllerCore):
     """The first login after the version was asked for is refused: a buffer is used for both."""
 
@@ -52,7 +52,7 @@ class LoginBehindVersionFails(ControllerCore):
         return not spoilt and super().login(request)
 
 
-@mutant("4.1/2", "4.1/7", subtle=True)
+@mutant("wrong-password-bars-the-connection", "4.1/2", "4.1/7", subtle=True)
 class WrongPasswordBarsTheConnection(ControllerCore):
     """A connection on which a wrong password was tried can log in no more."""
 
@@ -68,7 +68,7 @@ class WrongPasswordBarsTheConnection(ControllerCore):
         return right
 
 
-@mutant("4.1/2", "4.1/7", subtle=True)
+@mutant("wrong-password-costs-the-next-login", "4.1/2", "4.1/7", subtle=True)
 class WrongPasswordCostsTheNextLogin(ControllerCore):
     """After a wrong password the next right one on another connection is refused once."""
 
@@ -87,7 +87,7 @@ class WrongPasswordCostsTheNextLogin(ControllerCore):
         return right
 
 
-@mutant("4.1/3")
+@mutant("any-password-opens", "4.1/3")
 class AnyPasswordOpens(ControllerCore):
     """Whatever password is sent, it is answered 1."""
 
@@ -97,7 +97,7 @@ class AnyPasswordOpens(ControllerCore):
         return True
 
 
-@mutant("4.1/3")
+@mutant("the-passwords-length-opens", "4.1/3")
 class ThePasswordsLengthOpens(ControllerCore):
     """Passwords are compared by their lengths."""
 
@@ -108,7 +108,7 @@ class ThePasswordsLengthOpens(ControllerCore):
         return right
 
 
-@mutant("4.1/3")
+@mutant("the-beginning-of-the-password-opens", "4.1/3")
 class TheBeginningOfThePasswordOpens(ControllerCore):
     """Passwords are compared as far as the one that was sent goes."""
 
@@ -119,7 +119,7 @@ class TheBeginningOfThePasswordOpens(ControllerCore):
         return right
 
 
-@mutant("4.1/3")
+@mutant("more-than-the-password-opens", "4.1/3")
 class MoreThanThePasswordOpens(ControllerCore):
     """Passwords are compared as far as the one that is set goes."""
 
@@ -130,7 +130,7 @@ class MoreThanThePasswordOpens(ControllerCore):
         return right
 
 
-@mutant("4.1/3")
+@mutant("password-in-any-letter-case", "4.1/3")
 class PasswordInAnyLetterCase(ControllerCore):
     """Letter case makes no difference in passwords."""
 
@@ -141,7 +141,7 @@ class PasswordInAnyLetterCase(ControllerCore):
         return right
 
 
-@mutant("4.1/3")
+@mutant("no-password-opens", "4.1/3")
 class NoPasswordOpens(ControllerCore):
     """A login without any password is answered 1."""
 
@@ -151,7 +151,7 @@ class NoPasswordOpens(ControllerCore):
         return super()._value(command, frame)
 
 
-@mutant("4.1/3")
+@mutant("wrong-password-meets-silence", "4.1/3")
 class WrongPasswordMeetsSilence(ControllerCore):
     """A wrong password is not answered."""
 
@@ -160,7 +160,7 @@ class WrongPasswordMeetsSilence(ControllerCore):
         return super().login(request) or SILENCE
 
 
-@mutant("4.1/4")
+@mutant("login-refused-with-code", "4.1/4")
 class LoginRefusedWithCode(AltersReplies):
     """A refused login bears a code of table 8-1."""
 
@@ -171,7 +171,7 @@ class LoginRefusedWithCode(AltersReplies):
         return b"0|05" if data == b"0" else data
 
 
-@mutant("4.1/4", "4.1/2")
+@mutant("login-answered-ok", "4.1/4", "4.1/2")
 class LoginAnsweredOk(AltersReplies):
     """A right password is answered with more than its flag."""
 
@@ -183,7 +183,7 @@ class LoginAnsweredOk(AltersReplies):
         return b"1|ok" if data == b"1" and len(others) > 1 else data
 
 
-@mutant("4.1/4")
+@mutant("login-answered-twice", "4.1/4")
 class LoginAnsweredTwice(ControllerCore):
     """A login that is repeated is answered twice."""
 

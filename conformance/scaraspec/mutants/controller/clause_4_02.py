@@ -12,7 +12,7 @@ from scaraspec.virtual_controller.session import Request
 _CUT_BYTES: Final = 8
 
 
-@mutant("4.2/4")
+@mutant("new-password-is-forgotten", "4.2/4")
 class NewPasswordIsForgotten(ControllerCore):
     """A new password is answered 1 and not set."""
 
@@ -21,7 +21,7 @@ class NewPasswordIsForgotten(ControllerCore):
         return bool(request.value.old == self.store.settings.password)
 
 
-@mutant("4.2/4")
+@mutant("old-password-still-opens", "4.2/4")
 class OldPasswordStillOpens(ControllerCore):
     """Passwords that were replaced go on to open logins."""
 
@@ -41,7 +41,7 @@ class OldPasswordStillOpens(ControllerCore):
         return super().login(request) or former
 
 
-@mutant("4.2/4", subtle=True)
+@mutant("new-password-is-cut", "4.2/4", subtle=True)
 class NewPasswordIsCut(ControllerCore):
     """Of a new password eight bytes are kept, while logins are compared in full."""
 
@@ -52,7 +52,7 @@ class NewPasswordIsCut(ControllerCore):
         return self.save(password=request.value.new[:_CUT_BYTES])
 
 
-@mutant("4.2/4", subtle=True)
+@mutant("second-change-is-forgotten", "4.2/4", subtle=True)
 class SecondChangeIsForgotten(ControllerCore):
     """Only the first new password since power-on is set; further ones are just answered 1."""
 
@@ -66,7 +66,7 @@ class SecondChangeIsForgotten(ControllerCore):
         return self._changed
 
 
-@mutant("4.2/4")
+@mutant("old-and-new-are-mixed-up", "4.2/4")
 class OldAndNewAreMixedUp(ControllerCore):
     """The old password is set again in place of the new one."""
 
@@ -75,7 +75,7 @@ class OldAndNewAreMixedUp(ControllerCore):
         return super().set_password(request) and self.save(password=request.value.old)
 
 
-@mutant("4.2/3")
+@mutant("old-password-is-not-checked", "4.2/3")
 class OldPasswordIsNotChecked(ControllerCore):
     """A new password is set whatever the old one is said to be."""
 
@@ -84,7 +84,7 @@ class OldPasswordIsNotChecked(ControllerCore):
         return self.save(password=request.value.new)
 
 
-@mutant("4.2/3")
+@mutant("beginning-of-the-old-password-will-do", "4.2/3")
 class BeginningOfTheOldPasswordWillDo(ControllerCore):
     """The old password is compared only as far as it is sent."""
 
@@ -94,7 +94,7 @@ class BeginningOfTheOldPasswordWillDo(ControllerCore):
         return right and self.save(password=request.value.new)
 
 
-@mutant("4.2/3", subtle=True)
+@mutant("verified-once-and-for-all", "4.2/3", subtle=True)
 class VerifiedOnceAndForAll(ControllerCore):
     """Who has changed the password once needs no old one any more, on that connection."""
 
@@ -114,7 +114,7 @@ class VerifiedOnceAndForAll(ControllerCore):
         return True
 
 
-@mutant("4.2/3", subtle=True)
+@mutant("old-password-is-that-of-the-login", "4.2/3", subtle=True)
 class OldPasswordIsThatOfTheLogin(ControllerCore):
     """The old password is compared with what its connection has logged in with."""
 
@@ -135,7 +135,7 @@ class OldPasswordIsThatOfTheLogin(ControllerCore):
         return right and self.save(password=request.value.new)
 
 
-@mutant("4.2/2")
+@mutant("change-answered-with-zero", "4.2/2")
 class ChangeAnsweredWithZero(ControllerCore):
     """The password is changed, and the answer is 0."""
 
@@ -145,7 +145,7 @@ class ChangeAnsweredWithZero(ControllerCore):
         return False
 
 
-@mutant("4.2/2")
+@mutant("change-answered-in-words", "4.2/2")
 class ChangeAnsweredInWords(AltersReplies):
     """The answer to a new password is a word."""
 
@@ -156,7 +156,7 @@ class ChangeAnsweredInWords(AltersReplies):
         return b"OK" if data == b"1" else data
 
 
-@mutant("4.2/5", "4.2/3")
+@mutant("refused-password-is-set", "4.2/5", "4.2/3")
 class RefusedPasswordIsSet(ControllerCore):
     """A new password with a wrong old one is answered 0 and set all the same."""
 
@@ -167,7 +167,7 @@ class RefusedPasswordIsSet(ControllerCore):
         return right
 
 
-@mutant("4.2/5")
+@mutant("malformed-change-clears-the-password", "4.2/5")
 class MalformedChangeClearsThePassword(ControllerCore):
     """A pair that is none is answered 0 and leaves an empty password behind."""
 
@@ -178,7 +178,7 @@ class MalformedChangeClearsThePassword(ControllerCore):
         return value
 
 
-@mutant("4.2/6")
+@mutant("pair-without-bar-is-taken", "4.2/6")
 class PairWithoutBarIsTaken(ControllerCore):
     """A request without separator is answered 1, and changes nothing."""
 

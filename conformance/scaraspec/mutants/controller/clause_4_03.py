@@ -6,7 +6,7 @@ from scaraspec.mutants.controller.replying import AltersLengths, AltersReplies
 _GET_NETWORK = 0x04
 
 
-@mutant("4.3/2")
+@mutant("network-between-blanks", "4.3/2")
 class NetworkBetweenBlanks(AltersReplies):
     """Address, mask and gateway are separated by blanks."""
 
@@ -17,7 +17,7 @@ class NetworkBetweenBlanks(AltersReplies):
         return data.replace(b"|", b" ")
 
 
-@mutant("4.3/2")
+@mutant("network-without-gateway", "4.3/2")
 class NetworkWithoutGateway(AltersReplies):
     """The gateway is not told."""
 
@@ -28,7 +28,7 @@ class NetworkWithoutGateway(AltersReplies):
         return data.rpartition(b"|")[0]
 
 
-@mutant("4.3/2", "4.3/3")
+@mutant("network-with-names", "4.3/2", "4.3/3")
 class NetworkWithNames(AltersReplies):
     """Each field bears its name."""
 
@@ -40,7 +40,7 @@ class NetworkWithNames(AltersReplies):
         return b"|".join(a + b for a, b in zip(names, data.split(b"|"), strict=True))
 
 
-@mutant("4.3/3")
+@mutant("network-in-hexadecimal", "4.3/3")
 class NetworkInHexadecimal(AltersReplies):
     """The parts of the addresses are hexadecimal."""
 
@@ -54,7 +54,7 @@ class NetworkInHexadecimal(AltersReplies):
         return b"|".join(fields)
 
 
-@mutant("4.3/3")
+@mutant("mask-of256", "4.3/3")
 class MaskOf256(AltersReplies):
     """The mask is told as 256 in place of 255."""
 
@@ -65,7 +65,7 @@ class MaskOf256(AltersReplies):
         return data.replace(b"255", b"256")
 
 
-@mutant("4.3/4")
+@mutant("network-length-as-printed", "4.3/4")
 class NetworkLengthAsPrinted(AltersLengths):
     """The length byte is one short, as in the document's row."""
 
@@ -76,7 +76,7 @@ class NetworkLengthAsPrinted(AltersLengths):
         return size_bytes - 1
 
 
-@mutant("4.3/4")
+@mutant("network-length-of-the-fields-alone", "4.3/4")
 class NetworkLengthOfTheFieldsAlone(AltersLengths):
     """The length byte counts the fields and not the bars."""
 

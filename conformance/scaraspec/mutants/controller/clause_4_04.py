@@ -15,7 +15,7 @@ _ADDRESS_CHARACTERS = 14
 _HIGHEST = 255
 
 
-@mutant("4.4/4")
+@mutant("network-is-forgotten", "4.4/4")
 class NetworkIsForgotten(ControllerCore):
     """A new network is answered 1 and not set."""
 
@@ -24,7 +24,7 @@ class NetworkIsForgotten(ControllerCore):
         return request.value is not None
 
 
-@mutant("4.4/4")
+@mutant("mask-and-gateway-are-mixed-up", "4.4/4")
 class MaskAndGatewayAreMixedUp(ControllerCore):
     """Mask and gateway are stored in each other's place."""
 
@@ -34,7 +34,7 @@ class MaskAndGatewayAreMixedUp(ControllerCore):
         return self.save(ip=ip, mask=gateway, gateway=mask)
 
 
-@mutant("4.4/4")
+@mutant("address-remains", "4.4/4")
 class AddressRemains(ControllerCore):
     """Mask and gateway are set, the address remains."""
 
@@ -43,7 +43,7 @@ class AddressRemains(ControllerCore):
         return self.save(mask=request.value.mask, gateway=request.value.gateway)
 
 
-@mutant("4.4/4")
+@mutant("gateway-is-the-first-host", "4.4/4")
 class GatewayIsTheFirstHost(ControllerCore):
     """The gateway is taken to be the first address of the net, whatever is sent."""
 
@@ -53,7 +53,7 @@ class GatewayIsTheFirstHost(ControllerCore):
         return self.save(ip=ip, mask=mask, gateway=f"{ip.rpartition('.')[0]}.1")
 
 
-@mutant("4.4/4", subtle=True)
+@mutant("longest-address-is-cut", "4.4/4", subtle=True)
 class LongestAddressIsCut(ControllerCore):
     """An address of fifteen characters loses its last one: there is no room for its NUL."""
 
@@ -63,7 +63,7 @@ class LongestAddressIsCut(ControllerCore):
         return self.save(**Network(*cut)._asdict())
 
 
-@mutant("4.4/4", subtle=True)
+@mutant("second-network-is-forgotten", "4.4/4", subtle=True)
 class SecondNetworkIsForgotten(ControllerCore):
     """Only the first new network since power-on is set."""
 
@@ -75,7 +75,7 @@ class SecondNetworkIsForgotten(ControllerCore):
         return before or super().set_network(request)
 
 
-@mutant("4.4/4", subtle=True)
+@mutant("first-network-ends-the-connection", "4.4/4", subtle=True)
 class FirstNetworkEndsTheConnection(ControllerCore):
     """The first new network since power-on ends the connection, and is not set."""
 
@@ -91,7 +91,7 @@ class FirstNetworkEndsTheConnection(ControllerCore):
             super().handle(session, frame, now_s)
 
 
-@mutant("4.4/5")
+@mutant("parts-above-the-highest-are-bounded", "4.4/5")
 class PartsAboveTheHighestAreBounded(Mends):
     """Parts of an address that are above 255 are taken for 255."""
 
@@ -108,7 +108,7 @@ def _bounded(part: bytes) -> bytes:
     return b"%d" % min(int(part), _HIGHEST) if part.isdigit() else part
 
 
-@mutant("4.4/5")
+@mutant("parts-are-taken-modulo256", "4.4/5")
 class PartsAreTakenModulo256(Mends):
     """Of the parts of an address only the lowest eight bits are looked at."""
 
@@ -121,7 +121,7 @@ class PartsAreTakenModulo256(Mends):
         return b"|".join(b".".join(parts) for parts in short)
 
 
-@mutant("4.4/5")
+@mutant("missing-parts-are-zero", "4.4/5")
 class MissingPartsAreZero(Mends):
     """An address of three parts is filled up with a zero."""
 
@@ -133,7 +133,7 @@ class MissingPartsAreZero(Mends):
         return b"|".join(fields)
 
 
-@mutant("4.4/5")
+@mutant("missing-gateway-is-taken", "4.4/5")
 class MissingGatewayIsTaken(Mends):
     """A request without gateway is taken, and the gateway is the address."""
 
@@ -144,7 +144,7 @@ class MissingGatewayIsTaken(Mends):
         return data + b"|" + data.partition(b"|")[0] if data.count(b"|") == 1 else data
 
 
-@mutant("4.4/5")
+@mutant("further-fields-are-overlooked", "4.4/5")
 class FurtherFieldsAreOverlooked(Mends):
     """What stands behind the gateway is not looked at."""
 
@@ -155,7 +155,7 @@ class FurtherFieldsAreOverlooked(Mends):
         return b"|".join(data.split(b"|")[:3])
 
 
-@mutant("4.4/2")
+@mutant("network-answered-in-words", "4.4/2")
 class NetworkAnsweredInWords(AltersReplies):
     """A new network is answered with a word."""
 
@@ -166,7 +166,7 @@ class NetworkAnsweredInWords(AltersReplies):
         return b"success" if data == b"1" else b"fail"
 
 
-@mutant("4.4/2", "4.4/3")
+@mutant("network-is-not-answered", "4.4/2", "4.4/3")
 class NetworkIsNotAnswered(ControllerCore):
     """A new network is set without any answer, while the connection remains."""
 
@@ -176,7 +176,7 @@ class NetworkIsNotAnswered(ControllerCore):
         return SILENCE
 
 
-@mutant("4.4/2")
+@mutant("refused-network-is-set-in-part", "4.4/2")
 class RefusedNetworkIsSetInPart(ControllerCore):
     """The gateway of a network that is refused for its other fields is set all the same."""
 
@@ -188,7 +188,7 @@ class RefusedNetworkIsSetInPart(ControllerCore):
         return value
 
 
-@mutant("4.4/2", subtle=True)
+@mutant("address-is-set-first", "4.4/2", subtle=True)
 class AddressIsSetFirst(ControllerCore):
     """The address of a network is set before the rest is looked at, which may be refused."""
 
@@ -199,7 +199,7 @@ class AddressIsSetFirst(ControllerCore):
         return super()._value(command, frame)
 
 
-@mutant("4.4/2")
+@mutant("new-network-answered-with-zero", "4.4/2")
 class NewNetworkAnsweredWithZero(ControllerCore):
     """A new network is set and answered 0."""
 

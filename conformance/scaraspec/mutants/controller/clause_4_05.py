@@ -31,7 +31,7 @@ class _SetsOtherwise(ControllerCore, ABC):
         return True
 
 
-@mutant("4.5/4")
+@mutant("time-is-forgotten", "4.5/4")
 class TimeIsForgotten(ControllerCore):
     """A new time is answered 1 and not set."""
 
@@ -40,7 +40,7 @@ class TimeIsForgotten(ControllerCore):
         return request.value is not None
 
 
-@mutant("4.5/4")
+@mutant("time-is-an-hour-off", "4.5/4")
 class TimeIsAnHourOff(_SetsOtherwise):
     """The clock is set by a zone that nobody spoke of."""
 
@@ -49,7 +49,7 @@ class TimeIsAnHourOff(_SetsOtherwise):
         return time + _HOUR
 
 
-@mutant("4.5/4")
+@mutant("day-and-month-are-mixed-up", "4.5/4")
 class DayAndMonthAreMixedUp(_SetsOtherwise):
     """Day and month are set in each other's place, where both can be months."""
 
@@ -58,7 +58,7 @@ class DayAndMonthAreMixedUp(_SetsOtherwise):
         return time.replace(day=time.month, month=time.day) if time.day <= _MONTHS else time
 
 
-@mutant("4.5/4")
+@mutant("seconds-are-not-set", "4.5/4")
 class SecondsAreNotSet(_SetsOtherwise):
     """The clock begins with second 0, whatever second was sent."""
 
@@ -67,7 +67,7 @@ class SecondsAreNotSet(_SetsOtherwise):
         return time.replace(second=0)
 
 
-@mutant("4.5/4", subtle=True)
+@mutant("time-is-forgotten-during-arun", "4.5/4", subtle=True)
 class TimeIsForgottenDuringARun(ControllerCore):
     """While a program runs a new time is answered 1 and not set."""
 
@@ -76,7 +76,7 @@ class TimeIsForgottenDuringARun(ControllerCore):
         return self.robot.task is not None or super().set_time(request)
 
 
-@mutant("4.5/4")
+@mutant("only-the-time-of-day-is-set", "4.5/4")
 class OnlyTheTimeOfDayIsSet(ControllerCore):
     """The date remains what it was."""
 
@@ -87,7 +87,7 @@ class OnlyTheTimeOfDayIsSet(ControllerCore):
         return True
 
 
-@mutant("4.5/4")
+@mutant("clock-stops-once-set", "4.5/4")
 class ClockStopsOnceSet(ControllerCore):
     """The clock shows the time that was set, and no other one from then on."""
 
@@ -103,7 +103,7 @@ class ClockStopsOnceSet(ControllerCore):
         return self._stopped or super().get_time(request)
 
 
-@mutant("4.5/3")
+@mutant("time-answered-with-the-time", "4.5/3")
 class TimeAnsweredWithTheTime(AltersReplies):
     """A new time is answered with the time."""
 
@@ -114,7 +114,7 @@ class TimeAnsweredWithTheTime(AltersReplies):
         return b"1|20240615120000" if data == b"1" else data
 
 
-@mutant("4.5/3")
+@mutant("time-answered-in-binary", "4.5/3")
 class TimeAnsweredInBinary(AltersReplies):
     """A new time is answered with an empty frame, as a sign that it arrived."""
 
@@ -125,7 +125,7 @@ class TimeAnsweredInBinary(AltersReplies):
         return b"" if data == b"1" else data
 
 
-@mutant("4.5/6")
+@mutant("leap-days-are-refused", "4.5/6")
 class LeapDaysAreRefused(ControllerCore):
     """29 February is answered 0 in every year."""
 
@@ -135,7 +135,7 @@ class LeapDaysAreRefused(ControllerCore):
         return (time.month, time.day) != (2, 29) and super().set_time(request)
 
 
-@mutant("4.5/6", subtle=True)
+@mutant("century-is-no-leap-year", "4.5/6", subtle=True)
 class CenturyIsNoLeapYear(ControllerCore):
     """29 February 2000 is answered 0: the rule of the fourth century is missing."""
 
@@ -146,7 +146,7 @@ class CenturyIsNoLeapYear(ControllerCore):
         return leap and super().set_time(request)
 
 
-@mutant("4.5/6", subtle=True)
+@mutant("times-behind2038-are-refused", "4.5/6", subtle=True)
 class TimesBehind2038AreRefused(ControllerCore):
     """What 32 bits of seconds cannot hold is answered 0."""
 
@@ -155,7 +155,7 @@ class TimesBehind2038AreRefused(ControllerCore):
         return request.value <= _END_OF_32_BITS and super().set_time(request)
 
 
-@mutant("4.5/6", "4.5/4", subtle=True)
+@mutant("years-have-two-digits", "4.5/6", "4.5/4", subtle=True)
 class YearsHaveTwoDigits(_SetsOtherwise):
     """Years from 2070 on are taken for 1970 and those behind it."""
 
@@ -184,7 +184,7 @@ class _RollsOtherwise(ControllerCore, ABC):
         return time if self._set_to == datetime.min else self.wrong(self._set_to, time)  # noqa: DTZ901 - as above
 
 
-@mutant("4.5/6", subtle=True)
+@mutant("midnight-is-skipped", "4.5/6", subtle=True)
 class MidnightIsSkipped(_RollsOtherwise):
     """At midnight the time of day begins anew, and the date remains."""
 
@@ -193,7 +193,7 @@ class MidnightIsSkipped(_RollsOtherwise):
         return datetime.combine(was.date(), time.time())
 
 
-@mutant("4.5/6", subtle=True)
+@mutant("new-year-is-skipped", "4.5/6", subtle=True)
 class NewYearIsSkipped(_RollsOtherwise):
     """Behind December comes January of the same year."""
 
@@ -202,7 +202,7 @@ class NewYearIsSkipped(_RollsOtherwise):
         return time.replace(year=was.year)
 
 
-@mutant("4.5/6", subtle=True)
+@mutant("leap-day-is-skipped", "4.5/6", subtle=True)
 class LeapDayIsSkipped(_RollsOtherwise):
     """Behind 28 February comes 1 March in every year."""
 
@@ -212,7 +212,7 @@ class LeapDayIsSkipped(_RollsOtherwise):
         return time + _DAY if skipped else time
 
 
-@mutant("4.5/6", subtle=True)
+@mutant("leap-day-every-year", "4.5/6", subtle=True)
 class LeapDayEveryYear(_RollsOtherwise):
     """Behind 28 February one day more passes than there is, in common years too."""
 
@@ -222,7 +222,7 @@ class LeapDayEveryYear(_RollsOtherwise):
         return time - _DAY if extra else time
 
 
-@mutant("4.5/6", subtle=True)
+@mutant("months-of-thirty-days", "4.5/6", subtle=True)
 class MonthsOfThirtyDays(_RollsOtherwise):
     """Behind the 30th of every month comes the 1st of the next one."""
 
@@ -231,7 +231,7 @@ class MonthsOfThirtyDays(_RollsOtherwise):
         return time + _DAY if time.day == 31 and was.day != time.day else time
 
 
-@mutant("4.5/6", subtle=True)
+@mutant("thirty-one-days-in-every-month", "4.5/6", subtle=True)
 class ThirtyOneDaysInEveryMonth(_RollsOtherwise):
     """Behind the 30th of every month comes another day of it, shown as the 30th."""
 
@@ -241,7 +241,7 @@ class ThirtyOneDaysInEveryMonth(_RollsOtherwise):
         return time - _DAY if extra else time
 
 
-@mutant("4.5/6", subtle=True)
+@mutant("hours-do-not-carry", "4.5/6", subtle=True)
 class HoursDoNotCarry(_RollsOtherwise):
     """Behind minute 59 the minutes begin anew, and the hour remains."""
 
@@ -251,7 +251,7 @@ class HoursDoNotCarry(_RollsOtherwise):
         return time.replace(hour=was.hour) if same else time
 
 
-@mutant("4.5/6", subtle=True)
+@mutant("tens-of-hours-do-not-carry", "4.5/6", subtle=True)
 class TensOfHoursDoNotCarry(_RollsOtherwise):
     """Behind 19 o'clock comes 10 o'clock."""
 
@@ -261,7 +261,7 @@ class TensOfHoursDoNotCarry(_RollsOtherwise):
         return time.replace(hour=10) if carried else time
 
 
-@mutant("4.5/6", subtle=True)
+@mutant("minutes-do-not-carry", "4.5/6", subtle=True)
 class MinutesDoNotCarry(_RollsOtherwise):
     """Behind second 59 the seconds begin anew, and the minute remains."""
 
@@ -283,7 +283,7 @@ class _TakesMore(Mends):
         return data[:at] + instead + data[at + 2 :] if wrong else data
 
 
-@mutant("4.5/5")
+@mutant("thirteenth-month-is-taken", "4.5/5")
 class ThirteenthMonthIsTaken(_TakesMore):
     """A month above 12 is taken for December."""
 
@@ -292,7 +292,7 @@ class ThirteenthMonthIsTaken(_TakesMore):
         return self.field(data, 4, 12, b"12")
 
 
-@mutant("4.5/5")
+@mutant("hour-twenty-four-is-taken", "4.5/5")
 class HourTwentyFourIsTaken(_TakesMore):
     """An hour above 23 is taken for midnight."""
 
@@ -301,7 +301,7 @@ class HourTwentyFourIsTaken(_TakesMore):
         return self.field(data, 8, 23, b"00")
 
 
-@mutant("4.5/5")
+@mutant("minute-sixty-is-taken", "4.5/5")
 class MinuteSixtyIsTaken(_TakesMore):
     """A minute above 59 is taken for 59."""
 
@@ -310,7 +310,7 @@ class MinuteSixtyIsTaken(_TakesMore):
         return self.field(data, 10, 59, b"59")
 
 
-@mutant("4.5/5")
+@mutant("thirtieth-of-february-is-taken", "4.5/5")
 class ThirtiethOfFebruaryIsTaken(Mends):
     """Any day up to 31 is taken in every month, and becomes its 28th."""
 
@@ -323,7 +323,7 @@ class ThirtiethOfFebruaryIsTaken(Mends):
         return data[:6] + b"28" + data[8:] if late else data
 
 
-@mutant("4.5/5")
+@mutant("zeroth-month-is-taken", "4.5/5")
 class ZerothMonthIsTaken(Mends):
     """Month 00 is taken for January, as programs count."""
 
@@ -334,7 +334,7 @@ class ZerothMonthIsTaken(Mends):
         return data[:4] + b"01" + data[6:] if data[4:6] == b"00" else data
 
 
-@mutant("4.5/5")
+@mutant("short-times-are-filled-up", "4.5/5")
 class ShortTimesAreFilledUp(Mends):
     """A time that is too short is filled up with zeros."""
 
@@ -345,7 +345,7 @@ class ShortTimesAreFilledUp(Mends):
         return data.ljust(_DIGITS, b"0") if data else data
 
 
-@mutant("4.5/5")
+@mutant("long-times-are-cut", "4.5/5")
 class LongTimesAreCut(Mends):
     """What stands behind the fourteenth digit is not looked at."""
 
@@ -356,7 +356,7 @@ class LongTimesAreCut(Mends):
         return data[:_DIGITS]
 
 
-@mutant("4.5/5")
+@mutant("signs-in-times-are-digits", "4.5/5")
 class SignsInTimesAreDigits(Mends):
     """A character that is no digit is taken for 0."""
 
@@ -367,7 +367,7 @@ class SignsInTimesAreDigits(Mends):
         return bytes(c if chr(c) in "0123456789" else ord("0") for c in data)
 
 
-@mutant("4.5/5")
+@mutant("refused-time-resets-the-clock", "4.5/5")
 class RefusedTimeResetsTheClock(ControllerCore):
     """A time that is refused sets the clock to the year 2000."""
 
@@ -384,7 +384,7 @@ class RefusedTimeResetsTheClock(ControllerCore):
         super()._process_due(now_s)
 
 
-@mutant("4.5/5")
+@mutant("refused-time-sets-the-date", "4.5/5")
 class RefusedTimeSetsTheDate(RefusedTimeResetsTheClock):
     """Of a time that is refused for its time of day the date is set all the same."""
 

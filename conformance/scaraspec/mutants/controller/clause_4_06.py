@@ -14,7 +14,7 @@ _TWELVE: Final = 12
 _LOST_COUNT_S: Final = 60.0
 
 
-@mutant("4.6/2")
+@mutant("time-with-separators", "4.6/2")
 class TimeWithSeparators(AltersReplies):
     """The time is told as people write it."""
 
@@ -26,7 +26,7 @@ class TimeWithSeparators(AltersReplies):
         return date + b" " + b":".join((data[8:10], data[10:12], data[12:]))
 
 
-@mutant("4.6/2")
+@mutant("time-with-two-digits-of-the-year", "4.6/2")
 class TimeWithTwoDigitsOfTheYear(AltersReplies):
     """The time has twelve digits: the century is missing."""
 
@@ -37,7 +37,7 @@ class TimeWithTwoDigitsOfTheYear(AltersReplies):
         return data[2:]
 
 
-@mutant("4.6/2")
+@mutant("time-without-leading-zeros", "4.6/2")
 class TimeWithoutLeadingZeros(AltersReplies):
     """Numbers below ten have one digit."""
 
@@ -49,7 +49,7 @@ class TimeWithoutLeadingZeros(AltersReplies):
         return data[:4] + b"".join(b"%d" % int(pair) for pair in pairs)
 
 
-@mutant("4.6/2")
+@mutant("time-with-milliseconds", "4.6/2")
 class TimeWithMilliseconds(AltersReplies):
     """The time has seventeen digits."""
 
@@ -60,7 +60,7 @@ class TimeWithMilliseconds(AltersReplies):
         return data + b"000"
 
 
-@mutant("4.6/3")
+@mutant("months-from-zero", "4.6/3")
 class MonthsFromZero(AltersReplies):
     """January is month 00, as programs count."""
 
@@ -71,7 +71,7 @@ class MonthsFromZero(AltersReplies):
         return data[:4] + b"%02d" % (int(data[4:6]) - 1) + data[6:]
 
 
-@mutant("4.6/3")
+@mutant("hours-from-one", "4.6/3")
 class HoursFromOne(AltersReplies):
     """The first hour of the day is told as hour 24."""
 
@@ -82,7 +82,7 @@ class HoursFromOne(AltersReplies):
         return data[:8] + (b"24" if data[8:10] == b"00" else data[8:10]) + data[10:]
 
 
-@mutant("4.6/4")
+@mutant("clock-stands-still", "4.6/4")
 class ClockStandsStill(ControllerCore):
     """The clock shows when it was set or switched on, and no other time."""
 
@@ -124,7 +124,7 @@ class _RunsOtherwise(ControllerCore, ABC):
         return begun + timedelta(seconds=self.wrong_s(request.now_s - begun_s))
 
 
-@mutant("4.6/4")
+@mutant("clock-runs-fast", "4.6/4")
 class ClockRunsFast(_RunsOtherwise):
     """The clock gains a twentieth."""
 
@@ -133,7 +133,7 @@ class ClockRunsFast(_RunsOtherwise):
         return passed_s * 1.05
 
 
-@mutant("4.6/4")
+@mutant("clock-runs-slow", "4.6/4")
 class ClockRunsSlow(_RunsOtherwise):
     """The clock loses a twentieth."""
 
@@ -142,7 +142,7 @@ class ClockRunsSlow(_RunsOtherwise):
         return passed_s * 0.95
 
 
-@mutant("4.6/4")
+@mutant("clock-runs-twice-as-fast", "4.6/4")
 class ClockRunsTwiceAsFast(_RunsOtherwise):
     """Each second is counted twice."""
 
@@ -151,7 +151,7 @@ class ClockRunsTwiceAsFast(_RunsOtherwise):
         return passed_s * 2
 
 
-@mutant("4.6/4", subtle=True)
+@mutant("clock-loses-long-idle-times", "4.6/4", subtle=True)
 class ClockLosesLongIdleTimes(_RunsOtherwise):
     """Where nobody asks for a minute, the clock counts that minute alone."""
 
@@ -169,7 +169,7 @@ class ClockLosesLongIdleTimes(_RunsOtherwise):
         return super().set_time(request)
 
 
-@mutant("4.6/4", subtle=True)
+@mutant("clock-goes-back-at-noon", "4.6/4", subtle=True)
 class ClockGoesBackAtNoon(_RunsOtherwise):
     """The hours are those of twelve: behind noon the day begins again."""
 
@@ -184,7 +184,7 @@ class ClockGoesBackAtNoon(_RunsOtherwise):
         return passed_s
 
 
-@mutant("4.6/4", subtle=True)
+@mutant("days-are-skipped", "4.6/4", subtle=True)
 class DaysAreSkipped(_RunsOtherwise):
     """At each midnight two days pass in place of one."""
 
@@ -193,7 +193,7 @@ class DaysAreSkipped(_RunsOtherwise):
         return passed_s + passed_s // 86_400 * 86_400
 
 
-@mutant("4.6/4", subtle=True)
+@mutant("every-tenth-time-is-the-one-before", "4.6/4", subtle=True)
 class EveryTenthTimeIsTheOneBefore(ControllerCore):
     """Every tenth reply tells the time that was told first: a buffer is not refreshed."""
 

@@ -11,7 +11,7 @@ _GET_VERSION: Final = 0x08
 _LATE: Final = 256
 
 
-@mutant("4.7/2", "4.7/3")
+@mutant("no-version", "4.7/2", "4.7/3")
 class NoVersion(AltersReplies):
     """The reply to 0x08 has no data."""
 
@@ -22,7 +22,7 @@ class NoVersion(AltersReplies):
         return data[:0]
 
 
-@mutant("4.7/4")
+@mutant("version-counts-requests", "4.7/4")
 class VersionCountsRequests(ControllerCore):
     """The last number of the version counts how often it was asked for."""
 
@@ -34,7 +34,7 @@ class VersionCountsRequests(ControllerCore):
         return super().get_version(request)[:-1] + f"{self._count}"
 
 
-@mutant("4.7/4", subtle=True)
+@mutant("version-changes-late", "4.7/4", subtle=True)
 class VersionChangesLate(ControllerCore):
     """From the 256th request on the version is another one."""
 
@@ -46,7 +46,7 @@ class VersionChangesLate(ControllerCore):
         return super().get_version(request) if self._count < _LATE else "1.0.255"
 
 
-@mutant("4.7/4", subtle=True)
+@mutant("version-of-the-connection", "4.7/4", subtle=True)
 class VersionOfTheConnection(ControllerCore):
     """Every other connection is told another version."""
 

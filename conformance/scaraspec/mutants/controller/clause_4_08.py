@@ -17,7 +17,7 @@ _LAG_S: Final = 5.0
 _HALF_S: Final = 0.5
 
 
-@mutant("4.8/2", "4.8/3")
+@mutant("status-of-one-digit", "4.8/2", "4.8/3")
 class StatusOfOneDigit(AltersReplies):
     """The status has one digit."""
 
@@ -28,7 +28,7 @@ class StatusOfOneDigit(AltersReplies):
         return data[-1:]
 
 
-@mutant("4.8/3", subtle=True)
+@mutant("transfers-are-motion", "4.8/3", subtle=True)
 class TransfersAreMotion(ControllerCore):
     """Who sends or fetches a file is told that the robot moves."""
 
@@ -37,7 +37,7 @@ class TransfersAreMotion(ControllerCore):
         return MOVING if request.session.transfer else super().get_status(request)
 
 
-@mutant("4.8/2")
+@mutant("status-in-words", "4.8/2")
 class StatusInWords(AltersReplies):
     """The status is one of the three words of L214."""
 
@@ -48,7 +48,7 @@ class StatusInWords(AltersReplies):
         return _WORDS.get(data, b"RUNNING")
 
 
-@mutant("4.8/2")
+@mutant("status-in-binary", "4.8/2")
 class StatusInBinary(AltersReplies):
     """The status is a byte that is no digit."""
 
@@ -59,7 +59,7 @@ class StatusInBinary(AltersReplies):
         return bytes((int(data, 16),))
 
 
-@mutant("4.8/2")
+@mutant("status-with-explanation", "4.8/2")
 class StatusWithExplanation(AltersReplies):
     """Behind the status stands what it means."""
 
@@ -88,7 +88,7 @@ class _SaysOtherwise(ControllerCore, ABC):
         return task.request.command.name if task else ""
 
 
-@mutant("4.8/3", subtle=True)
+@mutant("late-statuses-are-moving", "4.8/3", subtle=True)
 class LateStatusesAreMoving(_SaysOtherwise):
     """From the ninetieth request on a robot at rest is said to move."""
 
@@ -100,7 +100,7 @@ class LateStatusesAreMoving(_SaysOtherwise):
         return MOVING if status == IDLE and self._count % 100 >= _LATE else status
 
 
-@mutant("4.8/3", subtle=True)
+@mutant("idle-is-running-for-others", "4.8/3", subtle=True)
 class IdleIsRunningForOthers(_SaysOtherwise):
     """Once the version was asked for, every other connection is told that a program runs."""
 
@@ -117,7 +117,7 @@ class IdleIsRunningForOthers(_SaysOtherwise):
         return super().get_version(request)
 
 
-@mutant("4.8/3", "4.8/9")
+@mutant("status-is-reserved", "4.8/3", "4.8/9")
 class StatusIsReserved(_SaysOtherwise):
     """A robot at rest that was asked for its version says 07."""
 
@@ -134,7 +134,7 @@ class StatusIsReserved(_SaysOtherwise):
         return "07" if asked else status
 
 
-@mutant("4.8/3", "4.8/9", subtle=True)
+@mutant("missing-program-stays-in-the-status", "4.8/3", "4.8/9", subtle=True)
 class MissingProgramStaysInTheStatus(_SaysOtherwise):
     """A missing program is the next status."""
 
@@ -152,7 +152,7 @@ class MissingProgramStaysInTheStatus(_SaysOtherwise):
         return "20" if missing else status
 
 
-@mutant("4.8/3", subtle=True)
+@mutant("status-lags-behind-the-result", "4.8/3", subtle=True)
 class StatusLagsBehindTheResult(_SaysOtherwise):
     """For some seconds behind the end of a program the status goes on as before."""
 
@@ -185,21 +185,21 @@ def _in_place_of(name: str, said: str) -> Any:
     return wrong
 
 
-@mutant("4.8/4")
+@mutant("running-is-idle", "4.8/4")
 class RunningIsIdle(_SaysOtherwise):
     """While a program runs the status is 00."""
 
     wrong = _in_place_of("run_program", IDLE)
 
 
-@mutant("4.8/4")
+@mutant("running-is-moving", "4.8/4")
 class RunningIsMoving(_SaysOtherwise):
     """While a program runs the status is 04."""
 
     wrong = _in_place_of("run_program", MOVING)
 
 
-@mutant("4.8/4", subtle=True)
+@mutant("running-is-idle-in-waits", "4.8/4", subtle=True)
 class RunningIsIdleInWaits(_SaysOtherwise):
     """A program that has run for half a second is said to be at rest until something moves."""
 
@@ -210,56 +210,56 @@ class RunningIsIdleInWaits(_SaysOtherwise):
         return IDLE if late and self.executing == "run_program" else status
 
 
-@mutant("4.8/5")
+@mutant("simulating-is-running", "4.8/5")
 class SimulatingIsRunning(_SaysOtherwise):
     """While a program is simulated the status is 01."""
 
     wrong = _in_place_of("simulate_program", RUNNING)
 
 
-@mutant("4.8/5")
+@mutant("simulating-is-idle", "4.8/5")
 class SimulatingIsIdle(_SaysOtherwise):
     """While a program is simulated the status is 00."""
 
     wrong = _in_place_of("simulate_program", IDLE)
 
 
-@mutant("4.8/6")
+@mutant("resetting-is-moving", "4.8/6")
 class ResettingIsMoving(_SaysOtherwise):
     """While the robot resets the status is 04."""
 
     wrong = _in_place_of("reset", MOVING)
 
 
-@mutant("4.8/6")
+@mutant("resetting-is-idle", "4.8/6")
 class ResettingIsIdle(_SaysOtherwise):
     """While the robot resets the status is 00."""
 
     wrong = _in_place_of("reset", IDLE)
 
 
-@mutant("4.8/7")
+@mutant("moving-is-running", "4.8/7")
 class MovingIsRunning(_SaysOtherwise):
     """During a move the status is 01."""
 
     wrong = _in_place_of("set_tool_coordinates", RUNNING)
 
 
-@mutant("4.8/7")
+@mutant("moving-is-idle", "4.8/7")
 class MovingIsIdle(_SaysOtherwise):
     """During a move the status is 00."""
 
     wrong = _in_place_of("set_tool_coordinates", IDLE)
 
 
-@mutant("4.8/7")
+@mutant("jogging-is-idle", "4.8/7")
 class JoggingIsIdle(_SaysOtherwise):
     """During a jog the status is 00."""
 
     wrong = _in_place_of("jog", IDLE)
 
 
-@mutant("4.8/7")
+@mutant("jogging-is-running", "4.8/7")
 class JoggingIsRunning(_SaysOtherwise):
     """During a jog the status is 01."""
 

@@ -49,7 +49,7 @@ class _TellsOtherwise(ControllerCore, ABC):
 # No program
 
 
-@mutant("4.9/6", "4.9/7")
+@mutant("none-is-an-empty-reply", "4.9/6", "4.9/7")
 class NoneIsAnEmptyReply(AltersReplies):
     """Where no program runs the reply has no data."""
 
@@ -60,7 +60,7 @@ class NoneIsAnEmptyReply(AltersReplies):
         return b"" if data == b"0" else data
 
 
-@mutant("4.9/6", "4.9/7")
+@mutant("none-has-time", "4.9/6", "4.9/7")
 class NoneHasTime(AltersReplies):
     """Where no program runs a time of zeros is told."""
 
@@ -71,7 +71,7 @@ class NoneHasTime(AltersReplies):
         return b"0||00000000" if data == b"0" else data
 
 
-@mutant("4.9/6")
+@mutant("none-is-the-last-program", "4.9/6")
 class NoneIsTheLastProgram(AltersReplies):
     """Behind the end of a program its name stays behind the 0."""
 
@@ -85,7 +85,7 @@ class NoneIsTheLastProgram(AltersReplies):
         return b"0" + self._last if data == b"0" else data
 
 
-@mutant("4.9/6", "4.9/10", subtle=True)
+@mutant("ended-program-is-told", "4.9/6", "4.9/10", subtle=True)
 class EndedProgramIsTold(ControllerCore):
     """For some seconds behind its end a program is told to run."""
 
@@ -101,7 +101,7 @@ class EndedProgramIsTold(ControllerCore):
         return told
 
 
-@mutant("4.9/6")
+@mutant("none-with-zero-time", "4.9/6")
 class NoneWithZeroTime(AltersReplies):
     """Where no program runs the 0 is followed by a bar and another 0."""
 
@@ -115,7 +115,7 @@ class NoneWithZeroTime(AltersReplies):
 # A program
 
 
-@mutant("4.9/2")
+@mutant("telling-without-bars", "4.9/2")
 class TellingWithoutBars(_AltersTelling):
     """Flag, name and time follow on each other without bars."""
 
@@ -124,7 +124,7 @@ class TellingWithoutBars(_AltersTelling):
         return b"1" + name + time
 
 
-@mutant("4.9/2")
+@mutant("telling-between-blanks", "4.9/2")
 class TellingBetweenBlanks(_AltersTelling):
     """Flag, name and time stand between blanks."""
 
@@ -133,7 +133,7 @@ class TellingBetweenBlanks(_AltersTelling):
         return b" ".join((b"1", name, time))
 
 
-@mutant("4.9/2")
+@mutant("time-before-name", "4.9/2")
 class TimeBeforeName(_AltersTelling):
     """The run time stands before the name."""
 
@@ -142,7 +142,7 @@ class TimeBeforeName(_AltersTelling):
         return b"|".join((b"1", time, name))
 
 
-@mutant("4.9/2", "4.9/10")
+@mutant("run-is-not-told", "4.9/2", "4.9/10")
 class RunIsNotTold(_TellsOtherwise):
     """While a program runs the reply is 0."""
 
@@ -152,7 +152,7 @@ class RunIsNotTold(_TellsOtherwise):
         return told if task and task.request.command.name == "simulate_program" else None
 
 
-@mutant("4.9/2", "4.9/10", subtle=True)
+@mutant("run-is-told-for-two-seconds", "4.9/2", "4.9/10", subtle=True)
 class RunIsToldForTwoSeconds(_TellsOtherwise):
     """A program that has run for two seconds is told no more."""
 
@@ -161,7 +161,7 @@ class RunIsToldForTwoSeconds(_TellsOtherwise):
         return told if told.run_time_s < 2 else None
 
 
-@mutant("4.9/4")
+@mutant("name-is-cut", "4.9/4")
 class NameIsCut(_TellsOtherwise):
     """Of the name twelve bytes are told."""
 
@@ -170,7 +170,7 @@ class NameIsCut(_TellsOtherwise):
         return told._replace(name=told.name[:_NAME_BYTES])
 
 
-@mutant("4.9/4", subtle=True)
+@mutant("name-of-thirty-loses-one", "4.9/4", subtle=True)
 class NameOfThirtyLosesOne(_TellsOtherwise):
     """A name of thirty bytes loses its last one: there is no room for its NUL."""
 
@@ -179,7 +179,7 @@ class NameOfThirtyLosesOne(_TellsOtherwise):
         return told._replace(name=told.name[:29])
 
 
-@mutant("4.9/4")
+@mutant("name-of-the-first-program", "4.9/4")
 class NameOfTheFirstProgram(_TellsOtherwise):
     """The name is that of the program that was stored first."""
 
@@ -188,7 +188,7 @@ class NameOfTheFirstProgram(_TellsOtherwise):
         return told._replace(name=self.store.names()[0])
 
 
-@mutant("4.9/4")
+@mutant("simulated-name-is-missing", "4.9/4")
 class SimulatedNameIsMissing(_TellsOtherwise):
     """Of a simulated program the word SIMULATION is told for its name."""
 
@@ -199,7 +199,7 @@ class SimulatedNameIsMissing(_TellsOtherwise):
         return told._replace(name=b"SIMULATION") if simulated else told
 
 
-@mutant("4.9/4", subtle=True)
+@mutant("simulated-name-is-the-last-run", "4.9/4", subtle=True)
 class SimulatedNameIsTheLastRun(_TellsOtherwise):
     """While a program is simulated the name of the one that was run last is told."""
 
@@ -219,7 +219,7 @@ class SimulatedNameIsTheLastRun(_TellsOtherwise):
         return answer
 
 
-@mutant("4.9/9")
+@mutant("running-length-as-printed", "4.9/9")
 class RunningLengthAsPrinted(AltersLengths):
     """The length byte does not count the two bars, as in the document's row."""
 
@@ -233,7 +233,7 @@ class RunningLengthAsPrinted(AltersLengths):
 # Its run time
 
 
-@mutant("4.9/3")
+@mutant("run-time-in-plain-seconds", "4.9/3")
 class RunTimeInPlainSeconds(_AltersTelling):
     """The run time is a number of seconds in eight digits."""
 
@@ -244,7 +244,7 @@ class RunTimeInPlainSeconds(_AltersTelling):
         return b"1|" + name + b"|%08d" % total_s
 
 
-@mutant("4.9/3")
+@mutant("run-time-of-six-digits", "4.9/3")
 class RunTimeOfSixDigits(_AltersTelling):
     """The run time has no days."""
 
@@ -253,7 +253,7 @@ class RunTimeOfSixDigits(_AltersTelling):
         return b"1|" + name + b"|" + time[2:]
 
 
-@mutant("4.9/3")
+@mutant("run-time-with-colons", "4.9/3")
 class RunTimeWithColons(_AltersTelling):
     """The run time is written with colons."""
 
@@ -262,7 +262,7 @@ class RunTimeWithColons(_AltersTelling):
         return b"1|" + name + b"|" + b":".join(time[i : i + 2] for i in range(0, 8, 2))
 
 
-@mutant("4.9/3", subtle=True)
+@mutant("hours-go-beyond-the-day", "4.9/3", subtle=True)
 class HoursGoBeyondTheDay(_AltersTelling):
     """Hours go on behind 23, and days stay 00."""
 
@@ -272,7 +272,7 @@ class HoursGoBeyondTheDay(_AltersTelling):
         return b"1|" + name + b"|00%02d" % hours + time[4:]
 
 
-@mutant("4.9/3", subtle=True)
+@mutant("minutes-go-beyond-the-hour", "4.9/3", subtle=True)
 class MinutesGoBeyondTheHour(_AltersTelling):
     """Minutes go on behind 59, and hours stay 00."""
 
@@ -282,7 +282,7 @@ class MinutesGoBeyondTheHour(_AltersTelling):
         return b"1|" + name + b"|" + time[:2] + b"00%02d" % (minutes % 100) + time[6:]
 
 
-@mutant("4.9/5")
+@mutant("run-time-stands-still", "4.9/5")
 class RunTimeStandsStill(_TellsOtherwise):
     """The run time is zero all the time."""
 
@@ -291,7 +291,7 @@ class RunTimeStandsStill(_TellsOtherwise):
         return told._replace(run_time_s=0)
 
 
-@mutant("4.9/5")
+@mutant("run-time-runs-fast", "4.9/5")
 class RunTimeRunsFast(_TellsOtherwise):
     """The run time counts each second twice."""
 
@@ -300,7 +300,7 @@ class RunTimeRunsFast(_TellsOtherwise):
         return told._replace(run_time_s=told.run_time_s * 2)
 
 
-@mutant("4.9/5", subtle=True)
+@mutant("minutes-are-lost", "4.9/5", subtle=True)
 class MinutesAreLost(_TellsOtherwise):
     """At each full minute the run time begins anew."""
 
@@ -309,7 +309,7 @@ class MinutesAreLost(_TellsOtherwise):
         return told._replace(run_time_s=told.run_time_s % _MINUTE_S)
 
 
-@mutant("4.9/5", subtle=True)
+@mutant("hours-are-lost", "4.9/5", subtle=True)
 class HoursAreLost(_TellsOtherwise):
     """At each full hour the run time begins anew."""
 
@@ -318,7 +318,7 @@ class HoursAreLost(_TellsOtherwise):
         return told._replace(run_time_s=told.run_time_s % _HOUR_S)
 
 
-@mutant("4.9/5", subtle=True)
+@mutant("days-are-lost", "4.9/5", subtle=True)
 class DaysAreLost(_TellsOtherwise):
     """At each full day the run time begins anew."""
 
@@ -327,7 +327,7 @@ class DaysAreLost(_TellsOtherwise):
         return told._replace(run_time_s=told.run_time_s % _DAY_S)
 
 
-@mutant("4.9/5", subtle=True)
+@mutant("run-time-overflows", "4.9/5", subtle=True)
 class RunTimeOverflows(_TellsOtherwise):
     """The run time is kept in sixteen bits of seconds."""
 
@@ -336,7 +336,7 @@ class RunTimeOverflows(_TellsOtherwise):
         return told._replace(run_time_s=told.run_time_s % 2**16)
 
 
-@mutant("4.9/5")
+@mutant("run-time-since-the-first-question", "4.9/5")
 class RunTimeSinceTheFirstQuestion(_TellsOtherwise):
     """The run time counts how often it was asked for."""
 

@@ -30,7 +30,7 @@ class _AltersNames(ControllerCore, ABC):
         return super().list_programs(request)
 
 
-@mutant("4.10/2")
+@mutant("list-without-flag", "4.10/2")
 class ListWithoutFlag(AltersReplies):
     """The list begins with its first name, or has no data."""
 
@@ -41,7 +41,7 @@ class ListWithoutFlag(AltersReplies):
         return data[2:] if len(data) > 1 else b"none"
 
 
-@mutant("4.10/2")
+@mutant("list-flag-is-the-count", "4.10/2")
 class ListFlagIsTheCount(AltersReplies):
     """The list begins with the number of its names."""
 
@@ -52,7 +52,7 @@ class ListFlagIsTheCount(AltersReplies):
         return b"%d" % data.count(b"|") + data[1:] if data.count(b"|") > 1 else data
 
 
-@mutant("4.10/2", "4.10/5")
+@mutant("first-parts-are-last-ones", "4.10/2", "4.10/5")
 class FirstPartsAreLastOnes(AltersReplies):
     """Every part begins with 0, whether another follows or not."""
 
@@ -63,7 +63,7 @@ class FirstPartsAreLastOnes(AltersReplies):
         return b"0" + data[1:]
 
 
-@mutant("4.10/4", "4.10/2")
+@mutant("last-part-announces-another", "4.10/4", "4.10/2")
 class LastPartAnnouncesAnother(AltersReplies):
     """A list that has names begins with 1 in its last part, too."""
 
@@ -74,7 +74,7 @@ class LastPartAnnouncesAnother(AltersReplies):
         return b"1" + data[1:] if len(data) > 1 else data
 
 
-@mutant("4.10/4", subtle=True)
+@mutant("last-of-several-parts-announces-another", "4.10/4", subtle=True)
 class LastOfSeveralPartsAnnouncesAnother(AltersReplies):
     """In a list of several parts the last one begins with 1, too."""
 
@@ -87,7 +87,7 @@ class LastOfSeveralPartsAnnouncesAnother(AltersReplies):
         return b"1" + data[1:] if before else data
 
 
-@mutant("4.10/3")
+@mutant("list-between-commas", "4.10/3")
 class ListBetweenCommas(AltersReplies):
     """Names are separated by commas."""
 
@@ -98,7 +98,7 @@ class ListBetweenCommas(AltersReplies):
         return data[:2] + data[2:].replace(b"|", b",")
 
 
-@mutant("4.10/3")
+@mutant("list-between-blanks", "4.10/3")
 class ListBetweenBlanks(AltersReplies):
     """Flag and names are separated by blanks."""
 
@@ -109,7 +109,7 @@ class ListBetweenBlanks(AltersReplies):
         return data.replace(b"|", b" ")
 
 
-@mutant("4.10/3", "4.10/11")
+@mutant("list-between-line-ends", "4.10/3", "4.10/11")
 class ListBetweenLineEnds(AltersReplies):
     """Names are separated by line ends, as in a file."""
 
@@ -120,7 +120,7 @@ class ListBetweenLineEnds(AltersReplies):
         return data[:2] + data[2:].replace(b"|", b"\n")
 
 
-@mutant("4.10/6")
+@mutant("names-are-torn", "4.10/6")
 class NamesAreTorn(ControllerCore):
     """A list that is too long is cut where its message is full, in the middle of a name."""
 
@@ -137,7 +137,7 @@ class NamesAreTorn(ControllerCore):
         return super().list_programs(request)
 
 
-@mutant("4.10/7")
+@mutant("empty-name-between", "4.10/7")
 class EmptyNameBetween(AltersReplies):
     """Between two names stand two bars."""
 
@@ -148,7 +148,7 @@ class EmptyNameBetween(AltersReplies):
         return data[:2] + data[2:].replace(b"|", b"||", 1)
 
 
-@mutant("4.10/7", subtle=True)
+@mutant("seam-is-listed-twice", "4.10/7", subtle=True)
 class SeamIsListedTwice(_AltersNames):
     """The last name of a part is the first one of the next part again."""
 
@@ -158,7 +158,7 @@ class SeamIsListedTwice(_AltersNames):
         return [*names[: len(first.names)], *names[len(first.names) - 1 :]] if first.more else names
 
 
-@mutant("4.10/7", subtle=True)
+@mutant("names-in-one-list-twice", "4.10/7", subtle=True)
 class NamesInOneListTwice(_AltersNames):
     """Of more than five programs the fifth is listed twice."""
 
@@ -167,7 +167,7 @@ class NamesInOneListTwice(_AltersNames):
         return [*names, names[4]] if len(names) > 5 else names
 
 
-@mutant("4.10/8")
+@mutant("empty-store-has-empty-name", "4.10/8")
 class EmptyStoreHasEmptyName(AltersReplies):
     """An empty store is listed as one empty name."""
 
@@ -178,7 +178,7 @@ class EmptyStoreHasEmptyName(AltersReplies):
         return b"0||" if data == b"0" else data
 
 
-@mutant("4.10/8")
+@mutant("empty-store-is-dash", "4.10/8")
 class EmptyStoreIsDash(AltersReplies):
     """An empty store is listed as a dash."""
 
@@ -189,7 +189,7 @@ class EmptyStoreIsDash(AltersReplies):
         return b"-" if data == b"0" else data
 
 
-@mutant("4.10/9")
+@mutant("list-length-of-the-names", "4.10/9")
 class ListLengthOfTheNames(AltersLengths):
     """The length byte counts the list behind its flag, as in the document's row."""
 
@@ -200,7 +200,7 @@ class ListLengthOfTheNames(AltersLengths):
         return max(size_bytes - 2, 1)
 
 
-@mutant("4.10/9", subtle=True)
+@mutant("list-length-in-seven-bits", "4.10/9", subtle=True)
 class ListLengthInSevenBits(AltersLengths):
     """Of the length of a long list the highest bit is missing."""
 
@@ -211,7 +211,7 @@ class ListLengthInSevenBits(AltersLengths):
         return size_bytes % 128
 
 
-@mutant("4.10/11", "4.10/5")
+@mutant("only-the-first-part", "4.10/11", "4.10/5")
 class OnlyTheFirstPart(AltersReplies):
     """Of a list the first message is sent, and nothing behind it."""
 
@@ -229,7 +229,7 @@ class OnlyTheFirstPart(AltersReplies):
         return first
 
 
-@mutant("4.10/11", subtle=True)
+@mutant("names-of-thirty-are-left-out", "4.10/11", subtle=True)
 class NamesOfThirtyAreLeftOut(_AltersNames):
     """Names of thirty bytes are not listed."""
 
@@ -238,7 +238,7 @@ class NamesOfThirtyAreLeftOut(_AltersNames):
         return [name for name in names if len(name) < 30]
 
 
-@mutant("4.10/11")
+@mutant("names-are-listed-in-lower-case", "4.10/11")
 class NamesAreListedInLowerCase(_AltersNames):
     """Names are listed in lower case."""
 
@@ -247,7 +247,7 @@ class NamesAreListedInLowerCase(_AltersNames):
         return [name.lower() for name in names]
 
 
-@mutant("4.10/11", subtle=True)
+@mutant("names-beyond-twenty-are-left-out", "4.10/11", subtle=True)
 class NamesBeyondTwentyAreLeftOut(_AltersNames):
     """No more than twenty names are listed."""
 
@@ -256,7 +256,7 @@ class NamesBeyondTwentyAreLeftOut(_AltersNames):
         return names[:_MOST]
 
 
-@mutant("4.10/11", subtle=True)
+@mutant("name-at-the-seam-is-lost", "4.10/11", subtle=True)
 class NameAtTheSeamIsLost(_AltersNames):
     """The name that did not fit into a part is not in the next one either."""
 
@@ -267,7 +267,7 @@ class NameAtTheSeamIsLost(_AltersNames):
         return names[:lost] + names[lost + 1 :] if first.more else names
 
 
-@mutant("4.10/11", subtle=True)
+@mutant("others-uploads-are-listed-later", "4.10/11", subtle=True)
 class OthersUploadsAreListedLater(_AltersNames):
     """A connection is not told of what others uploaded before it."""
 
@@ -286,7 +286,7 @@ class OthersUploadsAreListedLater(_AltersNames):
         return super().upload_name(request)
 
 
-@mutant("4.10/11", subtle=True)
+@mutant("list-is-not-refreshed", "4.10/11", subtle=True)
 class ListIsNotRefreshed(_AltersNames):
     """A list is shown three times before a newer one is."""
 
@@ -303,7 +303,7 @@ class ListIsNotRefreshed(_AltersNames):
         return shown
 
 
-@mutant("4.10/11", "4.11/3")
+@mutant("deleted-programs-stay-listed", "4.10/11", "4.11/3")
 class DeletedProgramsStayListed(_AltersNames):
     """The list goes on to name what was deleted."""
 

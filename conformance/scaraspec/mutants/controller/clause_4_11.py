@@ -13,7 +13,7 @@ from scaraspec.virtual_controller.session import Request
 _DELETE: Final = 0x0C
 
 
-@mutant("4.11/2")
+@mutant("deletion-answered-with-the-name", "4.11/2")
 class DeletionAnsweredWithTheName(AltersReplies):
     """A deletion is answered with more than its flag."""
 
@@ -24,7 +24,7 @@ class DeletionAnsweredWithTheName(AltersReplies):
         return data + b"|deleted" if data == b"1" else data
 
 
-@mutant("4.11/2")
+@mutant("deletion-answered-with-zero", "4.11/2")
 class DeletionAnsweredWithZero(ControllerCore):
     """A program is deleted, and the answer is 0."""
 
@@ -34,7 +34,7 @@ class DeletionAnsweredWithZero(ControllerCore):
         return False
 
 
-@mutant("4.11/3")
+@mutant("deletes-nothing", "4.11/3")
 class DeletesNothing(ControllerCore):
     """A deletion is answered 1, and the program stays."""
 
@@ -59,7 +59,7 @@ class _Hides(ControllerCore):
         return True
 
 
-@mutant("4.11/3")
+@mutant("deleted-programs-are-downloadable", "4.11/3")
 class DeletedProgramsAreDownloadable(_Hides):
     """What was deleted can still be downloaded."""
 
@@ -75,7 +75,7 @@ class DeletedProgramsAreDownloadable(_Hides):
         return answer
 
 
-@mutant("4.11/3")
+@mutant("deleted-programs-run", "4.11/3")
 class DeletedProgramsRun(_Hides):
     """What was deleted can still be run."""
 
@@ -91,7 +91,7 @@ class DeletedProgramsRun(_Hides):
         return answer
 
 
-@mutant("4.11/3")
+@mutant("deletes-its-neighbour", "4.11/3")
 class DeletesItsNeighbour(ControllerCore):
     """With a program the one that is listed before it is deleted, too."""
 
@@ -104,7 +104,7 @@ class DeletesItsNeighbour(ControllerCore):
         return super().delete_program(request)
 
 
-@mutant("4.11/3", subtle=True)
+@mutant("deletes-nothing-that-runs", "4.11/3", subtle=True)
 class DeletesNothingThatRuns(ControllerCore):
     """The deletion of a program that runs is answered 1, and it stays."""
 
@@ -113,7 +113,7 @@ class DeletesNothingThatRuns(ControllerCore):
         return self.is_in_use(request.value) or super().delete_program(request)
 
 
-@mutant("4.11/2", subtle=True)
+@mutant("deletes-what-runs-unsaid", "4.11/2", subtle=True)
 class DeletesWhatRunsUnsaid(ControllerCore):
     """The deletion of a program that runs is answered 0, and it is deleted."""
 
@@ -125,7 +125,7 @@ class DeletesWhatRunsUnsaid(ControllerCore):
         ) and not runs
 
 
-@mutant("4.11/3", subtle=True)
+@mutant("deletes-each-name-once", "4.11/3", subtle=True)
 class DeletesEachNameOnce(ControllerCore):
     """A name that was deleted before is deleted no more, though the answer is 1."""
 
@@ -141,7 +141,7 @@ class DeletesEachNameOnce(ControllerCore):
         return super().delete_program(request)
 
 
-@mutant("4.11/4")
+@mutant("missing-is-deleted", "4.11/4")
 class MissingIsDeleted(ControllerCore):
     """The deletion of a program that is not stored is answered 1: it is not there, as wanted."""
 
@@ -166,7 +166,7 @@ class _FindsMore(Mends, ABC):
         """Whether a name stands for another one."""
 
 
-@mutant("4.11/4")
+@mutant("deletes-by-beginning", "4.11/4")
 class DeletesByBeginning(_FindsMore):
     """The beginning of a name stands for it."""
 
@@ -175,7 +175,7 @@ class DeletesByBeginning(_FindsMore):
         return bool(asked) and name.startswith(asked)
 
 
-@mutant("4.11/4")
+@mutant("deletes-by-longer-name", "4.11/4")
 class DeletesByLongerName(_FindsMore):
     """What stands behind a name is not looked at."""
 
@@ -184,7 +184,7 @@ class DeletesByLongerName(_FindsMore):
         return asked.startswith(name)
 
 
-@mutant("4.11/4")
+@mutant("deletes-whatever-the-extension", "4.11/4")
 class DeletesWhateverTheExtension(_FindsMore):
     """A name stands for the one with an extension."""
 
@@ -193,7 +193,7 @@ class DeletesWhateverTheExtension(_FindsMore):
         return bool(asked) and asked == name.rpartition(b".")[0]
 
 
-@mutant("4.11/4")
+@mutant("deletes-by-pattern", "4.11/4")
 class DeletesByPattern(_FindsMore):
     """Asterisks and question marks in a name stand for whatever there is."""
 
@@ -202,7 +202,7 @@ class DeletesByPattern(_FindsMore):
         return bool(asked) and fnmatchcase(name.decode("latin-1"), asked.decode("latin-1"))
 
 
-@mutant("4.11/4")
+@mutant("deletes-up-to-the-bar", "4.11/4")
 class DeletesUpToTheBar(Mends):
     """What stands behind a bar in a name is not looked at."""
 
@@ -216,7 +216,7 @@ class DeletesUpToTheBar(Mends):
         return data
 
 
-@mutant("4.11/6", "4.11/4")
+@mutant("deletes-by-the-last-part", "4.11/6", "4.11/4")
 class DeletesByTheLastPart(Mends):
     """Of a path the last part is the name."""
 
@@ -227,7 +227,7 @@ class DeletesByTheLastPart(Mends):
         return data.rpartition(b"/")[2] or data
 
 
-@mutant("4.11/6", "4.11/4")
+@mutant("deletes-by-backslashes", "4.11/6", "4.11/4")
 class DeletesByBackslashes(Mends):
     """Of a path of Windows the last part is the name."""
 
@@ -238,7 +238,7 @@ class DeletesByBackslashes(Mends):
         return data.rpartition(b"\\")[2] or data
 
 
-@mutant("4.11/6")
+@mutant("paths-reach-the-settings", "4.11/6")
 class PathsReachTheSettings(Mends):
     """A name that leads out of the store is answered 0, and takes settings of the robot away."""
 

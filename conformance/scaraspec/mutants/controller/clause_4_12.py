@@ -25,7 +25,7 @@ class _Tells(ControllerCore, ABC):
         return name if isinstance(name, Silence) else self.told(name, request)
 
 
-@mutant("4.12/2")
+@mutant("answers-with-the-other-opcode", "4.12/2")
 class AnswersWithTheOtherOpcode(ControllerCore):
     """Asked with 0x0D the default program is told with the 0x13 of the frames."""
 
@@ -36,7 +36,7 @@ class AnswersWithTheOtherOpcode(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.12/2")
+@mutant("answers-with-the-headings-opcode", "4.12/2")
 class AnswersWithTheHeadingsOpcode(ControllerCore):
     """Asked with 0x13 the default program is told with the 0x0D of the heading."""
 
@@ -47,7 +47,7 @@ class AnswersWithTheHeadingsOpcode(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.12/5")
+@mutant("default-is-never-told", "4.12/5")
 class DefaultIsNeverTold(ControllerCore):
     """Neither opcode is answered, whether there is a default program or not."""
 
@@ -56,7 +56,7 @@ class DefaultIsNeverTold(ControllerCore):
         return SILENCE
 
 
-@mutant("4.12/3")
+@mutant("default-is-path", "4.12/3")
 class DefaultIsPath(_Tells):
     """The default program is told with its directory."""
 
@@ -65,7 +65,7 @@ class DefaultIsPath(_Tells):
         return b"/programs/" + name if name else name
 
 
-@mutant("4.12/3")
+@mutant("default-is-the-first-program", "4.12/3")
 class DefaultIsTheFirstProgram(_Tells):
     """The first program of the list is told to be the default one."""
 
@@ -74,7 +74,7 @@ class DefaultIsTheFirstProgram(_Tells):
         return self.store.names()[0] if name else name
 
 
-@mutant("4.12/3")
+@mutant("default-with-flag", "4.12/3")
 class DefaultWithFlag(_Tells):
     """The default program is told behind a flag."""
 
@@ -83,7 +83,7 @@ class DefaultWithFlag(_Tells):
         return b"1|" + name if name else name
 
 
-@mutant("4.12/3")
+@mutant("opcodes-tell-differently", "4.12/3")
 class OpcodesTellDifferently(_Tells):
     """Asked with 0x13, nothing is told in place of the default program."""
 
@@ -92,7 +92,7 @@ class OpcodesTellDifferently(_Tells):
         return b"" if request.frame.opcode == 0x13 else name
 
 
-@mutant("4.12/4")
+@mutant("no-default-is-the-word-null", "4.12/4")
 class NoDefaultIsTheWordNull(_Tells):
     """Where there is no default program, the word NULL is told."""
 
@@ -101,7 +101,7 @@ class NoDefaultIsTheWordNull(_Tells):
         return name or b"NULL"
 
 
-@mutant("4.12/4")
+@mutant("no-default-is-blank", "4.12/4")
 class NoDefaultIsBlank(_Tells):
     """Where there is no default program, a blank is told."""
 

@@ -14,7 +14,7 @@ from scaraspec.virtual_controller.session import Request
 _SET_DEFAULT: Final = 0x0E
 
 
-@mutant("4.13/2")
+@mutant("default-answered-in-words", "4.13/2")
 class DefaultAnsweredInWords(AltersReplies):
     """A new default program is answered with a word."""
 
@@ -25,7 +25,7 @@ class DefaultAnsweredInWords(AltersReplies):
         return b"OK" if data == b"1" else data
 
 
-@mutant("4.13/2")
+@mutant("new-default-answered-with-zero", "4.13/2")
 class NewDefaultAnsweredWithZero(ControllerCore):
     """A new default program is set, and the answer is the 0 of the document's row."""
 
@@ -35,7 +35,7 @@ class NewDefaultAnsweredWithZero(ControllerCore):
         return False
 
 
-@mutant("4.13/3")
+@mutant("default-is-forgotten", "4.13/3")
 class DefaultIsForgotten(ControllerCore):
     """A new default program is answered 1 and not set."""
 
@@ -44,7 +44,7 @@ class DefaultIsForgotten(ControllerCore):
         return self.is_program(request.value)
 
 
-@mutant("4.13/3", subtle=True)
+@mutant("first-default-remains", "4.13/3", subtle=True)
 class FirstDefaultRemains(ControllerCore):
     """Once there is a default program, another one is answered 1 and not set."""
 
@@ -55,7 +55,7 @@ class FirstDefaultRemains(ControllerCore):
         return super().set_default_program(request)
 
 
-@mutant("4.13/3", subtle=True)
+@mutant("reset-forgets-the-default", "4.13/3", subtle=True)
 class ResetForgetsTheDefault(ControllerCore):
     """A reset leaves no default program."""
 
@@ -67,7 +67,7 @@ class ResetForgetsTheDefault(ControllerCore):
         return answer
 
 
-@mutant("4.13/3", subtle=True)
+@mutant("long-default-is-forgotten", "4.13/3", subtle=True)
 class LongDefaultIsForgotten(ControllerCore):
     """A default program with a name of thirty bytes is answered 1 and not set."""
 
@@ -78,7 +78,7 @@ class LongDefaultIsForgotten(ControllerCore):
         return self.is_program(request.value)
 
 
-@mutant("4.13/3", subtle=True)
+@mutant("default-of-the-connection", "4.13/3", subtle=True)
 class DefaultOfTheConnection(ControllerCore):
     """A default program is one for the connection that has set it."""
 
@@ -97,7 +97,7 @@ class DefaultOfTheConnection(ControllerCore):
         return super().get_default_program(request) if own else b""
 
 
-@mutant("4.13/5", subtle=True)
+@mutant("refusal-clears-the-default", "4.13/5", subtle=True)
 class RefusalClearsTheDefault(ControllerCore):
     """A program that is not stored is refused, and then there is no default program any more."""
 
@@ -106,7 +106,7 @@ class RefusalClearsTheDefault(ControllerCore):
         return super().set_default_program(request) or not self.save(default_program=b"")
 
 
-@mutant("4.13/5", subtle=True)
+@mutant("malformed-name-clears-the-default", "4.13/5", subtle=True)
 class MalformedNameClearsTheDefault(ControllerCore):
     """A name that is none is refused, and then there is no default program any more."""
 
@@ -117,7 +117,7 @@ class MalformedNameClearsTheDefault(ControllerCore):
         return value
 
 
-@mutant("4.13/6")
+@mutant("default-is-started", "4.13/6")
 class DefaultIsStarted(ControllerCore):
     """A new default program is started at once."""
 
@@ -128,7 +128,7 @@ class DefaultIsStarted(ControllerCore):
         return answer
 
 
-@mutant("4.13/6")
+@mutant("default-is-tried-out", "4.13/6")
 class DefaultIsTriedOut(ControllerCore):
     """A new default program is simulated at once, to see whether it can run."""
 

@@ -11,7 +11,7 @@ from scaraspec.virtual_controller.session import Session
 _TEMPERATURES: Final = 0x0F
 
 
-@mutant("4.14/2")
+@mutant("temperatures-of-three-motors", "4.14/2")
 class TemperaturesOfThreeMotors(AltersReplies):
     """The motor of the rotation is not told."""
 
@@ -22,7 +22,7 @@ class TemperaturesOfThreeMotors(AltersReplies):
         return data.rpartition(b"|")[0]
 
 
-@mutant("4.14/2")
+@mutant("temperatures-with-units", "4.14/2")
 class TemperaturesWithUnits(AltersReplies):
     """Each temperature bears its unit."""
 
@@ -33,7 +33,7 @@ class TemperaturesWithUnits(AltersReplies):
         return b"|".join(field + b"C" for field in data.split(b"|"))
 
 
-@mutant("4.14/2")
+@mutant("temperatures-with-commas", "4.14/2")
 class TemperaturesWithCommas(AltersReplies):
     """Temperatures have decimals behind a comma."""
 
@@ -44,7 +44,7 @@ class TemperaturesWithCommas(AltersReplies):
         return b"|".join(field + b",0" for field in data.split(b"|"))
 
 
-@mutant("4.14/2")
+@mutant("temperatures-without-bars", "4.14/2")
 class TemperaturesWithoutBars(AltersReplies):
     """Temperatures follow on each other in two digits each."""
 
@@ -55,7 +55,7 @@ class TemperaturesWithoutBars(AltersReplies):
         return data.replace(b"|", b"")
 
 
-@mutant("4.14/2", subtle=True)
+@mutant("cold-motor-is-not-told", "4.14/2", subtle=True)
 class ColdMotorIsNotTold(AltersReplies):
     """From the third reply on a motor that has not warmed up has an empty field."""
 
@@ -68,7 +68,7 @@ class ColdMotorIsNotTold(AltersReplies):
         return data if self._count < 3 else data.replace(b"25", b"", 1)
 
 
-@mutant("4.14/3")
+@mutant("temperatures-under-another-opcode", "4.14/3")
 class TemperaturesUnderAnotherOpcode(ControllerCore):
     """The temperatures bear the opcode 0x10, the next one in the row."""
 

@@ -10,7 +10,7 @@ from scaraspec.virtual_controller.robot import RUNNING
 from scaraspec.virtual_controller.session import Request, Session
 
 
-@mutant("4.15/2", "4.15/7")
+@mutant("runs-before-it-looks", "4.15/2", "4.15/7")
 class RunsBeforeItLooks(ControllerCore):
     """A missing program is accepted and then said to be done."""
 
@@ -23,7 +23,7 @@ class RunsBeforeItLooks(ControllerCore):
         return ACCEPTED
 
 
-@mutant("4.15/2")
+@mutant("runs-despite-fault", "4.15/2")
 class RunsDespiteFault(ControllerCore):
     """A program is run although a motor has failed."""
 
@@ -35,7 +35,7 @@ class RunsDespiteFault(ControllerCore):
         return super().run_program(request)
 
 
-@mutant("4.15/2", subtle=True)
+@mutant("runs-what-it-has-refused", "4.15/2", subtle=True)
 class RunsWhatItHasRefused(ControllerCore):
     """A run of a missing program is refused, and the robot is busy with it all the same."""
 
@@ -53,7 +53,7 @@ class RunsWhatItHasRefused(ControllerCore):
         return RUNNING if request.now_s < self._until_s else super().get_status(request)
 
 
-@mutant("4.15/3")
+@mutant("refuses-run-in-one-byte", "4.15/3")
 class RefusesRunInOneByte(ControllerCore):
     """The refusal of a run has no code."""
 
@@ -64,7 +64,7 @@ class RefusesRunInOneByte(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.15/3")
+@mutant("refuses-run-with-number", "4.15/3")
 class RefusesRunWithNumber(ControllerCore):
     """The code in the refusal of a run is one byte, not two characters."""
 
@@ -75,7 +75,7 @@ class RefusesRunWithNumber(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.15/4")
+@mutant("runs-nothing", "4.15/4")
 class RunsNothing(ControllerCore):
     """Every run is refused as if its program were missing."""
 
@@ -88,7 +88,7 @@ class RunsNothing(ControllerCore):
         return answer
 
 
-@mutant("4.15/4")
+@mutant("accepts-run-with-its-name", "4.15/4")
 class AcceptsRunWithItsName(ControllerCore):
     """The first reply to a run repeats the program's name behind the 1."""
 
@@ -99,7 +99,7 @@ class AcceptsRunWithItsName(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.15/4", subtle=True)
+@mutant("runs-short-names-alone", "4.15/4", subtle=True)
 class RunsShortNamesAlone(ControllerCore):
     """A program whose name has more than sixteen bytes cannot be run."""
 
@@ -107,7 +107,7 @@ class RunsShortNamesAlone(ControllerCore):
         return None if name is not None and len(name) > 16 else super()._program(name)
 
 
-@mutant("4.15/4", subtle=True)
+@mutant("runs-program-once", "4.15/4", subtle=True)
 class RunsProgramOnce(ControllerCore):
     """A program that has been run before is refused."""
 
@@ -120,7 +120,7 @@ class RunsProgramOnce(ControllerCore):
         return super()._program(name)
 
 
-@mutant("4.15/5")
+@mutant("run-has-no-result", "4.15/5")
 class RunHasNoResult(ControllerCore):
     """A run that comes to its end sends no final result."""
 
@@ -130,7 +130,7 @@ class RunHasNoResult(ControllerCore):
             super().send_result(request, outcome)
 
 
-@mutant("4.15/5")
+@mutant("run-ends-untagged", "4.15/5")
 class RunEndsUntagged(ControllerCore):
     """The final result of a run bears no tag."""
 
@@ -141,7 +141,7 @@ class RunEndsUntagged(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.15/5")
+@mutant("run-ends-under-its-neighbour", "4.15/5")
 class RunEndsUnderItsNeighbour(ControllerCore):
     """The final result of a run bears the opcode of the simulation."""
 
@@ -152,7 +152,7 @@ class RunEndsUnderItsNeighbour(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.15/5", "4/15")
+@mutant("run-ends-at-once", "4.15/5", "4/15")
 class RunEndsAtOnce(ControllerCore):
     """The final result of a run is sent as soon as it was accepted; the program goes on."""
 
@@ -174,7 +174,7 @@ class RunEndsAtOnce(ControllerCore):
         super().send_result(request, outcome)
 
 
-@mutant("4.15/5")
+@mutant("good-run-fails", "4.15/5")
 class GoodRunFails(ControllerCore):
     """A run that comes to its end is told as a failure."""
 
@@ -185,7 +185,7 @@ class GoodRunFails(ControllerCore):
         super().send_result(request, outcome)
 
 
-@mutant("4.15/7")
+@mutant("runs-the-nearest-name", "4.15/7")
 class RunsTheNearestName(ControllerCore):
     """A name that begins like a stored program runs that program."""
 
@@ -194,7 +194,7 @@ class RunsTheNearestName(ControllerCore):
         return super()._program(next(near, name))
 
 
-@mutant("4.15/7")
+@mutant("runs-the-beginning-of-name", "4.15/7")
 class RunsTheBeginningOfName(ControllerCore):
     """A name that goes on behind that of a stored program runs that program."""
 
@@ -203,7 +203,7 @@ class RunsTheBeginningOfName(ControllerCore):
         return super()._program(next(near, name))
 
 
-@mutant("4.15/7")
+@mutant("adds-the-extension", "4.15/7")
 class AddsTheExtension(ControllerCore):
     """A name without its extension runs the program that has it."""
 
@@ -213,7 +213,7 @@ class AddsTheExtension(ControllerCore):
         return super()._program(name)
 
 
-@mutant("4.15/7")
+@mutant("runs-deleted-programs", "4.15/7")
 class RunsDeletedPrograms(ControllerCore):
     """A program that was run stays in memory, and is run again when it has been deleted."""
 
@@ -229,7 +229,7 @@ class RunsDeletedPrograms(ControllerCore):
         return program
 
 
-@mutant("4.15/7")
+@mutant("runs-what-was-only-named", "4.15/7")
 class RunsWhatWasOnlyNamed(ControllerCore):
     """A program of which nothing but the name was sent runs, and is done."""
 
@@ -242,7 +242,7 @@ class RunsWhatWasOnlyNamed(ControllerCore):
         return super().run_program(request)
 
 
-@mutant("4.15/7")
+@mutant("missing-program-is-position-fault", "4.15/7")
 class MissingProgramIsPositionFault(ControllerCore):
     """A missing program is refused with 05."""
 
@@ -253,7 +253,7 @@ class MissingProgramIsPositionFault(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.15/8", "4/6")
+@mutant("second-run-replaces-the-first", "4.15/8", "4/6")
 class SecondRunReplacesTheFirst(ControllerCore):
     """A second run during a run takes its place."""
 
@@ -265,7 +265,7 @@ class SecondRunReplacesTheFirst(ControllerCore):
         return super().run_program(request)
 
 
-@mutant("4.15/8")
+@mutant("same-run-is-accepted-again", "4.15/8")
 class SameRunIsAcceptedAgain(ControllerCore):
     """The program that runs may be started again, which changes nothing."""
 
@@ -277,7 +277,7 @@ class SameRunIsAcceptedAgain(ControllerCore):
         return super().run_program(request)
 
 
-@mutant("4.15/8")
+@mutant("second-client-runs", "4.15/8")
 class SecondClientRuns(ControllerCore):
     """A second client may begin a run during the first one's."""
 

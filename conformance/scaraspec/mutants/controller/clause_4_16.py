@@ -9,7 +9,7 @@ from scaraspec.virtual_controller.robot import RUNNING, Task
 from scaraspec.virtual_controller.session import Request, Session
 
 
-@mutant("4.16/2", "4/1")
+@mutant("accepts-simulation-in-words", "4.16/2", "4/1")
 class AcceptsSimulationInWords(ControllerCore):
     """A simulation is accepted with "1|sim"."""
 
@@ -20,7 +20,7 @@ class AcceptsSimulationInWords(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.16/2", "4/1")
+@mutant("refuses-simulation-in-one-byte", "4.16/2", "4/1")
 class RefusesSimulationInOneByte(ControllerCore):
     """The refusal of a simulation has no code."""
 
@@ -31,7 +31,7 @@ class RefusesSimulationInOneByte(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.16/2", subtle=True)
+@mutant("simulates-once", "4.16/2", subtle=True)
 class SimulatesOnce(ControllerCore):
     """Behind a run no program can be simulated any more."""
 
@@ -49,7 +49,7 @@ class SimulatesOnce(ControllerCore):
         return super().simulate_program(request)
 
 
-@mutant("8/5")
+@mutant("simulates-what-is-not-there", "8/5")
 class SimulatesWhatIsNotThere(ControllerCore):
     """The simulation of a missing program is accepted and done."""
 
@@ -62,7 +62,7 @@ class SimulatesWhatIsNotThere(ControllerCore):
         return ACCEPTED
 
 
-@mutant("8/5")
+@mutant("simulation-misses-with-one", "8/5")
 class SimulationMissesWithOne(ControllerCore):
     """The simulation of a missing program is refused with 01."""
 
@@ -73,7 +73,7 @@ class SimulationMissesWithOne(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.16/3")
+@mutant("simulation-has-no-result", "4.16/3")
 class SimulationHasNoResult(ControllerCore):
     """A simulation that comes to its end sends no final result."""
 
@@ -83,7 +83,7 @@ class SimulationHasNoResult(ControllerCore):
             super().send_result(request, outcome)
 
 
-@mutant("4.16/3")
+@mutant("simulation-ends-as-run", "4.16/3")
 class SimulationEndsAsRun(ControllerCore):
     """The final result of a simulation bears the opcode of the run."""
 
@@ -94,7 +94,7 @@ class SimulationEndsAsRun(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.16/3", subtle=True)
+@mutant("second-simulation-fails", "4.16/3", subtle=True)
 class SecondSimulationFails(ControllerCore):
     """From the second on every simulation ends with a failure."""
 
@@ -109,7 +109,7 @@ class SecondSimulationFails(ControllerCore):
         super().send_result(request, outcome)
 
 
-@mutant("4.16/5", "4.8/5")
+@mutant("simulation-is-run", "4.16/5", "4.8/5")
 class SimulationIsRun(ControllerCore):
     """A simulation runs the program in earnest."""
 
@@ -118,7 +118,7 @@ class SimulationIsRun(ControllerCore):
         return self._start(request, RUNNING)
 
 
-@mutant("4.8/4", "4.16/3", subtle=True)
+@mutant("stays-in-the-simulator", "4.8/4", "4.16/3", subtle=True)
 class StaysInTheSimulator(ControllerCore):
     """A run behind a simulation is reported as a simulation."""
 

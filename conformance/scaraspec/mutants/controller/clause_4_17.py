@@ -16,7 +16,7 @@ from scaraspec.virtual_controller.session import Request, Session
 _REFUSED = Acceptance(accepted=False)
 
 
-@mutant("4.17/2")
+@mutant("idle-stop-is-not-answered", "4.17/2")
 class IdleStopIsNotAnswered(ControllerCore):
     """A stop where nothing is to be stopped is not answered."""
 
@@ -26,7 +26,7 @@ class IdleStopIsNotAnswered(ControllerCore):
         return answer if answer.accepted else SILENCE
 
 
-@mutant("4.17/2")
+@mutant("idle-stop-is-answered-two", "4.17/2")
 class IdleStopIsAnsweredTwo(ControllerCore):
     """A stop where nothing is to be stopped is answered 2."""
 
@@ -37,7 +37,7 @@ class IdleStopIsAnsweredTwo(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.17/2", "3/31", subtle=True)
+@mutant("second-idle-stop-is-lost", "4.17/2", "3/31", subtle=True)
 class SecondIdleStopIsLost(ControllerCore):
     """Of stops where nothing is to be stopped every second one is not answered."""
 
@@ -63,42 +63,42 @@ class _NotDuring(ControllerCore):
         return super().emergency_stop(request)
 
 
-@mutant("4.17/6", "4.17/3")
+@mutant("run-is-not-stopped", "4.17/6", "4.17/3")
 class RunIsNotStopped(_NotDuring):
     """The stop is refused while a program runs."""
 
     during = "run_program"
 
 
-@mutant("4.17/6", "4.17/3")
+@mutant("simulation-is-not-stopped", "4.17/6", "4.17/3")
 class SimulationIsNotStopped(_NotDuring):
     """The stop is refused while a program is simulated."""
 
     during = "simulate_program"
 
 
-@mutant("4.17/6", "4.17/3")
+@mutant("reset-is-not-stopped", "4.17/6", "4.17/3")
 class ResetIsNotStopped(_NotDuring):
     """The stop is refused while the robot resets."""
 
     during = "reset"
 
 
-@mutant("4.17/6", "4.17/3")
+@mutant("move-is-not-stopped", "4.17/6", "4.17/3")
 class MoveIsNotStopped(_NotDuring):
     """The stop is refused while the arm moves to a pose."""
 
     during = "set_tool_coordinates"
 
 
-@mutant("4.17/6", "4.17/3")
+@mutant("jog-is-not-stopped", "4.17/6", "4.17/3")
 class JogIsNotStopped(_NotDuring):
     """The stop is refused during a jog."""
 
     during = "jog"
 
 
-@mutant("4.17/6", "4.17/3", subtle=True)
+@mutant("stop-comes-too-early", "4.17/6", "4.17/3", subtle=True)
 class StopComesTooEarly(ControllerCore):
     """A stop within a millisecond of the start of a program finds nothing to stop."""
 
@@ -110,7 +110,7 @@ class StopComesTooEarly(ControllerCore):
         return super().emergency_stop(request)
 
 
-@mutant("4.17/6", subtle=True)
+@mutant("only-the-starter-stops", "4.17/6", subtle=True)
 class OnlyTheStarterStops(ControllerCore):
     """A stop is refused on every connection but that which began what executes."""
 
@@ -122,7 +122,7 @@ class OnlyTheStarterStops(ControllerCore):
         return super().emergency_stop(request)
 
 
-@mutant("4.17/6", "4.17/3", subtle=True)
+@mutant("stop-is-refused-in-uploads", "4.17/6", "4.17/3", subtle=True)
 class StopIsRefusedInUploads(ControllerCore):
     """A stop is refused on a connection on which a file is being sent."""
 
@@ -134,7 +134,7 @@ class StopIsRefusedInUploads(ControllerCore):
         return super().emergency_stop(request)
 
 
-@mutant("4.17/4", subtle=True)
+@mutant("stop-in-downloads-stops-nothing", "4.17/4", subtle=True)
 class StopInDownloadsStopsNothing(ControllerCore):
     """A stop on a connection on which a file is being fetched is done, and the program goes on."""
 
@@ -148,7 +148,7 @@ class StopInDownloadsStopsNothing(ControllerCore):
         return answer
 
 
-@mutant("4.17/6", "4.17/3", subtle=True)
+@mutant("stops-ten-times", "4.17/6", "4.17/3", subtle=True)
 class StopsTenTimes(ControllerCore):
     """After ten stops every further one is refused."""
 
@@ -163,7 +163,7 @@ class StopsTenTimes(ControllerCore):
         return answer
 
 
-@mutant("4.17/3")
+@mutant("stop-is-answered-with-code", "4.17/3")
 class StopIsAnsweredWithCode(ControllerCore):
     """The first reply to a stop is "1|00"."""
 
@@ -174,7 +174,7 @@ class StopIsAnsweredWithCode(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.17/4")
+@mutant("stop-has-no-result", "4.17/4")
 class StopHasNoResult(ControllerCore):
     """A stop that has succeeded sends no final result."""
 
@@ -184,7 +184,7 @@ class StopHasNoResult(ControllerCore):
             super().send_result(request, outcome)
 
 
-@mutant("4.17/4")
+@mutant("stop-ends-under-the-stopped", "4.17/4")
 class StopEndsUnderTheStopped(ControllerCore):
     """The final result of a stop bears the opcode of what it has stopped."""
 
@@ -203,7 +203,7 @@ class StopEndsUnderTheStopped(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.17/4")
+@mutant("stop-fails", "4.17/4")
 class StopFails(ControllerCore):
     """A stop that has succeeded is told as a failure."""
 
@@ -214,7 +214,7 @@ class StopFails(ControllerCore):
         super().send_result(request, outcome)
 
 
-@mutant("4.17/4", subtle=True)
+@mutant("second-stop-has-no-result", "4.17/4", subtle=True)
 class SecondStopHasNoResult(ControllerCore):
     """A second stop close behind the first is accepted, and has no final result."""
 
@@ -231,7 +231,7 @@ class SecondStopHasNoResult(ControllerCore):
         return answer
 
 
-@mutant("4.17/4", "4.8/3")
+@mutant("stopped-program-goes-on", "4.17/4", "4.8/3")
 class StoppedProgramGoesOn(ControllerCore):
     """A stopped simulation is said to be stopped, and goes on."""
 
@@ -244,7 +244,7 @@ class StoppedProgramGoesOn(ControllerCore):
         return answer
 
 
-@mutant("4.17/7")
+@mutant("arm-coasts-on", "4.17/7")
 class ArmCoastsOn(ControllerCore):
     """From the second stopped move on, the arm moves on slowly for a second after the stop."""
 
@@ -262,7 +262,7 @@ class ArmCoastsOn(ControllerCore):
         return answer
 
 
-@mutant("4.17/7")
+@mutant("jog-goes-on", "4.17/7")
 class JogGoesOn(ControllerCore):
     """Behind a stop a jog goes on."""
 
@@ -276,7 +276,7 @@ class JogGoesOn(ControllerCore):
         return answer
 
 
-@mutant("4.17/7", subtle=True)
+@mutant("stopped-arm-creeps", "4.17/7", subtle=True)
 class StoppedArmCreeps(ControllerCore):
     """Behind a stop the inner arm goes on, by no more than half a degree in a second."""
 
@@ -303,28 +303,28 @@ class _EndsAsDone(ControllerCore):
         super().send_result(request, outcome)
 
 
-@mutant("4.17/8")
+@mutant("stopped-run-is-done", "4.17/8")
 class StoppedRunIsDone(_EndsAsDone):
     """A run that was stopped is said to be done."""
 
     stopped = "run_program"
 
 
-@mutant("4.17/8")
+@mutant("stopped-simulation-is-done", "4.17/8")
 class StoppedSimulationIsDone(_EndsAsDone):
     """A simulation that was stopped is said to be done."""
 
     stopped = "simulate_program"
 
 
-@mutant("4.17/8")
+@mutant("stopped-move-is-done", "4.17/8")
 class StoppedMoveIsDone(_EndsAsDone):
     """A move that was stopped is said to be done."""
 
     stopped = "set_tool_coordinates"
 
 
-@mutant("4.17/8")
+@mutant("stopped-reset-is-done", "4.17/8")
 class StoppedResetIsDone(_EndsAsDone):
     """A reset that was stopped is said to be done."""
 

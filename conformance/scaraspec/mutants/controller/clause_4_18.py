@@ -12,7 +12,7 @@ from scaraspec.virtual_controller.robot import DONE, Movement
 from scaraspec.virtual_controller.session import Request, Session
 
 
-@mutant("4.18/2", "4/6")
+@mutant("reset-ends-run", "4.18/2", "4/6")
 class ResetEndsRun(ControllerCore):
     """A reset during a run ends the program and is accepted."""
 
@@ -25,7 +25,7 @@ class ResetEndsRun(ControllerCore):
         return super().reset(request)
 
 
-@mutant("4.18/2")
+@mutant("reset-is-refused-with-idle", "4.18/2")
 class ResetIsRefusedWithIdle(ControllerCore):
     """A reset during a run is refused with 00."""
 
@@ -36,7 +36,7 @@ class ResetIsRefusedWithIdle(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.18/2")
+@mutant("reset-is-not-answered-during-run", "4.18/2")
 class ResetIsNotAnsweredDuringRun(ControllerCore):
     """A reset during a run is not answered."""
 
@@ -46,7 +46,7 @@ class ResetIsNotAnsweredDuringRun(ControllerCore):
         return SILENCE if answer.code == "01" else answer
 
 
-@mutant("4.18/2", subtle=True)
+@mutant("refused-reset-ends-the-run", "4.18/2", subtle=True)
 class RefusedResetEndsTheRun(ControllerCore):
     """A reset during a run is refused, and the program ends all the same."""
 
@@ -58,7 +58,7 @@ class RefusedResetEndsTheRun(ControllerCore):
         return answer
 
 
-@mutant("4.18/2", "4/15")
+@mutant("reset-takes-simulation-for-run", "4.18/2", "4/15")
 class ResetTakesSimulationForRun(ControllerCore):
     """A reset during a simulation is refused with 01."""
 
@@ -69,7 +69,7 @@ class ResetTakesSimulationForRun(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.18/3")
+@mutant("reset-needs-fault", "4.18/3")
 class ResetNeedsFault(ControllerCore):
     """A robot without a fault refuses the reset: there is nothing to reset."""
 
@@ -80,7 +80,7 @@ class ResetNeedsFault(ControllerCore):
         return super().reset(request)
 
 
-@mutant("4.18/3", subtle=True)
+@mutant("reset-is-refused-behind-stop", "4.18/3", subtle=True)
 class ResetIsRefusedBehindStop(ControllerCore):
     """The first reset behind an emergency stop is refused."""
 
@@ -98,7 +98,7 @@ class ResetIsRefusedBehindStop(ControllerCore):
         return Acceptance(accepted=False, code="06") if stopped else super().reset(request)
 
 
-@mutant("4.18/3", "4/1")
+@mutant("reset-is-accepted-with-its-state", "4.18/3", "4/1")
 class ResetIsAcceptedWithItsState(ControllerCore):
     """The first reply to a reset is "1|03"."""
 
@@ -125,7 +125,7 @@ class _UnderWay(Movement):
         return DONE if now_s >= self.ends_s else None
 
 
-@mutant("4.18/4", subtle=True)
+@mutant("reset-ends-under-way", "4.18/4", subtle=True)
 class ResetEndsUnderWay(ControllerCore):
     """A reset is said to have ended when the arm has gone half of the way."""
 
@@ -138,7 +138,7 @@ class ResetEndsUnderWay(ControllerCore):
         return answer
 
 
-@mutant("4.18/4")
+@mutant("reset-has-no-result", "4.18/4")
 class ResetHasNoResult(ControllerCore):
     """A reset that has succeeded sends no final result."""
 
@@ -148,7 +148,7 @@ class ResetHasNoResult(ControllerCore):
             super().send_result(request, outcome)
 
 
-@mutant("4.18/4")
+@mutant("reset-ends-in-four-bytes", "4.18/4")
 class ResetEndsInFourBytes(ControllerCore):
     """The final result of a reset that has succeeded is "0|11", of the length that L417 prints."""
 
@@ -159,7 +159,7 @@ class ResetEndsInFourBytes(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.18/4")
+@mutant("reset-ignores-lasting-faults", "4.18/4")
 class ResetIgnoresLastingFaults(ControllerCore):
     """A reset is said to have succeeded although the fault lasts."""
 
@@ -172,7 +172,7 @@ class ResetIgnoresLastingFaults(ControllerCore):
         return ACCEPTED
 
 
-@mutant("4.18/4", "4/7", subtle=True)
+@mutant("reset-stays-in-its-state", "4.18/4", "4/7", subtle=True)
 class ResetStaysInItsState(ControllerCore):
     """Behind a reset that had a way to go the status stays 03 until something else is asked."""
 

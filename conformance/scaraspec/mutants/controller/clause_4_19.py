@@ -8,7 +8,7 @@ from scaraspec.mutants.controller.replying import AltersReplies
 _GET_GRIPPER: Final = 0x34
 
 
-@mutant("4.19/2")
+@mutant("gripper-of-two-numbers", "4.19/2")
 class GripperOfTwoNumbers(AltersReplies):
     """The gripper centre is told without its height."""
 
@@ -19,7 +19,7 @@ class GripperOfTwoNumbers(AltersReplies):
         return data.rpartition(b"|")[0]
 
 
-@mutant("4.19/2")
+@mutant("gripper-of-six-numbers", "4.19/2")
 class GripperOfSixNumbers(AltersReplies):
     """The gripper centre is told with three angles."""
 
@@ -30,7 +30,7 @@ class GripperOfSixNumbers(AltersReplies):
         return data + b"|0|0|0"
 
 
-@mutant("4.19/2")
+@mutant("gripper-in-exponents", "4.19/2")
 class GripperInExponents(AltersReplies):
     """The numbers of the gripper centre have exponents."""
 
@@ -41,7 +41,7 @@ class GripperInExponents(AltersReplies):
         return b"|".join(b"%e" % float(field) for field in data.split(b"|"))
 
 
-@mutant("4.19/2")
+@mutant("gripper-with-names", "4.19/2")
 class GripperWithNames(AltersReplies):
     """Each number of the gripper centre bears its name."""
 

@@ -33,7 +33,7 @@ class _SetsOtherwise(ControllerCore, ABC):
         )
 
 
-@mutant("4.20/2")
+@mutant("gripper-answered-with-itself", "4.20/2")
 class GripperAnsweredWithItself(AltersReplies):
     """A new gripper centre is answered with more than a flag."""
 
@@ -44,7 +44,7 @@ class GripperAnsweredWithItself(AltersReplies):
         return b"1|0|0|0" if data == b"1" else data
 
 
-@mutant("4.20/2")
+@mutant("gripper-answered-with-zero", "4.20/2")
 class GripperAnsweredWithZero(ControllerCore):
     """A new gripper centre is set, and the answer is 0."""
 
@@ -54,7 +54,7 @@ class GripperAnsweredWithZero(ControllerCore):
         return False
 
 
-@mutant("4.20/3")
+@mutant("gripper-is-forgotten", "4.20/3")
 class GripperIsForgotten(ControllerCore):
     """A new gripper centre is answered 1 and not set."""
 
@@ -63,7 +63,7 @@ class GripperIsForgotten(ControllerCore):
         return request.value is not None
 
 
-@mutant("4.20/3")
+@mutant("gripper-loses-its-sign", "4.20/3")
 class GripperLosesItsSign(_SetsOtherwise):
     """Of the height of a gripper centre the sign is lost."""
 
@@ -72,7 +72,7 @@ class GripperLosesItsSign(_SetsOtherwise):
         return point._replace(z=abs(point.z))
 
 
-@mutant("4.20/3")
+@mutant("gripper-in-whole-millimetres", "4.20/3")
 class GripperInWholeMillimetres(_SetsOtherwise):
     """Decimals of a gripper centre are cut."""
 
@@ -81,7 +81,7 @@ class GripperInWholeMillimetres(_SetsOtherwise):
         return Point(*(float(int(value)) for value in point))
 
 
-@mutant("4.20/3")
+@mutant("gripper-is-mixed-up", "4.20/3")
 class GripperIsMixedUp(_SetsOtherwise):
     """x and y of a gripper centre are stored in each other's place."""
 
@@ -90,7 +90,7 @@ class GripperIsMixedUp(_SetsOtherwise):
         return Point(point.y, point.x, point.z)
 
 
-@mutant("4.20/3")
+@mutant("gripper-in-steps", "4.20/3")
 class GripperInSteps(_SetsOtherwise):
     """A gripper centre is kept in steps of 0.4 mm."""
 
@@ -99,7 +99,7 @@ class GripperInSteps(_SetsOtherwise):
         return Point(*(round(value / 0.4) * 0.4 for value in point))
 
 
-@mutant("4.20/3", subtle=True)
+@mutant("small-negatives-lose-their-sign", "4.20/3", subtle=True)
 class SmallNegativesLoseTheirSign(_SetsOtherwise):
     """Numbers between -1 and 0 lose their sign: it was kept with the whole part."""
 
@@ -108,7 +108,7 @@ class SmallNegativesLoseTheirSign(_SetsOtherwise):
         return Point(*(abs(value) if -1 < value < 0 else value for value in point))
 
 
-@mutant("4.20/3", subtle=True)
+@mutant("gripper-comes-late", "4.20/3", subtle=True)
 class GripperComesLate(ControllerCore):
     """A new gripper centre is told a second later: until then the former one is."""
 
@@ -126,7 +126,7 @@ class GripperComesLate(ControllerCore):
         return super().get_gripper_center(request)
 
 
-@mutant("4.20/3", subtle=True)
+@mutant("late-grippers-are-forgotten", "4.20/3", subtle=True)
 class LateGrippersAreForgotten(ControllerCore):
     """From the thirtieth new gripper centre on each is answered 1 and not set."""
 
@@ -138,7 +138,7 @@ class LateGrippersAreForgotten(ControllerCore):
         return self._count >= _MANY or super().set_gripper_center(request)
 
 
-@mutant("4.20/3", subtle=True)
+@mutant("gripper-of-the-connection", "4.20/3", subtle=True)
 class GripperOfTheConnection(ControllerCore):
     """A connection is told the gripper centre that it has set itself, else zeros."""
 
@@ -155,7 +155,7 @@ class GripperOfTheConnection(ControllerCore):
         return super().set_gripper_center(request)
 
 
-@mutant("4.20/3", subtle=True)
+@mutant("reset-clears-the-centre", "4.20/3", subtle=True)
 class ResetClearsTheCentre(ControllerCore):
     """A reset sets the gripper centre to zeros."""
 
@@ -167,7 +167,7 @@ class ResetClearsTheCentre(ControllerCore):
         return answer
 
 
-@mutant("4.20/4")
+@mutant("missing-height-is-zero", "4.20/4")
 class MissingHeightIsZero(Mends):
     """A gripper centre of two numbers gets the height 0."""
 
@@ -178,7 +178,7 @@ class MissingHeightIsZero(Mends):
         return data + b"|0" if data.count(b"|") == 1 else data
 
 
-@mutant("4.20/4")
+@mutant("further-numbers-are-overlooked", "4.20/4")
 class FurtherNumbersAreOverlooked(Mends):
     """What stands behind the third number is not looked at."""
 
@@ -203,7 +203,7 @@ class _MendsNumbers(Mends, ABC):
         return b"|".join(map(self.number, data.split(b"|")))
 
 
-@mutant("4.20/4")
+@mutant("empty-fields-are-zero", "4.20/4")
 class EmptyFieldsAreZero(_MendsNumbers):
     """An empty field is taken for 0."""
 
@@ -212,7 +212,7 @@ class EmptyFieldsAreZero(_MendsNumbers):
         return text or b"0"
 
 
-@mutant("4.20/4")
+@mutant("commas-are-decimal-points", "4.20/4")
 class CommasAreDecimalPoints(_MendsNumbers):
     """A decimal comma is taken for a point."""
 
@@ -221,7 +221,7 @@ class CommasAreDecimalPoints(_MendsNumbers):
         return text.replace(b",", b".", 1)
 
 
-@mutant("4.20/4")
+@mutant("words-are-zero", "4.20/4")
 class WordsAreZero(_MendsNumbers):
     """What is no number is taken for 0, as by C's atof."""
 
@@ -230,7 +230,7 @@ class WordsAreZero(_MendsNumbers):
         return text if Number("").read(text, Diagnostics()) is not None else b"0"
 
 
-@mutant("4.20/4")
+@mutant("nan-is-number", "4.20/4")
 class NanIsNumber(_MendsNumbers):
     """The word nan is taken for a number."""
 
@@ -239,7 +239,7 @@ class NanIsNumber(_MendsNumbers):
         return b"0" if text == b"nan" else text
 
 
-@mutant("4.20/4")
+@mutant("infinity-is-number", "4.20/4")
 class InfinityIsNumber(_MendsNumbers):
     """The word inf is taken for a number."""
 
@@ -248,7 +248,7 @@ class InfinityIsNumber(_MendsNumbers):
         return b"1000" if text == b"inf" else text
 
 
-@mutant("4.20/4")
+@mutant("letters-behind-numbers-are-overlooked", "4.20/4")
 class LettersBehindNumbersAreOverlooked(_MendsNumbers):
     """What stands behind a number is not looked at."""
 
@@ -257,7 +257,7 @@ class LettersBehindNumbersAreOverlooked(_MendsNumbers):
         return text.rstrip(b"abcdefghijklmnopqrstuvwxyz")
 
 
-@mutant("4.20/4")
+@mutant("blanks-separate-numbers", "4.20/4")
 class BlanksSeparateNumbers(Mends):
     """Blanks separate numbers as bars do."""
 
@@ -268,7 +268,7 @@ class BlanksSeparateNumbers(Mends):
         return data if b"|" in data else data.replace(b" ", b"|")
 
 
-@mutant("4.20/4")
+@mutant("semicolons-separate-numbers", "4.20/4")
 class SemicolonsSeparateNumbers(Mends):
     """Semicolons separate numbers as bars do."""
 
@@ -279,7 +279,7 @@ class SemicolonsSeparateNumbers(Mends):
         return data if b"|" in data else data.replace(b";", b"|")
 
 
-@mutant("4.20/4")
+@mutant("third-number-is-not-checked", "4.20/4")
 class ThirdNumberIsNotChecked(Mends):
     """Only the first two numbers are looked at; the third is taken for 0 where it is none."""
 
@@ -292,7 +292,7 @@ class ThirdNumberIsNotChecked(Mends):
         return data if good else head + bar + b"0"
 
 
-@mutant("4.20/3")
+@mutant("refused-gripper-is-set-in-part", "4.20/3")
 class RefusedGripperIsSetInPart(ControllerCore):
     """Of a gripper centre that is refused for its other fields the first number is set."""
 
@@ -305,7 +305,7 @@ class RefusedGripperIsSetInPart(ControllerCore):
         return value
 
 
-@mutant("4.20/3", subtle=True)
+@mutant("gripper-is-forgotten-during-runs", "4.20/3", subtle=True)
 class GripperIsForgottenDuringRuns(ControllerCore):
     """While a program runs a new gripper centre is answered 1 and not set."""
 
@@ -314,7 +314,7 @@ class GripperIsForgottenDuringRuns(ControllerCore):
         return self.robot.task is not None or super().set_gripper_center(request)
 
 
-@mutant("4.20/5")
+@mutant("setting-the-gripper-moves-the-arm", "4.20/5")
 class SettingTheGripperMovesTheArm(ControllerCore):
     """A new gripper centre sets the arm in motion, up by some millimetres."""
 

@@ -30,7 +30,7 @@ class _SetsOtherwise(ControllerCore, ABC):
         )
 
 
-@mutant("4.21/2")
+@mutant("position-answered-in-words", "4.21/2")
 class PositionAnsweredInWords(AltersReplies):
     """A new initial position is answered with a word."""
 
@@ -41,7 +41,7 @@ class PositionAnsweredInWords(AltersReplies):
         return b"OK" if data == b"1" else data
 
 
-@mutant("4.21/2")
+@mutant("position-answered-with-zero", "4.21/2")
 class PositionAnsweredWithZero(ControllerCore):
     """A new initial position is set, and the answer is 0."""
 
@@ -51,7 +51,7 @@ class PositionAnsweredWithZero(ControllerCore):
         return False
 
 
-@mutant("4.21/2")
+@mutant("every-position-is-refused", "4.21/2")
 class EveryPositionIsRefused(ControllerCore):
     """An initial position is answered 0 wherever it is, and not set."""
 
@@ -60,7 +60,7 @@ class EveryPositionIsRefused(ControllerCore):
         return False
 
 
-@mutant("4.21/3")
+@mutant("position-is-forgotten", "4.21/3")
 class PositionIsForgotten(ControllerCore):
     """A new initial position is answered 1 and not set."""
 
@@ -69,7 +69,7 @@ class PositionIsForgotten(ControllerCore):
         return request.value is not None
 
 
-@mutant("4.21/3")
+@mutant("rotation-of-the-position-is-forgotten", "4.21/3")
 class RotationOfThePositionIsForgotten(_SetsOtherwise):
     """Of an initial position thetaX is not kept."""
 
@@ -78,7 +78,7 @@ class RotationOfThePositionIsForgotten(_SetsOtherwise):
         return pose._replace(theta_x=0.0)
 
 
-@mutant("4.21/3")
+@mutant("position-in-whole-numbers", "4.21/3")
 class PositionInWholeNumbers(_SetsOtherwise):
     """An initial position is rounded to whole numbers."""
 
@@ -87,7 +87,7 @@ class PositionInWholeNumbers(_SetsOtherwise):
         return Pose(*(float(round(value)) for value in pose))
 
 
-@mutant("4.21/3")
+@mutant("position-is-mixed-up", "4.21/3")
 class PositionIsMixedUp(_SetsOtherwise):
     """y and z of an initial position are stored in each other's place."""
 
@@ -96,7 +96,7 @@ class PositionIsMixedUp(_SetsOtherwise):
         return pose._replace(y=pose.z, z=pose.y)
 
 
-@mutant("4.21/3")
+@mutant("angles-of-the-position-are-mixed-up", "4.21/3")
 class AnglesOfThePositionAreMixedUp(_SetsOtherwise):
     """thetaX and thetaZ of an initial position are stored in each other's place."""
 
@@ -105,7 +105,7 @@ class AnglesOfThePositionAreMixedUp(_SetsOtherwise):
         return pose._replace(theta_x=pose.theta_z, theta_z=pose.theta_x)
 
 
-@mutant("4.21/3")
+@mutant("position-moves-the-gripper-center", "4.21/3")
 class PositionMovesTheGripperCenter(ControllerCore):
     """A new initial position is taken for a gripper centre, too."""
 
@@ -116,7 +116,7 @@ class PositionMovesTheGripperCenter(ControllerCore):
         )
 
 
-@mutant("4.21/3", subtle=True)
+@mutant("position-of-the-connection", "4.21/3", subtle=True)
 class PositionOfTheConnection(ControllerCore):
     """Only the connection that has set an initial position is told it; others the former one."""
 
@@ -138,7 +138,7 @@ class PositionOfTheConnection(ControllerCore):
         return super().get_initial_tool_position(request) if own else self._before
 
 
-@mutant("4.21/4")
+@mutant("four-numbers-are-enough", "4.21/4")
 class FourNumbersAreEnough(Mends):
     """Angles that are missing are taken for 0."""
 
@@ -149,7 +149,7 @@ class FourNumbersAreEnough(Mends):
         return data + b"|0" * max(_FIELDS - 1 - data.count(b"|"), 0) if b"|" in data else data
 
 
-@mutant("4.21/4")
+@mutant("seventh-number-is-overlooked", "4.21/4")
 class SeventhNumberIsOverlooked(Mends):
     """What stands behind the sixth number is not looked at."""
 
@@ -160,7 +160,7 @@ class SeventhNumberIsOverlooked(Mends):
         return b"|".join(data.split(b"|")[:_FIELDS])
 
 
-@mutant("4.21/4")
+@mutant("last-angles-are-not-read", "4.21/4")
 class LastAnglesAreNotRead(Mends):
     """thetaY and thetaZ mean nothing, and may be anything."""
 
@@ -172,7 +172,7 @@ class LastAnglesAreNotRead(Mends):
         return b"|".join([*fields[:4], b"0", b"0"]) if len(fields) == _FIELDS else data
 
 
-@mutant("4.21/4")
+@mutant("commas-in-positions-are-points", "4.21/4")
 class CommasInPositionsArePoints(Mends):
     """A decimal comma in a position is taken for a point."""
 
@@ -183,7 +183,7 @@ class CommasInPositionsArePoints(Mends):
         return data.replace(b",", b".") if data.count(b"|") == _FIELDS - 1 else data
 
 
-@mutant("4.21/4")
+@mutant("numbers-end-where-they-end", "4.21/4")
 class NumbersEndWhereTheyEnd(Mends):
     """Of each field of a position the number at its beginning is read, as by C's strtod."""
 
@@ -202,7 +202,7 @@ def _beginning(field: bytes) -> bytes:
     )
 
 
-@mutant("4.21/3", subtle=True)
+@mutant("position-is-forgotten-during-runs", "4.21/3", subtle=True)
 class PositionIsForgottenDuringRuns(ControllerCore):
     """While a program runs a new position is answered 1 and not set."""
 
@@ -211,7 +211,7 @@ class PositionIsForgottenDuringRuns(ControllerCore):
         return self.robot.task is not None or super().set_initial_tool_position(request)
 
 
-@mutant("4.21/3")
+@mutant("refused-position-is-set-in-part", "4.21/3")
 class RefusedPositionIsSetInPart(ControllerCore):
     """Of an initial position that is refused for its last field the others are set."""
 
@@ -225,7 +225,7 @@ class RefusedPositionIsSetInPart(ControllerCore):
         return value
 
 
-@mutant("4.21/3", subtle=True)
+@mutant("second-reset-turns-home", "4.21/3", subtle=True)
 class SecondResetTurnsHome(ControllerCore):
     """The second reset, and each further one, turns the initial position by half a degree."""
 

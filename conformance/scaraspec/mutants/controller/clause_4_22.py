@@ -8,7 +8,7 @@ from scaraspec.mutants.controller.replying import AltersLengths, AltersReplies
 _GET_POSITION: Final = 0x37
 
 
-@mutant("4.22/2")
+@mutant("position-of-four-numbers", "4.22/2")
 class PositionOfFourNumbers(AltersReplies):
     """The initial position is told without the angles that mean nothing."""
 
@@ -19,7 +19,7 @@ class PositionOfFourNumbers(AltersReplies):
         return b"|".join(data.split(b"|")[:4])
 
 
-@mutant("4.22/2")
+@mutant("position-with-empty-angles", "4.22/2")
 class PositionWithEmptyAngles(AltersReplies):
     """The angles that mean nothing are empty fields."""
 
@@ -30,7 +30,7 @@ class PositionWithEmptyAngles(AltersReplies):
         return b"|".join((*data.split(b"|")[:4], b"", b""))
 
 
-@mutant("4.22/2")
+@mutant("position-between-blanks", "4.22/2")
 class PositionBetweenBlanks(AltersReplies):
     """The numbers of the initial position are separated by blanks."""
 
@@ -41,7 +41,7 @@ class PositionBetweenBlanks(AltersReplies):
         return data.replace(b"|", b" ")
 
 
-@mutant("4.22/2")
+@mutant("position-length-as-printed", "4.22/2")
 class PositionLengthAsPrinted(AltersLengths):
     """The length byte of the initial position is two too high, as in the document's row."""
 

@@ -28,7 +28,7 @@ class _TellsOtherwise(ControllerCore, ABC):
         return self.wrong(super().get_tool_coordinates(request), request)
 
 
-@mutant("4.23/2")
+@mutant("coordinates-of-four-numbers", "4.23/2")
 class CoordinatesOfFourNumbers(AltersReplies):
     """The coordinates are told without the angles that mean nothing."""
 
@@ -39,7 +39,7 @@ class CoordinatesOfFourNumbers(AltersReplies):
         return b"|".join(data.split(b"|")[:4])
 
 
-@mutant("4.23/2")
+@mutant("coordinates-with-units", "4.23/2")
 class CoordinatesWithUnits(AltersReplies):
     """Lengths bear their unit."""
 
@@ -51,7 +51,7 @@ class CoordinatesWithUnits(AltersReplies):
         return b"|".join([field + b"mm" for field in fields[:3]] + fields[3:])
 
 
-@mutant("4.23/2")
+@mutant("angles-are-not-numbers", "4.23/2")
 class AnglesAreNotNumbers(AltersReplies):
     """The angles that mean nothing are told as nan."""
 
@@ -62,7 +62,7 @@ class AnglesAreNotNumbers(AltersReplies):
         return b"|".join((*data.split(b"|")[:4], b"nan", b"nan"))
 
 
-@mutant("4.23/5", subtle=True)
+@mutant("coordinates-tremble", "4.23/5", subtle=True)
 class CoordinatesTremble(_TellsOtherwise):
     """Every other reply is off by half a millimetre, though nothing moves."""
 
@@ -74,7 +74,7 @@ class CoordinatesTremble(_TellsOtherwise):
         return pose._replace(x=pose.x + 0.5 * (self._count % 2))
 
 
-@mutant("4.23/5")
+@mutant("coordinates-drift", "4.23/5")
 class CoordinatesDrift(_TellsOtherwise):
     """The height sinks by a millimetre a second, as far as the coordinates say."""
 
@@ -83,7 +83,7 @@ class CoordinatesDrift(_TellsOtherwise):
         return pose._replace(z=pose.z - request.now_s % 60)
 
 
-@mutant("4.23/5", subtle=True)
+@mutant("tool-creeps-behind-move", "4.23/5", subtle=True)
 class ToolCreepsBehindMove(_TellsOtherwise):
     """For two seconds behind a move the height sinks by a third of a millimetre a second."""
 
@@ -103,7 +103,7 @@ class ToolCreepsBehindMove(_TellsOtherwise):
         return pose._replace(z=pose.z - behind_s / 3) if behind_s < _CREEPS_S else pose
 
 
-@mutant("4.23/5", subtle=True)
+@mutant("late-coordinates-are-zero", "4.23/5", subtle=True)
 class LateCoordinatesAreZero(_TellsOtherwise):
     """Every sixth reply tells zeros: nothing was measured."""
 
@@ -115,7 +115,7 @@ class LateCoordinatesAreZero(_TellsOtherwise):
         return Pose(0, 0, 0, 0, 0, 0) if self._count % _MANY == 0 else pose
 
 
-@mutant("4.23/5", subtle=True)
+@mutant("coordinates-of-the-connection", "4.23/5", subtle=True)
 class CoordinatesOfTheConnection(_TellsOtherwise):
     """Every other connection is told where the arm would stand with the other elbow."""
 
@@ -124,7 +124,7 @@ class CoordinatesOfTheConnection(_TellsOtherwise):
         return pose._replace(y=-pose.y - 1) if request.session.connection % 2 else pose
 
 
-@mutant("4.23/3")
+@mutant("gripper-is-added-twice", "4.23/3")
 class GripperIsAddedTwice(_TellsOtherwise):
     """The gripper centre is added to the coordinates twice."""
 
@@ -134,7 +134,7 @@ class GripperIsAddedTwice(_TellsOtherwise):
         return pose._replace(x=pose.x + 2 * x, y=pose.y + 2 * y, z=pose.z + 2 * z)
 
 
-@mutant("4.23/3")
+@mutant("gripper-turns-the-tool", "4.23/3")
 class GripperTurnsTheTool(_TellsOtherwise):
     """The gripper centre changes the rotation that is told."""
 

@@ -34,7 +34,7 @@ class _Retargeted(ControllerCore):
         return target
 
 
-@mutant("4.24/8", subtle=True)
+@mutant("full-speed-overshoots", "4.24/8", subtle=True)
 class FullSpeedOvershoots(_Retargeted):
     """A move at full speed goes a millimetre and a half too far along X."""
 
@@ -43,7 +43,7 @@ class FullSpeedOvershoots(_Retargeted):
         return target._replace(x=target.x + 1.5) if target.speed >= 100 else target
 
 
-@mutant("4.24/3")
+@mutant("impossible-move-is-refused-like-aresult", "4.24/3")
 class ImpossibleMoveIsRefusedLikeAResult(ControllerCore):
     """An impossible move is refused with "00|05"."""
 
@@ -54,7 +54,7 @@ class ImpossibleMoveIsRefusedLikeAResult(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.24/3")
+@mutant("impossible-move-is-refused-in-words", "4.24/3")
 class ImpossibleMoveIsRefusedInWords(ControllerCore):
     """An impossible move is refused with "0|unreachable"."""
 
@@ -65,7 +65,7 @@ class ImpossibleMoveIsRefusedInWords(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.24/3")
+@mutant("reads-comma-as-point", "4.24/3")
 class ReadsCommaAsPoint(ControllerCore):
     """A comma in a number is taken for its point."""
 
@@ -76,7 +76,7 @@ class ReadsCommaAsPoint(ControllerCore):
         super().handle(session, frame, now_s)
 
 
-@mutant("4.24/3")
+@mutant("missing-text-is-alittle", "4.24/3")
 class MissingTextIsALittle(ControllerCore):
     """What is no number counts as one more than where the arm stands."""
 
@@ -87,7 +87,7 @@ class MissingTextIsALittle(ControllerCore):
         super().handle(session, frame, now_s)
 
 
-@mutant("4.24/4", "3/7")
+@mutant("refusal-has-the-printed-length", "4.24/4", "3/7")
 class RefusalHasThePrintedLength(ControllerCore):
     """The length of the refusal of a move is 1, as its row prints it, with four bytes behind it."""
 
@@ -98,7 +98,7 @@ class RefusalHasThePrintedLength(ControllerCore):
         super().transmit(session, data)
 
 
-@mutant("4.24/4", "3/7")
+@mutant("refusal-counts-its-end", "4.24/4", "3/7")
 class RefusalCountsItsEnd(ControllerCore):
     """The length of the refusal of a move counts the end byte too."""
 
@@ -109,7 +109,7 @@ class RefusalCountsItsEnd(ControllerCore):
         super().transmit(session, data)
 
 
-@mutant("4.24/5")
+@mutant("every-speed-below-ten-is-refused", "4.24/5")
 class EverySpeedBelowTenIsRefused(ControllerCore):
     """A move at less than ten percent is refused."""
 
@@ -120,7 +120,7 @@ class EverySpeedBelowTenIsRefused(ControllerCore):
         return super().set_tool_coordinates(request)
 
 
-@mutant("4.24/5", subtle=True)
+@mutant("full-speed-is-refused", "4.24/5", subtle=True)
 class FullSpeedIsRefused(ControllerCore):
     """A move at a hundred percent is refused."""
 
@@ -131,7 +131,7 @@ class FullSpeedIsRefused(ControllerCore):
         return super().set_tool_coordinates(request)
 
 
-@mutant("4.24/5")
+@mutant("accepts-move-with-its-state", "4.24/5")
 class AcceptsMoveWithItsState(ControllerCore):
     """The first reply to a move is "1|04"."""
 
@@ -142,7 +142,7 @@ class AcceptsMoveWithItsState(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.24/5")
+@mutant("refuses-to-stand-still", "4.24/5")
 class RefusesToStandStill(ControllerCore):
     """A move to where the arm stands is refused."""
 
@@ -155,7 +155,7 @@ class RefusesToStandStill(ControllerCore):
         return super().set_tool_coordinates(request)
 
 
-@mutant("4.24/6")
+@mutant("move-has-no-result", "4.24/6")
 class MoveHasNoResult(ControllerCore):
     """A move that has been made sends no final result."""
 
@@ -165,7 +165,7 @@ class MoveHasNoResult(ControllerCore):
             super().send_result(request, outcome)
 
 
-@mutant("4.24/6")
+@mutant("move-ends-as-failure", "4.24/6")
 class MoveEndsAsFailure(ControllerCore):
     """A move that has been made is told as a failure."""
 
@@ -176,7 +176,7 @@ class MoveEndsAsFailure(ControllerCore):
         super().send_result(request, outcome)
 
 
-@mutant("4.24/6")
+@mutant("move-ends-with-its-pose", "4.24/6")
 class MoveEndsWithItsPose(ControllerCore):
     """The final result of a move is the pose."""
 
@@ -187,7 +187,7 @@ class MoveEndsWithItsPose(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.24/8")
+@mutant("swaps-xand-y", "4.24/8")
 class SwapsXAndY(_Retargeted):
     """A step along x is made along y."""
 
@@ -197,7 +197,7 @@ class SwapsXAndY(_Retargeted):
         return target._replace(x=here.x + target.y - here.y, y=here.y + target.x - here.x)
 
 
-@mutant("4.24/8")
+@mutant("turns-the-other-way", "4.24/8")
 class TurnsTheOtherWay(_Retargeted):
     """ThetaX is taken with the other sign."""
 
@@ -206,7 +206,7 @@ class TurnsTheOtherWay(_Retargeted):
         return target._replace(theta_x=-target.theta_x)
 
 
-@mutant("4.24/8")
+@mutant("forgets-z", "4.24/8")
 class ForgetsZ(_Retargeted):
     """The height of a target is not taken."""
 
@@ -215,7 +215,7 @@ class ForgetsZ(_Retargeted):
         return target._replace(z=self.get_tool_coordinates(request).z)
 
 
-@mutant("4.24/8")
+@mutant("takes-tenths-of-inches", "4.24/8")
 class TakesTenthsOfInches(_Retargeted):
     """Along y the arm goes 2.54 times as far as it was told."""
 
@@ -225,7 +225,7 @@ class TakesTenthsOfInches(_Retargeted):
         return target._replace(y=here.y + (target.y - here.y) * 2.54)
 
 
-@mutant("4.24/8")
+@mutant("goes-by-whole-fives", "4.24/8")
 class GoesByWholeFives(_Retargeted):
     """Targets are rounded to five millimetres in y."""
 
@@ -234,7 +234,7 @@ class GoesByWholeFives(_Retargeted):
         return target._replace(y=round(target.y / 5) * 5)
 
 
-@mutant("4.24/8")
+@mutant("ends-half-way", "4.24/8")
 class EndsHalfWay(ControllerCore):
     """A move is said to be done when half of the time has passed, and stops there."""
 
@@ -250,7 +250,7 @@ class EndsHalfWay(ControllerCore):
         return super().set_tool_coordinates(request)
 
 
-@mutant("4.24/8", subtle=True)
+@mutant("drifts-with-every-move", "4.24/8", subtle=True)
 class DriftsWithEveryMove(_Retargeted):
     """Every move misses its target by half a millimetre more than the one before."""
 
@@ -262,7 +262,7 @@ class DriftsWithEveryMove(_Retargeted):
         return target._replace(x=target.x - 0.5 * min(self._moves, 20))
 
 
-@mutant("4.24/9", "4.24/3")
+@mutant("goes-anywhere", "4.24/9", "4.24/3")
 class GoesAnywhere(ControllerCore):
     """A target beyond all reach is accepted, and said to be reached."""
 
@@ -274,7 +274,7 @@ class GoesAnywhere(ControllerCore):
         return super().set_tool_coordinates(request)
 
 
-@mutant("4.24/9")
+@mutant("goes-anywhere-downwards", "4.24/9")
 class GoesAnywhereDownwards(ControllerCore):
     """The lower end of Z is not checked: a target far below is said to be reached."""
 
@@ -286,7 +286,7 @@ class GoesAnywhereDownwards(ControllerCore):
         return super().set_tool_coordinates(request)
 
 
-@mutant("4.24/9")
+@mutant("blames-motor-for-the-reach", "4.24/9")
 class BlamesMotorForTheReach(ControllerCore):
     """A target beyond all reach is refused with a motor's code."""
 

@@ -13,7 +13,7 @@ from scaraspec.virtual_controller.robot import DONE
 from scaraspec.virtual_controller.session import Request, Session
 
 
-@mutant("4.25/2", "4/1")
+@mutant("release-is-answered-released", "4.25/2", "4/1")
 class ReleaseIsAnsweredReleased(ControllerCore):
     """The first reply to a release is "1|4", the number of joints."""
 
@@ -24,7 +24,7 @@ class ReleaseIsAnsweredReleased(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.25/2")
+@mutant("release-is-refused", "4.25/2")
 class ReleaseIsRefused(ControllerCore):
     """An idle robot refuses to release its joints."""
 
@@ -34,7 +34,7 @@ class ReleaseIsRefused(ControllerCore):
         return Acceptance(accepted=False, code=code or "05")
 
 
-@mutant("4.25/2", "4/1")
+@mutant("second-release-is-answered-two", "4.25/2", "4/1")
 class SecondReleaseIsAnsweredTwo(ControllerCore):
     """A release of released joints is answered 2."""
 
@@ -52,7 +52,7 @@ class SecondReleaseIsAnsweredTwo(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.25/3")
+@mutant("release-has-no-result", "4.25/3")
 class ReleaseHasNoResult(ControllerCore):
     """A release sends no final result, not even when the joints are locked again."""
 
@@ -62,7 +62,7 @@ class ReleaseHasNoResult(ControllerCore):
             super().send_result(request, outcome)
 
 
-@mutant("4.25/3")
+@mutant("release-ends-as-lock", "4.25/3")
 class ReleaseEndsAsLock(ControllerCore):
     """The final result of a release bears the opcode of the lock."""
 
@@ -73,7 +73,7 @@ class ReleaseEndsAsLock(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.25/3", subtle=True)
+@mutant("second-release-fails", "4.25/3", subtle=True)
 class SecondReleaseFails(ControllerCore):
     """From the second on every release ends with a failure."""
 
@@ -102,42 +102,42 @@ class _ReleasesDuring(ControllerCore):
         return super().release_joints(request)
 
 
-@mutant("4.25/5", "4/6")
+@mutant("releases-during-run", "4.25/5", "4/6")
 class ReleasesDuringRun(_ReleasesDuring):
     """The joints are released while a program runs."""
 
     during = "run_program"
 
 
-@mutant("4.25/5", "4/6")
+@mutant("releases-during-simulation", "4.25/5", "4/6")
 class ReleasesDuringSimulation(_ReleasesDuring):
     """The joints are released while a program is simulated."""
 
     during = "simulate_program"
 
 
-@mutant("4.25/5", "4/6")
+@mutant("releases-during-reset", "4.25/5", "4/6")
 class ReleasesDuringReset(_ReleasesDuring):
     """The joints are released while the robot resets."""
 
     during = "reset"
 
 
-@mutant("4.25/5", "4/6")
+@mutant("releases-during-move", "4.25/5", "4/6")
 class ReleasesDuringMove(_ReleasesDuring):
     """The joints are released while the arm moves to a pose."""
 
     during = "set_tool_coordinates"
 
 
-@mutant("4.25/5", "4/6")
+@mutant("releases-during-jog", "4.25/5", "4/6")
 class ReleasesDuringJog(_ReleasesDuring):
     """The joints are released during a jog."""
 
     during = "jog"
 
 
-@mutant("4.26/2", "4/1")
+@mutant("lock-is-answered-twice", "4.26/2", "4/1")
 class LockIsAnsweredTwice(ControllerCore):
     """The first reply to a lock is "11"."""
 
@@ -148,7 +148,7 @@ class LockIsAnsweredTwice(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.26/2")
+@mutant("lock-of-released-is-refused", "4.26/2")
 class LockOfReleasedIsRefused(ControllerCore):
     """Released joints cannot be locked."""
 
@@ -160,7 +160,7 @@ class LockOfReleasedIsRefused(ControllerCore):
         return super().lock_joints(request)
 
 
-@mutant("4.26/3")
+@mutant("lock-has-no-result", "4.26/3")
 class LockHasNoResult(ControllerCore):
     """A lock sends no final result."""
 
@@ -170,7 +170,7 @@ class LockHasNoResult(ControllerCore):
             super().send_result(request, outcome)
 
 
-@mutant("4.26/3")
+@mutant("lock-fails", "4.26/3")
 class LockFails(ControllerCore):
     """A lock of released joints ends with a failure."""
 
@@ -188,7 +188,7 @@ class LockFails(ControllerCore):
         super().send_result(request, outcome)
 
 
-@mutant("4.26/3", "4.24/5")
+@mutant("lock-leaves-them-loose", "4.26/3", "4.24/5")
 class LockLeavesThemLoose(ControllerCore):
     """A lock is said to be done, and the joints stay released."""
 
@@ -200,7 +200,7 @@ class LockLeavesThemLoose(ControllerCore):
         return answer
 
 
-@mutant("4.26/5")
+@mutant("arm-sags-behind-lock", "4.26/5")
 class ArmSagsBehindLock(ControllerCore):
     """Behind a lock the arm goes on moving for a while."""
 

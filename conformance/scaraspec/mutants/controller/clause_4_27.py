@@ -7,7 +7,7 @@ from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
 
-@mutant("4.27/2")
+@mutant("three-joints", "4.27/2")
 class ThreeJoints(ControllerCore):
     """The rotation is missing."""
 
@@ -18,7 +18,7 @@ class ThreeJoints(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.27/2")
+@mutant("five-joints", "4.27/2")
 class FiveJoints(ControllerCore):
     """A fifth number is sent for the gripper."""
 
@@ -29,7 +29,7 @@ class FiveJoints(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.27/2", subtle=True)
+@mutant("angles-with-commas", "4.27/2", subtle=True)
 class AnglesWithCommas(ControllerCore):
     """While the arm moves the angles have decimal commas."""
 
@@ -40,7 +40,7 @@ class AnglesWithCommas(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.27/2")
+@mutant("angles-with-units", "4.27/2")
 class AnglesWithUnits(ControllerCore):
     """The angles bear a sign for degrees."""
 
@@ -51,7 +51,7 @@ class AnglesWithUnits(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.27/3", "3/7")
+@mutant("angles-have-the-printed-length", "4.27/3", "3/7")
 class AnglesHaveThePrintedLength(ControllerCore):
     """The length of the angles is 17, as the row prints it, whatever is sent."""
 
@@ -62,7 +62,7 @@ class AnglesHaveThePrintedLength(ControllerCore):
         super().transmit(session, data)
 
 
-@mutant("4.27/3", "3/7", subtle=True)
+@mutant("angles-of-moving-arm-miscount", "4.27/3", "3/7", subtle=True)
 class AnglesOfMovingArmMiscount(ControllerCore):
     """While the arm moves the length of the angles does not count their signs."""
 
@@ -73,7 +73,7 @@ class AnglesOfMovingArmMiscount(ControllerCore):
         super().transmit(session, data)
 
 
-@mutant("4.27/4")
+@mutant("angles-tremble", "4.27/4")
 class AnglesTremble(ControllerCore):
     """The angles of an arm that stands still differ by half a degree every other time."""
 
@@ -86,7 +86,7 @@ class AnglesTremble(ControllerCore):
         return joints._replace(outer_arm=joints.outer_arm + 0.5 * (self._asked % 2))
 
 
-@mutant("4.27/4")
+@mutant("angles-creep", "4.27/4")
 class AnglesCreep(ControllerCore):
     """The angles of an arm that stands still grow by a degree a second."""
 
@@ -96,7 +96,7 @@ class AnglesCreep(ControllerCore):
         return joints._replace(rotation=joints.rotation + request.now_s % 300)
 
 
-@mutant("4.27/6", "7/5")
+@mutant("angles-stand-still", "4.27/6", "7/5")
 class AnglesStandStill(ControllerCore):
     """The angles are those of the first time they were asked for, however the arm moves."""
 
@@ -108,7 +108,7 @@ class AnglesStandStill(ControllerCore):
         return self._first
 
 
-@mutant("4.27/6", "7/5")
+@mutant("wrist-stands-still", "4.27/6", "7/5")
 class WristStandsStill(ControllerCore):
     """The wrist's value does not follow the height of the tool."""
 
@@ -117,7 +117,7 @@ class WristStandsStill(ControllerCore):
         return super().get_joint_angles(request)._replace(wrist=250.0)
 
 
-@mutant("4.27/6", "7/5")
+@mutant("rotation-stands-still", "4.27/6", "7/5")
 class RotationStandsStill(ControllerCore):
     """The rotation does not follow thetaX."""
 

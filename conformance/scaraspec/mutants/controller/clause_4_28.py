@@ -25,7 +25,7 @@ class _Otherwise(ControllerCore):
         return super().jog(request)
 
 
-@mutant("4.28/3")
+@mutant("jog-swaps-axes", "4.28/3")
 class JogSwapsAxes(_Otherwise):
     """1 and 2 jog along X, 3 and 4 along Y."""
 
@@ -37,7 +37,7 @@ class JogSwapsAxes(_Otherwise):
     }
 
 
-@mutant("4.28/3")
+@mutant("jog-swaps-signs", "4.28/3")
 class JogSwapsSigns(_Otherwise):
     """1 and 2 jog the other way."""
 
@@ -47,21 +47,21 @@ class JogSwapsSigns(_Otherwise):
     }
 
 
-@mutant("4.28/3")
+@mutant("jog-four-is-three", "4.28/3")
 class JogFourIsThree(_Otherwise):
     """4 jogs like 3."""
 
     instead = {JogDirection.MINUS_X: JogDirection.PLUS_X}  # noqa: RUF012 - read alone
 
 
-@mutant("4.28/3")
+@mutant("jog-two-is-one", "4.28/3")
 class JogTwoIsOne(_Otherwise):
     """2 jogs like 1."""
 
     instead = {JogDirection.MINUS_Y: JogDirection.PLUS_Y}  # noqa: RUF012 - read alone
 
 
-@mutant("4.28/3", "4.28/4", subtle=True)
+@mutant("jog-by-binary-two-is-one", "4.28/3", "4.28/4", subtle=True)
 class JogByBinaryTwoIsOne(_Otherwise):
     """2 as a binary byte jogs like 1, which no client does that sends digits."""
 
@@ -74,7 +74,7 @@ class JogByBinaryTwoIsOne(_Otherwise):
         )
 
 
-@mutant("4.28/4", "4/1")
+@mutant("jog-is-answered-with-its-direction", "4.28/4", "4/1")
 class JogIsAnsweredWithItsDirection(ControllerCore):
     """The first reply to a jog repeats the direction behind the 1."""
 
@@ -85,7 +85,7 @@ class JogIsAnsweredWithItsDirection(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.28/4")
+@mutant("jog-is-refused", "4.28/4")
 class JogIsRefused(ControllerCore):
     """An idle robot refuses every jog."""
 
@@ -94,7 +94,7 @@ class JogIsRefused(ControllerCore):
         return Acceptance(accepted=False, code=self.robot.refusal_code() or "05")
 
 
-@mutant("4.28/4")
+@mutant("fourth-jog-is-refused", "4.28/4")
 class FourthJogIsRefused(ControllerCore):
     """4 is taken for a value beyond the last."""
 
@@ -111,7 +111,7 @@ class FourthJogIsRefused(ControllerCore):
         super()._reply(session, command, frame, answer)
 
 
-@mutant("4.28/5")
+@mutant("jog-has-no-result", "4.28/5")
 class JogHasNoResult(ControllerCore):
     """A jog that ends at the limit sends no final result."""
 
@@ -127,7 +127,7 @@ class JogHasNoResult(ControllerCore):
         return pose.x > 399
 
 
-@mutant("4.28/5")
+@mutant("stopped-jog-is-told", "4.28/5")
 class StoppedJogIsTold(ControllerCore):
     """The final result of a jog that was stopped is "1"."""
 
@@ -138,7 +138,7 @@ class StoppedJogIsTold(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.28/5")
+@mutant("jog-fails-with-motor", "4.28/5")
 class JogFailsWithMotor(ControllerCore):
     """A jog that ends at the limit fails with a motor's code."""
 
@@ -150,7 +150,7 @@ class JogFailsWithMotor(ControllerCore):
         super().send_result(request, outcome)
 
 
-@mutant("4.28/5", "4.17/6", subtle=True)
+@mutant("jog-of-lost-client-goes-on", "4.28/5", "4.17/6", subtle=True)
 class JogOfLostClientGoesOn(ControllerCore):
     """A jog whose client is gone goes on, and no other client can stop it."""
 
@@ -175,7 +175,7 @@ class JogOfLostClientGoesOn(ControllerCore):
         return super().emergency_stop(request)
 
 
-@mutant("4.28/7")
+@mutant("jog-takes-the-low-bits", "4.28/7")
 class JogTakesTheLowBits(ControllerCore):
     """Of the direction the lowest three bits alone are looked at."""
 
@@ -187,7 +187,7 @@ class JogTakesTheLowBits(ControllerCore):
         return super().jog(request)
 
 
-@mutant("4.28/7")
+@mutant("jog-takes-five-for-four", "4.28/7")
 class JogTakesFiveForFour(ControllerCore):
     """A direction above 4 is taken for 4."""
 
@@ -198,7 +198,7 @@ class JogTakesFiveForFour(ControllerCore):
         return super().jog(request)
 
 
-@mutant("4.28/7")
+@mutant("jog-takes-the-first-of-two", "4.28/7")
 class JogTakesTheFirstOfTwo(ControllerCore):
     """Of two bytes the first is taken for the direction."""
 
@@ -210,7 +210,7 @@ class JogTakesTheFirstOfTwo(ControllerCore):
         return super().jog(request)
 
 
-@mutant("4.28/7")
+@mutant("jog-takes-zero", "4.28/7")
 class JogTakesZero(ControllerCore):
     """A direction 0 is accepted, and moves nothing."""
 
@@ -222,7 +222,7 @@ class JogTakesZero(ControllerCore):
         return super().jog(request)
 
 
-@mutant("4.28/7")
+@mutant("jog-moves-what-it-refuses", "4.28/7")
 class JogMovesWhatItRefuses(ControllerCore):
     """A direction that is none is refused, and the arm moves along the last axis all the same."""
 

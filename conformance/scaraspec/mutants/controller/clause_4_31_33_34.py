@@ -27,7 +27,7 @@ class _DeclaresThree(AltersLengths):
 # ---------------------------------------------------------------------- 4.31
 
 
-@mutant("4.31/2")
+@mutant("inputs-without-flag", "4.31/2")
 class InputsWithoutFlag(AltersReplies):
     """The digital inputs are sent without the flag before them."""
 
@@ -38,7 +38,7 @@ class InputsWithoutFlag(AltersReplies):
         return data.removeprefix(b"1|")
 
 
-@mutant("4.31/2")
+@mutant("inputs-as-one-byte", "4.31/2")
 class InputsAsOneByte(AltersReplies):
     """The digital inputs are sent as the bits of one byte."""
 
@@ -49,7 +49,7 @@ class InputsAsOneByte(AltersReplies):
         return b"1|" + bytes([_number(data)])
 
 
-@mutant("4.31/2")
+@mutant("inputs-without-port-six", "4.31/2")
 class InputsWithoutPortSix(AltersReplies):
     """The digital inputs have no digit for port 6, as the list of L651 leaves it out."""
 
@@ -60,7 +60,7 @@ class InputsWithoutPortSix(AltersReplies):
         return data[:4] + data[5:]
 
 
-@mutant("4.31/2")
+@mutant("inputs-between-bars", "4.31/2")
 class InputsBetweenBars(AltersReplies):
     """The digits of the digital inputs are separated by bars."""
 
@@ -71,14 +71,14 @@ class InputsBetweenBars(AltersReplies):
         return b"1|" + b"|".join(bytes([digit]) for digit in data[2:])
 
 
-@mutant("4.31/4", "4.31/2")
+@mutant("inputs-of-length-three", "4.31/4", "4.31/2")
 class InputsOfLengthThree(_DeclaresThree):
     """The digital inputs are sent with the printed length of 3."""
 
     opcode = _INPUTS
 
 
-@mutant("4.31/4", "4.31/2", subtle=True)
+@mutant("inputs-as-hex-while-running", "4.31/4", "4.31/2", subtle=True)
 class InputsAsHexWhileRunning(AltersReplies):
     """While a program runs the digital inputs are sent as two hexadecimal digits."""
 
@@ -89,7 +89,7 @@ class InputsAsHexWhileRunning(AltersReplies):
         return b"1|%02X" % _number(data) if self.robot.task else data
 
 
-@mutant("4.31/3", "4.31/2")
+@mutant("inputs-from-port-one", "4.31/3", "4.31/2")
 class InputsFromPortOne(AltersReplies):
     """The digital inputs begin with port 1 and end with port 8."""
 
@@ -100,7 +100,7 @@ class InputsFromPortOne(AltersReplies):
         return data[:2] + data[:1:-1]
 
 
-@mutant("4.31/3", "4.31/2")
+@mutant("inputs-show-their-neighbour", "4.31/3", "4.31/2")
 class InputsShowTheirNeighbour(ControllerCore):
     """Input 8 shows the state of input 7."""
 
@@ -110,7 +110,7 @@ class InputsShowTheirNeighbour(ControllerCore):
         return digits[1] + digits[1:]
 
 
-@mutant("4.31/3", "4.31/2")
+@mutant("inputs-freeze", "4.31/3", "4.31/2")
 class InputsFreeze(ControllerCore):
     """The digital inputs are read once and then stay as they were."""
 
@@ -125,7 +125,7 @@ class InputsFreeze(ControllerCore):
 # ---------------------------------------------------------------------- 4.33
 
 
-@mutant("4.33/2")
+@mutant("analog-without-flag", "4.33/2")
 class AnalogWithoutFlag(AltersReplies):
     """An analog value is sent without the flag before it."""
 
@@ -136,7 +136,7 @@ class AnalogWithoutFlag(AltersReplies):
         return data.removeprefix(b"1|")
 
 
-@mutant("4.33/2")
+@mutant("analog-with-unit", "4.33/2")
 class AnalogWithUnit(AltersReplies):
     """An analog value has a unit behind it."""
 
@@ -147,7 +147,7 @@ class AnalogWithUnit(AltersReplies):
         return data + b"V" if data.startswith(b"1|") else data
 
 
-@mutant("4.33/2")
+@mutant("analog-errors-are-reasoned", "4.33/2")
 class AnalogErrorsAreReasoned(AltersReplies):
     """A port that is no analog input is answered with a code behind the 0."""
 
@@ -158,7 +158,7 @@ class AnalogErrorsAreReasoned(AltersReplies):
         return b"0|05" if data == b"0" else data
 
 
-@mutant("4.33/2")
+@mutant("analog-comma", "4.33/2")
 class AnalogComma(AltersReplies):
     """An analog value has a comma for its decimal point."""
 
@@ -169,7 +169,7 @@ class AnalogComma(AltersReplies):
         return data.replace(b".", b",")
 
 
-@mutant("4.33/2")
+@mutant("analog-zero-is-error", "4.33/2")
 class AnalogZeroIsError(AltersReplies):
     """An analog value of 0 is answered as an error."""
 
@@ -180,7 +180,7 @@ class AnalogZeroIsError(AltersReplies):
         return b"0" if data in (b"1|0", b"1|0.0") else data
 
 
-@mutant("4.33/2")
+@mutant("analog-of-the-first-input", "4.33/2")
 class AnalogOfTheFirstInput(ControllerCore):
     """Every analog input is answered with the value of the first."""
 
@@ -190,7 +190,7 @@ class AnalogOfTheFirstInput(ControllerCore):
         return None if value is None else self.plant.analog_inputs[1]
 
 
-@mutant("4.33/2")
+@mutant("analog-freezes", "4.33/2")
 class AnalogFreezes(ControllerCore):
     """An analog input is read once and then stays as it was."""
 
@@ -200,7 +200,7 @@ class AnalogFreezes(ControllerCore):
         return kept.setdefault(request.value, super().get_analog_input(request))
 
 
-@mutant("4.33/3")
+@mutant("analog-ports-from-zero", "4.33/3")
 class AnalogPortsFromZero(ControllerCore):
     """Port 00 is answered with an analog value."""
 
@@ -211,7 +211,7 @@ class AnalogPortsFromZero(ControllerCore):
         super().handle(session, frame, now_s)
 
 
-@mutant("4.33/3")
+@mutant("analog-ports-by-their-last-digit", "4.33/3")
 class AnalogPortsByTheirLastDigit(ControllerCore):
     """Of a port number only the last digit counts."""
 
@@ -222,7 +222,7 @@ class AnalogPortsByTheirLastDigit(ControllerCore):
         super().handle(session, frame, now_s)
 
 
-@mutant("4.33/3")
+@mutant("analog-errors-are-zero", "4.33/3")
 class AnalogErrorsAreZero(AltersReplies):
     """A port that does not exist is answered with the value 0."""
 
@@ -236,7 +236,7 @@ class AnalogErrorsAreZero(AltersReplies):
 # ---------------------------------------------------------------------- 4.34
 
 
-@mutant("4.34/2")
+@mutant("outputs-without-flag", "4.34/2")
 class OutputsWithoutFlag(AltersReplies):
     """The digital outputs are sent without the flag before them."""
 
@@ -247,7 +247,7 @@ class OutputsWithoutFlag(AltersReplies):
         return data.removeprefix(b"1|")
 
 
-@mutant("4.34/2")
+@mutant("eight-outputs", "4.34/2")
 class EightOutputs(AltersReplies):
     """Only eight digital outputs are shown."""
 
@@ -258,7 +258,7 @@ class EightOutputs(AltersReplies):
         return data[:2] + data[-8:]
 
 
-@mutant("4.34/2")
+@mutant("outputs-as-hex", "4.34/2")
 class OutputsAsHex(AltersReplies):
     """The digital outputs are sent as four hexadecimal digits."""
 
@@ -269,7 +269,7 @@ class OutputsAsHex(AltersReplies):
         return b"1|%04X" % _number(data)
 
 
-@mutant("4.34/2")
+@mutant("outputs-in-groups", "4.34/2")
 class OutputsInGroups(AltersReplies):
     """A bar stands between the digits of outputs 9 and 8."""
 
@@ -280,14 +280,14 @@ class OutputsInGroups(AltersReplies):
         return data[:10] + b"|" + data[10:]
 
 
-@mutant("4.34/4", "4.34/2")
+@mutant("outputs-of-length-three", "4.34/4", "4.34/2")
 class OutputsOfLengthThree(_DeclaresThree):
     """The digital outputs are sent with the printed length of 3."""
 
     opcode = _OUTPUTS
 
 
-@mutant("4.34/4", "4.34/2", subtle=True)
+@mutant("outputs-lose-leading-zeros", "4.34/4", "4.34/2", subtle=True)
 class OutputsLoseLeadingZeros(AltersReplies):
     """While a program runs the digital outputs are sent without their leading zeros."""
 
@@ -298,7 +298,7 @@ class OutputsLoseLeadingZeros(AltersReplies):
         return b"1|" + (data[2:].lstrip(b"0") or b"0") if self.robot.task else data
 
 
-@mutant("4.34/3", "4.32/6")
+@mutant("outputs-from-port-one", "4.34/3", "4.32/6")
 class OutputsFromPortOne(AltersReplies):
     """The digital outputs begin with port 1 and end with port 16."""
 
@@ -309,7 +309,7 @@ class OutputsFromPortOne(AltersReplies):
         return data[:2] + data[:1:-1]
 
 
-@mutant("4.34/2", "3/31", subtle=True)
+@mutant("outputs-unanswered-while-running", "4.34/2", "3/31", subtle=True)
 class OutputsUnansweredWhileRunning(ControllerCore):
     """While a program runs nobody answers what the digital outputs are."""
 

@@ -15,7 +15,7 @@ from scaraspec.virtual_controller.session import Request, Session
 _SET = 0x43
 
 
-@mutant("4.32/4")
+@mutant("setting-is-echoed", "4.32/4")
 class SettingIsEchoed(AltersReplies):
     """A setting is answered with its port and value."""
 
@@ -32,7 +32,7 @@ class SettingIsEchoed(AltersReplies):
         return self._asked if data == b"1" else data
 
 
-@mutant("4.32/4")
+@mutant("refusals-of-ports-are-reasoned", "4.32/4")
 class RefusalsOfPortsAreReasoned(AltersReplies):
     """A setting that fails is answered with a code behind the 0."""
 
@@ -43,7 +43,7 @@ class RefusalsOfPortsAreReasoned(AltersReplies):
         return b"0|05" if data == b"0" else data
 
 
-@mutant("4.32/4", "4.32/6")
+@mutant("refuses-and-sets-above-eight", "4.32/4", "4.32/6")
 class RefusesAndSetsAboveEight(ControllerCore):
     """A setting of an output above 8 is answered as failed, and is carried out."""
 
@@ -52,7 +52,7 @@ class RefusesAndSetsAboveEight(ControllerCore):
         return super().set_digital_output(request) and request.value.port <= 8
 
 
-@mutant("4.32/4", "4.32/6", subtle=True)
+@mutant("settings-are-lost-while-running", "4.32/4", "4.32/6", subtle=True)
 class SettingsAreLostWhileRunning(ControllerCore):
     """While a program runs a setting is answered as done, and is not carried out."""
 
@@ -61,7 +61,7 @@ class SettingsAreLostWhileRunning(ControllerCore):
         return True if self.robot.task else super().set_digital_output(request)
 
 
-@mutant("4.32/4", "4.32/6", subtle=True)
+@mutant("settings-are-lost-while-moving", "4.32/4", "4.32/6", subtle=True)
 class SettingsAreLostWhileMoving(ControllerCore):
     """While the arm moves or jogs a setting is answered as done, and is not carried out."""
 
@@ -72,7 +72,7 @@ class SettingsAreLostWhileMoving(ControllerCore):
         return moves or super().set_digital_output(request)
 
 
-@mutant("4.32/4", "4.32/6", subtle=True)
+@mutant("settings-are-lost-while-released", "4.32/4", "4.32/6", subtle=True)
 class SettingsAreLostWhileReleased(ControllerCore):
     """While the joints are released a setting is answered as done, and is not carried out."""
 
@@ -93,7 +93,7 @@ class _Parses(ControllerCore, ABC):
         return super()._value(command, frame) if read is None else read
 
 
-@mutant("4.32/5")
+@mutant("ports-in-one-byte", "4.32/5")
 class PortsInOneByte(_Parses):
     """Of a port number only the lowest byte counts."""
 
@@ -103,7 +103,7 @@ class PortsInOneByte(_Parses):
         return PortValue(int(read[1]) & 0xFF, int(read[2])) if read else None
 
 
-@mutant("4.32/5")
+@mutant("ports-from-zero", "4.32/5")
 class PortsFromZero(_Parses):
     """Port 0 sets the first output."""
 
@@ -113,7 +113,7 @@ class PortsFromZero(_Parses):
         return PortValue(1, int(read[1])) if read else None
 
 
-@mutant("4.32/5")
+@mutant("ports-below-zero", "4.32/5")
 class PortsBelowZero(_Parses):
     """A negative port number counts the outputs from the end."""
 
@@ -123,7 +123,7 @@ class PortsBelowZero(_Parses):
         return PortValue(17 - int(read[1]), int(read[2])) if read else None
 
 
-@mutant("4.32/5")
+@mutant("says-it-has-set-any-port", "4.32/5")
 class SaysItHasSetAnyPort(AltersReplies):
     """A setting is always answered as done, whether there is such a port or not."""
 
@@ -151,7 +151,7 @@ class _Sets(ControllerCore):
         return True
 
 
-@mutant("4.32/6")
+@mutant("settings-never-switch-off", "4.32/6")
 class SettingsNeverSwitchOff(_Sets):
     """A setting to 0 is answered as done, and has no effect."""
 
@@ -161,7 +161,7 @@ class SettingsNeverSwitchOff(_Sets):
             super().put(port, on=True)
 
 
-@mutant("4.32/6")
+@mutant("settings-toggle", "4.32/6")
 class SettingsToggle(_Sets):
     """A setting to 1 switches an output over, so that a second one switches it off."""
 
@@ -170,7 +170,7 @@ class SettingsToggle(_Sets):
         super().put(port, on=on and not self.plant.digital_outputs[port])
 
 
-@mutant("4.32/6")
+@mutant("settings-clear-the-others", "4.32/6")
 class SettingsClearTheOthers(_Sets):
     """A setting switches all other outputs off."""
 
@@ -182,7 +182,7 @@ class SettingsClearTheOthers(_Sets):
                 super().put(other, on=False)
 
 
-@mutant("4.32/6", subtle=True)
+@mutant("settings-of-pairs", "4.32/6", subtle=True)
 class SettingsOfPairs(_Sets):
     """Output 16 is set together with output 8."""
 
@@ -193,7 +193,7 @@ class SettingsOfPairs(_Sets):
             super().put(16, on=on)
 
 
-@mutant("4.32/6", subtle=True)
+@mutant("settings-beyond-the-last-wrap", "4.32/6", subtle=True)
 class SettingsBeyondTheLastWrap(_Sets):
     """A setting of a port from 17 to 40 is answered as done, and sets one of the outputs."""
 
@@ -202,7 +202,7 @@ class SettingsBeyondTheLastWrap(_Sets):
         super().put((port - 1) % 16 + 1 if 16 < port <= 40 else port, on=on)
 
 
-@mutant("4.32/6", subtle=True)
+@mutant("highest-output-is-dead", "4.32/6", subtle=True)
 class HighestOutputIsDead(_Sets):
     """A setting of output 16 is answered as done, and has no effect."""
 
@@ -212,7 +212,7 @@ class HighestOutputIsDead(_Sets):
             super().put(port, on=on)
 
 
-@mutant("4.32/6", subtle=True)
+@mutant("outputs-show-late", "4.32/6", subtle=True)
 class OutputsShowLate(ControllerCore):
     """The outputs are shown as they were before the latest setting."""
 
@@ -229,7 +229,7 @@ class OutputsShowLate(ControllerCore):
         return before or super().get_digital_outputs(request)
 
 
-@mutant("4.32/6", subtle=True)
+@mutant("outputs-go-off-with-the-link", "4.32/6", subtle=True)
 class OutputsGoOffWithTheLink(ControllerCore):
     """The outputs go off when a connection ends."""
 
@@ -240,7 +240,7 @@ class OutputsGoOffWithTheLink(ControllerCore):
         return super().close(connection, now_s)
 
 
-@mutant("4.32/6", subtle=True)
+@mutant("no-more-than-eight-outputs", "4.32/6", subtle=True)
 class NoMoreThanEightOutputs(_Sets):
     """While eight outputs are on, no further one comes on, though that is answered as done."""
 
@@ -250,7 +250,7 @@ class NoMoreThanEightOutputs(_Sets):
             super().put(port, on=on)
 
 
-@mutant("4.32/6", subtle=True)
+@mutant("settings-wear-out", "4.32/6", subtle=True)
 class SettingsWearOut(_Sets):
     """After the 150th setting none has an effect any more."""
 
@@ -263,7 +263,7 @@ class SettingsWearOut(_Sets):
             super().put(port, on=on)
 
 
-@mutant("4.32/7")
+@mutant("settings-as-in-c", "4.32/7")
 class SettingsAsInC(_Parses):
     """Numbers of a setting are read as far as they go, and what stands behind is left out."""
 
@@ -273,7 +273,7 @@ class SettingsAsInC(_Parses):
         return PortValue(int(read[1]), int(read[2])) if read else None
 
 
-@mutant("4.32/7")
+@mutant("settings-with-any-separator", "4.32/7")
 class SettingsWithAnySeparator(_Parses):
     """Any byte may stand between port and value."""
 
@@ -283,7 +283,7 @@ class SettingsWithAnySeparator(_Parses):
         return PortValue(int(read[1]), int(read[2])) if read else None
 
 
-@mutant("4.32/7")
+@mutant("settings-without-value", "4.32/7")
 class SettingsWithoutValue(_Parses):
     """A port without a value is switched on."""
 
@@ -293,7 +293,7 @@ class SettingsWithoutValue(_Parses):
         return PortValue(int(read[1]), 1) if read else None
 
 
-@mutant("4.32/7")
+@mutant("settings-of-the-first-two", "4.32/7")
 class SettingsOfTheFirstTwo(_Parses):
     """What follows behind port and value is left out."""
 
@@ -303,7 +303,7 @@ class SettingsOfTheFirstTwo(_Parses):
         return PortValue(int(read[1]), int(read[2])) if read else None
 
 
-@mutant("4.32/7")
+@mutant("settings-by-characters", "4.32/7")
 class SettingsByCharacters(_Parses):
     """Any character but 0 counts for 1 as a value."""
 
@@ -313,7 +313,7 @@ class SettingsByCharacters(_Parses):
         return PortValue(int(read[1]), 1) if read else None
 
 
-@mutant("4.32/7")
+@mutant("empty-settings-clear-all", "4.32/7")
 class EmptySettingsClearAll(ControllerCore):
     """A setting without data switches all outputs off."""
 
@@ -325,7 +325,7 @@ class EmptySettingsClearAll(ControllerCore):
         super().handle(session, frame, now_s)
 
 
-@mutant("4.32/7")
+@mutant("other-values-set-the-next-port", "4.32/7")
 class OtherValuesSetTheNextPort(_Parses):
     """A value of two digits is written over two ports."""
 

@@ -9,7 +9,7 @@ from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
 
-@mutant("4.35/2")
+@mutant("stays-on", "4.35/2")
 class StaysOn(ControllerCore):
     """The shutdown is accepted, and does not happen."""
 
@@ -20,7 +20,7 @@ class StaysOn(ControllerCore):
         return answer
 
 
-@mutant("4.35/2", subtle=True)
+@mutant("goes-behind-the-run", "4.35/2", subtle=True)
 class GoesBehindTheRun(ControllerCore):
     """A shutdown that is refused because a program runs happens when it has ended."""
 
@@ -40,7 +40,7 @@ class GoesBehindTheRun(ControllerCore):
                 self._end(session, now_s)
 
 
-@mutant("4.35/2")
+@mutant("goes-without-reply", "4.35/2")
 class GoesWithoutReply(ControllerCore):
     """The robot is gone before it has answered."""
 
@@ -50,7 +50,7 @@ class GoesWithoutReply(ControllerCore):
             super().emit(session, frame)
 
 
-@mutant("4.35/2")
+@mutant("shutdown-is-refused", "4.35/2")
 class ShutdownIsRefused(ControllerCore):
     """An idle robot refuses to shut down."""
 
@@ -59,7 +59,7 @@ class ShutdownIsRefused(ControllerCore):
         return Acceptance(accepted=False, code=self.robot.refusal_code() or "05")
 
 
-@mutant("4.35/2")
+@mutant("shutdown-is-answered-with-time", "4.35/2")
 class ShutdownIsAnsweredWithTime(ControllerCore):
     """The reply to the shutdown tells in how many seconds it will be."""
 
@@ -70,7 +70,7 @@ class ShutdownIsAnsweredWithTime(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.35/5")
+@mutant("shutdown-has-result", "4.35/5")
 class ShutdownHasResult(ControllerCore):
     """The reply to the shutdown is followed by a tagged result."""
 
@@ -81,7 +81,7 @@ class ShutdownHasResult(ControllerCore):
             super().emit(session, Frame(C2A, 0x60, b"11", tagged=True))
 
 
-@mutant("4/15", "4.35/4")
+@mutant("shutdown-is-accepted-during-run", "4/15", "4.35/4")
 class ShutdownIsAcceptedDuringRun(ControllerCore):
     """The shutdown is accepted while a program runs."""
 
@@ -92,7 +92,7 @@ class ShutdownIsAcceptedDuringRun(ControllerCore):
         return super().shutdown(request)
 
 
-@mutant("4/15", "4.35/4")
+@mutant("shutdown-is-refused-as-moving", "4/15", "4.35/4")
 class ShutdownIsRefusedAsMoving(ControllerCore):
     """The shutdown is refused with 04 while a program runs."""
 
@@ -103,7 +103,7 @@ class ShutdownIsRefusedAsMoving(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("4.35/2")
+@mutant("refused-shutdown-ends-the-run", "4.35/2")
 class RefusedShutdownEndsTheRun(ControllerCore):
     """The shutdown is refused while a program runs, and the program ends all the same."""
 

@@ -29,7 +29,7 @@ from scaraspec.virtual_controller.session import OpenTransfer, Request, Session
 # The structure
 
 
-@mutant("5.1/1", "5.3/4")
+@mutant("chunk-without-file-size", "5.1/1", "5.3/4")
 class ChunkWithoutFileSize(AltersChunkData):
     """Chunks of a download begin with the position: fileSize is missing."""
 
@@ -38,7 +38,7 @@ class ChunkWithoutFileSize(AltersChunkData):
         return super().data(chunk)[4:]
 
 
-@mutant("5.1/1", "5.1/2", "5.3/4")
+@mutant("numbers-of-eight-bytes", "5.1/1", "5.1/2", "5.3/4")
 class NumbersOfEightBytes(AltersChunkData):
     """The numbers of a download's chunks have 64 bits each, as on a larger processor."""
 
@@ -47,7 +47,7 @@ class NumbersOfEightBytes(AltersChunkData):
         return struct.pack("<QQQ", *chunk[:3]) + chunk.buffer.ljust(BUFFER_BYTES, b"\0")
 
 
-@mutant("5.1/1")
+@mutant("takes-torn-chunks", "5.1/1")
 class TakesTornChunks(ControllerCore):
     """A chunk that is shorter than its own length says is filled up with zeros and taken."""
 
@@ -60,7 +60,7 @@ class TakesTornChunks(ControllerCore):
         return super().upload_chunk(request)
 
 
-@mutant("5.1/1", "5.1/2", subtle=True)
+@mutant("last-chunk-cut-to-words", "5.1/1", "5.1/2", subtle=True)
 class LastChunkCutToWords(AltersChunkData):
     """The last chunk of a download is cut off behind its content, and then filled to 4 bytes."""
 
@@ -70,7 +70,7 @@ class LastChunkCutToWords(AltersChunkData):
         return super().data(chunk)[: used + -used % 4]
 
 
-@mutant("5.1/1", "5.1/2")
+@mutant("buffer-of-two-hundred-and-one", "5.1/1", "5.1/2")
 class BufferOfTwoHundredAndOne(AltersChunkData):
     """The buffer has room for a closing NUL: 213 bytes in every chunk."""
 
@@ -82,7 +82,7 @@ class BufferOfTwoHundredAndOne(AltersChunkData):
 # fileSize
 
 
-@mutant("5.1/3")
+@mutant("file-size-is-what-is-left", "5.1/3")
 class FileSizeIsWhatIsLeft(AltersChunks):
     """FileSize tells how many bytes of the download are still to come."""
 
@@ -91,7 +91,7 @@ class FileSizeIsWhatIsLeft(AltersChunks):
         return (chunk._replace(file_size=chunk.file_size - chunk.position),)
 
 
-@mutant("5.1/3")
+@mutant("file-size-of-whole-buffers", "5.1/3")
 class FileSizeOfWholeBuffers(AltersChunks):
     """FileSize is rounded up to whole buffers of 200 bytes."""
 
@@ -100,7 +100,7 @@ class FileSizeOfWholeBuffers(AltersChunks):
         return (chunk._replace(file_size=chunk.file_size + -chunk.file_size % BUFFER_BYTES),)
 
 
-@mutant("5.1/3")
+@mutant("file-size-grows-with-the-heads", "5.1/3")
 class FileSizeGrowsWithTheHeads(AltersChunks):
     """FileSize counts the heads of the chunks sent so far as well."""
 
@@ -113,7 +113,7 @@ class FileSizeGrowsWithTheHeads(AltersChunks):
 # position
 
 
-@mutant("5.1/4", "5.1/8")
+@mutant("position-counts-chunks", "5.1/4", "5.1/8")
 class PositionCountsChunks(AltersChunks):
     """Position is the number of the chunk."""
 
@@ -122,7 +122,7 @@ class PositionCountsChunks(AltersChunks):
         return (chunk._replace(position=chunk.position // BUFFER_BYTES),)
 
 
-@mutant("5.1/4", "5.1/8")
+@mutant("position-from-one", "5.1/4", "5.1/8")
 class PositionFromOne(AltersChunks):
     """Position counts from 1."""
 
@@ -131,7 +131,7 @@ class PositionFromOne(AltersChunks):
         return (chunk._replace(position=chunk.position + 1),)
 
 
-@mutant("5.1/4", "5.1/8")
+@mutant("position-is-the-end", "5.1/4", "5.1/8")
 class PositionIsTheEnd(AltersChunks):
     """Position is the offset behind the chunk."""
 
@@ -143,7 +143,7 @@ class PositionIsTheEnd(AltersChunks):
 # length
 
 
-@mutant("5.1/5")
+@mutant("length-counts-the-head", "5.1/5")
 class LengthCountsTheHead(AltersChunks):
     """Length counts the three numbers too."""
 
@@ -152,7 +152,7 @@ class LengthCountsTheHead(AltersChunks):
         return (chunk._replace(length=chunk.length + HEAD_BYTES),)
 
 
-@mutant("5.1/5", "5.1/6")
+@mutant("length-is-always-the-buffers", "5.1/5", "5.1/6")
 class LengthIsAlwaysTheBuffers(AltersChunks):
     """Length is 200 in the last chunk too."""
 
@@ -161,7 +161,7 @@ class LengthIsAlwaysTheBuffers(AltersChunks):
         return (chunk._replace(length=BUFFER_BYTES),)
 
 
-@mutant("5.1/6", "5.1/3")
+@mutant("file-size-one-too-small", "5.1/6", "5.1/3")
 class FileSizeOneTooSmall(AltersChunks):
     """FileSize is the offset of the last byte: one less than the size."""
 
@@ -173,7 +173,7 @@ class FileSizeOneTooSmall(AltersChunks):
 # The end
 
 
-@mutant("5.1/7", "5.2/13", subtle=True)
+@mutant("empty-chunk-behind-full-ones", "5.1/7", "5.2/13", subtle=True)
 class EmptyChunkBehindFullOnes(SendsAfterTheEnd):
     """A download of a multiple of 200 bytes ends with a chunk of length 0."""
 
@@ -184,7 +184,7 @@ class EmptyChunkBehindFullOnes(SendsAfterTheEnd):
             self._send_chunk(session, Chunk(size_bytes, size_bytes, 0, b""))
 
 
-@mutant("5.1/7")
+@mutant("download-is-never-over", "5.1/7")
 class DownloadIsNeverOver(ControllerCore):
     """A download stays open after its last chunk was answered, until it times out."""
 
@@ -196,7 +196,7 @@ class DownloadIsNeverOver(ControllerCore):
         return answer
 
 
-@mutant("5.1/7")
+@mutant("upload-is-never-over", "5.1/7")
 class UploadIsNeverOver(SendsAfterTheEnd):
     """An upload stays open after its last chunk: no other transfer begins on its connection."""
 
@@ -208,7 +208,7 @@ class UploadIsNeverOver(SendsAfterTheEnd):
 # Order
 
 
-@mutant("5.1/8", "5.1/4", subtle=True)
+@mutant("sends-the-last-chunk-first", "5.1/8", "5.1/4", subtle=True)
 class SendsTheLastChunkFirst(AltersChunks):
     """The last two chunks of a download of more than two change places."""
 
@@ -221,7 +221,7 @@ class SendsTheLastChunkFirst(AltersChunks):
         return (chunk._replace(position=2 * last - BUFFER_BYTES - chunk.position),)
 
 
-@mutant("5.1/8", subtle=True)
+@mutant("repeats-the-fourth-chunk", "5.1/8", subtle=True)
 class RepeatsTheFourthChunk(AltersChunks):
     """The fourth chunk of a download is sent a second time in place of the fifth."""
 
@@ -233,7 +233,7 @@ class RepeatsTheFourthChunk(AltersChunks):
 # Byte order
 
 
-@mutant("5.1/9", subtle=True)
+@mutant("last-chunk-in-the-other-order", "5.1/9", subtle=True)
 class LastChunkInTheOtherOrder(AltersChunkData):
     """The last chunk of a download is made elsewhere, in the other byte order."""
 
@@ -244,7 +244,7 @@ class LastChunkInTheOtherOrder(AltersChunkData):
         return FILE_DATA.encode(chunk, dialect)
 
 
-@mutant("5.1/9", subtle=True)
+@mutant("every-second-file-in-the-other-order", "5.1/9", subtle=True)
 class EverySecondFileInTheOtherOrder(AltersChunkData):
     """Every second download has the other byte order."""
 
@@ -261,7 +261,7 @@ class EverySecondFileInTheOtherOrder(AltersChunkData):
 # A name that is taken, content without a name
 
 
-@mutant("5.1/10", "5.2/3", "5.4/2")
+@mutant("overwrites-files", "5.1/10", "5.2/3", "5.4/2")
 class OverwritesFiles(ControllerCore):
     """A name that is taken is accepted, and its file replaced."""
 
@@ -271,7 +271,7 @@ class OverwritesFiles(ControllerCore):
         return super().upload_name(request)
 
 
-@mutant("5.1/10", "5.2/11")
+@mutant("goes-on-after-arefused-name", "5.1/10", "5.2/11")
 class GoesOnAfterARefusedName(ControllerCore):
     """A name that is taken is answered 0, but the content that follows is written over its file."""
 
@@ -285,7 +285,7 @@ class GoesOnAfterARefusedName(ControllerCore):
         return accepted
 
 
-@mutant("5.1/11", "5.2/11")
+@mutant("takes-content-before-aname", "5.1/11", "5.2/11")
 class TakesContentBeforeAName(ControllerCore):
     """Content without a name is taken, into a file of the controller's own."""
 
@@ -297,7 +297,7 @@ class TakesContentBeforeAName(ControllerCore):
         return super().upload_chunk(request)
 
 
-@mutant("5.1/11", "5.2/13")
+@mutant("sends-back-what-it-got", "5.1/11", "5.2/13")
 class SendsBackWhatItGot(SendsAfterTheEnd):
     """When an upload is complete, its first chunk is sent back unasked."""
 
@@ -318,7 +318,7 @@ class _WholeBuffers(Receiver):
         )
 
 
-@mutant("5.1/12", "5.2/12", "5.2/16")
+@mutant("stores-whole-buffers", "5.1/12", "5.2/12", "5.2/16")
 class StoresWholeBuffers(JudgesChunks):
     """Of each chunk the whole buffer is stored, not just its valid bytes."""
 
@@ -335,7 +335,7 @@ class _ByTheFileSize(Receiver):
         return super().take(data, now_s)
 
 
-@mutant("5.1/12")
+@mutant("ignores-length", "5.1/12")
 class IgnoresLength(JudgesChunks):
     """How much of a buffer is valid is worked out from fileSize and position: length is ignored."""
 
@@ -352,7 +352,7 @@ class _FillerIsContent(Receiver):
         return taken
 
 
-@mutant("5.1/12")
+@mutant("last-buffer-up-to-its-zeros", "5.1/12")
 class LastBufferUpToItsZeros(JudgesChunks):
     """The last chunk is stored up to where its zeros begin, whatever length says."""
 
@@ -376,7 +376,7 @@ class _Careless(Receiver):
         return taken
 
 
-@mutant("5.1/13")
+@mutant("appends-whatever-comes", "5.1/13")
 class AppendsWhateverComes(JudgesChunks):
     """Chunks are appended wherever they belong, and the one that reaches the end ends the file."""
 
@@ -393,7 +393,7 @@ class _Sparse(_Careless):
         return bytes(buffer)
 
 
-@mutant("5.1/13")
+@mutant("fills-gaps-with-zeros", "5.1/13")
 class FillsGapsWithZeros(JudgesChunks):
     """Chunks are written where they belong; what is missing at the end stays zero."""
 
@@ -406,7 +406,7 @@ class _Counting(Receiver):
         return "" if chunk.legal and repeated else super()._problem(chunk)
 
 
-@mutant("5.1/13")
+@mutant("counts-repeated-bytes", "5.1/13")
 class CountsRepeatedBytes(JudgesChunks):
     """A file is complete when as many bytes have come as it has, repeated ones counted too."""
 
@@ -418,7 +418,7 @@ class _Overlapping(_Counting):
         return super()._problem(chunk) if chunk.position not in self._pieces else "repeated"
 
 
-@mutant("5.1/13", subtle=True)
+@mutant("counts-overlapping-bytes", "5.1/13", subtle=True)
 class CountsOverlappingBytes(JudgesChunks):
     """A chunk that overlaps others is taken and counted in full, unless it begins as one did."""
 
@@ -438,7 +438,7 @@ class _Preallocated(Receiver):
         return super().content.ljust(self._first_bytes, b"\0")
 
 
-@mutant("5.1/13", subtle=True)
+@mutant("keeps-the-first-file-size", "5.1/13", subtle=True)
 class KeepsTheFirstFileSize(JudgesChunks):
     """Room is made for the first fileSize, but a later, smaller one ends the file."""
 

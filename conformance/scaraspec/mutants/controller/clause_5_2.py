@@ -22,7 +22,7 @@ _NAMING = (UPLOAD_NAME, DOWNLOAD_NAME, DELETE)
 # The name
 
 
-@mutant("5.2/2")
+@mutant("refuses-capitals", "5.2/2")
 class RefusesCapitals(ControllerCore):
     """A name with a capital letter in it is refused."""
 
@@ -32,7 +32,7 @@ class RefusesCapitals(ControllerCore):
         return name == name.lower() and super().upload_name(request)
 
 
-@mutant("5.2/2", subtle=True)
+@mutant("refuses-thirty-bytes", "5.2/2", subtle=True)
 class RefusesThirtyBytes(ControllerCore):
     """A name of 30 bytes is one too long: the limit is off by one."""
 
@@ -41,7 +41,7 @@ class RefusesThirtyBytes(ControllerCore):
         return len(request.value) < 30 and super().upload_name(request)
 
 
-@mutant("5.2/2")
+@mutant("cuts-names-to-thirty-bytes", "5.2/2")
 class CutsNamesToThirtyBytes(ControllerCore):
     """A name is taken as its first 30 bytes, and answered as if it were whole."""
 
@@ -52,7 +52,7 @@ class CutsNamesToThirtyBytes(ControllerCore):
         super().handle(session, frame, now_s)
 
 
-@mutant("5.2/2")
+@mutant("accepts-no-name", "5.2/2")
 class AcceptsNoName(ControllerCore):
     """An upload without a name is accepted, under a name of the controller's own."""
 
@@ -63,7 +63,7 @@ class AcceptsNoName(ControllerCore):
         super().handle(session, frame, now_s)
 
 
-@mutant("5.2/2", "5.4/1", subtle=True)
+@mutant("runs-out-of-file-numbers", "5.2/2", "5.4/1", subtle=True)
 class RunsOutOfFileNumbers(ControllerCore):
     """After 30 uploads no name is accepted any more, though files were deleted meanwhile."""
 
@@ -76,7 +76,7 @@ class RunsOutOfFileNumbers(ControllerCore):
         return accepted
 
 
-@mutant("5.2/2", subtle=True)
+@mutant("answers-names-twice", "5.2/2", subtle=True)
 class AnswersNamesTwice(ControllerCore):
     """After the tenth name is accepted, each one is answered a second time."""
 
@@ -91,7 +91,7 @@ class AnswersNamesTwice(ControllerCore):
         return accepted
 
 
-@mutant("5.2/3")
+@mutant("empties-before-it-refuses", "5.2/3")
 class EmptiesBeforeItRefuses(ControllerCore):
     """A name that is taken is answered 0, but its file has been opened for writing and is lost."""
 
@@ -102,7 +102,7 @@ class EmptiesBeforeItRefuses(ControllerCore):
         return super().upload_name(request)
 
 
-@mutant("5.2/3", "5.1/10", "5.4/2", subtle=True)
+@mutant("refuses-ataken-name-once", "5.2/3", "5.1/10", "5.4/2", subtle=True)
 class RefusesATakenNameOnce(ControllerCore):
     """A name that is taken is refused the first time; the second time it is accepted."""
 
@@ -122,7 +122,7 @@ class RefusesATakenNameOnce(ControllerCore):
         return super().upload_name(request)
 
 
-@mutant("5.2/3", subtle=True)
+@mutant("knows-only-its-own-files", "5.2/3", subtle=True)
 class KnowsOnlyItsOwnFiles(SendsAfterTheEnd):
     """Only a name that this connection has uploaded counts as taken."""
 
@@ -149,7 +149,7 @@ def _resolved(name: bytes) -> bytes:
     return posixpath.basename(posixpath.normpath(name))
 
 
-@mutant("5.2/15")
+@mutant("resolves-paths", "5.2/15")
 class ResolvesPaths(ControllerCore):
     """A path in a new name is followed."""
 
@@ -160,7 +160,7 @@ class ResolvesPaths(ControllerCore):
         super().handle(session, frame, now_s)
 
 
-@mutant("5.2/15")
+@mutant("follows-paths-to-files", "5.2/15")
 class FollowsPathsToFiles(ControllerCore):
     """A path that leads to a stored file fetches it."""
 
@@ -171,7 +171,7 @@ class FollowsPathsToFiles(ControllerCore):
         super().handle(session, frame, now_s)
 
 
-@mutant("5.2/15")
+@mutant("backslashes-are-paths", "5.2/15")
 class BackslashesArePaths(ControllerCore):
     """A backslash in a name is followed as a path, a slash is not."""
 
@@ -182,7 +182,7 @@ class BackslashesArePaths(ControllerCore):
         super().handle(session, frame, now_s)
 
 
-@mutant("5.2/15", subtle=True)
+@mutant("backslashes-of-new-names-are-paths", "5.2/15", subtle=True)
 class BackslashesOfNewNamesArePaths(ControllerCore):
     """A backslash in a new name is followed as a path, a slash is not."""
 
@@ -193,7 +193,7 @@ class BackslashesOfNewNamesArePaths(ControllerCore):
         super().handle(session, frame, now_s)
 
 
-@mutant("5.2/15")
+@mutant("serves-the-whole-disk", "5.2/15")
 class ServesTheWholeDisk(ControllerCore):
     """A path that leaves the store fetches files of the operating system."""
 
@@ -210,7 +210,7 @@ class ServesTheWholeDisk(ControllerCore):
 # The answers to chunks
 
 
-@mutant("5.2/6")
+@mutant("answers-the-last-chunk-twice", "5.2/6")
 class AnswersTheLastChunkTwice(SendsAfterTheEnd):
     """The last chunk is answered as a chunk, and once more as the end of the file."""
 
@@ -219,7 +219,7 @@ class AnswersTheLastChunkTwice(SendsAfterTheEnd):
         self.send_after_reply(session, Frame(C2A, UPLOAD_CHUNK, b"1"))
 
 
-@mutant("5.2/6")
+@mutant("answers-chunks-with-their-length", "5.2/6")
 class AnswersChunksWithTheirLength(ControllerCore):
     """A chunk that was taken is answered with the number of bytes written."""
 
@@ -230,7 +230,7 @@ class AnswersChunksWithTheirLength(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("5.2/6")
+@mutant("silent-about-bad-chunks", "5.2/6")
 class SilentAboutBadChunks(ControllerCore):
     """A chunk that cannot be taken gets no answer."""
 
@@ -258,7 +258,7 @@ class _Clipping(Receiver):
         return chunk.length > BUFFER_BYTES
 
 
-@mutant("5.2/10")
+@mutant("clips-long-chunks", "5.2/10")
 class ClipsLongChunks(JudgesChunks):
     """Of a chunk with a length over 200 the first 200 bytes are taken."""
 
@@ -270,7 +270,7 @@ class _ClippingFrames(_Clipping):
         return BUFFER_BYTES < chunk.length == len(chunk.buffer)
 
 
-@mutant("5.2/10", subtle=True)
+@mutant("takes-long-frames", "5.2/10", subtle=True)
 class TakesLongFrames(JudgesChunks):
     """A chunk is taken with as many bytes as a frame can hold, if it really brings them."""
 
@@ -282,7 +282,7 @@ class _ClippingEnds(_Clipping):
         return chunk.length <= BUFFER_BYTES and 0 < chunk.file_size - chunk.position < chunk.length
 
 
-@mutant("5.2/10", subtle=True)
+@mutant("clips-at-the-end-of-the-file", "5.2/10", subtle=True)
 class ClipsAtTheEndOfTheFile(JudgesChunks):
     """Of a chunk that reaches beyond fileSize the part that fits is taken."""
 
@@ -297,7 +297,7 @@ class _ThirtyTwoBits(Receiver):
         return "" if in_bounds and overflows else super()._problem(chunk)
 
 
-@mutant("5.2/10", subtle=True)
+@mutant("adds-in-thirty-two-bits", "5.2/10", subtle=True)
 class AddsInThirtyTwoBits(JudgesChunks):
     """Position and length are added in 32 bits: a sum that overflows passes the check."""
 
@@ -307,7 +307,7 @@ class AddsInThirtyTwoBits(JudgesChunks):
 # Chunks that belong to nothing
 
 
-@mutant("5.2/11", subtle=True)
+@mutant("answers-stray-chunks-with-one", "5.2/11", subtle=True)
 class AnswersStrayChunksWithOne(ControllerCore):
     """After a first upload, a chunk that belongs to no transfer is answered 1 and dropped."""
 
@@ -320,7 +320,7 @@ class AnswersStrayChunksWithOne(ControllerCore):
         return super().upload_chunk(request) or (self.uploaded and stray)
 
 
-@mutant("5.2/11")
+@mutant("appends-behind-the-end", "5.2/11")
 class AppendsBehindTheEnd(SendsAfterTheEnd):
     """A chunk behind the last one is appended to the file."""
 
@@ -343,7 +343,7 @@ class AppendsBehindTheEnd(SendsAfterTheEnd):
         return super().upload_chunk(request)
 
 
-@mutant("5.2/11")
+@mutant("refused-names-take-chunks", "5.2/11")
 class RefusedNamesTakeChunks(ControllerCore):
     """A chunk behind a refused name is answered 1, though nothing is written."""
 
@@ -361,7 +361,7 @@ class RefusedNamesTakeChunks(ControllerCore):
         return super().upload_chunk(request) or refused
 
 
-@mutant("5.2/11")
+@mutant("takes-chunks-while-it-sends", "5.2/11")
 class TakesChunksWhileItSends(ControllerCore):
     """A chunk that comes during a download is answered 1."""
 
@@ -372,7 +372,7 @@ class TakesChunksWhileItSends(ControllerCore):
         return super().upload_chunk(request) or sends
 
 
-@mutant("5.2/11", subtle=True)
+@mutant("one-upload-for-all-connections", "5.2/11", subtle=True)
 class OneUploadForAllConnections(ControllerCore):
     """A chunk goes into whatever upload is under way, on whichever connection it comes."""
 
@@ -388,7 +388,7 @@ class OneUploadForAllConnections(ControllerCore):
         return super().upload_chunk(request)
 
 
-@mutant("5.2/11", subtle=True)
+@mutant("uploads-outlive-their-connection", "5.2/11", subtle=True)
 class UploadsOutliveTheirConnection(ControllerCore):
     """An upload whose connection is lost goes on on the next one."""
 
@@ -408,7 +408,7 @@ class UploadsOutliveTheirConnection(ControllerCore):
         return super().upload_chunk(request)
 
 
-@mutant("5.2/13")
+@mutant("tells-the-result-of-uploads", "5.2/13")
 class TellsTheResultOfUploads(SendsAfterTheEnd):
     """Behind the last answer of an upload comes a final result, as of a two-stage command."""
 
@@ -417,7 +417,7 @@ class TellsTheResultOfUploads(SendsAfterTheEnd):
         self.send_after_reply(session, Frame(C2A, UPLOAD_CHUNK, b"11", tagged=True))
 
 
-@mutant("5.2/13")
+@mutant("confirms-downloads", "5.2/13")
 class ConfirmsDownloads(SendsAfterTheEnd):
     """Behind the last answer of a download comes a 0x54 with 1: the file has been sent."""
 

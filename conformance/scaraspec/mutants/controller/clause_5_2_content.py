@@ -21,7 +21,7 @@ from scaraspec.virtual_controller.session import Request, Session
 _FIRST_OF_TRANSFERS = 0x50
 
 
-@mutant("5.2/12", subtle=True)
+@mutant("serves-what-it-read-first", "5.2/12", subtle=True)
 class ServesWhatItReadFirst(ControllerCore):
     """What was once fetched under a name is served for ever, also when the file is another one."""
 
@@ -42,7 +42,7 @@ class ServesWhatItReadFirst(ControllerCore):
         return accepted
 
 
-@mutant("5.2/16", subtle=True)
+@mutant("spoils127-bytes", "5.2/16", subtle=True)
 class Spoils127Bytes(AltersContent):
     """One bit of a file of 127 bytes, the most that seven bits count, is another one."""
 
@@ -51,7 +51,7 @@ class Spoils127Bytes(AltersContent):
         return bytes((content[0] ^ 1,)) + content[1:] if len(content) == 0x7F else content
 
 
-@mutant("5.2/14", subtle=True)
+@mutant("takes-an-end-for-the-end", "5.2/14", subtle=True)
 class TakesAnEndForTheEnd(AltersContent):
     """The bytes AA CC at the end of a chunk behind the first are taken for those of its frame."""
 
@@ -64,7 +64,7 @@ class TakesAnEndForTheEnd(AltersContent):
         return b"".join((*chunks[:1], *later))
 
 
-@mutant("5.2/12", subtle=True)
+@mutant("keeps-the-tail-of-the-old-file", "5.2/12", subtle=True)
 class KeepsTheTailOfTheOldFile(ControllerCore):
     """A shorter file under a name that was deleted keeps the end of the old one."""
 
@@ -83,7 +83,7 @@ class KeepsTheTailOfTheOldFile(ControllerCore):
         return super()._write(name, content + self.old.pop(name, b"")[len(content) :])
 
 
-@mutant("5.2/12")
+@mutant("serves-the-last-upload", "5.2/12")
 class ServesTheLastUpload(SendsAfterTheEnd):
     """Whichever file is asked for, the one that was uploaded last is sent."""
 
@@ -101,7 +101,7 @@ class ServesTheLastUpload(SendsAfterTheEnd):
         return super().download_name(replace(request, value=name))
 
 
-@mutant("5.2/12", "5.3/2", subtle=True)
+@mutant("serves-afile-twice", "5.2/12", "5.3/2", subtle=True)
 class ServesAFileTwice(ControllerCore):
     """A file can be fetched twice; after that it cannot be sent any more."""
 
@@ -117,7 +117,7 @@ class ServesAFileTwice(ControllerCore):
         return self.served[name] <= 2 and super().download_name(request)
 
 
-@mutant("5.2/12", subtle=True)
+@mutant("writes-the-last-chunk-late", "5.2/12", subtle=True)
 class WritesTheLastChunkLate(SendsAfterTheEnd):
     """The last chunk of an upload is written when the next command comes that is no transfer."""
 
@@ -157,7 +157,7 @@ class _Shared(Receiver):
         return taken
 
 
-@mutant("5.2/12", subtle=True)
+@mutant("one-buffer-for-all-uploads", "5.2/12", subtle=True)
 class OneBufferForAllUploads(JudgesChunks):
     """Two uploads at the same time write into one buffer."""
 
@@ -187,7 +187,7 @@ class _Overwriting(Receiver):
         return taken
 
 
-@mutant("5.2/12", subtle=True)
+@mutant("one-file-for-one-name", "5.2/12", subtle=True)
 class OneFileForOneName(JudgesChunks):
     """Two connections that upload under one name at the same time write into one file."""
 
@@ -206,7 +206,7 @@ class OneFileForOneName(JudgesChunks):
 # Bytes that are changed
 
 
-@mutant("5.2/14")
+@mutant("content-ends-at-its-zeros", "5.2/14")
 class ContentEndsAtItsZeros(AltersContent):
     """Zeros at the end of a file are taken for filler and lost."""
 
@@ -215,7 +215,7 @@ class ContentEndsAtItsZeros(AltersContent):
         return content.rstrip(b"\0") or content[:1]
 
 
-@mutant("5.2/14")
+@mutant("content-is-text", "5.2/14")
 class ContentIsText(AltersContent):
     """Files are opened as text: CR LF becomes LF."""
 
@@ -224,7 +224,7 @@ class ContentIsText(AltersContent):
         return content.replace(b"\r\n", b"\n")
 
 
-@mutant("5.2/14")
+@mutant("content-has-seven-bits", "5.2/14")
 class ContentHasSevenBits(AltersContent):
     """The highest bit of AA and of CC is lost: they are taken for delimiters."""
 
@@ -233,7 +233,7 @@ class ContentHasSevenBits(AltersContent):
         return content.replace(b"\xaa", b"\x2a").replace(b"\xcc", b"\x4c")
 
 
-@mutant("5.2/14")
+@mutant("frames-in-the-content-are-served", "5.2/14")
 class FramesInTheContentAreServed(AltersContent):
     """A request within the content of a file is cut out of it."""
 
@@ -242,7 +242,7 @@ class FramesInTheContentAreServed(AltersContent):
         return content.replace(b"\xaa\x09\x00\xcc", b"")
 
 
-@mutant("5.2/14")
+@mutant("bars-separate-content", "5.2/14")
 class BarsSeparateContent(AltersContent):
     """A bar in the content separates fields, and is replaced by NUL."""
 
@@ -251,7 +251,7 @@ class BarsSeparateContent(AltersContent):
         return content.replace(b"|", b"\0")
 
 
-@mutant("5.2/14", subtle=True)
+@mutant("single-zero-is-nothing", "5.2/14", subtle=True)
 class SingleZeroIsNothing(AltersContent):
     """A file of a single NUL is taken for an empty string."""
 
@@ -263,7 +263,7 @@ class SingleZeroIsNothing(AltersContent):
 # Sizes
 
 
-@mutant("5.2/16", "5.2/12", subtle=True)
+@mutant("loses-the-last-byte-of-full-chunks", "5.2/16", "5.2/12", subtle=True)
 class LosesTheLastByteOfFullChunks(AltersContent):
     """A file of a multiple of 200 bytes loses its last byte."""
 
@@ -272,7 +272,7 @@ class LosesTheLastByteOfFullChunks(AltersContent):
         return content if len(content) % BUFFER_BYTES else content[:-1]
 
 
-@mutant("5.2/16", "5.2/12", subtle=True)
+@mutant("loses-asingle-last-byte", "5.2/16", "5.2/12", subtle=True)
 class LosesASingleLastByte(AltersContent):
     """A last chunk of a single byte behind a full one is lost."""
 
@@ -282,7 +282,7 @@ class LosesASingleLastByte(AltersContent):
         return content[:-1] if lost else content
 
 
-@mutant("5.2/16", "5.2/12", subtle=True)
+@mutant("loses-the-end-of-half-achunk", "5.2/16", "5.2/12", subtle=True)
 class LosesTheEndOfHalfAChunk(AltersContent):
     """A last chunk of 60 to 110 bytes is moved in words, and its last bytes change places."""
 
@@ -308,7 +308,7 @@ class _SixteenBits(_Bounded):
         return chunk.position + chunk.length > chunk.file_size & 0xFFFF
 
 
-@mutant("5.2/16", subtle=True)
+@mutant("sixty-four-kibibytes-are-too-many", "5.2/16", subtle=True)
 class SixtyFourKibibytesAreTooMany(JudgesChunks):
     """Of a file of 65,536 bytes or more the end is refused: its size does not fit 16 bits."""
 
@@ -320,7 +320,7 @@ class _CountingChunks(_Bounded):
         return chunk.position >= 255 * BUFFER_BYTES
 
 
-@mutant("5.2/16", subtle=True)
+@mutant("counts-chunks-in-abyte", "5.2/16", subtle=True)
 class CountsChunksInAByte(JudgesChunks):
     """The 256th chunk of a file is refused: chunks are counted in a byte."""
 
@@ -332,14 +332,14 @@ class _SizeUnknown(_Bounded):
         return chunk.file_size == 2**16 - 1
 
 
-@mutant("5.2/16", subtle=True)
+@mutant("size-ffff-is-unknown", "5.2/16", subtle=True)
 class SizeFfffIsUnknown(JudgesChunks):
     """A file of just 65,535 bytes is refused: FFFF stands for a size that is not known."""
 
     receiver: ClassVar[type[Receiver]] = _SizeUnknown
 
 
-@mutant("5.2/16", "5.1/4", "5.1/8", subtle=True)
+@mutant("positions-have-sixteen-bits", "5.2/16", "5.1/4", "5.1/8", subtle=True)
 class PositionsHaveSixteenBits(AltersChunks):
     """Behind 65,535 the positions of a download begin again at 0."""
 
@@ -348,7 +348,7 @@ class PositionsHaveSixteenBits(AltersChunks):
         return (chunk._replace(position=chunk.position & 0xFFFF),)
 
 
-@mutant("5.2/16", "5.2/12", subtle=True)
+@mutant("loses-abyte-after-athousand-chunks", "5.2/16", "5.2/12", subtle=True)
 class LosesAByteAfterAThousandChunks(ControllerCore):
     """From the thousandth chunk on that a controller has taken, a byte of each is zero."""
 

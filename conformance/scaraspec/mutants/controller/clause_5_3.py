@@ -20,7 +20,7 @@ DOWNLOAD_NAME = 0x54
 # Whether a file can be sent
 
 
-@mutant("5.3/2")
+@mutant("answers-downloads-with-the-size", "5.3/2")
 class AnswersDownloadsWithTheSize(ControllerCore):
     """A file that can be sent is answered with its size."""
 
@@ -32,7 +32,7 @@ class AnswersDownloadsWithTheSize(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("5.3/2", "5.2/12", subtle=True)
+@mutant("sends-afile-once", "5.3/2", "5.2/12", subtle=True)
 class SendsAFileOnce(ControllerCore):
     """A connection can fetch a file once; the second time it is answered 0."""
 
@@ -52,7 +52,7 @@ class SendsAFileOnce(ControllerCore):
         return accepted
 
 
-@mutant("5.3/4", "5.1/8", subtle=True)
+@mutant("one-reading-position-for-all", "5.3/4", "5.1/8", subtle=True)
 class OneReadingPositionForAll(ControllerCore):
     """Two connections that fetch one file share the place where it is read."""
 
@@ -75,7 +75,7 @@ class OneReadingPositionForAll(ControllerCore):
         return super().download_chunk(request)
 
 
-@mutant("5.3/3", "5.3/2")
+@mutant("promises-every-file", "5.3/3", "5.3/2")
 class PromisesEveryFile(ControllerCore):
     """A file that is not there is answered 1, and nothing follows."""
 
@@ -84,7 +84,7 @@ class PromisesEveryFile(ControllerCore):
         return super().download_name(request) or request.session.transfer is None
 
 
-@mutant("5.3/3")
+@mutant("finds-files-by-their-beginning", "5.3/3")
 class FindsFilesByTheirBeginning(ControllerCore):
     """The beginning of a file's name is enough to fetch it."""
 
@@ -94,7 +94,7 @@ class FindsFilesByTheirBeginning(ControllerCore):
         return super().download_name(replace(request, value=next(fitting, request.value)))
 
 
-@mutant("5.3/3")
+@mutant("finds-files-by-pattern", "5.3/3")
 class FindsFilesByPattern(ControllerCore):
     """A name with an asterisk fetches the first file that fits."""
 
@@ -106,7 +106,7 @@ class FindsFilesByPattern(ControllerCore):
         return super().download_name(replace(request, value=next(fitting, request.value)))
 
 
-@mutant("5.3/3")
+@mutant("no-name-is-the-first-file", "5.3/3")
 class NoNameIsTheFirstFile(ControllerCore):
     """A request without a name fetches the first file of the list."""
 
@@ -117,7 +117,7 @@ class NoNameIsTheFirstFile(ControllerCore):
         super().handle(session, frame, now_s)
 
 
-@mutant("5.3/3")
+@mutant("keeps-fetched-files", "5.3/3")
 class KeepsFetchedFiles(ControllerCore):
     """A file that was fetched can be fetched again after it was deleted."""
 
@@ -139,7 +139,7 @@ class KeepsFetchedFiles(ControllerCore):
         return super().download_name(request)
 
 
-@mutant("5.3/3", subtle=True)
+@mutant("serves-unfinished-files-as-whole", "5.3/3", subtle=True)
 class ServesUnfinishedFilesAsWhole(ControllerCore):
     """A file that is still being uploaded is served in its full size, zeros where nothing came."""
 
@@ -159,7 +159,7 @@ class ServesUnfinishedFilesAsWhole(ControllerCore):
 # The content
 
 
-@mutant("5.3/4", "5.2/12", subtle=True)
+@mutant("sends-the-file-asked-for-last", "5.3/4", "5.2/12", subtle=True)
 class SendsTheFileAskedForLast(ControllerCore):
     """Every download goes on with the file that any connection asked for last."""
 
@@ -176,7 +176,7 @@ class SendsTheFileAskedForLast(ControllerCore):
         super()._send_chunk(session, chunk._replace(buffer=other))
 
 
-@mutant("5.3/4")
+@mutant("chunk-before-the-answer", "5.3/4")
 class ChunkBeforeTheAnswer(ControllerCore):
     """The first chunk of a download is sent ahead of the answer to its name."""
 
@@ -187,7 +187,7 @@ class ChunkBeforeTheAnswer(ControllerCore):
             self.emit(session, Frame(C2A, CHUNK, FILE_DATA.encode(chunk, self.dialect)))
 
 
-@mutant("5.3/4")
+@mutant("promises-and-sends-nothing", "5.3/4")
 class PromisesAndSendsNothing(ControllerCore):
     """Behind the 1 to a name no content comes."""
 
@@ -195,7 +195,7 @@ class PromisesAndSendsNothing(ControllerCore):
         """Send none."""
 
 
-@mutant("5.3/4")
+@mutant("content-under-the-opcode-of-uploads", "5.3/4")
 class ContentUnderTheOpcodeOfUploads(ControllerCore):
     """The content of a download comes in 0x52 frames."""
 
@@ -206,7 +206,7 @@ class ContentUnderTheOpcodeOfUploads(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("5.3/4", "5.1/3")
+@mutant("sends-only-full-chunks", "5.3/4", "5.1/3")
 class SendsOnlyFullChunks(AltersChunks):
     """The rest of a file behind its last full chunk is not sent."""
 
@@ -221,7 +221,7 @@ class SendsOnlyFullChunks(AltersChunks):
 # One at a time
 
 
-@mutant("5.3/6")
+@mutant("sends-everything-at-once", "5.3/6")
 class SendsEverythingAtOnce(ControllerCore):
     """The chunks of a download are sent without waiting for answers."""
 
@@ -235,7 +235,7 @@ class SendsEverythingAtOnce(ControllerCore):
                 transfer.end.acknowledge(accepted=True, now_s=0.0)
 
 
-@mutant("5.3/6")
+@mutant("second-chunk-comes-unasked", "5.3/6")
 class SecondChunkComesUnasked(ControllerCore):
     """The second chunk of a download is sent right behind the first."""
 
@@ -247,7 +247,7 @@ class SecondChunkComesUnasked(ControllerCore):
             super()._send_next(session)
 
 
-@mutant("5.3/6")
+@mutant("any-request-brings-the-next-chunk", "5.3/6")
 class AnyRequestBringsTheNextChunk(ControllerCore):
     """Any request of the client brings the next chunk, not just the answer to the last."""
 
@@ -260,7 +260,7 @@ class AnyRequestBringsTheNextChunk(ControllerCore):
             super().handle(session, Frame(frame.direction, CHUNK, b"1"), now_s)
 
 
-@mutant("5.3/6")
+@mutant("repeats-unanswered-chunks", "5.3/6")
 class RepeatsUnansweredChunks(ControllerCore):
     """A chunk that is not answered for three seconds is sent again."""
 
@@ -323,19 +323,19 @@ class _OtherTimeOut(ControllerCore):
         return accepted
 
 
-@mutant("5.3/7", subtle=True)
+@mutant("waits-for-answers-too-long", "5.3/7", subtle=True)
 class WaitsForAnswersTooLong(_OtherTimeOut):
     """A download that is not answered goes on after 90 s."""
 
 
-@mutant("5.3/7", subtle=True)
+@mutant("gives-up-answers-too-early", "5.3/7", subtle=True)
 class GivesUpAnswersTooEarly(_OtherTimeOut):
     """A download that is not answered for 20 s is given up."""
 
     timeout_s = 20
 
 
-@mutant("5.3/7", subtle=True)
+@mutant("downloads-last-thirty-seconds", "5.3/7", subtle=True)
 class DownloadsLastThirtySeconds(ControllerCore):
     """A download is given up 30 s after it began, however often it was answered."""
 
@@ -356,7 +356,7 @@ class DownloadsLastThirtySeconds(ControllerCore):
         return super().download_chunk(request)
 
 
-@mutant("5.3/7", subtle=True)
+@mutant("late-answers-revive-downloads", "5.3/7", subtle=True)
 class LateAnswersReviveDownloads(ControllerCore):
     """A download that was given up goes on when its answer comes after all."""
 
@@ -383,7 +383,7 @@ class LateAnswersReviveDownloads(ControllerCore):
 # A chunk that was refused
 
 
-@mutant("5.3/9")
+@mutant("ignores-refusals", "5.3/9")
 class IgnoresRefusals(ControllerCore):
     """A download goes on whatever its chunks are answered."""
 
@@ -392,7 +392,7 @@ class IgnoresRefusals(ControllerCore):
         return super().download_chunk(replace(request, value=True))
 
 
-@mutant("5.3/9", subtle=True)
+@mutant("refusals-start-over", "5.3/9", subtle=True)
 class RefusalsStartOver(ControllerCore):
     """After a later chunk was refused, a download begins again with the first."""
 
@@ -409,7 +409,7 @@ class RefusalsStartOver(ControllerCore):
         return answer
 
 
-@mutant("5.3/9", subtle=True)
+@mutant("forgets-refusals", "5.3/9", subtle=True)
 class ForgetsRefusals(ControllerCore):
     """After a chunk was refused nothing comes, until a later 1 brings the next."""
 
@@ -418,7 +418,7 @@ class ForgetsRefusals(ControllerCore):
         return SILENCE if request.value is False else super().download_chunk(request)
 
 
-@mutant("5.3/9", subtle=True)
+@mutant("refused-last-chunk-spoils-the-file", "5.3/9", subtle=True)
 class RefusedLastChunkSpoilsTheFile(ControllerCore):
     """A file whose last chunk was refused is taken for damaged, and cut there."""
 
@@ -433,7 +433,7 @@ class RefusedLastChunkSpoilsTheFile(ControllerCore):
         return answer
 
 
-@mutant("5.3/10")
+@mutant("empty-chunk-behind-arefusal", "5.3/10")
 class EmptyChunkBehindARefusal(ControllerCore):
     """Behind the 0 to a name comes a chunk of length 0."""
 
@@ -445,7 +445,7 @@ class EmptyChunkBehindARefusal(ControllerCore):
         return accepted
 
 
-@mutant("5.3/10", subtle=True)
+@mutant("stray-answers-bring-the-last-file", "5.3/10", subtle=True)
 class StrayAnswersBringTheLastFile(ControllerCore):
     """An answer to no chunk brings the first chunk of the file that was fetched last."""
 

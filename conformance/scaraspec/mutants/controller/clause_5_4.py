@@ -27,7 +27,7 @@ _LOGIN = 0x01
 # The name
 
 
-@mutant("5.4/1", subtle=True)
+@mutant("deleted-names-stay-taken", "5.4/1", subtle=True)
 class DeletedNamesStayTaken(ControllerCore):
     """A name that was once deleted is never accepted again."""
 
@@ -48,7 +48,7 @@ class DeletedNamesStayTaken(ControllerCore):
         return request.value not in self.deleted and super().upload_name(request)
 
 
-@mutant("5.4/1", subtle=True)
+@mutant("names-asked-for-in-vain-are-taken", "5.4/1", subtle=True)
 class NamesAskedForInVainAreTaken(ControllerCore):
     """A name that was asked for in vain is entered in the directory, and then refused."""
 
@@ -68,7 +68,7 @@ class NamesAskedForInVainAreTaken(ControllerCore):
         return request.value not in self.asked and super().upload_name(request)
 
 
-@mutant("5.4/1", subtle=True)
+@mutant("only-the-oldest-connection-creates", "5.4/1", subtle=True)
 class OnlyTheOldestConnectionCreates(ControllerCore):
     """A file is created for the oldest connection only; the others are answered 0."""
 
@@ -78,7 +78,7 @@ class OnlyTheOldestConnectionCreates(ControllerCore):
         return request.session.connection == oldest and super().upload_name(request)
 
 
-@mutant("5.4/1", subtle=True)
+@mutant("broken-uploads-block-their-name", "5.4/1", subtle=True)
 class BrokenUploadsBlockTheirName(ControllerCore):
     """The name of a broken upload stays taken for good, though there is no file."""
 
@@ -98,7 +98,7 @@ class BrokenUploadsBlockTheirName(ControllerCore):
         return request.value not in self.blocked and super().upload_name(request)
 
 
-@mutant("5.4/2", "5.2/3", "5.1/10", subtle=True)
+@mutant("fetched-names-are-free", "5.4/2", "5.2/3", "5.1/10", subtle=True)
 class FetchedNamesAreFree(SendsAfterTheEnd):
     """A file that was fetched whole may be overwritten."""
 
@@ -118,7 +118,7 @@ class FetchedNamesAreFree(SendsAfterTheEnd):
         return super().upload_name(request)
 
 
-@mutant("5.4/2", "5.2/3", "5.1/10", subtle=True)
+@mutant("knows-the-last-ten-names", "5.4/2", "5.2/3", "5.1/10", subtle=True)
 class KnowsTheLastTenNames(SendsAfterTheEnd):
     """Whether a name is taken is looked up among the last ten only."""
 
@@ -141,7 +141,7 @@ class KnowsTheLastTenNames(SendsAfterTheEnd):
 # The buffer and the end
 
 
-@mutant("5.4/3", "5.1/5")
+@mutant("fills-the-frame", "5.4/3", "5.1/5")
 class FillsTheFrame(ControllerCore):
     """The chunks of a download hold as much as a frame can: 243 bytes."""
 
@@ -174,7 +174,7 @@ class _WaitsForMore(Receiver):
         return True
 
 
-@mutant("5.4/4", "5.1/7", "5.2/12")
+@mutant("waits-for-an-end-mark", "5.4/4", "5.1/7", "5.2/12")
 class WaitsForAnEndMark(JudgesChunks):
     """A file is complete only when something follows on its last chunk."""
 
@@ -186,7 +186,7 @@ class _WaitsBehindFullChunks(_WaitsForMore):
         return bool(self.size_bytes and self.size_bytes % BUFFER_BYTES == 0)
 
 
-@mutant("5.4/4", "5.1/7", "5.2/16", subtle=True)
+@mutant("full-last-chunk-is-not-the-end", "5.4/4", "5.1/7", "5.2/16", subtle=True)
 class FullLastChunkIsNotTheEnd(JudgesChunks):
     """A file of a multiple of 200 bytes is complete only when a shorter chunk follows."""
 
@@ -202,7 +202,7 @@ class _EndsOnShortChunks(Receiver):
         return taken
 
 
-@mutant("5.4/4")
+@mutant("short-chunk-is-the-end", "5.4/4")
 class ShortChunkIsTheEnd(JudgesChunks):
     """A chunk of less than 200 bytes ends the file, wherever it stands."""
 
@@ -222,7 +222,7 @@ class _Patient(Receiver):
         self._timeout_s = self.timeout_s
 
 
-@mutant("5.4/5")
+@mutant("waits-for-chunks-too-long", "5.4/5")
 class WaitsForChunksTooLong(JudgesChunks):
     """An upload goes on after a silence of 90 s."""
 
@@ -233,7 +233,7 @@ class _Impatient(_Patient):
     timeout_s: ClassVar[float] = 20.0
 
 
-@mutant("5.4/5")
+@mutant("gives-up-chunks-too-early", "5.4/5")
 class GivesUpChunksTooEarly(JudgesChunks):
     """An upload is given up after a silence of 20 s."""
 
@@ -248,7 +248,7 @@ class _FromTheBeginning(Receiver):
         return taken
 
 
-@mutant("5.4/5", subtle=True)
+@mutant("uploads-last-thirty-seconds", "5.4/5", subtle=True)
 class UploadsLastThirtySeconds(JudgesChunks):
     """An upload is given up 30 s after its name came, however many chunks have come since."""
 
@@ -261,7 +261,7 @@ class _FromTheFirstChunk(Receiver):
         return super().deadline_s if self.received_bytes else None
 
 
-@mutant("5.4/5", subtle=True)
+@mutant("waits-for-the-first-chunk-for-ever", "5.4/5", subtle=True)
 class WaitsForTheFirstChunkForEver(JudgesChunks):
     """An upload of which only the name came is never given up."""
 
@@ -285,7 +285,7 @@ class _Breaks(ControllerCore):
             self.broken(session, transfer.name, transfer.end)
 
 
-@mutant("5.4/6", subtle=True)
+@mutant("deaf-after-atime-out", "5.4/6", subtle=True)
 class DeafAfterATimeOut(_Breaks):
     """After an upload was given up for silence, no request is answered any more."""
 
@@ -301,7 +301,7 @@ class DeafAfterATimeOut(_Breaks):
             super().handle(session, frame, now_s)
 
 
-@mutant("5.4/6", subtle=True)
+@mutant("no-transfer-after-arefused-chunk", "5.4/6", subtle=True)
 class NoTransferAfterARefusedChunk(_Breaks):
     """After a chunk was refused the transfer unit stays busy: no name is accepted any more."""
 
@@ -316,7 +316,7 @@ class NoTransferAfterARefusedChunk(_Breaks):
         return not self.stuck and super().upload_name(request)
 
 
-@mutant("5.4/6")
+@mutant("hangs-on-achunk-of-length-zero", "5.4/6")
 class HangsOnAChunkOfLengthZero(ControllerCore):
     """After a chunk of length 0 in the middle of a file, no request is answered any more."""
 
@@ -330,7 +330,7 @@ class HangsOnAChunkOfLengthZero(ControllerCore):
             super().handle(session, frame, now_s)
 
 
-@mutant("5.4/6", subtle=True)
+@mutant("empty-files-block-transfers", "5.4/6", subtle=True)
 class EmptyFilesBlockTransfers(ControllerCore):
     """After a file of no bytes was offered, files arrive without their first byte."""
 
@@ -345,7 +345,7 @@ class EmptyFilesBlockTransfers(ControllerCore):
         return super()._write(name, content[1:] if self.spoilt else content)
 
 
-@mutant("5.4/7")
+@mutant("fills-up-broken-files", "5.4/7")
 class FillsUpBrokenFiles(_Breaks):
     """A broken upload leaves a file of its full size, zeros where nothing came."""
 
@@ -355,7 +355,7 @@ class FillsUpBrokenFiles(_Breaks):
             self._write(name, receiver.content.ljust(receiver.size_bytes, b"\0"))
 
 
-@mutant("5.4/7")
+@mutant("keeps-what-it-refused", "5.4/7")
 class KeepsWhatItRefused(ControllerCore):
     """The bytes of a chunk that was refused stay in the file that the upload leaves."""
 
@@ -368,7 +368,7 @@ class KeepsWhatItRefused(ControllerCore):
         return taken
 
 
-@mutant("5.4/7", subtle=True)
+@mutant("resumes-broken-uploads", "5.4/7", subtle=True)
 class ResumesBrokenUploads(_Breaks):
     """A new upload under the name of one that was closed begins with what was left of it."""
 
@@ -392,7 +392,7 @@ def _uploads(session: Session) -> bool:
     return session.transfer is not None and isinstance(session.transfer.end, Receiver)
 
 
-@mutant("5.4/8")
+@mutant("deaf-during-uploads", "5.4/8")
 class DeafDuringUploads(ControllerCore):
     """During an upload other commands on its connection are not answered."""
 
@@ -402,7 +402,7 @@ class DeafDuringUploads(ControllerCore):
             super().handle(session, frame, now_s)
 
 
-@mutant("5.4/8")
+@mutant("commands-break-uploads", "5.4/8")
 class CommandsBreakUploads(ControllerCore):
     """Any other command ends an upload."""
 
@@ -413,7 +413,7 @@ class CommandsBreakUploads(ControllerCore):
         super().handle(session, frame, now_s)
 
 
-@mutant("5.4/8", subtle=True)
+@mutant("commands-skip-achunk", "5.4/8", subtle=True)
 class CommandsSkipAChunk(ControllerCore):
     """A list of programs that is asked for during a download makes it skip a chunk."""
 
@@ -426,7 +426,7 @@ class CommandsSkipAChunk(ControllerCore):
         super().handle(session, frame, now_s)
 
 
-@mutant("5.4/8", subtle=True)
+@mutant("lists-nothing-during-uploads", "5.4/8", subtle=True)
 class ListsNothingDuringUploads(ControllerCore):
     """Who asks for the programs within his own upload is told of none."""
 
@@ -439,7 +439,7 @@ class ListsNothingDuringUploads(ControllerCore):
         )
 
 
-@mutant("5.4/8", subtle=True)
+@mutant("lists-nothing-during-downloads", "5.4/8", subtle=True)
 class ListsNothingDuringDownloads(ControllerCore):
     """Who asks for the programs while he fetches one is told of none."""
 
@@ -451,7 +451,7 @@ class ListsNothingDuringDownloads(ControllerCore):
         return super().list_programs(request)
 
 
-@mutant("5.4/8")
+@mutant("deaf-to-others-during-uploads", "5.4/8")
 class DeafToOthersDuringUploads(ControllerCore):
     """During an upload the other connections are not served."""
 
@@ -462,7 +462,7 @@ class DeafToOthersDuringUploads(ControllerCore):
             super().handle(session, frame, now_s)
 
 
-@mutant("5.4/8")
+@mutant("refused-names-break-uploads", "5.4/8")
 class RefusedNamesBreakUploads(ControllerCore):
     """A second name within an upload is refused, and ends the upload as well."""
 
@@ -475,7 +475,7 @@ class RefusedNamesBreakUploads(ControllerCore):
         return accepted
 
 
-@mutant("5.4/8")
+@mutant("refused-downloads-break-uploads", "5.4/8")
 class RefusedDownloadsBreakUploads(ControllerCore):
     """A download within an upload is refused, and the rest of the upload is lost."""
 
@@ -488,7 +488,7 @@ class RefusedDownloadsBreakUploads(ControllerCore):
         return accepted
 
 
-@mutant("5.4/8")
+@mutant("second-name-takes-the-content", "5.4/8")
 class SecondNameTakesTheContent(ControllerCore):
     """A second name within an upload is refused, but the content goes to it."""
 
@@ -501,7 +501,7 @@ class SecondNameTakesTheContent(ControllerCore):
         return accepted
 
 
-@mutant("5.4/8", "5.1/8", subtle=True)
+@mutant("resumes-refused-downloads", "5.4/8", "5.1/8", subtle=True)
 class ResumesRefusedDownloads(ControllerCore):
     """After a chunk of a download was refused, the next download of the file skips that chunk."""
 
@@ -531,7 +531,7 @@ class ResumesRefusedDownloads(ControllerCore):
         return super().download_chunk(request)
 
 
-@mutant("5.4/8", subtle=True)
+@mutant("refused-chunk-spoils-the-next-upload", "5.4/8", subtle=True)
 class RefusedChunkSpoilsTheNextUpload(ControllerCore):
     """After a chunk of a download was refused, the next upload loses its last byte."""
 

@@ -18,7 +18,7 @@ class _Initial(Run):
         return values
 
 
-@misrun("6.4/5")
+@misrun("variables-begin-at-zero", "6.4/5")
 class VariablesBeginAtZero(_Initial):
     """Every variable begins at 0, whatever the file says."""
 
@@ -27,7 +27,7 @@ class VariablesBeginAtZero(_Initial):
         return dict.fromkeys(values, 0)
 
 
-@misrun("6.4/5")
+@misrun("variables-of-two-bytes", "6.4/5")
 class VariablesOfTwoBytes(_Initial):
     """Only the lower two bytes of a variable's first value are read."""
 
@@ -36,7 +36,7 @@ class VariablesOfTwoBytes(_Initial):
         return {key: (value + 2**15) % 2**16 - 2**15 for key, value in values.items()}
 
 
-@misrun("6.4/5")
+@misrun("unsigned-variables", "6.4/5")
 class UnsignedVariables(_Initial):
     """First values below zero are taken for 0."""
 
@@ -45,7 +45,7 @@ class UnsignedVariables(_Initial):
         return {key: max(value, 0) for key, value in values.items()}
 
 
-@misrun("6.4/5", subtle=True)
+@misrun("last-variable-forgotten", "6.4/5", subtle=True)
 class LastVariableForgotten(_Initial):
     """The last variable of a file begins at 0."""
 
@@ -54,7 +54,7 @@ class LastVariableForgotten(_Initial):
         return {**values, list(values)[-1]: 0} if values else values
 
 
-@misrun("6.4/5", subtle=True)
+@misrun("thirty-two-variables", "6.4/5", subtle=True)
 class ThirtyTwoVariables(_Initial):
     """Variables behind the 32nd begin at 0."""
 
@@ -63,7 +63,7 @@ class ThirtyTwoVariables(_Initial):
         return {key: value if at < 32 else 0 for at, (key, value) in enumerate(values.items())}
 
 
-@misrun("6.4/5")
+@misrun("variables-sorted-by-key", "6.4/5")
 class VariablesSortedByKey(_Initial):
     """Keys are sorted and values are not, so that values go to other variables."""
 
@@ -72,7 +72,7 @@ class VariablesSortedByKey(_Initial):
         return dict(zip(sorted(values), values.values(), strict=True))
 
 
-@misrun("6.4/5", subtle=True)
+@misrun("values-of-the-program-before", "6.4/5", subtle=True)
 class ValuesOfTheProgramBefore(_Initial):
     """A variable begins with what the program before has left under its key."""
 
@@ -84,7 +84,7 @@ class ValuesOfTheProgramBefore(_Initial):
         return left
 
 
-@misrun("6.4/5", subtle=True)
+@misrun("values-of-its-simulation", "6.4/5", subtle=True)
 class ValuesOfItsSimulation(Run):
     """A run begins with the values that a simulation has left, whatever the file says."""
 

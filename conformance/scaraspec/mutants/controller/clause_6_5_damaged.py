@@ -25,7 +25,7 @@ class _Mends(ControllerCore):
         return super().parse_program(self.mended(data))
 
 
-@mutant("6.5/28")
+@mutant("reads-no-scara", "6.5/28")
 class ReadsNoScara(_Mends):
     """Nobody looks whether a file begins with SCARA."""
 
@@ -34,7 +34,7 @@ class ReadsNoScara(_Mends):
         return MAGIC + data[len(MAGIC) :]
 
 
-@mutant("6.5/28")
+@mutant("reads-no-aracs", "6.5/28")
 class ReadsNoAracs(_Mends):
     """Nobody looks whether a file ends with ARACS."""
 
@@ -43,7 +43,7 @@ class ReadsNoAracs(_Mends):
         return data[: -len(FOOTER)] + FOOTER
 
 
-@mutant("6.5/28", subtle=True)
+@mutant("reads-no-aracs-of-long-files", "6.5/28", subtle=True)
 class ReadsNoAracsOfLongFiles(ReadsNoAracs):
     """Nobody looks whether a file of more than 512 bytes ends with ARACS."""
 
@@ -52,7 +52,7 @@ class ReadsNoAracsOfLongFiles(ReadsNoAracs):
         return super().mended(data) if len(data) > _BUFFER_BYTES else data
 
 
-@mutant("6.5/28")
+@mutant("reads-four-letters-of-scara", "6.5/28")
 class ReadsFourLettersOfScara(_Mends):
     """The last letter of SCARA may be any, as where a NUL is thought to stand."""
 
@@ -61,7 +61,7 @@ class ReadsFourLettersOfScara(_Mends):
         return MAGIC + data[len(MAGIC) :] if data.startswith(MAGIC[:4]) else data
 
 
-@mutant("6.5/28")
+@mutant("reads-scara-in-small-letters", "6.5/28")
 class ReadsScaraInSmallLetters(_Mends):
     """The marks may be written in small letters."""
 
@@ -71,7 +71,7 @@ class ReadsScaraInSmallLetters(_Mends):
         return head + data[len(MAGIC) : -len(FOOTER)] + foot
 
 
-@mutant("6.5/28")
+@mutant("reads-scara-for-aracs", "6.5/28")
 class ReadsScaraForAracs(_Mends):
     """A file may end with SCARA as it begins."""
 
@@ -80,7 +80,7 @@ class ReadsScaraForAracs(_Mends):
         return data[: -len(FOOTER)] + FOOTER if data.endswith(MAGIC) else data
 
 
-@mutant("6.5/28")
+@mutant("ignores-what-is-too-much", "6.5/28")
 class IgnoresWhatIsTooMuch(_Mends):
     """What a file has beyond its counted nodes is left out."""
 
@@ -92,7 +92,7 @@ class IgnoresWhatIsTooMuch(_Mends):
         return data[: end - len(FOOTER)] + FOOTER if end < len(data) else data
 
 
-@mutant("6.5/28")
+@mutant("fills-what-is-missing", "6.5/28")
 class FillsWhatIsMissing(_Mends):
     """What a file lacks at its end counts as zeros."""
 
@@ -106,7 +106,7 @@ class FillsWhatIsMissing(_Mends):
         return data[: -len(FOOTER)].ljust(end - len(FOOTER), b"\0") + FOOTER
 
 
-@mutant("6.5/28")
+@mutant("runs-nothing-of-damaged-files", "6.5/28")
 class RunsNothingOfDamagedFiles(ControllerCore):
     """A damaged file is run as a program without nodes."""
 
@@ -115,7 +115,7 @@ class RunsNothingOfDamagedFiles(ControllerCore):
         return super().parse_program(data) or Program()
 
 
-@mutant("6.5/28")
+@mutant("runs-the-program-before", "6.5/28")
 class RunsTheProgramBefore(ControllerCore):
     """In place of a damaged file the last right one is run."""
 
@@ -155,14 +155,14 @@ class _Forgives(ControllerCore):
         return program
 
 
-@mutant("6.5/28")
+@mutant("takes-keys-twice", "6.5/28")
 class TakesKeysTwice(_Forgives):
     """Two variables may have the same key."""
 
     forgiven = frozenset({"P-key-twice"})
 
 
-@mutant("6.5/28", subtle=True)
+@mutant("takes-keys-twice-apart", "6.5/28", subtle=True)
 class TakesKeysTwiceApart(_Forgives):
     """Two variables may have the same key unless they are neighbours."""
 
@@ -189,21 +189,21 @@ class _Straightens(_Forgives):
         return replace(program, nodes=tuple(nodes))
 
 
-@mutant("6.5/28")
+@mutant("takes-short-curves", "6.5/28")
 class TakesShortCurves(_Straightens):
     """A curve may have fewer than three points."""
 
     forgiven = frozenset({"P-curve-short"})
 
 
-@mutant("6.5/28")
+@mutant("takes-other-nodes-in-curves", "6.5/28")
 class TakesOtherNodesInCurves(_Straightens):
     """A curve may have other nodes than points."""
 
     forgiven = frozenset({"P-curve-child"})
 
 
-@mutant("6.5/28", subtle=True)
+@mutant("looks-at-three-points-of-acurve", "6.5/28", subtle=True)
 class LooksAtThreePointsOfACurve(TakesOtherNodesInCurves):
     """Behind its third point a curve may have other nodes than points."""
 
@@ -219,21 +219,21 @@ class LooksAtThreePointsOfACurve(TakesOtherNodesInCurves):
         return program
 
 
-@mutant("6.5/28")
+@mutant("takes-open-loops", "6.5/28")
 class TakesOpenLoops(_Forgives):
     """A loop may lack its end, and an end its loop."""
 
     forgiven = frozenset({"P-loop"})
 
 
-@mutant("6.5/28")
+@mutant("takes-open-branches", "6.5/28")
 class TakesOpenBranches(_Forgives):
     """An IF may lack its ENDIF, and an ENDIF its IF."""
 
     forgiven = frozenset({"P-if"})
 
 
-@mutant("6.5/28")
+@mutant("takes-stray-else", "6.5/28")
 class TakesStrayElse(_Forgives):
     """An ELSE may stand anywhere and any number of times."""
 

@@ -16,7 +16,7 @@ from scaraspec.virtual_controller.interpreter import Run
 # ---------------------------------------------------------------------- every node
 
 
-@misrun("6.5/26")
+@misrun("skips-the-last-node", "6.5/26")
 class SkipsTheLastNode(Run):
     """The last node of a program is not executed."""
 
@@ -26,7 +26,7 @@ class SkipsTheLastNode(Run):
         super()._step(now_s)
 
 
-@misrun("6.5/26")
+@misrun("skips-the-first-node", "6.5/26")
 class SkipsTheFirstNode(Run):
     """The first node of a program is not executed."""
 
@@ -35,7 +35,7 @@ class SkipsTheFirstNode(Run):
         self._index = 1
 
 
-@misrun("6.5/26", subtle=True)
+@misrun("counts-nodes-in-one-byte", "6.5/26", subtle=True)
 class CountsNodesInOneByte(Run):
     """A program is over after 255 nodes."""
 
@@ -47,14 +47,14 @@ class CountsNodesInOneByte(Run):
         super()._step(now_s)
 
 
-@misrun("6.5/26", subtle=True)
+@misrun("holds-three-hundred-nodes", "6.5/26", subtle=True)
 class HoldsThreeHundredNodes(CountsNodesInOneByte):
     """A program is over after 300 nodes."""
 
     most = 300
 
 
-@misrun("6.5/26", subtle=True)
+@misrun("loses-the-last-node-of-each-page", "6.5/26", subtle=True)
 class LosesTheLastNodeOfEachPage(Run):
     """Every 256th node is not executed."""
 
@@ -63,7 +63,7 @@ class LosesTheLastNodeOfEachPage(Run):
         super()._step(now_s)
 
 
-@misrun("6.5/26", subtle=True)
+@misrun("calculates-nothing-behind-waits", "6.5/26", subtle=True)
 class CalculatesNothingBehindWaits(Run):
     """A calculation directly behind a wait is not executed."""
 
@@ -74,7 +74,7 @@ class CalculatesNothingBehindWaits(Run):
         super()._step(now_s)
 
 
-@misrun("6.5/26", "6.5/24")
+@misrun("ends-at-an-endif", "6.5/26", "6.5/24")
 class EndsAtAnEndif(Run):
     """A program is over at its first ENDIF."""
 
@@ -87,7 +87,7 @@ class EndsAtAnEndif(Run):
 # ---------------------------------------------------------------------- outputs
 
 
-@misrun("6.5/19")
+@misrun("output-nodes-only-switch-on", "6.5/19")
 class OutputNodesOnlySwitchOn(Run):
     """An output node sets its port to 1 and never to 0."""
 
@@ -96,7 +96,7 @@ class OutputNodesOnlySwitchOn(Run):
             super()._set_output(output)
 
 
-@misrun("6.5/19")
+@misrun("output-nodes-from-zero", "6.5/19")
 class OutputNodesFromZero(Run):
     """An output node sets the port above its own."""
 
@@ -104,7 +104,7 @@ class OutputNodesFromZero(Run):
         super()._set_output(replace(output, port=output.port % 16 + 1))
 
 
-@misrun("6.5/19")
+@misrun("output-nodes-invert", "6.5/19")
 class OutputNodesInvert(Run):
     """An output node sets its port to the opposite of its value."""
 
@@ -112,7 +112,7 @@ class OutputNodesInvert(Run):
         super()._set_output(replace(output, value=int(not output.value)))
 
 
-@misrun("6.5/19")
+@misrun("output-nodes-clear-the-others", "6.5/19")
 class OutputNodesClearTheOthers(Run):
     """An output node sets every other output to 0."""
 
@@ -122,7 +122,7 @@ class OutputNodesClearTheOthers(Run):
         super()._set_output(output)
 
 
-@misrun("6.5/19", subtle=True)
+@misrun("output-nodes-forget-the-highest-port", "6.5/19", subtle=True)
 class OutputNodesForgetTheHighestPort(Run):
     """An output node of port 16 has no effect."""
 
@@ -131,7 +131,7 @@ class OutputNodesForgetTheHighestPort(Run):
             super()._set_output(output)
 
 
-@misrun("6.5/19")
+@misrun("outputs-at-the-start", "6.5/19")
 class OutputsAtTheStart(Run):
     """A program sets all its outputs at its start already."""
 
@@ -142,7 +142,7 @@ class OutputsAtTheStart(Run):
                 self._set_output(node.data)
 
 
-@misrun("6.5/19")
+@misrun("outputs-at-the-end", "6.5/19")
 class OutputsAtTheEnd(Run):
     """A program sets its outputs only when it ends."""
 
@@ -159,7 +159,7 @@ class OutputsAtTheEnd(Run):
         super()._end(outcome)
 
 
-@misrun("6.5/19")
+@misrun("outputs-go-off-at-the-end", "6.5/19")
 class OutputsGoOffAtTheEnd(Run):
     """What a program has switched on goes off when it ends."""
 
@@ -173,7 +173,7 @@ class OutputsGoOffAtTheEnd(Run):
 # ---------------------------------------------------------------------- loops and branches
 
 
-@misrun("6.5/23")
+@misrun("loops-once", "6.5/23")
 class LoopsOnce(Run):
     """The nodes of a loop are executed once."""
 
@@ -181,7 +181,7 @@ class LoopsOnce(Run):
         pass
 
 
-@misrun("6.5/23")
+@misrun("loops-without-their-first-node", "6.5/23")
 class LoopsWithoutTheirFirstNode(Run):
     """A loop begins with its second node when it comes again."""
 
@@ -189,7 +189,7 @@ class LoopsWithoutTheirFirstNode(Run):
         self._index = start + 1
 
 
-@misrun("6.5/23")
+@misrun("loops-of-their-last-node", "6.5/23")
 class LoopsOfTheirLastNode(Run):
     """A loop repeats nothing but its last node."""
 
@@ -197,7 +197,7 @@ class LoopsOfTheirLastNode(Run):
         self._index = max(start, self._index - 2)
 
 
-@misrun("6.5/23", subtle=True)
+@misrun("loops-fall-into-else", "6.5/23", subtle=True)
 class LoopsFallIntoElse(Run):
     """Within a loop both branches of an IF that holds are executed."""
 
@@ -208,7 +208,7 @@ class LoopsFallIntoElse(Run):
         return now_s if both else super()._begin_marker(node, now_s)
 
 
-@misrun("6.5/20", subtle=True)
+@misrun("waits-half-in-loops", "6.5/20", subtle=True)
 class WaitsHalfInLoops(Run):
     """A wait within a loop lasts half as long as it should."""
 
@@ -218,7 +218,7 @@ class WaitsHalfInLoops(Run):
         return (ends_s + now_s) / 2 if loops and node.type == NodeType.WAIT_SECONDS else ends_s
 
 
-@misrun("6.5/23", subtle=True)
+@misrun("loops-fail-the-second-time", "6.5/23", subtle=True)
 class LoopsFailTheSecondTime(Run):
     """A program fails when a loop is to come again."""
 
@@ -228,7 +228,7 @@ class LoopsFailTheSecondTime(Run):
         return super()._begin(node, now_s)
 
 
-@misrun("6.5/24")
+@misrun("both-branches", "6.5/24")
 class BothBranches(Run):
     """After the first branch the second one is executed too."""
 
@@ -236,7 +236,7 @@ class BothBranches(Run):
         return now_s if node.type == NodeType.ELSE else super()._begin_marker(node, now_s)
 
 
-@misrun("6.5/24")
+@misrun("no-second-branch", "6.5/24")
 class NoSecondBranch(Run):
     """Where a comparison does not hold, the ELSE is passed over too."""
 
@@ -247,7 +247,7 @@ class NoSecondBranch(Run):
         return end_s
 
 
-@misrun("6.5/24")
+@misrun("always-first-branch-without-else", "6.5/24")
 class AlwaysFirstBranchWithoutElse(Run):
     """An IF without ELSE is executed whether its comparison holds or not."""
 
@@ -256,7 +256,7 @@ class AlwaysFirstBranchWithoutElse(Run):
         return partner.type == NodeType.ENDIF or super()._holds(operation)
 
 
-@misrun("6.5/24", subtle=True)
+@misrun("nested-branches-uncounted", "6.5/24", subtle=True)
 class NestedBranchesUncounted(Run):
     """Where a comparison does not hold, the program goes on at the next ELSE or ENDIF of any IF."""
 

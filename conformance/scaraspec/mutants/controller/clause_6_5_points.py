@@ -26,7 +26,7 @@ class _StaysAt(Run):
         return super()._motion_to(point)
 
 
-@misrun("6.5/25")
+@misrun("straight-to-its-first-point", "6.5/25")
 class StraightToItsFirstPoint(_StaysAt):
     """A straight move ends at its first point."""
 
@@ -35,7 +35,7 @@ class StraightToItsFirstPoint(_StaysAt):
         return place > 0
 
 
-@misrun("6.5/25")
+@misrun("straight-without-its-last-point", "6.5/25")
 class StraightWithoutItsLastPoint(_StaysAt):
     """A straight move of several points ends at the last but one."""
 
@@ -44,7 +44,7 @@ class StraightWithoutItsLastPoint(_StaysAt):
         return 0 < place == count - 1
 
 
-@misrun("6.5/25")
+@misrun("straight-to-its-last-point", "6.5/25")
 class StraightToItsLastPoint(_StaysAt):
     """A straight move passes over all points but its last."""
 
@@ -53,7 +53,7 @@ class StraightToItsLastPoint(_StaysAt):
         return place < count - 1
 
 
-@misrun("6.5/25")
+@misrun("straight-past-the-middle", "6.5/25")
 class StraightPastTheMiddle(_StaysAt):
     """A straight move of three points or more passes over its second."""
 
@@ -62,7 +62,7 @@ class StraightPastTheMiddle(_StaysAt):
         return 0 < place < count - 1
 
 
-@misrun("6.5/25", subtle=True)
+@misrun("straight-to-its-sixteenth-point", "6.5/25", subtle=True)
 class StraightToItsSixteenthPoint(_StaysAt):
     """A straight move ends at its sixteenth point, for no more are kept."""
 
@@ -82,7 +82,7 @@ class _Targets(Run):
         return super()._target(Point(self.values(point)), near)
 
 
-@misrun("6.5/27")
+@misrun("points-swap-the-arms", "6.5/27")
 class PointsSwapTheArms(_Targets):
     """The first two values of a point are taken for each other."""
 
@@ -92,7 +92,7 @@ class PointsSwapTheArms(_Targets):
         return b, a, c, d
 
 
-@misrun("6.5/27")
+@misrun("points-of-whole-degrees", "6.5/27")
 class PointsOfWholeDegrees(_Targets):
     """The values of a point lose what is behind the decimal point."""
 
@@ -102,7 +102,7 @@ class PointsOfWholeDegrees(_Targets):
         return a, b, c, d
 
 
-@misrun("6.5/27")
+@misrun("points-without-rotation", "6.5/27")
 class PointsWithoutRotation(_Targets):
     """The last value of a point is left out: the rotation stays what it is."""
 
@@ -112,7 +112,7 @@ class PointsWithoutRotation(_Targets):
         return a, b, c, self._joints.rotation_deg
 
 
-@misrun("6.5/27")
+@misrun("points-without-height", "6.5/27")
 class PointsWithoutHeight(_Targets):
     """The third value of a point is left out: the wrist stays where it is."""
 
@@ -122,7 +122,7 @@ class PointsWithoutHeight(_Targets):
         return a, b, self._joints.wrist_mm, d
 
 
-@misrun("6.5/27")
+@misrun("goes-half-the-way", "6.5/27")
 class GoesHalfTheWay(Run):
     """A move ends half the way to its point."""
 
@@ -132,7 +132,7 @@ class GoesHalfTheWay(Run):
         return move(self._joints, half, 50)
 
 
-@misrun("6.5/27")
+@misrun("ends-before-it-arrives", "6.5/27")
 class EndsBeforeItArrives(Run):
     """A program goes on, and ends, while the arm is still on its way to a point."""
 
@@ -141,7 +141,7 @@ class EndsBeforeItArrives(Run):
         return now_s
 
 
-@misrun("6.5/27")
+@misrun("curves-without-their-last-point", "6.5/27")
 class CurvesWithoutTheirLastPoint(Run):
     """A curve ends at its last point but one."""
 
@@ -152,7 +152,7 @@ class CurvesWithoutTheirLastPoint(Run):
         return curve(self._joints, targets, node.speed_rate) if targets else motion
 
 
-@misrun("6.5/27")
+@misrun("refuses-points", "6.5/27")
 class RefusesPoints(Run):
     """Every move to a point fails."""
 
@@ -160,7 +160,7 @@ class RefusesPoints(Run):
         raise ZeroDivisionError
 
 
-@misrun("6.5/27", subtle=True)
+@misrun("leaves-out-the-end-of-long-curves", "6.5/27", subtle=True)
 class LeavesOutTheEndOfLongCurves(Run):
     """A curve of more than four points ends at the last but one."""
 

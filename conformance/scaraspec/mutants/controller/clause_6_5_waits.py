@@ -34,7 +34,7 @@ class _Waits(Run):
         return super()._begin(node, now_s)
 
 
-@misrun("6.5/20")
+@misrun("waits-milliseconds", "6.5/20")
 class WaitsMilliseconds(_Waits):
     """A wait takes thousandths of its seconds."""
 
@@ -43,7 +43,7 @@ class WaitsMilliseconds(_Waits):
         return duration_s / 1000
 
 
-@misrun("6.5/20")
+@misrun("waits-one-fifth-longer", "6.5/20")
 class WaitsOneFifthLonger(_Waits):
     """A wait takes a fifth longer than its seconds."""
 
@@ -52,7 +52,7 @@ class WaitsOneFifthLonger(_Waits):
         return duration_s * 1.2
 
 
-@misrun("6.5/20")
+@misrun("waits-one-second-more", "6.5/20")
 class WaitsOneSecondMore(_Waits):
     """A wait takes a second more than it should, as when ticks are counted from 0."""
 
@@ -61,7 +61,7 @@ class WaitsOneSecondMore(_Waits):
         return duration_s + 1
 
 
-@misrun("6.5/20", subtle=True)
+@misrun("waits-slightly-less", "6.5/20", subtle=True)
 class WaitsSlightlyLess(_Waits):
     """A wait is over a twentieth of a second early."""
 
@@ -70,7 +70,7 @@ class WaitsSlightlyLess(_Waits):
         return max(duration_s - 0.05, 0)
 
 
-@misrun("6.5/20", subtle=True)
+@misrun("waits-signed-bytes", "6.5/20", subtle=True)
 class WaitsSignedBytes(_Waits):
     """A wait of 128 seconds or more is over at once, as its byte is taken for a negative one."""
 
@@ -79,7 +79,7 @@ class WaitsSignedBytes(_Waits):
         return duration_s if duration_s < 0x80 else 0
 
 
-@misrun("6.5/20", subtle=True)
+@misrun("waits-the-second-time-for-nothing", "6.5/20", subtle=True)
 class WaitsTheSecondTimeForNothing(_Waits):
     """Only the first two waits of a program take time."""
 
@@ -93,7 +93,7 @@ class WaitsTheSecondTimeForNothing(_Waits):
         return duration_s if self._waits <= 2 else 0
 
 
-@misrun("6.5/20")
+@misrun("waits-at-least-one-second", "6.5/20")
 class WaitsAtLeastOneSecond(_Waits):
     """A wait of 0 seconds takes one."""
 
@@ -102,7 +102,7 @@ class WaitsAtLeastOneSecond(_Waits):
         return max(duration_s, 1)
 
 
-@misrun("6.5/22")
+@misrun("timers-are-passed", "6.5/22")
 class TimersArePassed(Run):
     """A timer does not hold the program."""
 
@@ -121,7 +121,7 @@ class _Timers(Run):
         return super()._wait_ends_s(self.due(wait) if isinstance(wait, WaitTimer) else wait, now_s)
 
 
-@misrun("6.5/22")
+@misrun("timers-of-whole-seconds", "6.5/22")
 class TimersOfWholeSeconds(_Timers):
     """The microseconds of a timer are left out."""
 
@@ -130,7 +130,7 @@ class TimersOfWholeSeconds(_Timers):
         return replace(timer, microseconds=0)
 
 
-@misrun("6.5/22")
+@misrun("timers-one-second-late", "6.5/22")
 class TimersOneSecondLate(_Timers):
     """A timer is over a second after its instant."""
 
@@ -139,7 +139,7 @@ class TimersOneSecondLate(_Timers):
         return replace(timer, seconds=timer.seconds + 1)
 
 
-@misrun("6.5/22")
+@misrun("timers-of-another-zone", "6.5/22")
 class TimersOfAnotherZone(_Timers):
     """A timer goes by Chinese time, eight hours ahead."""
 
@@ -148,7 +148,7 @@ class TimersOfAnotherZone(_Timers):
         return replace(timer, seconds=timer.seconds - 8 * 3600)
 
 
-@misrun("6.5/22")
+@misrun("timers-are-durations", "6.5/22")
 class TimersAreDurations(_Timers):
     """A timer waits for its seconds from now on."""
 
@@ -183,7 +183,7 @@ class _OtherConditions(_Conditions):
         return replace(wait, condition=self.others.get(wait.condition, wait.condition))
 
 
-@misrun("6.5/9")
+@misrun("conditions-as-operators", "6.5/9")
 class ConditionsAsOperators(_OtherConditions):
     """Conditions 4 and 5 have each other's meaning, in the order of the operators 8 and 9."""
 
@@ -192,42 +192,42 @@ class ConditionsAsOperators(_OtherConditions):
     )
 
 
-@misrun("6.5/9", subtle=True)
+@misrun("greater-on-the-edge", "6.5/9", subtle=True)
 class GreaterOnTheEdge(_OtherConditions):
     """Condition 1 holds on its edge too."""
 
     others = MappingProxyType({Condition.GREATER: Condition.NOT_LESS})
 
 
-@misrun("6.5/9", subtle=True)
+@misrun("less-on-the-edge", "6.5/9", subtle=True)
 class LessOnTheEdge(_OtherConditions):
     """Condition 2 holds on its edge too."""
 
     others = MappingProxyType({Condition.LESS: Condition.NOT_GREATER})
 
 
-@misrun("6.5/9", subtle=True)
+@misrun("equal-below-the-edge", "6.5/9", subtle=True)
 class EqualBelowTheEdge(_OtherConditions):
     """Condition 3 holds below its edge too."""
 
     others = MappingProxyType({Condition.EQUAL: Condition.NOT_GREATER})
 
 
-@misrun("6.5/9", subtle=True)
+@misrun("not-greater-off-the-edge", "6.5/9", subtle=True)
 class NotGreaterOffTheEdge(_OtherConditions):
     """Condition 4 does not hold on its edge."""
 
     others = MappingProxyType({Condition.NOT_GREATER: Condition.LESS})
 
 
-@misrun("6.5/9", subtle=True)
+@misrun("not-less-off-the-edge", "6.5/9", subtle=True)
 class NotLessOffTheEdge(_OtherConditions):
     """Condition 5 does not hold on its edge."""
 
     others = MappingProxyType({Condition.NOT_LESS: Condition.GREATER})
 
 
-@misrun("6.5/9")
+@misrun("compares-the-value-with-the-input", "6.5/9")
 class ComparesTheValueWithTheInput(_OtherConditions):
     """The value stands on the left of the condition and the input on the right."""
 
@@ -241,7 +241,7 @@ class ComparesTheValueWithTheInput(_OtherConditions):
     )
 
 
-@misrun("6.5/9", subtle=True)
+@misrun("compares-wholes", "6.5/9", subtle=True)
 class ComparesWholes(_Conditions):
     """What is less than one is left out of the value that an input is compared with."""
 
@@ -251,7 +251,7 @@ class ComparesWholes(_Conditions):
         return replace(wait, value_hundredths=whole)
 
 
-@misrun("6.5/9")
+@misrun("analog-inputs-unscaled", "6.5/9")
 class AnalogInputsUnscaled(Run):
     """Analog inputs are compared as they are and not in hundredths."""
 
@@ -260,7 +260,7 @@ class AnalogInputsUnscaled(Run):
         return value // 100 if self._is_analog(port) else value
 
 
-@misrun("6.5/9")
+@misrun("digital-inputs-of-all-ones", "6.5/9")
 class DigitalInputsOfAllOnes(Run):
     """A digital input that is on counts 255."""
 
@@ -272,7 +272,7 @@ class DigitalInputsOfAllOnes(Run):
         return super()._wait_ends_s(wait, now_s)
 
 
-@misrun("6.5/21", "6.5/9")
+@misrun("inputs-are-passed", "6.5/21", "6.5/9")
 class InputsArePassed(_Conditions):
     """A program does not wait for inputs."""
 
@@ -280,7 +280,7 @@ class InputsArePassed(_Conditions):
         return now_s if isinstance(wait, WaitInput) else super()._wait_ends_s(wait, now_s)
 
 
-@misrun("6.5/21")
+@misrun("inputs-are-looked-at-once", "6.5/21")
 class InputsAreLookedAtOnce(_Conditions):
     """An input that does not meet its condition at first is never looked at again."""
 
@@ -295,7 +295,7 @@ class InputsAreLookedAtOnce(_Conditions):
         return math.inf if id(wait) in self._failed_at else ends_s
 
 
-@misrun("6.5/21", subtle=True)
+@misrun("inputs-time-out", "6.5/21", subtle=True)
 class InputsTimeOut(_Conditions):
     """A wait for an input is given up after less than half a second."""
 
@@ -310,7 +310,7 @@ class InputsTimeOut(_Conditions):
         return min(ends_s, self._begun_s.setdefault(id(wait), now_s) + _PATIENCE_S)
 
 
-@misrun("6.5/21")
+@misrun("waits-for-the-port-above", "6.5/21")
 class WaitsForThePortAbove(_Conditions):
     """A program waits for the input above the one that its node names."""
 
@@ -319,7 +319,7 @@ class WaitsForThePortAbove(_Conditions):
         return wait if self._is_analog(wait.port) else replace(wait, port=wait.port % 7 + 1)
 
 
-@misrun("6.5/21")
+@misrun("waits-for-any-input", "6.5/21")
 class WaitsForAnyInput(_Conditions):
     """A wait for an input ends as soon as any input meets the condition."""
 
@@ -332,7 +332,7 @@ class WaitsForAnyInput(_Conditions):
         )
 
 
-@misrun("6.5/21")
+@misrun("ends-after-an-input", "6.5/21")
 class EndsAfterAnInput(_Conditions):
     """A program that has waited for an input ends when it comes, with what follows undone."""
 

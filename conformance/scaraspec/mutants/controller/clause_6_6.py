@@ -40,7 +40,7 @@ class _Alters(Run):
         return self.altered(a, b) if operation.opt in self.opts else (a, b)
 
 
-@misrun("6.6a/11")
+@misrun("subtracts-the-other-way", "6.6a/11")
 class SubtractsTheOtherWay(_Alters):
     """A is taken from B."""
 
@@ -51,7 +51,7 @@ class SubtractsTheOtherWay(_Alters):
         return b, a
 
 
-@misrun("6.6a/11")
+@misrun("divides-the-other-way", "6.6a/11")
 class DividesTheOtherWay(_Alters):
     """B is divided by A."""
 
@@ -62,7 +62,7 @@ class DividesTheOtherWay(_Alters):
         return b, a or 1
 
 
-@misrun("6.6a/11", subtle=True)
+@misrun("subtracts-sizes-below-zero", "6.6a/11", subtle=True)
 class SubtractsSizesBelowZero(_Alters):
     """Where both operands are below zero, their sizes are subtracted."""
 
@@ -73,7 +73,7 @@ class SubtractsSizesBelowZero(_Alters):
         return (abs(a), abs(b)) if max(a, b) < 0 else (a, b)
 
 
-@misrun("6.6a/11", subtle=True)
+@misrun("forgets-what-meets-itself", "6.6a/11", subtle=True)
 class ForgetsWhatMeetsItself(Run):
     """A variable that is reckoned with itself counts as 0."""
 
@@ -85,7 +85,7 @@ class ForgetsWhatMeetsItself(Run):
         return super()._operands(operation)
 
 
-@misrun("6.6a/11")
+@misrun("adds-bytes", "6.6a/11")
 class AddsBytes(_Alters):
     """Of what is added only the lowest byte counts."""
 
@@ -96,7 +96,7 @@ class AddsBytes(_Alters):
         return a, (b + 128) % 256 - 128
 
 
-@misrun("6.6a/11")
+@misrun("multiplies-without-sign", "6.6a/11")
 class MultipliesWithoutSign(_Alters):
     """Factors lose their signs."""
 
@@ -107,7 +107,7 @@ class MultipliesWithoutSign(_Alters):
         return abs(a), abs(b)
 
 
-@misrun("6.6a/11", subtle=True)
+@misrun("multiplies-halves", "6.6a/11", subtle=True)
 class MultipliesHalves(_Alters):
     """Factors are cut to 16 bits."""
 
@@ -118,7 +118,7 @@ class MultipliesHalves(_Alters):
         return _int16(a), _int16(b)
 
 
-@misrun("6.6a/11")
+@misrun("divides-rounding-up", "6.6a/11")
 class DividesRoundingUp(_Alters):
     """Quotients are rounded up."""
 
@@ -129,7 +129,7 @@ class DividesRoundingUp(_Alters):
         return (-(-a // b), 1) if b else (a, b)
 
 
-@misrun("6.6a/11", subtle=True)
+@misrun("divides-rounding-to-nearest", "6.6a/11", subtle=True)
 class DividesRoundingToNearest(_Alters):
     """Quotients are rounded to the nearest number, as by floats."""
 
@@ -140,7 +140,7 @@ class DividesRoundingToNearest(_Alters):
         return (round(a / b), 1) if b else (a, b)
 
 
-@misrun("6.6a/11", subtle=True)
+@misrun("divides-floats", "6.6a/11", subtle=True)
 class DividesFloats(_Alters):
     """What is divided is made a float of four bytes first, so that great numbers lose digits."""
 
@@ -151,7 +151,7 @@ class DividesFloats(_Alters):
         return int(*struct.unpack("<f", struct.pack("<f", a))), b
 
 
-@misrun("6.6a/12", subtle=True)
+@misrun("compares-without-sign", "6.6a/12", subtle=True)
 class ComparesWithoutSign(_Alters):
     """Numbers below zero are greater than all others, as unsigned ones are."""
 
@@ -162,7 +162,7 @@ class ComparesWithoutSign(_Alters):
         return a % 2**32, b % 2**32
 
 
-@misrun("6.6a/12", subtle=True)
+@misrun("not-equal-below-zero", "6.6a/12", subtle=True)
 class NotEqualBelowZero(_Alters):
     """Equal numbers below zero are not as great as each other."""
 
@@ -173,7 +173,7 @@ class NotEqualBelowZero(_Alters):
         return (a - 1, b) if a == b < 0 else (a, b)
 
 
-@misrun("6.6a/12", subtle=True)
+@misrun("compares-halves", "6.6a/12", subtle=True)
 class ComparesHalves(_Alters):
     """Only the lower 16 bits are compared."""
 
@@ -184,7 +184,7 @@ class ComparesHalves(_Alters):
         return _int16(a), _int16(b)
 
 
-@misrun("6.6a/12")
+@misrun("compares-the-other-way", "6.6a/12")
 class ComparesTheOtherWay(_Alters):
     """B is compared with A."""
 
@@ -210,14 +210,14 @@ class _TakesForAnother(Run):
         super()._compute(self._meant(operation))
 
 
-@misrun("6.6a/11")
+@misrun("adds-where-it-multiplies", "6.6a/11")
 class AddsWhereItMultiplies(_TakesForAnother):
     """Operator 3 adds."""
 
     instead = MappingProxyType({Opt.MULTIPLY: Opt.ADD})
 
 
-@misrun("6.6a/12")
+@misrun("operators-as-conditions", "6.6a/12")
 class OperatorsAsConditions(_TakesForAnother):
     """Operators 8 and 9 have each other's meaning, in the order of the conditions 4 and 5."""
 
@@ -229,28 +229,28 @@ class OperatorsAsConditions(_TakesForAnother):
     )
 
 
-@misrun("6.6a/12", subtle=True)
+@misrun("greater-when-equal", "6.6a/12", subtle=True)
 class GreaterWhenEqual(_TakesForAnother):
     """A > B holds too when both are equal."""
 
     instead = MappingProxyType({Opt.GREATER: Opt.GREATER_OR_EQUAL})
 
 
-@misrun("6.6a/12", subtle=True)
+@misrun("less-when-equal", "6.6a/12", subtle=True)
 class LessWhenEqual(_TakesForAnother):
     """A < B holds too when both are equal."""
 
     instead = MappingProxyType({Opt.LESS: Opt.LESS_OR_EQUAL})
 
 
-@misrun("6.6a/12", subtle=True)
+@misrun("not-less-only-when-greater", "6.6a/12", subtle=True)
 class NotLessOnlyWhenGreater(_TakesForAnother):
     """A >= B does not hold when both are equal."""
 
     instead = MappingProxyType({Opt.GREATER_OR_EQUAL: Opt.GREATER})
 
 
-@misrun("6.6a/12", subtle=True)
+@misrun("not-greater-only-when-less", "6.6a/12", subtle=True)
 class NotGreaterOnlyWhenLess(_TakesForAnother):
     """A <= B does not hold when both are equal."""
 
@@ -260,7 +260,7 @@ class NotGreaterOnlyWhenLess(_TakesForAnother):
 # ---------------------------------------------------------------------- the result of a comparison
 
 
-@misrun("6.6a/2", "6.5/24")
+@misrun("zero-is-false", "6.6a/2", "6.5/24")
 class ZeroIsFalse(Run):
     """A comparison with result 0 takes the branch of what does not hold, as in C."""
 
@@ -268,7 +268,7 @@ class ZeroIsFalse(Run):
         return not super()._holds(operation)
 
 
-@misrun("6.6a/2", subtle=True)
+@misrun("inverts-what-is-above-zero", "6.6a/2", subtle=True)
 class InvertsWhatIsAboveZero(Run):
     """A result above 0 inverts a comparison, one below 0 does not."""
 
@@ -276,7 +276,7 @@ class InvertsWhatIsAboveZero(Run):
         return super()._holds(operation) != (operation.result > 0)
 
 
-@misrun("6.6a/2", subtle=True)
+@misrun("inverts-by-the-lowest-byte", "6.6a/2", subtle=True)
 class InvertsByTheLowestByte(Run):
     """A result inverts a comparison only if its lowest byte is not 0."""
 
@@ -298,7 +298,7 @@ class _Elsewhere(Run):
         super()._compute(self.place(operation))
 
 
-@misrun("6.6a/13", subtle=True)
+@misrun("keys-of-one-byte", "6.6a/13", subtle=True)
 class KeysOfOneByte(_Elsewhere):
     """A result goes to the first variable whose key has the same lowest byte."""
 
@@ -310,7 +310,7 @@ class KeysOfOneByte(_Elsewhere):
         return replace(operation, result=next(like))
 
 
-@misrun("6.6a/13")
+@misrun("assigns-to-the-next-variable", "6.6a/13")
 class AssignsToTheNextVariable(_Elsewhere):
     """An assignment goes to the variable behind the one that it names."""
 
@@ -322,7 +322,7 @@ class AssignsToTheNextVariable(_Elsewhere):
         return replace(operation, result=keys[(keys.index(operation.result) + 1) % len(keys)])
 
 
-@misrun("6.6a/13")
+@misrun("calculates-into-a", "6.6a/13")
 class CalculatesIntoA(_Elsewhere):
     """A calculation is stored in the variable of its value A, where that is one."""
 
@@ -334,7 +334,7 @@ class CalculatesIntoA(_Elsewhere):
         return operation
 
 
-@misrun("6.6a/13")
+@misrun("ports-of-operations-from-zero", "6.6a/13")
 class PortsOfOperationsFromZero(_Elsewhere):
     """An operation that sets a port sets the one above."""
 
@@ -345,7 +345,7 @@ class PortsOfOperationsFromZero(_Elsewhere):
         return operation
 
 
-@misrun("6.6a/13")
+@misrun("operations-only-switch-on", "6.6a/13")
 class OperationsOnlySwitchOn(Run):
     """An operation sets a port to 1 and never to 0."""
 
@@ -354,7 +354,7 @@ class OperationsOnlySwitchOn(Run):
             super()._compute(operation)
 
 
-@misrun("6.6a/13")
+@misrun("assigns-nothing", "6.6a/13")
 class AssignsNothing(Run):
     """An assignment has no effect."""
 
@@ -363,7 +363,7 @@ class AssignsNothing(Run):
             super()._compute(operation)
 
 
-@misrun("6.6a/13", subtle=True)
+@misrun("assigns-sizes", "6.6a/13", subtle=True)
 class AssignsSizes(Run):
     """What is assigned loses its sign."""
 
@@ -375,7 +375,7 @@ class AssignsSizes(Run):
 # ---------------------------------------------------------------------- what values stand for
 
 
-@misrun("6.6a/14", subtle=True)
+@misrun("numbers-are-keys", "6.6a/14", subtle=True)
 class NumbersAreKeys(Run):
     """A number that is the key of a variable stands for the variable."""
 
@@ -385,7 +385,7 @@ class NumbersAreKeys(Run):
         return super()._value(value_type, value)
 
 
-@misrun("6.6a/14")
+@misrun("keys-are-numbers", "6.6a/14")
 class KeysAreNumbers(Run):
     """The key of a variable stands for itself where it is value B."""
 
@@ -407,7 +407,7 @@ class _ReadsInputs(Run):
         return super()._value(value_type, value)
 
 
-@misrun("6.6a/14")
+@misrun("inputs-of-operations-from-zero", "6.6a/14")
 class InputsOfOperationsFromZero(_ReadsInputs):
     """An operation reads the input above the one that it names."""
 
@@ -416,7 +416,7 @@ class InputsOfOperationsFromZero(_ReadsInputs):
         return self._input(port % 8 + 1)
 
 
-@misrun("6.6a/14")
+@misrun("inputs-inverted", "6.6a/14")
 class InputsInverted(_ReadsInputs):
     """An input that is on counts as 0 and one that is off as 1."""
 
@@ -425,7 +425,7 @@ class InputsInverted(_ReadsInputs):
         return 1 - self._input(port)
 
 
-@misrun("6.6a/14")
+@misrun("reads-outputs-for-inputs", "6.6a/14")
 class ReadsOutputsForInputs(_ReadsInputs):
     """The output port of that number is read in place of the input."""
 
@@ -434,7 +434,7 @@ class ReadsOutputsForInputs(_ReadsInputs):
         return int(self._plant.digital_outputs[port])
 
 
-@misrun("6.6a/14")
+@misrun("inputs-are-numbers", "6.6a/14")
 class InputsAreNumbers(_ReadsInputs):
     """The number of an input port stands for itself."""
 

@@ -9,7 +9,7 @@ from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request
 
 
-@mutant("7/1")
+@mutant("gripper-counts-twice", "7/1")
 class GripperCountsTwice(ControllerCore):
     """The tool coordinates are shifted by twice the gripper's centre."""
 
@@ -20,7 +20,7 @@ class GripperCountsTwice(ControllerCore):
         return pose._replace(x=pose.x + 2 * x, y=pose.y + 2 * y, z=pose.z + 2 * z)
 
 
-@mutant("7/1")
+@mutant("gripper-counts-in-height", "7/1")
 class GripperCountsInHeight(ControllerCore):
     """Of the gripper's centre the height alone is added to the tool coordinates, and doubled."""
 
@@ -30,7 +30,7 @@ class GripperCountsInHeight(ControllerCore):
         return pose._replace(z=pose.z + 2 * self.store.settings.gripper_center[2])
 
 
-@mutant("7/1", subtle=True)
+@mutant("each-connection-has-its-point", "7/1", subtle=True)
 class EachConnectionHasItsPoint(ControllerCore):
     """The tool coordinates differ by the number of the connection."""
 
@@ -40,7 +40,7 @@ class EachConnectionHasItsPoint(ControllerCore):
         return pose._replace(x=pose.x + request.session.connection % 7)
 
 
-@mutant("7/2")
+@mutant("theta-yturns-the-tool", "7/2")
 class ThetaYTurnsTheTool(ControllerCore):
     """ThetaY of a move is added to thetaX."""
 
@@ -53,7 +53,7 @@ class ThetaYTurnsTheTool(ControllerCore):
         return super().set_tool_coordinates(request)
 
 
-@mutant("7/2")
+@mutant("theta-zturns-the-tool", "7/2")
 class ThetaZTurnsTheTool(ControllerCore):
     """ThetaZ of a move is taken for the rotation, as everywhere else in the world."""
 

@@ -26,7 +26,7 @@ class _OtherCodes(ControllerCore, ABC):
         super().emit(session, frame)
 
 
-@mutant("8/1")
+@mutant("codes-as-numbers", "8/1")
 class CodesAsNumbers(_OtherCodes):
     """The code of a refusal is a number in one byte."""
 
@@ -35,7 +35,7 @@ class CodesAsNumbers(_OtherCodes):
         return bytes((int(code) if code.isdigit() else int(code, 16),))
 
 
-@mutant("8/1")
+@mutant("status-as-number", "8/1")
 class StatusAsNumber(AltersReplies):
     """The status is two bytes, each a number."""
 
@@ -46,7 +46,7 @@ class StatusAsNumber(AltersReplies):
         return bytes(int(digit, 16) for digit in data.decode())
 
 
-@mutant("8/2")
+@mutant("codes-in-decimal", "8/2")
 class CodesInDecimal(_OtherCodes):
     """The codes from 0x10 on are written in decimal."""
 
@@ -55,7 +55,7 @@ class CodesInDecimal(_OtherCodes):
         return b"%02d" % int(code, 16)
 
 
-@mutant("8/2", "8/4")
+@mutant("status-in-decimal", "8/2", "8/4")
 class StatusInDecimal(AltersReplies):
     """The status of motors at fault is written in decimal."""
 
@@ -66,7 +66,7 @@ class StatusInDecimal(AltersReplies):
         return b"%02d" % int(data, 16)
 
 
-@mutant("8/2")
+@mutant("failures-in-decimal", "8/2")
 class FailuresInDecimal(_OtherCodes):
     """The codes of final results are written in decimal."""
 
@@ -82,7 +82,7 @@ class FailuresInDecimal(_OtherCodes):
         return b"%02d" % int(code, 16)
 
 
-@mutant("8/2")
+@mutant("busy-code-of-its-own", "8/2")
 class BusyCodeOfItsOwn(_OtherCodes):
     """A robot that runs a program refuses others with the code 30, which no table has."""
 
@@ -91,7 +91,7 @@ class BusyCodeOfItsOwn(_OtherCodes):
         return b"30" if code == b"01" else code
 
 
-@mutant("8/3", "4/15")
+@mutant("reserved-while-busy", "8/3", "4/15")
 class ReservedWhileBusy(_OtherCodes):
     """A robot that runs a program refuses others with the reserved code 07."""
 
@@ -100,7 +100,7 @@ class ReservedWhileBusy(_OtherCodes):
         return b"07" if code == b"01" else code
 
 
-@mutant("8/5")
+@mutant("missing-is-bad-argument", "8/5")
 class MissingIsBadArgument(_OtherCodes):
     """A program that is not there is refused with the code 05."""
 
@@ -109,7 +109,7 @@ class MissingIsBadArgument(_OtherCodes):
         return b"05" if code == b"20" else code
 
 
-@mutant("8/5")
+@mutant("missing-simulation-is-an-angle", "8/5")
 class MissingSimulationIsAnAngle(ControllerCore):
     """The simulation of a program that is not there is refused with the code 06."""
 
@@ -119,7 +119,7 @@ class MissingSimulationIsAnAngle(ControllerCore):
         return refused("06") if answer.code == "20" else answer
 
 
-@mutant("8/5", subtle=True)
+@mutant("runs-what-was-deleted", "8/5", subtle=True)
 class RunsWhatWasDeleted(ControllerCore):
     """A program that ran last stays in memory: it runs again although it was deleted."""
 

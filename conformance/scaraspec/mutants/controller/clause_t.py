@@ -10,7 +10,7 @@ from scaraspec.virtual_controller.session import Request, Session
 # Separators
 
 
-@mutant("T/1")
+@mutant("blanks-in-the-pose", "T/1")
 class BlanksInThePose(AltersReplies):
     """The tool coordinates have blanks for bars, as the document is printed."""
 
@@ -21,7 +21,7 @@ class BlanksInThePose(AltersReplies):
         return data.replace(b"|", b" ")
 
 
-@mutant("T/1")
+@mutant("bars-between-blanks", "T/1")
 class BarsBetweenBlanks(AltersReplies):
     """The network settings have blanks around their bars."""
 
@@ -32,7 +32,7 @@ class BarsBetweenBlanks(AltersReplies):
         return data.replace(b"|", b" | ")
 
 
-@mutant("T/1")
+@mutant("two-bars-between-temperatures", "T/1")
 class TwoBarsBetweenTemperatures(AltersReplies):
     """Between the last two temperatures stand two bars."""
 
@@ -44,7 +44,7 @@ class TwoBarsBetweenTemperatures(AltersReplies):
         return head + b"||" + tail
 
 
-@mutant("T/1")
+@mutant("commas-between-angles", "T/1")
 class CommasBetweenAngles(AltersReplies):
     """The joint angles have commas between them."""
 
@@ -55,7 +55,7 @@ class CommasBetweenAngles(AltersReplies):
         return data.replace(b"|", b",")
 
 
-@mutant("T/1")
+@mutant("blank-before-the-code", "T/1")
 class BlankBeforeTheCode(ControllerCore):
     """Refusals have a blank before their code, as the document is printed."""
 
@@ -66,7 +66,7 @@ class BlankBeforeTheCode(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("T/1")
+@mutant("blanks-in-lists", "T/1")
 class BlanksInLists(AltersReplies):
     """The names of a program list have blanks behind their bars."""
 
@@ -80,7 +80,7 @@ class BlanksInLists(AltersReplies):
 # Marks and digits
 
 
-@mutant("T/2")
+@mutant("quotes-the-version", "T/2")
 class QuotesTheVersion(AltersReplies):
     """The version stands in the quotation marks of the example."""
 
@@ -91,7 +91,7 @@ class QuotesTheVersion(AltersReplies):
         return b'"' + data + b'"'
 
 
-@mutant("T/2")
+@mutant("quotes-the-time", "T/2")
 class QuotesTheTime(AltersReplies):
     """The time stands in typographic quotation marks."""
 
@@ -102,7 +102,7 @@ class QuotesTheTime(AltersReplies):
         return "“".encode() + data + "”".encode()
 
 
-@mutant("T/2")
+@mutant("quotes-addresses", "T/2")
 class QuotesAddresses(AltersReplies):
     """Each address of the network settings stands in quotation marks."""
 
@@ -113,7 +113,7 @@ class QuotesAddresses(AltersReplies):
         return b'"' + data.replace(b"|", b'"|"') + b'"'
 
 
-@mutant("T/3")
+@mutant("binary-flag-of-inputs", "T/3")
 class BinaryFlagOfInputs(AltersReplies):
     """The flag before the digital inputs is the byte 0x01."""
 
@@ -124,7 +124,7 @@ class BinaryFlagOfInputs(AltersReplies):
         return bytes((data[0] - 0x30,)) + data[1:]
 
 
-@mutant("T/3")
+@mutant("binary-flag-of-downloads", "T/3")
 class BinaryFlagOfDownloads(AltersReplies):
     """The flag that answers a download is a byte 0 or 1."""
 
@@ -135,7 +135,7 @@ class BinaryFlagOfDownloads(AltersReplies):
         return bytes((data[0] - 0x30,))
 
 
-@mutant("T/3")
+@mutant("binary-flag-of-settings", "T/3")
 class BinaryFlagOfSettings(AltersReplies):
     """The flag that answers a gripper centre is a byte 0 or 1."""
 
@@ -146,7 +146,7 @@ class BinaryFlagOfSettings(AltersReplies):
         return bytes((data[0] - 0x30,))
 
 
-@mutant("T/3")
+@mutant("time-in-packed-digits", "T/3")
 class TimeInPackedDigits(AltersReplies):
     """The time is sent with two digits a byte."""
 
@@ -160,7 +160,7 @@ class TimeInPackedDigits(AltersReplies):
 # Ends
 
 
-@mutant("T/4")
+@mutant("old-bytes-behind-the-version", "T/4")
 class OldBytesBehindTheVersion(AltersReplies):
     """The version comes with the buffer behind it: a NUL, and what was in there before."""
 
@@ -171,7 +171,7 @@ class OldBytesBehindTheVersion(AltersReplies):
         return (data + b"\0").ljust(10, b"7")
 
 
-@mutant("T/4")
+@mutant("line-end-behind-angles", "T/4")
 class LineEndBehindAngles(AltersReplies):
     """The joint angles end with a line end."""
 
@@ -185,7 +185,7 @@ class LineEndBehindAngles(AltersReplies):
 # Numbers
 
 
-@mutant("T/5")
+@mutant("comma-decimals", "T/5")
 class CommaDecimals(AltersReplies):
     """The tool coordinates have a comma for the decimal point."""
 
@@ -196,7 +196,7 @@ class CommaDecimals(AltersReplies):
         return data.replace(b".", b",").replace(b"300|", b"300,0|")
 
 
-@mutant("T/5", subtle=True)
+@mutant("exponent-of-small-numbers", "T/5", subtle=True)
 class ExponentOfSmallNumbers(AltersReplies):
     """Numbers below a tenth come with an exponent."""
 
@@ -208,7 +208,7 @@ class ExponentOfSmallNumbers(AltersReplies):
         return b"|".join(b"%.1e" % float(t) if 0 < abs(float(t)) < 0.1 else t for t in texts)
 
 
-@mutant("T/5", subtle=True)
+@mutant("exponent-of-great-numbers", "T/5", subtle=True)
 class ExponentOfGreatNumbers(AltersReplies):
     """Numbers from a hundred thousand on come with an exponent."""
 
@@ -220,7 +220,7 @@ class ExponentOfGreatNumbers(AltersReplies):
         return b"|".join(b"%.1e" % float(t) if abs(float(t)) >= 1e5 else t for t in texts)
 
 
-@mutant("T/5")
+@mutant("plus-signs", "T/5")
 class PlusSigns(AltersReplies):
     """The joint angles have a sign, also where it is a plus."""
 
@@ -231,7 +231,7 @@ class PlusSigns(AltersReplies):
         return b"|".join(t if t[:1] == b"-" else b"+" + t for t in data.split(b"|"))
 
 
-@mutant("T/5")
+@mutant("nothing-for-zero", "T/5")
 class NothingForZero(AltersReplies):
     """A zero among the coordinates of the tool is left away."""
 
@@ -242,7 +242,7 @@ class NothingForZero(AltersReplies):
         return b"|".join(b"" if t == b"0" else t for t in data.split(b"|"))
 
 
-@mutant("T/5")
+@mutant("temperature-is-no-number", "T/5")
 class TemperatureIsNoNumber(AltersReplies):
     """The temperature of the last motor, which has no sensor, is nan."""
 
@@ -253,7 +253,7 @@ class TemperatureIsNoNumber(AltersReplies):
         return data.rpartition(b"|")[0] + b"|nan"
 
 
-@mutant("T/5")
+@mutant("no-zero-before-the-point", "T/5")
 class NoZeroBeforeThePoint(AltersReplies):
     """Numbers below one begin with the point."""
 
@@ -265,7 +265,7 @@ class NoZeroBeforeThePoint(AltersReplies):
         return b"|".join(t[1:] if t[:2] == b"0." else t for t in texts)
 
 
-@mutant("T/5", subtle=True)
+@mutant("takes-no-three-decimals", "T/5", subtle=True)
 class TakesNoThreeDecimals(ControllerCore):
     """A gripper centre of three decimals is refused."""
 
@@ -278,7 +278,7 @@ class TakesNoThreeDecimals(ControllerCore):
 # Codes
 
 
-@mutant("T/7")
+@mutant("state-in-words", "T/7")
 class StateInWords(AltersReplies):
     """The status is a word."""
 
@@ -289,7 +289,7 @@ class StateInWords(AltersReplies):
         return b"IDLE" if data == b"00" else b"RUNNING"
 
 
-@mutant("T/7")
+@mutant("codes-of-one-digit", "T/7")
 class CodesOfOneDigit(ControllerCore):
     """The codes of refusals have no leading zero."""
 
@@ -300,7 +300,7 @@ class CodesOfOneDigit(ControllerCore):
         super().emit(session, frame)
 
 
-@mutant("T/7")
+@mutant("codes-of-three-digits", "T/7")
 class CodesOfThreeDigits(ControllerCore):
     """The codes of refused runs have three digits."""
 
@@ -314,7 +314,7 @@ class CodesOfThreeDigits(ControllerCore):
 # Beyond ASCII
 
 
-@mutant("T/8", "3/31")
+@mutant("dies-of-other-characters", "T/8", "3/31")
 class DiesOfOtherCharacters(Mortal):
     """A name that is no ASCII ends the program."""
 
@@ -325,7 +325,7 @@ class DiesOfOtherCharacters(Mortal):
         return super().upload_name(request)
 
 
-@mutant("T/8", "5.2/12")
+@mutant("stores-names-in-latin", "T/8", "5.2/12")
 class StoresNamesInLatin(ControllerCore):
     """Names are kept as if each of their bytes were a character, and looked for as UTF-8."""
 
@@ -337,7 +337,7 @@ class StoresNamesInLatin(ControllerCore):
         )
 
 
-@mutant("T/8", "5.2/12", subtle=True)
+@mutant("seven-bits-of-names", "T/8", "5.2/12", subtle=True)
 class SevenBitsOfNames(ControllerCore):
     """Of each byte of a name that is stored the highest bit is lost."""
 

@@ -15,15 +15,14 @@ R = TypeVar("R", bound=type[Run])
 
 
 def misrun(
-    *requirements: str, reading: tuple[str, ...] = (), subtle: bool = False
+    mutant_id: str, *requirements: str, reading: tuple[str, ...] = (), subtle: bool = False
 ) -> Callable[[R], R]:
-    """Enter a controller with this interpreter as a fault that violates these requirements."""
+    """Register a controller with this interpreter as a mutant that violates these requirements."""
 
     def enter(run: R) -> R:
         says = {"interpreter": run, "__doc__": run.__doc__, "__module__": run.__module__}
-        mutant(*requirements, reading=reading, subtle=subtle)(
-            type(run.__name__, (ControllerCore,), says)
-        )
+        core = type(run.__name__, (ControllerCore,), says)
+        mutant(mutant_id, *requirements, reading=reading, subtle=subtle)(core)
         return run
 
     return enter

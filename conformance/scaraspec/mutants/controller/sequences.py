@@ -39,7 +39,7 @@ class _Counts(ControllerCore):
 # ---------------------------------------------------------------------- files
 
 
-@mutant("4.13/3", subtle=True)
+@mutant("any-deletion-forgets-the-default", "4.13/3", subtle=True)
 class AnyDeletionForgetsTheDefault(ControllerCore):
     """Whatever program is deleted, the default one is forgotten with it."""
 
@@ -51,7 +51,7 @@ class AnyDeletionForgetsTheDefault(ControllerCore):
         return done
 
 
-@mutant("4.10/11", subtle=True)
+@mutant("list-is-made-when-the-number-changes", "4.10/11", subtle=True)
 class ListIsMadeWhenTheNumberChanges(ControllerCore):
     """The list is kept until there are more or fewer programs than when it was made."""
 
@@ -69,7 +69,7 @@ class ListIsMadeWhenTheNumberChanges(ControllerCore):
         return NameListPart(more=False, names=tuple(self._names))
 
 
-@mutant("5.2/12", subtle=True)
+@mutant("downloads-from-its-cache", "5.2/12", subtle=True)
 class DownloadsFromItsCache(ControllerCore):
     """A file that was downloaded is kept in memory, even if it was the default and is deleted."""
 
@@ -92,7 +92,7 @@ class DownloadsFromItsCache(ControllerCore):
         return super().delete_program(request)
 
 
-@mutant("5.2/12", subtle=True)
+@mutant("setting-the-clock-truncates-the-last-upload", "5.2/12", subtle=True)
 class SettingTheClockTruncatesTheLastUpload(ControllerCore):
     """The file that was uploaded last is still open, and loses its last byte with the clock."""
 
@@ -107,7 +107,7 @@ class SettingTheClockTruncatesTheLastUpload(ControllerCore):
 # ---------------------------------------------------------------------- settings
 
 
-@mutant("4.20/3", subtle=True)
+@mutant("initial-position-takes-the-centre-along", "4.20/3", subtle=True)
 class InitialPositionTakesTheCentreAlong(ControllerCore):
     """An initial position that is set a second time sets the gripper centre to what it was."""
 
@@ -124,7 +124,7 @@ class InitialPositionTakesTheCentreAlong(ControllerCore):
         return done
 
 
-@mutant("4.21/3", subtle=True)
+@mutant("late-initial-positions-are-lost", "4.21/3", subtle=True)
 class LateInitialPositionsAreLost(_Counts):
     """After three hundred requests an initial position is answered 1 and forgotten."""
 
@@ -137,7 +137,7 @@ class LateInitialPositionsAreLost(_Counts):
         return done
 
 
-@mutant("4.5/4", subtle=True)
+@mutant("second-login-sets-the-clock-back", "4.5/4", subtle=True)
 class SecondLoginSetsTheClockBack(ControllerCore):
     """A second login on a connection has the clock go on from the first, whatever was set since."""
 
@@ -156,7 +156,7 @@ class SecondLoginSetsTheClockBack(ControllerCore):
         return super().login(request)
 
 
-@mutant("4.2/2", subtle=True)
+@mutant("mistaken-password-blocks-the-next", "4.2/2", subtle=True)
 class MistakenPasswordBlocksTheNext(ControllerCore):
     """Behind a change with a wrong old password, one with the right one is refused, once."""
 
@@ -177,7 +177,7 @@ class MistakenPasswordBlocksTheNext(ControllerCore):
 # ---------------------------------------------------------------------- programs
 
 
-@mutant("4.9/4", subtle=True)
+@mutant("refused-run-is-told", "4.9/4", subtle=True)
 class RefusedRunIsTold(ControllerCore):
     """Behind a run that was refused because another one goes on, its name is told as running."""
 
@@ -200,7 +200,7 @@ class RefusedRunIsTold(ControllerCore):
         return told._replace(name=self._wrong) if told is not None and self._wrong else told
 
 
-@mutant("4.32/6", subtle=True)
+@mutant("stopped-simulation-undoes-the-setting", "4.32/6", subtle=True)
 class StoppedSimulationUndoesTheSetting(ControllerCore):
     """A simulation that is stopped undoes the last setting of an output, as if it were its own."""
 
@@ -221,7 +221,7 @@ class StoppedSimulationUndoesTheSetting(ControllerCore):
         return super().emergency_stop(request)
 
 
-@mutant("4.15/4", subtle=True)
+@mutant("late-runs-miss-their-program", "4.15/4", subtle=True)
 class LateRunsMissTheirProgram(_Counts):
     """After three hundred requests a program that was deleted and sent anew is not found."""
 
