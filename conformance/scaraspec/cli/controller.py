@@ -15,7 +15,7 @@ from pathlib import Path
 import click
 
 from scaraspec.cli.options import Real, password_option
-from scaraspec.cli.problems import Problem, no_such_fault
+from scaraspec.cli.problems import Problem, no_such_mutant
 from scaraspec.mutants.controller import mutants
 from scaraspec.operating_system import ending_signals
 from scaraspec.protocol.frames import StreamItem
@@ -78,8 +78,9 @@ class _Options:
     help="Follow this reading of an open point; repeatable.",
 )
 @click.option(
-    "--fault", metavar="ID", help="Be wrong this way on purpose; see scaraspec prove --list."
+    "--mutant", metavar="ID", help="Run this faulty controller; see scaraspec prove --list."
 )
+@click.option("--fault", metavar="ID", hidden=True)  # the old name of --mutant
 @click.option(
     "--control",
     is_flag=True,
@@ -98,12 +99,15 @@ def command(  # noqa: PLR0913 - one for each option
     serial: str | None,
     readings: tuple[str, ...],
     time_scale: float,
+    mutant: str | None,
     fault: str | None,
     control: bool,
     ready_file: Path | None,
     verbose: bool,
 ) -> None:
     """Run the virtual controller until it is stopped or receives a shutdown."""
+    if mutant is not None and fault is not None:
+        raise Problem("--fault is the old name of --mutant: give only --mutant")
     logging.basicConfig(
         level=logging.INFO if verbose else logging.WARNING, format="%(asctime)s %(message)s"
     )
@@ -120,17 +124,18 @@ def command(  # noqa: PLR0913 - one for each option
     except (LinkError, ReadingError, StoreError) as error:
         raise Problem(str(error)) from None
     now = datetime.now(UTC).replace(tzinfo=None)  # the robot's zone (A-4.5-1)
-    core = _core(fault)(Plant(now, now_s=0.0), store, dialect, _log if verbose else _pass)
+    make = _core(fault if mutant is None else mutant)
+    core = make(Plant(now, now_s=0.0), store, dialect, _log if verbose else _pass)
     asyncio.run(_serve(core, options))
 
 
-def _core(fault: str | None) -> type[ControllerCore]:
-    if fault is None:
+def _core(mutant_id: str | None) -> type[ControllerCore]:
+    if mutant_id is None:
         return ControllerCore
     known = mutants()
-    if fault not in known:
-        raise no_such_fault(fault, known, "controller")
-    return known[fault].wrong
+    if mutant_id not in known:
+        raise no_such_mutant(mutant_id, known, "controller")
+    return known[mutant_id].wrong
 
 
 def _serial(text: str | None) -> Serial | None:

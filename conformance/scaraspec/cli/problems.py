@@ -16,15 +16,15 @@ class Problem(Exception):  # noqa: N818 - it is a message for the user
         self.exit_status = exit_status
 
 
-def no_such_fault(name: str, known: Iterable[str], role: str) -> Problem:
-    """A fault that was never seeded, with the names most like it."""
-    near = " or ".join(get_close_matches(name, known, n=2))
+def no_such_mutant(mutant_id: str, known: Iterable[str], role: str) -> Problem:
+    """Return the problem for an unknown mutant id; it names the most similar ids."""
+    near = " or ".join(get_close_matches(mutant_id, known, n=2))
     meant = f", did you mean {near}?" if near else ";"
-    listed = f"scaraspec prove --role {role} --list has all"
+    listed = f"scaraspec prove --role {role} --list prints all"
     return Problem(
         UserMessage(
-            "--fault {name}: there is no such fault{meant} {listed}",
-            name=name,
+            "--mutant {mutant_id}: there is no such mutant{meant} {listed}",
+            mutant_id=mutant_id,
             meant=meant,
             listed=listed,
         )

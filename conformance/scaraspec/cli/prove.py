@@ -1,4 +1,4 @@
-"""`scaraspec prove`: the suite against seeded faults, and the matrix of what found what."""
+"""`scaraspec prove`: runs the suite against mutants and writes which case kills which mutant."""
 
 import json
 import os
@@ -12,7 +12,7 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from scaraspec.cli.problems import Problem, no_such_fault
+from scaraspec.cli.problems import Problem, no_such_mutant
 from scaraspec.judge.requirements import UnknownRequirementError, select
 from scaraspec.judge.verdicts import Conclusion, ExitStatus
 from scaraspec.mutants.kill_matrix import STANDS, Proof, alarm_of, dialects, proof_of
@@ -28,7 +28,7 @@ EXAMPLE = "Example: scaraspec prove --only 4.15 --out proof"
 
 _PATH = click.Path(path_type=Path)
 MATRIX: Final = "kill-matrix.{role}.json"
-_RUNS: Final = 50  # in one process, for pytest and hypothesis keep something of each
+_RUNS: Final = 50  # per worker process: pytest and hypothesis keep some memory of each run
 
 
 @click.command(epilog=EXAMPLE)
@@ -37,45 +37,53 @@ _RUNS: Final = 50  # in one process, for pytest and hypothesis keep something of
     type=click.Choice([role.value for role in STANDS]),
     default=Role.CONTROLLER.value,
     show_default=True,
-    help="What is faulty.",
-)
-@click.option("--fault", "names", multiple=True, metavar="ID", help="Only this one; repeatable.")
-@click.option("--only", metavar="LIST", help="Only faults and cases of these requirements.")
-@click.option(
-    "--quick", is_flag=True, help="Against each fault, run only the cases of what it violates."
+    help="The role of the mutants.",
 )
 @click.option(
-    "--every", type=click.IntRange(1), default=1, metavar="N", help="Only every Nth of the faults."
+    "--mutant", "mutant_ids", multiple=True, metavar="ID", help="Only this mutant; repeatable."
+)
+@click.option("--fault", "fault_ids", multiple=True, metavar="ID", hidden=True)  # the old name
+@click.option("--only", metavar="LIST", help="Only mutants and cases of these requirements.")
+@click.option(
+    "--quick",
+    is_flag=True,
+    help="Run only the cases of the requirements that each mutant violates.",
 )
 @click.option(
-    "--brief", is_flag=True, help="Run no case that `certify controller` needs --exhaustive for."
+    "--every", type=click.IntRange(1), default=1, metavar="N", help="Only every Nth mutant."
 )
-@click.option("--list", "listed", is_flag=True, help="Say what these faults are, and try none.")
+@click.option(
+    "--brief",
+    is_flag=True,
+    help="Skip the cases that `certify controller` runs only with --exhaustive.",
+)
+@click.option("--list", "listed", is_flag=True, help="Print these mutants and run none.")
 @click.option(
     "--dialects",
     "other_dialects",
     is_flag=True,
-    help="No faults: the faultless one under every reading, and every pair of them.",
+    help="Run the unmodified implementation in every reading and every pair; no mutants.",
 )
 @click.option(
     "--examples",
     type=click.IntRange(1, 100_000),
     default=20,
     show_default=True,
-    help="How many values a drawn case tries.",
+    help="How many generated values a case tries.",
 )
 @click.option(
     "--jobs",
     type=click.IntRange(1),
     default=os.cpu_count() or 1,
     show_default=True,
-    help="How many processes work.",
+    help="How many worker processes run.",
 )
 @click.option("--out", type=_PATH, metavar="DIR", help="Write kill-matrix.ROLE.json here.")
 def command(  # noqa: PLR0913 - one for each option
     *,
     role: str,
-    names: tuple[str, ...],
+    mutant_ids: tuple[str, ...],
+    fault_ids: tuple[str, ...],
     only: str | None,
     quick: bool,
     every: int,
@@ -86,16 +94,17 @@ def command(  # noqa: PLR0913 - one for each option
     jobs: int,
     out: Path | None,
 ) -> None:
-    """Show that the suite bites: run it against our controller or client with each seeded fault.
+    """Show that the suite finds faults: run it against mutants of our controller or client.
 
-    A fault is killed where a case fails of a requirement that it violates; so --quick, with no
-    other case than those, kills as many, minutes instead of hours. A case that kills no fault of
-    those that were run is told. Exit status 0 where every fault is killed and the faultless
-    implementation conformant, 1 where not, 4 where there was no fault or no case to run.
+    A mutant is killed if a case of a requirement that it violates fails. --quick runs only these
+    cases: it kills the same mutants, in minutes instead of hours. Cases that kill none of the
+    mutants are printed. Exit status 0: every mutant is killed and the unmodified implementation
+    is conformant; 1: otherwise; 4: there is no mutant or no case to run.
     """
+    mutant_ids += fault_ids
     party = Role(role)
     if listed and (quick or out):
-        raise Problem("--list tries no fault: leave --quick, --out")
+        raise Problem("--list runs no mutant: remove --quick, --out")
     options = Options(
         only=_requirements(only),
         allowed=ALL,
@@ -105,34 +114,34 @@ def command(  # noqa: PLR0913 - one for each option
         brief=brief,
     )
     if other_dialects:
-        if names or quick or every > 1 or listed or out:
+        if mutant_ids or quick or every > 1 or listed or out:
             raise Problem(
-                "--dialects tries no fault: leave --fault, --quick, --every, --list, --out"
+                "--dialects runs no mutant: remove --mutant, --quick, --every, --list, --out"
             )
         _prove_dialects(party, options, jobs)
         return
-    chosen = _chosen(party, names, options)[::every]
+    chosen = _chosen(party, mutant_ids, options)[::every]
     if not chosen:
-        raise _nothing_proved("none of these faults violates what --only names")
+        raise _nothing_proved("none of these mutants violates a requirement of --only")
     if listed:
-        for fault in chosen:
-            click.echo(_told(fault))
+        for mutant in chosen:
+            click.echo(_list_line(mutant))
         return
-    sound = _without_fault(party, options)
+    unmodified = _try_unmodified(party, options)
     work = partial(proof_of, role=party, options=options, quick=quick)
-    tried = [fault.name for fault in chosen]
-    with closing(apart(work, tried, jobs=jobs, runs=_RUNS)) as found:
-        proofs = list(_shown(found, len(chosen)))
+    tried = [mutant.name for mutant in chosen]
+    with closing(apart(work, tried, jobs=jobs, runs=_RUNS)) as pending:
+        proofs = list(_with_progress(pending, len(chosen)))
     cases = [case.id for case in collect(options, party) if not (brief and case.slow)]
-    idle = _idle(cases, proofs) if not names and every == 1 else []
+    idle = _idle(cases, proofs) if not mutant_ids and every == 1 else []
     counts = _counts(proofs)
-    _tell(proofs, idle, counts)
+    _print_summary(proofs, idle, counts)
     if out:
         out.mkdir(parents=True, exist_ok=True)
         matrix = {
             "role": role,
             "quick": quick,
-            "without_fault": sound.value,
+            "without_fault": unmodified.value,
             "counts": {**counts, "cases": len(cases), "idle": len(idle)},
             "faults": [proof.plain() for proof in proofs],
             "idle": idle,
@@ -140,34 +149,36 @@ def command(  # noqa: PLR0913 - one for each option
         write_whole(
             out / MATRIX.format(role=role), json.dumps(matrix, ensure_ascii=False, indent=1) + "\n"
         )
-    if counts["killed"] < counts["faults"] or sound is not Conclusion.CONFORMANT:
+    if counts["killed"] < counts["faults"] or unmodified is not Conclusion.CONFORMANT:
         raise SystemExit(ExitStatus.NONCONFORMANT)
 
 
-def _without_fault(role: Role, options: Options) -> Conclusion:
-    """What the faultless implementation gets, told."""
-    sound = STANDS[role].prove(options)
-    if any(case.id == "run.interrupted" for case in sound.cases):
+def _try_unmodified(role: Role, options: Options) -> Conclusion:
+    """Run the suite against the implementation without a fault and print the conclusion."""
+    results = STANDS[role].prove(options)
+    if any(case.id == "run.interrupted" for case in results.cases):
         raise KeyboardInterrupt
-    click.echo(f"without a fault: {sound.verdict.value}, {len(sound.cases)} cases")
-    return sound.verdict
+    click.echo(f"unmodified {role.value}: {results.verdict.value}, {len(results.cases)} cases")
+    return results.verdict
 
 
-def _tell(proofs: Iterable[Proof], idle: Iterable[str], counts: Mapping[str, int]) -> None:
-    """What survived, what found nothing, and how many there were."""
+def _print_summary(proofs: Iterable[Proof], idle: Iterable[str], counts: Mapping[str, int]) -> None:
+    """Print the mutants that survived, the cases that killed none, and the counts."""
     for proof in proofs:
         if not proof.killers:
             violated = ", ".join(proof.requirements)
             click.echo(f"SURVIVED {proof.fault}: {proof.sentence} ({violated})")
     for case in idle:
-        click.echo(f"kills nothing: {case}")
+        click.echo(f"kills no mutant: {case}")
     click.echo(
-        "{killed} of {faults} faults killed, {subtle_killed} of {subtle} subtle".format(**counts)
+        "{killed} of {faults} mutants killed, {subtle_killed} of {subtle} subtle ones".format(
+            **counts
+        )
     )
 
 
-def _nothing_proved(why: str) -> SystemExit:
-    click.echo(f"nothing proved: {why}", err=True)
+def _nothing_proved(reason: str) -> SystemExit:
+    click.echo(f"nothing proved: {reason}", err=True)
     return SystemExit(ExitStatus.NOTHING_TESTED)
 
 
@@ -178,46 +189,48 @@ def _requirements(only: str | None) -> frozenset[str] | None:
         raise Problem(UserMessage("--only: {error}", error=error)) from None
 
 
-def _chosen(role: Role, names: Sequence[str], options: Options) -> list[Mutant[Any]]:
+def _chosen(role: Role, mutant_ids: Sequence[str], options: Options) -> list[Mutant[Any]]:
     known = STANDS[role].faults()
-    for name in names:
-        if name not in known:
-            raise no_such_fault(name, known, role.value)
+    for mutant_id in mutant_ids:
+        if mutant_id not in known:
+            raise no_such_mutant(mutant_id, known, role.value)
     only = options.only
     return [
-        fault
-        for name, fault in known.items()
-        if (not names or name in names) and (only is None or only & set(fault.requirements))
+        mutant
+        for name, mutant in known.items()
+        if (not mutant_ids or name in mutant_ids)
+        and (only is None or only & set(mutant.requirements))
     ]
 
 
-def _told(fault: Mutant[Any]) -> str:
-    """A fault in one line: its name, what it does, and what it violates, under which readings."""
-    violated = ", ".join(fault.requirements)
-    under = f" under {', '.join(fault.reading)}" if fault.reading else ""
-    return f"{fault.name}: {fault.sentence} ({violated}{under}{'; subtle' if fault.subtle else ''})"
+def _list_line(mutant: Mutant[Any]) -> str:
+    """Return the id, the sentence, the violated requirements and the readings in one line."""
+    violated = ", ".join(mutant.requirements)
+    under = f" under {', '.join(mutant.reading)}" if mutant.reading else ""
+    subtle = "; subtle" if mutant.subtle else ""
+    return f"{mutant.name}: {mutant.sentence} ({violated}{under}{subtle})"
 
 
 def _prove_dialects(role: Role, options: Options, jobs: int) -> None:
-    """Show that no conforming implementation is failed, whatever readings it follows."""
+    """Show that no case fails a conforming implementation, whichever readings it follows."""
     if not collect(options, role):
-        raise _nothing_proved("no case tries what --only names")
-    spoken = list(dialects())
-    wrong = 0
+        raise _nothing_proved("no case tests a requirement of --only")
+    tried = list(dialects())
+    false_alarms = 0
     work = partial(alarm_of, role=role, options=options)
-    with closing(apart(work, spoken, jobs=jobs, runs=_RUNS)) as alarms:
+    with closing(apart(work, tried, jobs=jobs, runs=_RUNS)) as alarms:
         for number, alarm in enumerate(alarms, 1):
-            wrong += alarm.false
-            click.echo(f"{number}/{len(spoken)} {alarm.verdict} {' '.join(alarm.readings)}")
+            false_alarms += alarm.false
+            click.echo(f"{number}/{len(tried)} {alarm.verdict} {' '.join(alarm.readings)}")
             for case, message in alarm.cases.items():
                 click.echo(f"    {case}: {message}")
-    click.echo(f"{len(spoken) - wrong} of {len(spoken)} dialects conformant")
-    if wrong:
+    click.echo(f"{len(tried) - false_alarms} of {len(tried)} dialects conformant")
+    if false_alarms:
         raise SystemExit(ExitStatus.NONCONFORMANT)
 
 
-def _shown(proofs: Iterator[Proof], count: int) -> Iterator[Proof]:
-    """The same, with progress: a bar on a terminal, lines elsewhere."""
+def _with_progress(proofs: Iterator[Proof], count: int) -> Iterator[Proof]:
+    """Yield the proofs and show the progress: a bar on a terminal, lines elsewhere."""
     console = Console()
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     with Progress(
@@ -233,13 +246,13 @@ def _shown(proofs: Iterator[Proof], count: int) -> Iterator[Proof]:
 
 
 def _idle(cases: Iterable[str], proofs: Iterable[Proof]) -> list[str]:
-    """Cases that kill no fault."""
+    """Return the cases that kill no mutant."""
     killers = {case for proof in proofs for case in proof.killers}
     return [case for case in cases if case not in killers]
 
 
 def _counts(proofs: Iterable[Proof]) -> dict[str, int]:
-    """How many faults there were, how many of them were killed, and so of the subtle ones."""
+    """Count the mutants and the killed mutants, in total and of the subtle ones."""
     killed = [(proof.subtle, bool(proof.killers)) for proof in proofs]
     return {
         "faults": len(killed),

@@ -79,7 +79,7 @@ def test_a_conforming_controller(processes: Any, tmp_path: Path) -> None:
 
 def test_a_faulty_controller(processes: Any, tmp_path: Path) -> None:
     """Nonconformant; the case says what was expected and observed, and how to see it again."""
-    host, port = processes.controller("--fault", "status-of-one-digit")
+    host, port = processes.controller("--mutant", "status-of-one-digit")
     out = tmp_path / "out"
     done = processes.run(
         "certify", "controller", f"tcp://{host}:{port}", "--only", "4.8/2", "--out", str(out)
@@ -323,7 +323,7 @@ def test_two_signals_at_once_are_one(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_plugin_by_itself(processes: Any, tmp_path: Path) -> None:
     """The suite beside a team's own tests, under their own pytest."""
-    host, port = processes.controller("--fault", "status-of-one-digit")
+    host, port = processes.controller("--mutant", "status-of-one-digit")
     own = tmp_path / "test_own.py"
     own.write_text("def test_own(line):\n    assert line.ask('get_version').value\n", "utf-8")
     done = subprocess.run(

@@ -1,4 +1,4 @@
-"""`scaraspec prove`: seeded faults are killed by cases of what they violate."""
+"""`scaraspec prove`: cases of the violated requirements kill the mutants."""
 
 import json
 from collections.abc import Callable
@@ -21,8 +21,8 @@ Refused = Callable[..., str]
 @pytest.mark.parametrize(
     ("role", "fewest", "fewest_subtle"), [(Role.CONTROLLER, 200, 60), (Role.CLIENT, 80, 20)]
 )
-def test_faults_name_what_they_violate(role: Role, fewest: int, fewest_subtle: int) -> None:
-    """There are many, each with its own sentence, of requirements that there are."""
+def test_mutants_violate_known_requirements(role: Role, fewest: int, fewest_subtle: int) -> None:
+    """There are many mutants, each with its own sentence and with requirements of the catalogue."""
     known = STANDS[role].faults().values()
     assert len(known) >= fewest
     assert sum(fault.subtle for fault in known) >= fewest_subtle
@@ -33,12 +33,12 @@ def test_faults_name_what_they_violate(role: Role, fewest: int, fewest_subtle: i
 
 
 @pytest.mark.parametrize("role", ["controller", "client"])
-def test_a_sample_of_the_faults_is_killed(processes: Any, tmp_path: Path, role: str) -> None:
-    """The command says so, and the matrix says by which case; `make prove` takes all of them."""
+def test_a_sample_of_the_mutants_is_killed(processes: Any, tmp_path: Path, role: str) -> None:
+    """The output and the kill matrix say so; `make prove` runs all mutants."""
     sample = ("--quick", "--only", "4.8", "--every", "5", "--examples", "5")
     done = processes.run("prove", "--role", role, *sample, "--out", str(tmp_path))
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "without a fault: conformant" in done.stdout
+    assert f"unmodified {role}: conformant" in done.stdout
     matrix = json.loads((tmp_path / f"kill-matrix.{role}.json").read_text(encoding="utf-8"))
     assert matrix["faults"]
     assert all(fault["killers"] for fault in matrix["faults"])
@@ -49,8 +49,8 @@ def test_a_sample_of_the_faults_is_killed(processes: Any, tmp_path: Path, role: 
 
 
 @pytest.mark.parametrize("role", [Role.CONTROLLER, Role.CLIENT])
-def test_another_dialect_is_no_false_alarm(role: Role) -> None:
-    """One of those in which every pair of readings occurs; `make prove` takes all of them."""
+def test_another_dialect_causes_no_false_alarm(role: Role) -> None:
+    """One dialect that combines many readings is tried; `make prove` tries all of them."""
     *_, dialect = dialects()
     assert len(dialect.differences()) > 10
     only = frozenset(r.id for r in by_clause("4.12"))
@@ -58,30 +58,42 @@ def test_another_dialect_is_no_false_alarm(role: Role) -> None:
     assert not alarm.false, alarm.cases
 
 
-def test_no_fault_is_no_proof(processes: Any) -> None:
-    """A fault that violates nothing of what is asked for leaves nothing to prove."""
-    done = processes.run("prove", "--fault", "status-of-one-digit", "--only", "4.1")
+def test_no_matching_mutant_proves_nothing(processes: Any) -> None:
+    """Exit status 4 if the mutant violates no requirement of --only."""
+    done = processes.run("prove", "--mutant", "status-of-one-digit", "--only", "4.1")
     assert done.returncode == 4
     assert "nothing proved" in done.stderr
 
 
-def test_no_case_is_no_proof(processes: Any) -> None:
-    """Where nothing is tried, no dialect has been shown to be failed by nothing."""
+def test_no_matching_case_proves_nothing(processes: Any) -> None:
+    """Exit status 4 if no case tests a requirement of --only."""
     done = processes.run("prove", "--dialects", "--role", "client", "--only", "4.2/2")
     assert done.returncode == 4
     assert "nothing proved" in done.stderr
 
 
-def test_an_unknown_fault(refused: Refused) -> None:
-    """One sentence and exit status 2, with what may have been meant."""
-    assert "gremlin: there is no such fault; " in refused("prove", "--fault", "gremlin")
-    told = refused("controller", "--fault", "status-of-no-digit")
-    assert "did you mean status-of-one-digit" in told
-    assert "prove --role controller --list has all" in told
+def test_an_unknown_mutant(refused: Refused) -> None:
+    """One sentence and exit status 2, with the most similar ids."""
+    assert "gremlin: there is no such mutant; " in refused("prove", "--mutant", "gremlin")
+    message = refused("controller", "--mutant", "status-of-no-digit")
+    assert "did you mean status-of-one-digit" in message
+    assert "prove --role controller --list prints all" in message
 
 
-def test_faults_are_listed() -> None:
-    """Each in a line, with what it violates, and nothing is tried."""
+def test_fault_is_an_alias_of_mutant(refused: Refused) -> None:
+    """The old option name works in both commands, but is not in the help."""
+    done = CliRunner().invoke(command, ["--list", "--fault", "status-of-one-digit"])
+    assert done.exit_code == 0
+    assert done.output.startswith("status-of-one-digit: ")
+    assert done.output.count("\n") == 1
+    assert "--fault" not in CliRunner().invoke(command, ["--help"]).output
+    assert "gremlin: there is no such mutant; " in refused("controller", "--fault", "gremlin")
+    both = refused("controller", "--fault", "clock-stands", "--mutant", "clock-stands")
+    assert "--fault is the old name of --mutant" in both
+
+
+def test_mutants_are_listed() -> None:
+    """One line per mutant, with the requirements that it violates; no mutant is run."""
     done = CliRunner().invoke(command, ["--list", "--only", "4.8/2"])
     assert done.exit_code == 0
     assert "status-of-one-digit: The status has one digit. (4.8/2, 4.8/3)" in done.output
@@ -91,22 +103,22 @@ def test_faults_are_listed() -> None:
 
 
 @pytest.mark.parametrize("option", ["--quick", "--out=here"])
-def test_what_is_listed_is_not_tried(refused: Refused, option: str) -> None:
-    """What is asked of a proof is not left undone silently."""
-    assert "--list tries no fault" in refused("prove", "--list", option)
+def test_list_excludes_options_of_a_run(refused: Refused, option: str) -> None:
+    """An option that would have no effect is refused."""
+    assert "--list runs no mutant" in refused("prove", "--list", option)
 
 
 @pytest.mark.parametrize(
-    "option", ["--fault=clock-stands", "--quick", "--every=2", "--list", "--out=here"]
+    "option", ["--mutant=clock-stands", "--quick", "--every=2", "--list", "--out=here"]
 )
-def test_dialects_are_no_faults(refused: Refused, option: str) -> None:
-    """What is asked of faults is not left undone silently."""
-    assert "--dialects tries no fault" in refused("prove", "--dialects", option)
+def test_dialects_excludes_options_of_mutants(refused: Refused, option: str) -> None:
+    """An option that would have no effect is refused."""
+    assert "--dialects runs no mutant" in refused("prove", "--dialects", option)
 
 
 @pytest.mark.parametrize("role", list(STANDS))
-def test_the_published_matrix_is_that_of_these_faults(role: Role) -> None:
-    """Each is in it, and killed; there is no case that kills none."""
+def test_the_published_matrix_has_all_mutants(role: Role) -> None:
+    """Every mutant is in the matrix and killed, and every case kills a mutant."""
     published = Path(__file__).parents[3] / "reports" / f"kill-matrix.{role.value}.json"
     matrix = json.loads(published.read_text(encoding="utf-8"))
     assert {fault["fault"] for fault in matrix["faults"]} == set(STANDS[role].faults())
@@ -116,8 +128,8 @@ def test_the_published_matrix_is_that_of_these_faults(role: Role) -> None:
     assert {case.id for case in collect(Options(), role)} <= killers
 
 
-def test_ctrl_c_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also during the run without a mutant, which reports the interruption."""
+def test_ctrl_c_ends_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C also ends it during the run against the unmodified implementation."""
 
     def interrupted(_: Run) -> None:
         raise KeyboardInterrupt
@@ -125,4 +137,4 @@ def test_ctrl_c_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Run, "_try_cases", interrupted)
     done = CliRunner().invoke(command, ["--quick", "--only", "4.8/2"])
     assert done.exit_code == 1
-    assert "faults killed" not in done.output
+    assert "mutants killed" not in done.output

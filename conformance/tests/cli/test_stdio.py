@@ -25,7 +25,7 @@ def test_a_reader_that_leaves(
 ) -> None:
     """As `| head` does: the report is written, and the exit status is that of the results."""
     monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
-    host, port = processes.controller("--fault", "status-of-one-digit")
+    host, port = processes.controller("--mutant", "status-of-one-digit")
     words = ("certify", "controller", f"tcp://{host}:{port}", "--only", "4.8")
     assert _unread(*words, "--out", str(tmp_path / "out")) == 1
     assert Results.read(tmp_path / "out" / "results.json").verdict.value == "nonconformant"
@@ -48,7 +48,7 @@ def test_a_terminal_without_every_character(
     processes: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As for files on Windows: missing characters are escaped, and the status is the same."""
-    host, port = processes.controller("--fault", "status-of-one-digit")
+    host, port = processes.controller("--mutant", "status-of-one-digit")
     monkeypatch.setenv("PYTHONIOENCODING", "ascii")
     done = processes.run("certify", "controller", f"tcp://{host}:{port}", "--only", "4.8")
     assert done.returncode == 1
