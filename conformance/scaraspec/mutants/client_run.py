@@ -1,6 +1,7 @@
-"""Proving, of clients: the suite run against the reference client in memory, sound or with a fault.
+"""Run the client suite against the reference client in memory, unmodified or as a mutant.
 
-The client runs behind its own driver, on a loop whose time passes only while the suite waits.
+The client is operated by its own driver, on an event loop with a simulated clock: time advances
+only while the suite waits.
 """
 
 import asyncio
@@ -33,8 +34,8 @@ class MemoryClient:
     """The reference client in this process; see `suite.client.harness.access.Access`.
 
     Args:
-        make: Makes its clients; a faulty one, if need be.
-        dialect: The readings that they speak.
+        make: The class of the client, unmodified or faulty.
+        dialect: The readings of the client.
     """
 
     attended = False
@@ -55,16 +56,16 @@ class MemoryClient:
 
     @property
     def now_ns(self) -> int:
-        """The loop's clock."""
+        """The time of the simulated clock."""
         return self._loop.time_ns
 
     @property
     def now_s(self) -> float:
-        """The loop's clock."""
+        """The time of the simulated clock."""
         return self._loop.time()
 
     def begin(self, name: str, /, **values: Any) -> Call:
-        """Give an order, on the wire as a driver gets it."""
+        """Send a request to the driver, as JSON."""
         number = len(self._calls) + 1
         call = self._calls[number] = Call(number, name, values)
         line = json.dumps({"id": number, "do": name, **values})
@@ -72,14 +73,14 @@ class MemoryClient:
         return call
 
     def pump(self) -> None:
-        """Answers come while time passes."""
+        """Do nothing: the driver answers while the simulated time advances."""
 
     def wait(self, deadline_s: float) -> None:
-        """Let time pass."""
+        """Advance the simulated time to the deadline."""
         self._loop.run_until(max(deadline_s, self.now_s))
 
     def accept(self, deadline_s: float) -> SimulatedLink | None:
-        """The next connection."""
+        """Return the next connection, or None if none is made before the deadline."""
         link = self._loop.accept(deadline_s)
         if link is not None:
             self.connected_port = link.port
@@ -90,17 +91,17 @@ class MemoryClient:
         self._loop.ports.add(DEFAULT_PORT)
         return True
 
-    def ask_operator(self, sentence: str) -> Call | None:  # noqa: ARG002 - a driver says it by itself
-        """Nobody is asked."""
+    def ask_operator(self, sentence: str) -> Call | None:  # noqa: ARG002 - the interface has it
+        """Return None: there is no operator."""
         return None
 
     def restart(self) -> None:
-        """Forget the client, and begin with another one."""
+        """Replace the client and its driver with new ones."""
         self._end()
         self._driver = self._new()
 
     def close(self) -> None:
-        """End it, and take its files away."""
+        """End the client and delete its files."""
         self._end()
         self._loop.close()
         self._scratch.cleanup()
@@ -127,9 +128,9 @@ def prove_client(
     """Run the suite against the reference client.
 
     Args:
-        options: What to try.
-        fault: What is wrong with it; None for nothing.
-        dialect: The readings that it follows, each of which it claims then.
+        options: Options of the run.
+        fault: The mutant; None for the unmodified client.
+        dialect: The readings of the client; if given, the ICS claims all readings.
     """
     spoken = dialect or Dialect.parse(fault.reading if fault else ())
     ics = Ics(

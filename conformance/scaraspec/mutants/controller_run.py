@@ -1,7 +1,7 @@
-"""Proving: the suite run against the virtual controller in memory, as it is or with seeded faults.
+"""Run the controller suite against the virtual controller in memory, unmodified or as a mutant.
 
-The one place where both meet. The machine can be handled as a real subject can by the hooks of its
-statement of conformance: switched off and on, its inputs driven, its motors broken.
+The suite and the virtual controller are used together only here. The hooks of the ICS operate the
+simulated robot as they operate a real one: power cycle, inputs, motor faults.
 """
 
 import itertools
@@ -45,7 +45,7 @@ _LINES: Final[Mapping[str, str]] = {
 
 
 class Robot:
-    """A virtual controller that can be switched off and on; see `links.memory.Machine`."""
+    """A virtual controller that can be switched off and on; see `transports.memory.Machine`."""
 
     def __init__(self, make: type[ControllerCore], dialect: Dialect) -> None:
         self.network = MemoryNetwork(self, epoch_ns=_EPOCH_NS)
@@ -57,7 +57,7 @@ class Robot:
 
     @property
     def next_event_s(self) -> float | None:
-        """When something happens by itself."""
+        """The time of the next event without a request, or None."""
         return self._core.next_event_s
 
     def open(
@@ -81,7 +81,7 @@ class Robot:
         return self._core.advance(now_s)
 
     def restart(self) -> None:
-        """Switch it off and on: programs and settings stay, all else begins anew."""
+        """Switch the power off and on: only programs and settings are kept."""
         now_s = self.network.now_s
         self.network.apply([Close(connection) for connection in self._open])
         self._open.clear()
@@ -94,10 +94,10 @@ class Robot:
         self._store.save(replace(self._store.settings, password=password))
 
     def handle(self, line: str) -> None:
-        """Break or drive the plant.
+        """Execute a control line that changes the plant.
 
         Raises:
-            HookError: The line says nothing that can be done.
+            HookError: The line is not a valid control line.
         """
         now_s = self.network.now_s
         try:
@@ -114,7 +114,7 @@ class _RobotHook:
     act: Callable[[Mapping[str, object]], None]
 
     def run(self, **values: object) -> None:
-        """Do it."""
+        """Run the hook with these values."""
         self.act(values)
 
 
@@ -124,9 +124,9 @@ def prove_controller(
     """Run the suite against the virtual controller.
 
     Args:
-        options: What to try.
-        fault: What is wrong with it; None for nothing.
-        dialect: The readings that it follows, each of which it claims then.
+        options: Options of the run.
+        fault: The mutant; None for the unmodified controller.
+        dialect: The readings of the controller; if given, the ICS claims all readings.
     """
     spoken = dialect or Dialect.parse(fault.reading if fault else ())
     robot = Robot(fault.wrong if fault else ControllerCore, spoken)
@@ -140,12 +140,12 @@ def prove_controller(
 
 
 def certified(robot: Robot, ics: Ics, options: Options) -> Results:
-    """Run the suite against this machine.
+    """Run the suite against this robot.
 
     Args:
-        robot: The machine.
-        ics: What it claims.
-        options: What to try.
+        robot: The simulated robot.
+        ics: The claims of the robot.
+        options: Options of the run.
     """
     access = MemoryAccess(robot.network)
     setting = ControllerAdapter(
@@ -155,13 +155,13 @@ def certified(robot: Robot, ics: Ics, options: Options) -> Results:
 
 
 def tokens() -> Iterator[str]:
-    """The tokens of runs in memory, the same in every run: what is found can be compared."""
+    """Yield the file tokens; they are the same in every run, so that results can be compared."""
     for letters in itertools.product(string.ascii_lowercase, repeat=TOKEN_LETTERS):
         yield "".join(letters)
 
 
 def hooks_of(robot: Robot) -> dict[str, _RobotHook]:
-    """The hooks that handle it."""
+    """Return the hooks that operate the robot."""
     lines = {
         name: _RobotHook(lambda values, line=line: robot.handle(line.format(**values)))  # type: ignore[misc] # mypy knows no defaults of a lambda
         for name, line in _LINES.items()

@@ -1,4 +1,4 @@
-"""Proofs: what the suite finds of seeded faults, and that it fails no other dialect."""
+"""Kill matrix: which cases fail for which mutant, and whether a case fails another dialect."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
@@ -17,18 +17,18 @@ from scaraspec.report.model import Results, Role
 from scaraspec.suite.engine.plan import Options
 
 _WRONG: Final = frozenset({("err_sep", "space"), ("prelogin", "all")})
-"""Readings that fail: a blank for the bar (A-0-2), everything served before a login (A-4-4)."""
+"""Readings that fail: a space as the separator (A-0-2), all commands before a login (A-4-4)."""
 
 _ALARMING: Final = (Verdict.INCONCLUSIVE, Verdict.FAIL, Verdict.ERROR)
 
 
 @dataclass(frozen=True, slots=True)
 class Stand:
-    """Where implementations of a role are tried.
+    """How the implementations of a role are tested.
 
     Attributes:
-        faults: The seeded faults.
-        prove: Runs the suite against one of them, or against none, in a dialect.
+        faults: Returns the mutants by id.
+        prove: Runs the suite against a mutant, or the unmodified implementation, in a dialect.
     """
 
     faults: Callable[[], Mapping[str, Mutant[Any]]]
@@ -43,15 +43,15 @@ STANDS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """What the suite found of one fault.
+    """The result of the suite against one mutant.
 
     Attributes:
-        fault: Its name.
-        sentence: What it does wrong.
-        requirements: What it violates.
-        subtle: Whether it shows only late, at an edge, in one state and the like.
-        failures: Every case that failed, and its message.
-        killers: Those that failed of a requirement that the fault violates.
+        fault: The mutant id.
+        sentence: What the mutant does wrong.
+        requirements: The requirements that it violates.
+        subtle: Whether the fault shows only in few situations; see `registry.Mutant`.
+        failures: The message of each case that failed.
+        killers: The failed cases of the requirements that the mutant violates.
     """
 
     fault: str
@@ -62,12 +62,12 @@ class Proof:
     killers: tuple[str, ...]
 
     def plain(self) -> dict[str, object]:
-        """As JSON can hold it."""
+        """Return the fields as a dictionary for JSON."""
         return asdict(self)
 
 
 def proof_of(name: str, role: Role, options: Options, *, quick: bool) -> Proof:
-    """Run the suite against a fault; a quick run tries only the cases of what it violates."""
+    """Run the suite against a mutant; `quick` runs only cases of the violated requirements."""
     stand = STANDS[role]
     fault = stand.faults()[name]
     violated = frozenset(fault.requirements)
@@ -86,12 +86,12 @@ def proof_of(name: str, role: Role, options: Options, *, quick: bool) -> Proof:
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """What the suite says of a faultless implementation that follows other readings.
+    """The result of the suite against the unmodified implementation in another dialect.
 
     Attributes:
-        readings: Where it differs from the default, as ``key=option``.
-        verdict: What the run amounts to.
-        cases: Every case that is neither passed, tolerated nor left out, and its message.
+        readings: The readings that differ from the default, as ``key=option``.
+        verdict: The conclusion of the run.
+        cases: The message of each case that failed, had an error or was inconclusive.
     """
 
     readings: tuple[str, ...]
@@ -100,12 +100,12 @@ class Alarm:
 
     @property
     def false(self) -> bool:
-        """Whether it is a false alarm."""
+        """Whether the suite did not find the implementation conformant."""
         return self.verdict != Conclusion.CONFORMANT.value
 
 
 def alarm_of(dialect: Dialect, role: Role, options: Options) -> Alarm:
-    """Run the suite against a faultless implementation of this dialect."""
+    """Run the suite against the unmodified implementation in this dialect."""
     results = STANDS[role].prove(options, None, dialect)
     return Alarm(
         tuple(f"{key}={option}" for key, option in dialect.differences().items()),
@@ -115,9 +115,9 @@ def alarm_of(dialect: Dialect, role: Role, options: Options) -> Alarm:
 
 
 def dialects() -> Iterator[Dialect]:
-    """Every reading but the default by itself, then dialects in which every pair of them occurs.
+    """Yield each reading other than the default, then dialects that cover every pair of readings.
 
-    Without those which the register lists and calls wrong.
+    Readings that the register lists as wrong are skipped.
     """
     several = {
         key: names

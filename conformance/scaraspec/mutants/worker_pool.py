@@ -1,7 +1,7 @@
-"""Apart: work that is done on several processes at once, each of which is young.
+"""Worker pool: runs a function in several processes and replaces them after a number of runs.
 
-Law: they work for whoever reads the results, and end with him, however he ends. What they keep in
-temporary files ends with them.
+The workers end when the process that reads the results ends, even if it is killed. Their temporary
+files are deleted at the same time.
 """
 
 import os
@@ -24,16 +24,16 @@ R = TypeVar("R")
 
 
 def apart(work: Callable[[T], R], about: Sequence[T], *, jobs: int, runs: int) -> Generator[R]:
-    """Work on several processes, and give the results in order; to be closed by who leaves early.
+    """Run `work` in several processes and yield the results in the order of the arguments.
 
-    All of them are replaced together: an executor that replaces each by itself may wait for ever
-    for the next one (CPython gh-115634).
+    A caller that does not read all results must close the generator. All workers are replaced
+    together: an executor that replaces them one by one can wait forever (CPython gh-115634).
 
     Args:
-        work: What is done, a function of a module.
-        about: What it is done about.
-        jobs: How many processes.
-        runs: How often each of them may work.
+        work: A function at the top level of a module.
+        about: The arguments, one per call.
+        jobs: Number of processes.
+        runs: Number of calls after which each process is replaced, on average.
     """
     with safe_import_path():
         resource_tracker.ensure_running()
@@ -45,7 +45,7 @@ def apart(work: Callable[[T], R], about: Sequence[T], *, jobs: int, runs: int) -
             obeying = (line, scratch)
             with ProcessPoolExecutor(jobs, get_context("forkserver"), _obey, obeying) as pool:
                 try:
-                    # Its `map` would cancel what it has not done, and fail over that where it ends.
+                    # `pool.map` cancels its pending calls when it is closed, and fails over that.
                     for done in [pool.submit(work, each) for each in here]:
                         yield done.result()
                 except BaseException:  # also GeneratorExit: the executor would wait for its workers
@@ -54,14 +54,14 @@ def apart(work: Callable[[T], R], about: Sequence[T], *, jobs: int, runs: int) -
 
 
 def _obey(line: Connection, scratch: str) -> None:
-    """Begin to work: what a terminal sends to all processes at once is not for this one."""
+    """Initialize a worker: ignore Ctrl-C, which a terminal sends to all processes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     tempfile.tempdir = scratch
     threading.Thread(target=_end_with, args=(line, scratch), daemon=True).start()
 
 
 def _end_with(line: Connection, scratch: str) -> None:
-    """Be the thread that ends this process when whoever it works for has ended."""
+    """End this worker when the parent process ends or closes the pipe; runs as a thread."""
     with suppress(EOFError, OSError):
         line.recv_bytes()
     shutil.rmtree(scratch, ignore_errors=True)

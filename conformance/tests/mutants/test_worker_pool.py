@@ -1,4 +1,4 @@
-"""Work on several processes."""
+"""The worker pool runs work in several processes and ends them."""
 
 import os
 import select
@@ -24,20 +24,20 @@ for told in apart(eval, ["{HERE}", "{FOR_LONG}", "{FOR_LONG}"], jobs=1, runs=3):
 
 
 def gone(watch: int) -> bool:
-    """Whether a process has ended, soon."""
+    """Return whether the process ends within 30 s."""
     with open(watch) as _:
         return bool(select.select([watch], [], [], 30)[0])
 
 
-def test_all_is_done_in_order_and_no_process_grows_old() -> None:
-    """However much there is, with processes that work twice each."""
+def test_results_are_in_order_and_workers_are_replaced() -> None:
+    """Nine calls are run in order by workers that run two calls each."""
     assert list(apart(abs, range(-9, 0), jobs=1, runs=2)) == list(range(9, 0, -1))
     workers = Counter(apart(os.readlink, ["/proc/self"] * 5, jobs=1, runs=2))
     assert sorted(workers.values()) == [1, 2, 2]
 
 
-def test_whoever_leaves_waits_for_no_work(tmp_path: Path) -> None:
-    """Though the processes are in the midst of it; nothing of theirs is left."""
+def test_close_does_not_wait_for_pending_work(tmp_path: Path) -> None:
+    """Workers are ended during their work, and their temporary files are deleted."""
     done = tmp_path / "done"
     work = f"{FOR_LONG}, __import__('pathlib').Path({str(done)!r}).touch()"
     with closing(apart(eval, [HERE, work], jobs=1, runs=2)) as results:
@@ -48,14 +48,14 @@ def test_whoever_leaves_waits_for_no_work(tmp_path: Path) -> None:
     assert not Path(folder).parent.exists()
 
 
-def test_processes_end_with_whoever_is_killed() -> None:
-    """They would work on, and wait for ever for more."""
+def test_workers_end_when_the_parent_is_killed() -> None:
+    """Without the pipe they would finish their work and then wait forever."""
     with subprocess.Popen(
         [sys.executable, "-c", LEFT], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
-    ) as whoever:
-        assert whoever.stdout
-        number, folder = whoever.stdout.readline().split()
+    ) as parent:
+        assert parent.stdout
+        number, folder = parent.stdout.readline().split()
         watch = os.pidfd_open(int(number))
-        whoever.kill()
+        parent.kill()
     assert gone(watch)
     assert not Path(folder).parent.exists()

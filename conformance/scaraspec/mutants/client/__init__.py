@@ -1,6 +1,7 @@
-"""Seeded faults: reference clients that are wrong on purpose, one way each; see `mutants.registry`.
+"""Mutants of the reference client, each with one fault; see `mutants.registry`.
 
-A fault is a `ClientCore`, or an `AsyncClient` where it spoils the shell: files, values told.
+A mutant is a subclass of `ClientCore`, or of `AsyncClient` if the fault is in the shell: in files
+or in returned values.
 """
 
 import sys
@@ -16,7 +17,7 @@ ClientMutant = registry.Mutant[type[AsyncClient]]
 
 
 def _client(wrong: type[Any]) -> type[AsyncClient]:
-    """The client that a fault makes."""
+    """Return the client class of a mutant."""
     if issubclass(wrong, ClientCore):
         return type(wrong.__name__, (AsyncClient,), {"core": wrong})
     assert issubclass(wrong, AsyncClient), f"{wrong} is neither a core nor a shell"
@@ -29,5 +30,5 @@ mutant = _MUTANTS.mutant
 
 @cache
 def mutants() -> Mapping[str, ClientMutant]:
-    """All seeded faults by name, in the order of the document's clauses."""
+    """Return all mutants by id, in the order of the clauses of the document."""
     return _MUTANTS.all(sys.modules[__name__])

@@ -16,5 +16,5 @@ mutant = _MUTANTS.mutant
 
 @cache
 def mutants() -> Mapping[str, ControllerMutant]:
-    """All seeded faults by name, in the order of the document's clauses."""
+    """Return all mutants by id, in the order of the clauses of the document."""
     return _MUTANTS.all(sys.modules[__name__])
