@@ -18,7 +18,7 @@ from scaraspec.virtual_controller.session import Action, Carrier, Close, Request
 
 @mutant("closes-behind-replies", "2/1")
 class ClosesBehindReplies(ControllerCore):
-    """A connection is closed behind its first reply to anything but a login, as by a web server."""
+    """The device closes a connection after the first reply that is not to a login."""
 
     def emit(self, session: Session, frame: Frame) -> None:
         """Send, and end the session."""
@@ -29,7 +29,7 @@ class ClosesBehindReplies(ControllerCore):
 
 @mutant("every-third-connection", "2/2", subtle=True)
 class EveryThirdConnection(ControllerCore):
-    """Every third connection is taken by the system, but nobody serves it."""
+    """Every third connection is accepted, but never served."""
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
         """Leave these waiting."""
@@ -38,7 +38,7 @@ class EveryThirdConnection(ControllerCore):
 
 @mutant("fifty-connections", "2/13", subtle=True)
 class FiftyConnections(ControllerCore):
-    """After fifty connections no further one is served."""
+    """The device serves no new connection after the first fifty."""
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
         """Count them all."""
@@ -83,7 +83,7 @@ class _Leaky(ControllerCore, ABC):
 
 @mutant("leaks-half-frames", "2/13", subtle=True)
 class LeaksHalfFrames(_Leaky):
-    """Sessions that end in the middle of a frame are never freed, and sixteen are all there are."""
+    """A session that ends in the middle of a frame is never freed; the limit is 16 sessions."""
 
     def leaks(self, session: Session) -> bool:
         """Where bytes are left over."""
@@ -92,7 +92,7 @@ class LeaksHalfFrames(_Leaky):
 
 @mutant("leaks-the-silent", "2/13", subtle=True)
 class LeaksTheSilent(_Leaky):
-    """Sessions that ask nothing after the login are never freed, and sixteen are all there are."""
+    """A session without a request after the login is never freed; the limit is 16 sessions."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
@@ -127,7 +127,7 @@ class OneBufferForAll(ControllerCore):
 
 @mutant("newcomer-takes-the-replies", "2/12", subtle=True)
 class NewcomerTakesTheReplies(ControllerCore):
-    """Replies go to the client that connected last, whoever has asked."""
+    """Replies go to the client that connected last instead of the client that sent the request."""
 
     def emit(self, session: Session, frame: Frame) -> None:
         """Send to the last one."""
@@ -136,7 +136,7 @@ class NewcomerTakesTheReplies(ControllerCore):
 
 @mutant("newcomer-clears-buffers", "2/12", subtle=True)
 class NewcomerClearsBuffers(ControllerCore):
-    """When a client connects, what the others have half sent is thrown away."""
+    """A new connection discards the unfinished frames of the other connections."""
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
         """Begin all anew."""
@@ -180,8 +180,8 @@ class _OverlooksEnds(RequestFramer):
 
 
 @mutant("end-byte-alone", "2/5", subtle=True)
-class EndByteAlone(OtherFramer):
-    """A segment of one byte that is an end byte is overlooked."""
+class EndByteAlone(OtherInlet):
+    """A segment that consists of the end byte only is ignored."""
 
     framer = _OverlooksEnds
 
@@ -197,8 +197,8 @@ class _Cut(RequestFramer):
 
 
 @mutant("cut-behind-length", "2/5", subtle=True)
-class CutBehindLength(OtherFramer):
-    """A frame that is cut just behind its length byte is lost."""
+class CutBehindLength(OtherInlet):
+    """A frame that is split directly after its length byte is lost."""
 
     framer = _Cut
 
@@ -208,8 +208,8 @@ class _CutLater(_Cut):
 
 
 @mutant("cut-behind-eighth-byte", "2/5", subtle=True)
-class CutBehindEighthByte(OtherFramer):
-    """A frame that is cut just behind its eighth byte is lost."""
+class CutBehindEighthByte(OtherInlet):
+    """A frame that is split directly after its eighth byte is lost."""
 
     framer = _CutLater
 
@@ -220,8 +220,8 @@ class _Impatient(RequestFramer):
 
 
 @mutant("impatient-with-pauses", "2/5")
-class ImpatientWithPauses(OtherFramer):
-    """An unfinished frame is given up after half a second."""
+class ImpatientWithPauses(OtherInlet):
+    """An unfinished frame is discarded after 0.5 s."""
 
     framer = _Impatient
 
@@ -265,8 +265,8 @@ class _First(RequestFramer):
 
 
 @mutant("one-frame-per-segment", "2/6")
-class OneFramePerSegment(OtherFramer):
-    """Of several frames in one segment only the first is served."""
+class OneFramePerSegment(OtherInlet):
+    """Only the first of several frames in one segment is served."""
 
     framer = _First
 
@@ -276,15 +276,15 @@ class _Sixteen(_First):
 
 
 @mutant("sixteen-frames-per-segment", "2/6", subtle=True)
-class SixteenFramesPerSegment(OtherFramer):
-    """Of more than sixteen frames in one segment the others are lost."""
+class SixteenFramesPerSegment(OtherInlet):
+    """Only the first sixteen frames in one segment are served."""
 
     framer = _Sixteen
 
 
 @mutant("small-buffer", "2/6", subtle=True)
 class SmallBuffer(ControllerCore):
-    """Of a segment of more than 256 bytes the rest is lost."""
+    """All bytes of a segment after the first 256 are lost."""
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
         """Cut it off."""
@@ -293,7 +293,7 @@ class SmallBuffer(ControllerCore):
 
 @mutant("login-ends-the-segment", "2/6", subtle=True)
 class LoginEndsTheSegment(ControllerCore):
-    """What comes in one segment with the login is lost."""
+    """Bytes that follow the login in the same segment are lost."""
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
         """Cut it off."""
@@ -307,7 +307,7 @@ class LoginEndsTheSegment(ControllerCore):
 
 @mutant("needs-no-login", "2/11")
 class NeedsNoLogin(ControllerCore):
-    """Whoever connects may do everything."""
+    """All commands are executed without a login."""
 
     def _add_session(self, connection: int, carrier: Carrier) -> None:
         super()._add_session(connection, carrier)
@@ -316,7 +316,7 @@ class NeedsNoLogin(ControllerCore):
 
 @mutant("one-login-for-all", "2/11", subtle=True)
 class OneLoginForAll(ControllerCore):
-    """While one client is logged in, all are."""
+    """While one client is logged in, every client counts as logged in."""
 
     def _is_permitted(self, session: Session, command: Command) -> bool:
         anybody = any(each.logged_in for each in self.sessions.values())
@@ -325,7 +325,7 @@ class OneLoginForAll(ControllerCore):
 
 @mutant("login-outlives-the-connection", "2/11", subtle=True)
 class LoginOutlivesTheConnection(ControllerCore):
-    """Once somebody has logged in, nobody has to any more."""
+    """After the first login, no client needs to log in any more."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
@@ -374,7 +374,7 @@ class RefusedButIn(ControllerCore):
 
 @mutant("second-refusal-is-in", "2/11", subtle=True)
 class SecondRefusalIsIn(ControllerCore):
-    """Whoever is refused twice on a connection counts as logged in."""
+    """A client whose login is refused twice on a connection counts as logged in."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
@@ -426,7 +426,7 @@ class ClockForStrangers(_ForStrangers):
 
 @mutant("clock-for-strangers-in-company", "2/11", subtle=True)
 class ClockForStrangersInCompany(ClockForStrangers):
-    """While somebody is logged in, the clock can be set without a login."""
+    """While another client is logged in, the clock can be set without a login."""
 
     def _is_obeyed(self, session: Session, command: Command) -> bool:
         company = any(each.logged_in for each in self.sessions.values())
@@ -435,7 +435,7 @@ class ClockForStrangersInCompany(ClockForStrangers):
 
 @mutant("refused-may-delete", "2/11", subtle=True)
 class RefusedMayDelete(_ForStrangers):
-    """Who was refused at the login may delete files."""
+    """A client whose login was refused can delete files."""
 
     names = frozenset({"delete_program"})
     silent = True
