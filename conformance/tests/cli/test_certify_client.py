@@ -39,11 +39,17 @@ while True:
 """
 BAD = {
     "dies": ("raise SystemExit('no licence')", "no licence"),
-    "hangs": ("import time; time.sleep(60)", "does not say in 1 s"),
-    "floods": ("import os\nwhile True: os.write(1, b'x' * 65536)", "what answers nothing"),
-    "babbles": ("while True: print([0] * 9999, flush=True)", "what answers nothing"),
-    "lies": (ANSWER.format("'ok': True"), "is over before it can be"),
-    "lacks everything": (ANSWER.format("'unimplemented': True"), "lacks the operation disconnect"),
+    "hangs": ("import time; time.sleep(60)", "within 1 s"),
+    "floods": (
+        "import os\nwhile True: os.write(1, b'x' * 65536)",
+        "lines that answer no operation",
+    ),
+    "babbles": ("while True: print([0] * 9999, flush=True)", "lines that answer no operation"),
+    "lies": (ANSWER.format("'ok': True"), "the end of connect too early"),
+    "lacks everything": (
+        ANSWER.format("'unimplemented': True"),
+        "implement the operation disconnect",
+    ),
 }
 
 
@@ -151,7 +157,7 @@ class Operator:
         while self._last.get("id") != self._number:
             self._last = json.loads(self._client.stdout.readline())
         ok, result = self._last["ok"], self._last.get("result")
-        if found := re.fullmatch(r"\w+ gave (.*)", sentence):
+        if found := re.fullmatch(r"\w+ returned (.*)", sentence):
             return ok and str(result) == found[1]
         return ok if sentence.endswith("was done") else not ok
 

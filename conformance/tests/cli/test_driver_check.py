@@ -28,13 +28,13 @@ while True:
     ("body", "timeout_s", "says"),
     [
         ("raise SystemExit('no licence')", 30, "no licence"),
-        ("import time; time.sleep(60)", 0.5, "has not answered levitate"),
+        ("import time; time.sleep(60)", 0.5, "did not answer levitate"),
         (
             "import os\nwhile True: os.write(1, b'x' * 65536)",
             30,
-            "goes on writing what answers nothing",
+            "keeps writing lines that answer no operation",
         ),
-        ("print('[]' * 10, flush=True); input(); input()", 0.5, "has not answered levitate"),
+        ("print('[]' * 10, flush=True); input(); input()", 0.5, "did not answer levitate"),
         (ANSWER.format("'ok': True"), 30, "an unknown operation is answered {"),
         (ANSWER.format("'unimplemented': True"), 5, "opened no connection"),
     ],

@@ -180,7 +180,7 @@ class _OverlooksEnds(RequestFramer):
 
 
 @mutant("end-byte-alone", "2/5", subtle=True)
-class EndByteAlone(OtherInlet):
+class EndByteAlone(OtherFramer):
     """A segment that consists of the end byte only is ignored."""
 
     framer = _OverlooksEnds
@@ -197,7 +197,7 @@ class _Cut(RequestFramer):
 
 
 @mutant("cut-behind-length", "2/5", subtle=True)
-class CutBehindLength(OtherInlet):
+class CutBehindLength(OtherFramer):
     """A frame that is split directly after its length byte is lost."""
 
     framer = _Cut
@@ -208,7 +208,7 @@ class _CutLater(_Cut):
 
 
 @mutant("cut-behind-eighth-byte", "2/5", subtle=True)
-class CutBehindEighthByte(OtherInlet):
+class CutBehindEighthByte(OtherFramer):
     """A frame that is split directly after its eighth byte is lost."""
 
     framer = _CutLater
@@ -220,7 +220,7 @@ class _Impatient(RequestFramer):
 
 
 @mutant("impatient-with-pauses", "2/5")
-class ImpatientWithPauses(OtherInlet):
+class ImpatientWithPauses(OtherFramer):
     """An unfinished frame is discarded after 0.5 s."""
 
     framer = _Impatient
@@ -265,7 +265,7 @@ class _First(RequestFramer):
 
 
 @mutant("one-frame-per-segment", "2/6")
-class OneFramePerSegment(OtherInlet):
+class OneFramePerSegment(OtherFramer):
     """Only the first of several frames in one segment is served."""
 
     framer = _First
@@ -276,7 +276,7 @@ class _Sixteen(_First):
 
 
 @mutant("sixteen-frames-per-segment", "2/6", subtle=True)
-class SixteenFramesPerSegment(OtherInlet):
+class SixteenFramesPerSegment(OtherFramer):
     """Only the first sixteen frames in one segment are served."""
 
     framer = _Sixteen

@@ -1,4 +1,4 @@
-"""What most tests of clients do: let some of the cases be tried on a client of their own."""
+"""Shared fixtures: run some of the cases on a client made by the test."""
 
 from collections.abc import Callable, Mapping
 from contextlib import closing
@@ -22,19 +22,19 @@ GOOD = (Verdict.PASS, Verdict.TOLERATED)
 
 @pytest.fixture
 def certified() -> Callable[..., tuple[Case, ...]]:
-    """Let the suite try some cases on a client."""
+    """Return a function that runs cases on a client and returns their results."""
     return _certified
 
 
 @pytest.fixture
 def tried() -> Callable[..., Mapping[str, Verdict]]:
-    """The same, and what comes of each."""
+    """Return a function that runs cases on a client and returns the verdict of each."""
     return lambda make, *only: {case.id: case.verdict for case in _certified(make, frozenset(only))}
 
 
 @pytest.fixture
 def wrong() -> Callable[..., dict[str, str]]:
-    """The same, and which neither pass nor are tolerated."""
+    """Return a function that returns the messages of the cases that do not pass."""
     return lambda *given, **named: {
         case.id: case.message for case in _certified(*given, **named) if case.verdict not in GOOD
     }
@@ -46,7 +46,7 @@ def _certified(
     dialect: Dialect = DEFAULT,
     driver: type[Driver] = Driver,
 ) -> tuple[Case, ...]:
-    """What came of the cases of these requirements."""
+    """Return the results of the cases of these requirements."""
     shell = make if issubclass(make, AsyncClient) else type("Made", (AsyncClient,), {"core": make})
 
     class Access(MemoryClient):

@@ -1,4 +1,4 @@
-"""What an operator types becomes what the client says, and nothing else does."""
+"""The input of an operator becomes the answer of the client."""
 
 import os
 import pty
@@ -15,7 +15,7 @@ Sitting = tuple[Attended, Callable[[str], None], list[str]]
 
 @pytest.fixture
 def sitting() -> Iterator[Sitting]:
-    """A client that is attended, how the operator types, and what he reads."""
+    """Return an attended client, a function that types, and the lines shown."""
     read: list[str] = []
     ours, theirs = os.pipe()
     with closing(Attended("127.0.0.1", 0, read.append, input_fd=ours)) as attended:
@@ -30,7 +30,7 @@ def _write(fd: int, text: str) -> None:
 
 @pytest.mark.parametrize(("typed", "ok"), [("y\n", True), (" NO \n", False), ("?\n\nyes\n", True)])
 def test_answers(sitting: Sitting, typed: str, ok: object) -> None:
-    """A question is answered by yes or no, whatever else is typed before."""
+    """A question is answered by yes or no; other input before it is ignored."""
     attended, types, _ = sitting
     question = attended.ask_operator("it glows")
     types(typed)
@@ -39,7 +39,7 @@ def test_answers(sitting: Sitting, typed: str, ok: object) -> None:
 
 
 def test_a_client_that_refuses(sitting: Sitting) -> None:
-    """No, typed to an order, says that the client does not do it; yes says nothing of it."""
+    """ "n" typed for a step means that the client refuses it; "y" has no effect."""
     attended, types, read = sitting
     call = attended.begin("delete_program", name="a")
     types("y\n")
@@ -52,7 +52,7 @@ def test_a_client_that_refuses(sitting: Sitting) -> None:
 
 
 def test_an_answer_counts_once(sitting: Sitting) -> None:
-    """What is typed too often answers no other question."""
+    """Extra input does not answer the next question."""
     attended, types, _ = sitting
     first = attended.ask_operator("it glows")
     types("y\ny\n")
@@ -65,7 +65,7 @@ def test_an_answer_counts_once(sitting: Sitting) -> None:
 
 @pytest.mark.parametrize(("typed", "raised"), [("s\n", CaseSkipped), ("q\n", KeyboardInterrupt)])
 def test_leaving(sitting: Sitting, typed: str, raised: type[BaseException]) -> None:
-    """A case is skipped, and the sitting is left, at any time."""
+    """The operator can skip a case or leave the session at any time."""
     attended, types, _ = sitting
     types(typed)
     with pytest.raises(raised):
@@ -73,7 +73,7 @@ def test_leaving(sitting: Sitting, typed: str, raised: type[BaseException]) -> N
 
 
 def test_an_operator_whose_terminal_is_lost_has_left() -> None:
-    """Nothing can be read from it."""
+    """A lost terminal ends the session."""
     near, far = pty.openpty()
     with closing(Attended("127.0.0.1", 0, str, input_fd=far)) as attended:
         os.close(near)

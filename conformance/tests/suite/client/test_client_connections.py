@@ -1,4 +1,4 @@
-"""Clients that connect, log in and hang up in ways that the document leaves open are not failed."""
+"""Clients may connect, log in and disconnect in ways that the document leaves open."""
 
 import asyncio
 from collections.abc import Callable
@@ -38,12 +38,12 @@ class LogsInAgain(AsyncClient):
 
 
 def test_further_logins(wrong: Defect) -> None:
-    """A client may log in again whenever it likes."""
+    """A client may log in again at any time."""
     assert not wrong(LogsInAgain, frozenset({"2/10", "3/33", "4.35/1"}))
 
 
 class ConnectsOnce(Driver):
-    """Refuses to connect before it was told to disconnect."""
+    """Refuses to connect before a disconnect."""
 
     async def _connect(self, *where: Any, **more: Any) -> None:
         if self._client:
@@ -52,7 +52,7 @@ class ConnectsOnce(Driver):
 
 
 class Tardy(Driver):
-    """Tells everything a second late."""
+    """Reports every answer one second late."""
 
     def __init__(self, write: Any, make: Any) -> None:
         def late(answer: Any) -> None:
@@ -62,7 +62,7 @@ class Tardy(Driver):
 
 
 class Threaded(Driver):
-    """Begins the later of two orders first, as two threads may."""
+    """Starts the later of two operations first, as two threads may."""
 
     async def _do(self, number: Any, name: str, values: dict[str, Any]) -> None:
         await asyncio.sleep(1 / number)
@@ -71,13 +71,13 @@ class Threaded(Driver):
 
 @pytest.mark.parametrize("driver", [ConnectsOnce, Tardy, Threaded])
 def test_drivers(wrong: Defect, driver: type[Driver]) -> None:
-    """A driver may be slow, keep a connection that has ended, and begin orders as it likes."""
+    """A driver may be slow, keep an ended connection, and start operations in any order."""
     only = frozenset({"2/1", "3/19", "3/20", "3/25", "3/29", "4.35/6"})
     assert not wrong(AsyncClient, only, driver=driver)
 
 
 class Returns(AsyncClient):
-    """Connects anew by itself, once, when the controller has ended the connection."""
+    """Reconnects once when the controller has ended the connection."""
 
     returning: asyncio.Task[None] | None = None
     _left = False
@@ -98,7 +98,7 @@ class Returns(AsyncClient):
 
 
 class WaitsForReturns(Driver):
-    """Takes no order while the client connects anew."""
+    """Starts no operation while the client reconnects."""
 
     async def _do(self, number: Any, name: str, values: dict[str, Any]) -> None:
         if isinstance(self._client, Returns) and self._client.returning:
@@ -107,13 +107,13 @@ class WaitsForReturns(Driver):
 
 
 def test_connecting_anew(wrong: Defect) -> None:
-    """Who is told to disconnect, and waits for the reply to a login of his own, gets none."""
+    """A disconnect works while the client waits for the reply to a login of its own."""
     patient = DEFAULT.replace(reply_timeout="20")
     assert not wrong(Returns, frozenset({"2/1", "3/29", "4.8/11"}), patient, WaitsForReturns)
 
 
 class HalfCloses(AsyncClient):
-    """Has hung up when the controller has ended its half of the connection, too."""
+    """Closes only after the controller has closed its half of the connection."""
 
     async def close(self) -> None:
         if self._transport is not None and not self._transport.is_closing():
@@ -123,12 +123,12 @@ class HalfCloses(AsyncClient):
 
 
 def test_half_closing(wrong: Defect) -> None:
-    """Who waits for the end of a connection that he has ended gets it."""
+    """The suite closes a connection that the client has half-closed."""
     assert not wrong(HalfCloses, frozenset({"4.7/1", "4.8/11"}))
 
 
 class LooksForAListener(AsyncClient):
-    """Connects, and hangs up again, before it connects."""
+    """Connects and disconnects once before the real connection."""
 
     async def connect(self) -> None:
         loop = asyncio.get_running_loop()
@@ -138,12 +138,12 @@ class LooksForAListener(AsyncClient):
 
 
 def test_looking_for_a_listener(wrong: Defect) -> None:
-    """A connection on which nothing comes is not that of the order to connect."""
+    """A connection without any byte is not the one of the connect operation."""
     assert not wrong(LooksForAListener, frozenset({"4.7/1", "4.8/11"}))
 
 
 class StopsElsewhere(AsyncClient):
-    """Has a second connection for its emergency stops (A-2-2)."""
+    """Uses a second connection for emergency stops (A-2-2)."""
 
     _at_once = False
 
@@ -161,14 +161,14 @@ class StopsElsewhere(AsyncClient):
 
 
 class ConnectsTwice(StopsElsewhere):
-    """Has it from the beginning."""
+    """Opens the second connection at the start."""
 
     _at_once = True
 
 
 @pytest.mark.parametrize("make", [StopsElsewhere, ConnectsTwice])
 def test_further_connections(certified: Certified, make: type[AsyncClient]) -> None:
-    """Nothing is decided of what a client sends where it is not served."""
+    """Requests on a connection that the suite does not serve are inconclusive."""
     cases = certified(make, frozenset({"4.17/1", "4.17/2"}))
     assert {case.verdict for case in cases} == {Verdict.INCONCLUSIVE}
     assert all("(A-2-2)" in case.message for case in cases)

@@ -1,4 +1,4 @@
-"""Clients that do what the document leaves open, other than ours, are not failed."""
+"""Clients that use the freedom of the document differently from the reference client pass."""
 
 import asyncio
 import math
@@ -46,7 +46,7 @@ GOOD = (Verdict.PASS, Verdict.TOLERATED)
 
 
 class Flushes(ClientCore):
-    """Drops everything that came with bytes that are no frame (A-3-10)."""
+    """Drops everything that arrives with invalid bytes (A-3-10)."""
 
     def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         items = list(found)
@@ -55,7 +55,7 @@ class Flushes(ClientCore):
 
 
 class GivesUp(ClientCore):
-    """Gives up what it does when a frame comes that nothing awaits, and when bytes are none."""
+    """Aborts its operations when an unexpected frame or invalid bytes arrive."""
 
     def feed(self, data: bytes, now_s: float) -> list[Event]:
         events = super().feed(data, now_s)
@@ -71,7 +71,7 @@ class GivesUp(ClientCore):
 
 
 class RefusesLongNames(ClientCore):
-    """Takes names of at most thirty bytes, and passwords of at most thirty-two."""
+    """Accepts names of at most 30 bytes, and passwords of at most 32."""
 
     def command(self, name: str, value: Any = None) -> Any:
         if isinstance(value, bytes) and len(value) > (32 if name == "login" else 30):
@@ -80,7 +80,7 @@ class RefusesLongNames(ClientCore):
 
 
 class Ceaseless(AsyncClient, ABC):
-    """Does something over and over, from its login on."""
+    """Repeats an action from its login on."""
 
     pause_s = 0.1
     _doing: asyncio.Task[None] | None = None
@@ -106,7 +106,7 @@ class Ceaseless(AsyncClient, ABC):
 
 
 class AutoResponder(Ceaseless):
-    """Shows status, coordinates and inputs, ten times a second."""
+    """Polls status, coordinates and inputs ten times a second."""
 
     async def once(self) -> None:
         await self.get_status()
@@ -116,7 +116,7 @@ class AutoResponder(Ceaseless):
 
 
 class TakesNamesFromLists(ClientCore):
-    """Understands the bar behind the flag of a list, and nothing else (A-4.10-2)."""
+    """Requires the bar after the flag of a list (A-4.10-2)."""
 
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
         if frame.opcode == 0x0B and frame.data[1:2] not in (b"", b"|"):
@@ -125,23 +125,23 @@ class TakesNamesFromLists(ClientCore):
 
 
 class HasHabits(Flushes, RefusesLongNames, TakesNamesFromLists):
-    """Has three that do not meddle with each other."""
+    """Combines three independent habits."""
 
 
 @pytest.mark.parametrize("make", [HasHabits, GivesUp])
 def test_no_false_alarm(wrong: Defect, make: type[ClientCore]) -> None:
-    """Nothing fails."""
+    """No case fails."""
     assert not wrong(make, ONLY)
 
 
 def test_fetched_parts(wrong: Defect) -> None:
-    """A client that asks for each further part of a list is given it then (A-4.10-3 b)."""
+    """A client that requests each part of a list gets it then (A-4.10-3 b)."""
     dialect = DEFAULT.replace(list_cont="request")
     assert not wrong(AsyncClient, frozenset({"4.10/10", "4.10/12"}), dialect)
 
 
 class FetchesPartByPart(ClientCore):
-    """Drops the parts of a list that came with the one before: they were not asked for."""
+    """Drops parts of a list that it has not requested."""
 
     def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         items = list(found)
@@ -150,7 +150,7 @@ class FetchesPartByPart(ClientCore):
 
 
 def test_parts_that_were_not_asked_for(certified: Certified) -> None:
-    """Who fetches each part is told so, and failed by nothing (A-4.10-3 b)."""
+    """A client that requests each part skips the case of joined parts (A-4.10-3 b)."""
     dialect = DEFAULT.replace(list_cont="request")
     cases = certified(FetchesPartByPart, frozenset({"2/6"}), dialect)
     rest = {case.id: case.verdict for case in cases if case.verdict not in GOOD}
@@ -158,12 +158,12 @@ def test_parts_that_were_not_asked_for(certified: Certified) -> None:
 
 
 def test_polls(wrong: Defect) -> None:
-    """What a client asks by itself is served, and taken for nothing else."""
+    """Polls are answered and are not taken for other requests."""
     assert not wrong(AutoResponder, frozenset({"2/10", "3/25", "3/33", "4/16", "4.8/1", "4.33/4"}))
 
 
 class HoldsBackTransfers(AsyncClient):
-    """Sends and fetches no file before what executes has ended."""
+    """Starts no transfer while a command executes."""
 
     async def upload(self, *args: Any, **named: Any) -> Any:
         await self._ended()
@@ -178,7 +178,7 @@ class HoldsBackTransfers(AsyncClient):
 
 
 class DeclinesTransfers(HoldsBackTransfers):
-    """Declines them while something executes."""
+    """Refuses transfers while a command executes."""
 
     async def _ended(self) -> None:
         if self._core._executing():
@@ -187,12 +187,12 @@ class DeclinesTransfers(HoldsBackTransfers):
 
 @pytest.mark.parametrize("make", [HoldsBackTransfers, DeclinesTransfers])
 def test_transfers_may_wait_for_what_executes(wrong: Defect, make: type[AsyncClient]) -> None:
-    """Whether a client transfers while a program runs is its own affair."""
+    """A client may or may not transfer files while a program runs."""
     assert not wrong(make, frozenset({"2/6", "3/27", "5.2/19", "5.3/11"}))
 
 
 class AsksFirst(AsyncClient):
-    """Asks for the status ahead of the version and the time, and waits for it."""
+    """Reads the status before the version and the time."""
 
     async def get_version(self) -> str:
         await self.get_status()
@@ -204,12 +204,12 @@ class AsksFirst(AsyncClient):
 
 
 def test_asking_first(wrong: Defect) -> None:
-    """No case withholds the reply to a poll and waits for what the client does behind it."""
+    """No case blocks on a poll before the expected request."""
     assert not wrong(AsksFirst, frozenset({"2/5", "2/6", "3/27", "3/33"}))
 
 
 class HangsUpAtStrays(AsyncClient):
-    """Ends the connection at a frame that nothing awaits (A-3-9)."""
+    """Ends the connection at an unexpected frame (A-3-9)."""
 
     def _data_received(self, data: bytes) -> None:
         odd = map(GivesUp.is_odd, self._core.feed(data, asyncio.get_running_loop().time()))
@@ -219,12 +219,12 @@ class HangsUpAtStrays(AsyncClient):
 
 
 def test_hanging_up_at_strays(wrong: Defect) -> None:
-    """A client that ends the connection for what it was sent has given up what it did."""
+    """A client that ends the connection after such a frame has aborted its operation."""
     assert not wrong(HangsUpAtStrays, frozenset({"3/22", "3/33", "5.2/19"}))
 
 
 class LooksWhereItStopped(AsyncClient):
-    """Asks where the arm is, and waits for it, before it tells what came of a stop."""
+    """Reads the position before it reports the result of a stop."""
 
     async def emergency_stop(self) -> None:
         try:
@@ -234,12 +234,12 @@ class LooksWhereItStopped(AsyncClient):
 
 
 def test_looking_where_the_arm_has_stopped(wrong: Defect) -> None:
-    """No case withholds the reply to a query until it is told what came of a stop."""
+    """No case holds back a query reply until the result of a stop is reported."""
     assert not wrong(LooksWhereItStopped, frozenset({"4.17/8", "4.17/10"}))
 
 
 class Lists(Ceaseless):
-    """Asks for the list of programs, one listing after the other."""
+    """Polls the program list."""
 
     pause_s = 1.0
 
@@ -249,13 +249,13 @@ class Lists(Ceaseless):
 
 @pytest.mark.parametrize("how", ["push", "request"])
 def test_lists_that_are_polled(wrong: Defect, how: str) -> None:
-    """A list of several parts is told whole to whoever asks for it by itself (A-4.10-3)."""
+    """A poll of a list with several parts gets the whole list (A-4.10-3)."""
     dialect = DEFAULT.replace(list_cont=how)
     assert not wrong(Lists, frozenset({"4.10/10"}), dialect)
 
 
 class Looks(AsyncClient):
-    """Asks for no program that is not in the list, and looks again when one came or went."""
+    """Checks the program list before and after operations on programs."""
 
     async def _look(self, name: Any, *, there: bool) -> None:
         if (name in await self.list_programs()) != there:
@@ -281,12 +281,12 @@ class Looks(AsyncClient):
 
 
 def test_looking_at_the_list(wrong: Defect) -> None:
-    """A client may hold what it is ordered to do against the list of programs."""
+    """A client may compare an operation with the program list."""
     assert not wrong(Looks, frozenset({"4.11/1", "4.15/1", "5.2/1", "5.3/5"}))
 
 
 class EndsWhenIdle(ClientCore):
-    """Gives up what executes when the status is idle: how it ended is not known (4/11)."""
+    """Aborts executing commands when the status is idle; their result is unknown (4/11)."""
 
     def feed(self, data: bytes, now_s: float) -> list[Event]:
         events = super().feed(data, now_s)
@@ -302,7 +302,7 @@ def test_giving_up_what_executes(wrong: Defect) -> None:
 
 
 class OneByOne(AsyncClient):
-    """Does one thing after the other, and waits a second and a half for each."""
+    """Runs one operation at a time, with a timeout of 1.5 s each."""
 
     _turn: asyncio.Lock | None = None
 
@@ -317,15 +317,15 @@ class OneByOne(AsyncClient):
 
 
 def test_one_by_one(wrong: Defect) -> None:
-    """A request that comes when the one before has been given up comes beside nothing."""
+    """A request sent after a timeout is not concurrent with the earlier one."""
     only = frozenset({"2/6", "4.14/4"})
     told = wrong(OneByOne, only)
     del told["2/6.among-others"]  # for which it would have to wait for a program
-    assert set(told.values()) == {"the client does one thing at a time"}
+    assert set(told.values()) == {"the client runs one operation at a time"}
 
 
 class WritesInPieces(AsyncClient):
-    """Writes each request in pieces, which the network delays (A-2-6)."""
+    """Writes each request in pieces with delays (A-2-6)."""
 
     _free_s = 0.0
 
@@ -340,7 +340,7 @@ class WritesInPieces(AsyncClient):
 
 
 def test_requests_in_pieces(wrong: Defect) -> None:
-    """What has come in part is waited for, though the operation is said to be over."""
+    """The suite waits for the rest of a request after the operation has ended."""
     assert not wrong(WritesInPieces, frozenset({"5.1/2", "5.3/5"}))
     fetching = DEFAULT.replace(list_cont="request")
     assert not wrong(WritesInPieces, frozenset({"4.10/12"}), fetching)
@@ -351,7 +351,7 @@ def _network_of(value: Network) -> IPv4Network:
 
 
 class Careful(ClientCore):
-    """Refuses what its own robot cannot do, and what it takes for a slip of its user."""
+    """Refuses values that its robot cannot execute or that look like mistakes."""
 
     _NAME = re.compile(rb"[A-Za-z0-9_-]{1,26}\.(rob|txt)")
 
@@ -379,19 +379,19 @@ class Careful(ClientCore):
 
 
 def test_values_that_a_client_refuses(certified: Certified) -> None:
-    """A client may refuse by itself what the document does not ask it to send, and is told of."""
+    """A client may refuse values that the document does not require; this is reported."""
     only = frozenset({"4.2/1", "4.4/1", "4.11/1", "4.24/1", "5.2/1", "7/2"})
     cases = {case.id: case for case in certified(Careful, only)}
     # A case has no verdict when the client refuses each of the few values that are drawn.
     assert not [case.id for case in cases.values() if case.verdict not in (*GOOD, Verdict.NONE)]
     refused = cases["4.11/1.names"]
     assert refused.verdict is Verdict.TOLERATED
-    assert refused.message == "the client declines delete_program by itself"
+    assert refused.message == "the client refuses delete_program without sending a request"
     assert "a strange name" in refused.observed
 
 
 class SignalsLater(ClientCore):
-    """That an upload has failed is signalled when the next one begins (L787; A-5-10)."""
+    """Signals a failed upload when the next one begins (L787; A-5-10)."""
 
     _latest: Upload | None = None
 
@@ -404,12 +404,12 @@ class SignalsLater(ClientCore):
 
 
 def test_an_error_may_be_signalled_late(wrong: Defect) -> None:
-    """It belongs to the upload before."""
+    """The signal belongs to the previous upload."""
     assert not wrong(SignalsLater, frozenset({"5.2/8", "5.2/19"}))
 
 
 class Strict(AsyncClient):
-    """Takes the first of the listed readings, where others are only tolerated."""
+    """Follows the first of the listed readings and rejects tolerated forms."""
 
     class core(ClientCore):  # noqa: N801 - it takes the place of an attribute
         def command(self, name: str, value: Any = None) -> PendingOperation:
@@ -452,12 +452,12 @@ def _checked(value: T, right: object) -> T:
 
 
 def test_first_readings(wrong: Defect) -> None:
-    """A client may follow any one of the readings that the register tolerates."""
+    """A client may follow any reading that the register tolerates."""
     assert not wrong(Strict, frozenset({"3/1", "4.7/5", "4.8/11", "T/9"}))
 
 
 class Distrusts(AsyncClient):
-    """Reads back what it has set, and moves only while the last status that it saw is idle."""
+    """Reads back its settings, and moves only after an idle status."""
 
     _seen = "00"
 
@@ -484,12 +484,12 @@ class Distrusts(AsyncClient):
 
 
 def test_distrust(wrong: Defect) -> None:
-    """The robot that the suite plays is of one piece: what was set is told."""
+    """The simulated robot is consistent: queries return the values that were set."""
     assert not wrong(Distrusts, frozenset({"4.13/1", "4.20/1", "4.32/1", "8/6"}))
 
 
 class WritesColumns(ClientCore):
-    """Numbers have two decimals (A-T-5), and a bar stands behind each field (A-T-4)."""
+    """Writes numbers with two decimals (A-T-5) and a bar after each field (A-T-4)."""
 
     _SEVERAL = (0x03, 0x05, 0x35, 0x39)
     _POINT = 0x35
@@ -505,5 +505,5 @@ class WritesColumns(ClientCore):
 
 
 def test_columns(wrong: Defect) -> None:
-    """Fixed decimals and a bar at the end are only told."""
+    """Fixed decimals and a final bar are only reported as tolerated."""
     assert not wrong(WritesColumns, frozenset({"4.2/1", "4.24/1", "T/5", "T/6"}))

@@ -1,4 +1,4 @@
-"""What a driver's lines may look like, whatever wrote them."""
+"""Forms of the output lines of a driver."""
 
 import shlex
 import sys
@@ -18,7 +18,7 @@ input()
 
 
 def test_lines() -> None:
-    """A byte order mark, the line ends of Windows, blank lines and further fields do no harm."""
+    """A byte order mark, Windows line ends, blank lines and extra fields are accepted."""
     line = shlex.join((sys.executable, "-c", BODY))
     with closing(Driver(line)) as driver:
         assert driver.wait(driver.begin("get_status"), 10).ok

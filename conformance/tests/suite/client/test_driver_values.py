@@ -1,4 +1,4 @@
-"""What a client says is taken in every shape that the driver protocol leaves open, and no other."""
+"""Reported values are accepted in every form that the driver protocol allows, and in no other."""
 
 from datetime import datetime, timedelta
 from typing import Any
@@ -35,7 +35,7 @@ RUN_TIME = timedelta(days=1, seconds=3661)
     ],
 )
 def test_what_is_the_same(said: Any, expected: Any) -> None:
-    """Records by name or in order, numbers of either type, times in either notation."""
+    """Records by name or in order, numbers of either type, and times in either form match."""
     assert matches(said, expected)
 
 
@@ -61,7 +61,7 @@ def test_what_is_the_same(said: Any, expected: Any) -> None:
     ],
 )
 def test_what_is_not_the_same(said: Any, expected: Any) -> None:
-    """Other values, other orders, and other types."""
+    """Other values, other orders and other types do not match."""
     assert not matches(said, expected)
 
 
@@ -85,7 +85,7 @@ def test_what_is_not_the_same(said: Any, expected: Any) -> None:
     ],
 )
 def test_how_a_value_is_said(value: Any, said: Any) -> None:
-    """A value of the table becomes JSON, but for durations, which are said in two ways."""
+    """A value of the command table becomes JSON. Durations keep their type."""
     assert expected_value(value) == said
     if said is not None:
         assert matches(said if not isinstance(value, RunningProgram) else ["a.rob", 90061], said)

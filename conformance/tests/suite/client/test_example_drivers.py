@@ -1,4 +1,4 @@
-"""The example drivers, in C and in Python: what a vendor starts from is conformant itself."""
+"""The example drivers in C and Python are conformant."""
 
 import re
 import shlex
@@ -20,7 +20,7 @@ TIMEOUT_S = 120
 
 @pytest.fixture(scope="module", params=["driver.c", "driver.py"])
 def driver(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> str:
-    """The command line of an example."""
+    """Return the command line of an example."""
     source = DRIVERS / request.param
     if source.suffix == ".py":
         return shlex.join([sys.executable, str(source)])
@@ -40,7 +40,7 @@ def _scaraspec(*parse_arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_operations_are_told() -> None:
-    """The page has every operation in its table, with the values that it takes."""
+    """The README lists every operation with its values."""
     table = (DRIVERS / "README.md").read_text("utf-8").partition("## Operations")[2]
     told = {
         name: re.findall(r"`(\w+)`", values)
@@ -51,13 +51,13 @@ def test_operations_are_told() -> None:
 
 
 def test_is_a_driver(driver: str) -> None:
-    """It keeps to the driver protocol."""
+    """It follows the driver protocol."""
     done = _scaraspec("driver-check", driver)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_is_conformant(driver: str) -> None:
-    """It keeps to the document, in some clauses of each kind."""
+    """It conforms to the document in some clauses of each kind."""
     line = f"{driver} --transfer-timeout 1"
     options = ("--transfer-timeout", "1", "--only", ONLY)
     done = _scaraspec("certify", "client", "--driver", line, *options)

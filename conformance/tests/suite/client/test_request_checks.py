@@ -1,4 +1,4 @@
-"""What a client is told that it should have sent."""
+"""Expected texts of numbers in a request."""
 
 import pytest
 
@@ -17,5 +17,5 @@ from scaraspec.suite.client.harness.request_checks import to_decimal_text
     ],
 )
 def test_no_exponent_is_wanted(number: float, text: str) -> None:
-    """What is expected is written as it is to be sent: an exponent is what fails."""
+    """Expected numbers are shown without an exponent."""
     assert to_decimal_text(number) == text

@@ -1,4 +1,4 @@
-"""Clients that transfer files in other ways than ours, and conform, pass clause 5."""
+"""Conforming clients that transfer files differently from the reference client pass clause 5."""
 
 import asyncio
 from contextlib import closing
@@ -33,7 +33,7 @@ UPLOAD_CHUNK = 0x52
 
 
 class Closes(AsyncClient):
-    """Ends the connection on which a transfer broke off (A-5-26)."""
+    """Ends the connection after a failed transfer (A-5-26)."""
 
     async def perform(self, call: Any) -> Any:
         try:
@@ -44,7 +44,7 @@ class Closes(AsyncClient):
 
 
 class AutoResponder(AsyncClient):
-    """Asks for the status before and the list of programs behind each transfer."""
+    """Requests the status before each transfer and the program list after it."""
 
     async def upload(self, *where: Any, **more: Any) -> None:
         await self.get_status()
@@ -59,7 +59,7 @@ class AutoResponder(AsyncClient):
 
 
 class Verifies(AsyncClient):
-    """Fetches what it has sent, and compares it (A-5-21)."""
+    """Downloads an uploaded file and compares it (A-5-21)."""
 
     async def upload(self, local: Any, remote: Any = None, progress: Any = None) -> None:
         await super().upload(local, remote, progress)
@@ -72,7 +72,7 @@ def _content(path: Path) -> bytes:
 
 
 class KeepsParts(AsyncClient):
-    """Of a download that broke off an empty file stays."""
+    """Keeps an empty file after a failed download."""
 
     async def download(
         self,
@@ -92,7 +92,7 @@ def _make(path: Path) -> None:
 
 
 class Retries(Upload):
-    """Sends a chunk again that was not answered 1, twice (A-5-14), and gives up with a signal."""
+    """Repeats a refused chunk twice (A-5-14), and then sends the abort signal."""
 
     left = 2
 
@@ -123,14 +123,14 @@ class RetriesCore(ClientCore):
 
 
 class Mute(ClientCore):
-    """Leaves chunks of no transfer unanswered."""
+    """Does not answer chunks without a transfer."""
 
     def _refuse_stray_chunk(self, parsed: Parsed) -> None:
         pass
 
 
 class OnlyFull(JudgesChunks):
-    """Takes no chunk that is cut off behind its content (A-5-3)."""
+    """Rejects a chunk that is truncated after its content (A-5-3)."""
 
     class receiver(Receiver):  # noqa: N801 - it takes the place of an attribute
         def take(self, data: bytes, now_s: float) -> bool | None:
@@ -141,7 +141,7 @@ class OnlyFull(JudgesChunks):
 
 
 class LittleOnly(JudgesChunks):
-    """Reads nothing but little-endian numbers (A-5-2)."""
+    """Reads only little-endian numbers (A-5-2)."""
 
     class receiver(Receiver):  # noqa: N801 - it takes the place of an attribute
         def take(self, data: bytes, now_s: float) -> bool | None:
@@ -152,7 +152,7 @@ class LittleOnly(JudgesChunks):
 
 
 class FailsOnOddAnswers(ClientCore):
-    """Gives a transfer up when an answer comes that is not its own."""
+    """Aborts a transfer when an answer to another command arrives."""
 
     def _dispatch(self, frame: Frame, now_s: float) -> Any:
         for operation in tuple(self._open):
@@ -168,7 +168,7 @@ class FailsOnOddAnswers(ClientCore):
 
 
 class AnswersSignals(JudgesChunks):
-    """Answers the error signal 0, like any chunk that cannot be taken (A-5-10)."""
+    """Answers the error signal with 0, like any invalid chunk (A-5-10)."""
 
     class receiver(Receiver):  # noqa: N801 - it takes the place of an attribute
         def take(self, data: bytes, now_s: float) -> bool | None:
@@ -178,7 +178,7 @@ class AnswersSignals(JudgesChunks):
 
 
 class SmallChunks(CutsOtherwise):
-    """Puts 128 bytes into a chunk."""
+    """Sends chunks of 128 bytes."""
 
     class sender(Sender):  # noqa: N801 - it takes the place of an attribute
         def __init__(self, content: bytes, now_s: float, dialect: Dialect = DEFAULT) -> None:
@@ -189,18 +189,18 @@ class SmallChunks(CutsOtherwise):
 
 
 class SmallAndMute(SmallChunks, Mute):
-    """Does no more than it must."""
+    """Does no more than the document requires."""
 
 
 class Particular(OnlyFull, LittleOnly):
-    """Knows a chunk in one form only."""
+    """Accepts one form of chunks only."""
 
     class receiver(OnlyFull.receiver, LittleOnly.receiver):  # noqa: N801 - as theirs
         """Takes what both take."""
 
 
 class Touchy(FailsOnOddAnswers, AnswersSignals):
-    """Minds whatever is odd."""
+    """Reacts to every unexpected frame."""
 
 
 class Sparing(AutoResponder):
@@ -220,7 +220,7 @@ class Stubborn(Closes):
 
 
 class InTurn(Driver):
-    """Does one thing at a time."""
+    """Runs one operation at a time."""
 
     @cached_property
     def turn(self) -> asyncio.Lock:
@@ -256,26 +256,26 @@ def _verdicts(access: MemoryClient, only: frozenset[str] = ONLY) -> dict[str, st
     ids=lambda value: value.__name__ if isinstance(value, type) else "",
 )
 def test_no_false_alarm(make: type[AsyncClient], *, tolerated: bool) -> None:
-    """Nothing fails; what the register only tolerates is told as such."""
+    """No case fails. Tolerated readings are reported as tolerated."""
     verdicts = _verdicts(MemoryClient(make, DEFAULT))
     assert {v.partition(":")[0] for v in verdicts.values()} <= {"tolerated"}, verdicts
     assert bool(verdicts) is tolerated
 
 
 def test_one_thing_at_a_time() -> None:
-    """A driver that does one thing at a time passes all that does not ask for two at once."""
+    """A driver with one operation at a time passes all cases that do not need two."""
     verdicts = _verdicts(OneAtATime(AsyncClient, DEFAULT))
     assert set(verdicts) == {"5.2/9.meanwhile", "5.4/5.meanwhile"}
     assert all(verdict.startswith("none: ") for verdict in verdicts.values())
 
 
 def test_verifies() -> None:
-    """A client may fetch what it has just sent."""
+    """A client may download an uploaded file."""
     assert not _verdicts(MemoryClient(Verifies, DEFAULT), frozenset({"5.2/13", "5.2/18"}))
 
 
 class Tidies(AsyncClient):
-    """Deletes by itself what is left of an upload that failed, and waits for the answer."""
+    """Deletes the rest of a failed upload and waits for the reply."""
 
     async def upload(self, local: Any, remote: Any = None, progress: Any = None) -> None:
         try:
@@ -286,10 +286,10 @@ class Tidies(AsyncClient):
 
 
 def test_what_it_waits_for_is_told() -> None:
-    """Deleting wants a user (A-5-12): nobody answers it, and the report says what was sent."""
+    """The report shows the unanswered request: a deletion needs a user (A-5-12)."""
     dialect = DEFAULT.replace(xfer_timeout="1")
     options = Options(only=frozenset({"5.2/4"}), allowed=ALL, examples=3)
     with closing(MemoryClient(Tidies, dialect)) as access:
         results = Run(ClientAdapter(access, Ics(dialect=dialect), options)).results()
     (failed,) = (case for case in results.cases if case.verdict is Verdict.FAIL)
-    assert failed.observed.startswith("silence; it has sent by itself delete_program")
+    assert failed.observed.startswith("silence; unanswered requests of the client: delete_program")

@@ -1,4 +1,4 @@
-"""Clients that are near to what the document leaves open, and wrong; or that show nothing."""
+"""Faulty clients that are close to what the document leaves open, or that show nothing."""
 
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
@@ -24,7 +24,7 @@ Try = Callable[..., Mapping[str, Verdict]]
 
 
 def declines(what: Callable[[str, Any], bool]) -> type[ClientCore]:
-    """A client that declines some of what is ordered, sending nothing."""
+    """Return a client that refuses some operations without a request."""
 
     class Declines(ClientCore):
         def command(self, name: str, value: Any = None) -> PendingOperation:
@@ -47,7 +47,7 @@ class MisreadsIdle(ClientCore):
 
 
 class WaitsForOneMore(ClientCore):
-    """Takes no notice of the last byte that came until another one comes."""
+    """Holds back the last byte until another one arrives."""
 
     held = b""
 
@@ -58,7 +58,7 @@ class WaitsForOneMore(ClientCore):
 
 
 def test_who_says_nothing_from_the_start_fails(tried: Try) -> None:
-    """No case can be tried, and what was wrong is a failure all the same."""
+    """No case can run, and the failure of the start is reported."""
     verdicts = dict(tried(WaitsForOneMore, "4.8/11"))
     assert verdicts.pop("run.begin") is Verdict.FAIL
     assert verdicts
@@ -66,7 +66,7 @@ def test_who_says_nothing_from_the_start_fails(tried: Try) -> None:
 
 
 def test_who_misreads_idle_is_tried_all_the_same(tried: Try) -> None:
-    """It is there: it fails for that, and nowhere else, though it reads a slow status right."""
+    """A client that misreads an idle status fails only for that."""
     verdicts = tried(MisreadsIdle, "4.8/11", "2/5", "5.4/6", "4/9")
     failed = {case for case, verdict in verdicts.items() if verdict is Verdict.FAIL}
     assert failed == {"run.begin", "4.8/11"}
@@ -91,12 +91,12 @@ def test_who_misreads_idle_is_tried_all_the_same(tried: Try) -> None:
 def test_what_is_ordinary_is_not_declined(
     tried: Try, core: type[ClientCore], requirement: str
 ) -> None:
-    """No silence of the register covers a sign, a zero, a decimal, a capital, or a private net."""
+    """No open point allows a client to refuse ordinary values."""
     assert Verdict.FAIL in tried(core, requirement).values()
 
 
 def test_who_declines_everything_has_shown_nothing(tried: Try) -> None:
-    """A case of which nothing was sent is no pass."""
+    """A case in which nothing was sent is not a pass."""
     others = declines(lambda name, value: value != VALUES.get(name))
     cases = tried(others, "4.2/1", "4.5/1", "4.15/1", "4.20/1", "4.24/1", "T/5")
     for case in (
@@ -107,7 +107,7 @@ def test_who_declines_everything_has_shown_nothing(tried: Try) -> None:
 
 
 class WritesTinyNumbersWithExponents(ClientCore):
-    """Numbers are written as JavaScript prints them: with an exponent below a millionth."""
+    """Writes numbers below a millionth with an exponent, as JavaScript does."""
 
     _numbers: Point = Point(0, 0, 0)
 
@@ -127,12 +127,12 @@ class WritesTinyNumbersWithExponents(ClientCore):
 
 
 def test_tiny_numbers_are_ordered(tried: Try) -> None:
-    """What is left of a cosine of 90 degrees is sent without an exponent, or as 0."""
+    """A rounding error is sent without an exponent, or as 0."""
     assert tried(WritesTinyNumbersWithExponents, "4.20/1")["4.20/1.numbers"] is Verdict.FAIL
 
 
 class GivesLongNamesUp(ClientCore):
-    """A file whose name has thirty bytes is given up when its name has been taken."""
+    """Aborts an upload with a name of 30 bytes after the name was accepted."""
 
     class _GivenUp(Upload):
         def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
@@ -147,17 +147,17 @@ class GivesLongNamesUp(ClientCore):
 
 
 def test_what_is_begun_is_not_declined(tried: Try) -> None:
-    """Who has sent a name that was taken, and then gives up, has not declined the order."""
+    """An abort after the name was sent is not a local refusal."""
     assert tried(GivesLongNamesUp, "5.2/1")["5.2/1.drawn"] is Verdict.FAIL
 
 
 class SendsNoLongNames(ClientCore):
-    """A name of thirty bytes is not sent, and its reply waited for in vain."""
+    """Does not send a name of 30 bytes, and waits for its reply."""
 
     def _send(self, frames: Iterable[Frame]) -> None:
         super()._send(each for each in frames if len(each.data) != NAME_MAX_BYTES)
 
 
 def test_what_is_tried_is_not_declined(tried: Try) -> None:
-    """A client that gives up when it has waited for a reply has not declined to ask."""
+    """A timeout of a request that was never sent is not a local refusal."""
     assert tried(SendsNoLongNames, "4.11/1")["4.11/1.names"] is Verdict.FAIL

@@ -1,4 +1,4 @@
-"""Clause 2: who dials whom, and what comes first (L79-L83, L104)."""
+"""Clause 2: which side connects, and which request comes first (L79-L83, L104)."""
 
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
@@ -9,7 +9,7 @@ from scaraspec.user_message import UserMessage
 
 @client_case("2/1", attended=True)
 def test_it_dials_anew(subject: ClientUnderTest) -> None:
-    """The controller cuts the connection off, and the client opens another one when told to."""
+    """The controller resets the connection; the client connects again when told to."""
     line = subject.open()
     line.reset()
     subject.wait_for_answer(subject.begin("disconnect"))
@@ -18,7 +18,7 @@ def test_it_dials_anew(subject: ClientUnderTest) -> None:
 
 @client_case("2/1", name="unanswered")
 def test_it_dials_after_a_login_in_vain(subject: ClientUnderTest) -> None:
-    """The controller hangs up in place of answering the login; the client can dial anew."""
+    """The controller closes the connection before it answers the login; the client reconnects."""
     line, call = subject.begin_connect()
     line.request("login", call)
     line.close()
@@ -28,36 +28,40 @@ def test_it_dials_after_a_login_in_vain(subject: ClientUnderTest) -> None:
 
 @client_case("2/3")
 def test_port(subject: ClientUnderTest) -> None:
-    """The client dials the port that is named, and 8877 where none is, if it takes such orders."""
+    """The client connects to the given port, and to 8877 without one if its driver allows that."""
     if not subject.access.listen_at_default():
         raise CaseSkipped(
             UserMessage(
-                "port {default_port} of this computer cannot be had", default_port=DEFAULT_PORT
+                "port {default_port} of this computer is not available", default_port=DEFAULT_PORT
             )
         )
     line, call = subject.begin_connect(port=DEFAULT_PORT)
     expect_equal(
-        subject.access.connected_port, DEFAULT_PORT, "the port that was named was not taken"
+        subject.access.connected_port, DEFAULT_PORT, "the client did not connect to the given port"
     )
     line.log_in(call)
     subject.expect_done(call)
     subject.wait_for_answer(subject.begin("disconnect"))
     try:
         line, call = subject.begin_connect(port=None)
-    except CaseFailed:  # a driver may want to be told the port
+    except CaseFailed:  # a driver may require a port
         return
-    expect_equal(subject.access.connected_port, DEFAULT_PORT, "no port was named, and it dialled")
+    expect_equal(
+        subject.access.connected_port,
+        DEFAULT_PORT,
+        "without a given port the client connected to another port than 8877",
+    )
     line.log_in(call)
     subject.expect_done(call)
 
 
 @client_case("2/10")
 def test_login_comes_first(subject: ClientUnderTest) -> None:
-    """On one connection after the other, the login comes before anything else."""
+    """The client sends the login as the first request on each connection."""
     for _ in range(2):
         line, call = subject.begin_connect()
-        first = line.awaited(lambda _: True, subject.answer_timeout_s, "no login was sent")
-        expect_equal(first.seen.name, "login", "the first request")
+        first = line.awaited(lambda _: True, subject.answer_timeout_s, "the client sent no login")
+        expect_equal(first.seen.name, "login", "the first request is not a login")
         line.reply("login")
         subject.expect_done(call)
         status = subject.begin("get_status")

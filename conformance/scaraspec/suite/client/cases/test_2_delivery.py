@@ -1,4 +1,4 @@
-"""Clause 2: TCP is a stream, which cuts and joins as it likes (L79; A-2-6)."""
+"""Clause 2: TCP is a byte stream that may split and join frames (L79; A-2-6)."""
 
 from typing import Final
 
@@ -27,16 +27,16 @@ from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped
 
-_CUT_S: Final = 0.005  # longer than a segment waits to be joined with the next
+_CUT_S: Final = 0.005  # longer than TCP waits to join a segment with the next
 _SLOW_S: Final = 0.95
 _FILE: Final = bytes(range(200)) * 2
-_FRAMES: Final = 3  # of a list, and of a transfer of that file
+_FRAMES: Final = 3  # in the list and in each transfer
 _FULL_PART: Final = 22  # names of 11 bytes each
 _OF_EACH_KIND: Final = ("list_programs", "set_digital_output", "run_program", "emergency_stop")
 
 
 def _send_cut(line: IncomingConnection, data: bytes, *cuts: int, pause_s: float = _CUT_S) -> None:
-    """Send bytes in pieces that end before these positions."""
+    """Send bytes in pieces that end at these positions."""
     begin = 0
     for end in (*cuts, len(data)):
         line.send_bytes(data[begin:end])
@@ -54,7 +54,7 @@ def _reply(line: IncomingConnection, name: str) -> bytes:
 
 @client_case("2/5")
 def test_reply_cut_anywhere(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A reply comes in two segments, cut at every byte in turn."""
+    """A reply arrives in two segments, split at each byte in turn."""
     data = _reply(line, "get_motor_temperatures")
     for cut in examples(range(1, len(data))):
         call = subject.begin("get_motor_temperatures")
@@ -65,7 +65,7 @@ def test_reply_cut_anywhere(subject: ClientUnderTest, line: IncomingConnection) 
 
 @client_case("2/5", name="result")
 def test_result_cut_anywhere(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A final result comes in two segments, cut at every byte in turn."""
+    """A final result arrives in two segments, split at each byte in turn."""
     data = line.result_frame("run_program").encode()
     for cut in examples(range(1, len(data))):
         call = begin_operation(subject, "run_program")
@@ -77,7 +77,7 @@ def test_result_cut_anywhere(subject: ClientUnderTest, line: IncomingConnection)
 
 @client_case("2/5", name="bytes")
 def test_single_bytes(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A long reply comes byte by byte."""
+    """A long reply arrives byte by byte."""
     call = subject.begin("get_network")
     await_request(line, call.name, call)
     data = _reply(line, "get_network")
@@ -89,9 +89,9 @@ def test_single_bytes(subject: ClientUnderTest, line: IncomingConnection) -> Non
 
 @client_case("2/5", name="slow")
 def test_slow_pieces(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Almost a second passes within a reply, and twice within a final result.
+    """A reply pauses for almost 1 s in the middle; a final result pauses twice.
 
-    A client may lose patience with a reply as a whole (A-3-15), and not with a final result.
+    A client may time out on a whole reply (A-3-15), but not on a final result.
     """
     call = subject.begin("get_status")
     await_request(line, "get_status", call)
@@ -105,7 +105,7 @@ def test_slow_pieces(subject: ClientUnderTest, line: IncomingConnection) -> None
 
 @client_case("2/5", name="all")
 def test_all_in_pieces(subject: ClientUnderTest) -> None:
-    """Whatever is sent comes in pieces: the login, a list, a setting, results, both transfers."""
+    """Every frame arrives in pieces: login, list, setting, final results, upload and download."""
     line, call = subject.begin_connect()
     line.fragment_pause_s = _CUT_S
     line.log_in(call)
@@ -114,7 +114,7 @@ def test_all_in_pieces(subject: ClientUnderTest) -> None:
     def each(name: str) -> None:
         try:
             _served(subject, line, name)
-        except CaseFailed as error:  # as a whole it is served elsewhere
+        except CaseFailed as error:  # whole frames have cases of their own
             error.requirement = "2/5"
             raise
 
@@ -122,7 +122,7 @@ def test_all_in_pieces(subject: ClientUnderTest) -> None:
 
 
 def _served(subject: ClientUnderTest, line: IncomingConnection, name: str) -> None:
-    """Order an operation of this name, and see it to its good end."""
+    """Run an operation of this name to its successful end."""
     match name:
         case "upload":
             receive_upload(subject, line, _FILE)
@@ -143,7 +143,7 @@ def _served(subject: ClientUnderTest, line: IncomingConnection, name: str) -> No
 
 @client_case("2/5", name="interrupted")
 def test_request_within_a_reply(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Half a reply has come when the client sends another request; then comes the rest."""
+    """The client sends another request between the two halves of a reply."""
     subject.require_concurrency(line)
     for name in examples(("get_version", "set_digital_output", "emergency_stop")):
         query = subject.begin("get_joint_angles")
@@ -151,9 +151,7 @@ def test_request_within_a_reply(subject: ClientUnderTest, line: IncomingConnecti
         data = _reply(line, query.name)
         line.send_bytes(data[: len(data) // 2])
         other = begin_operation(subject, name)
-        line.hears(
-            subject.answer_timeout_s
-        )  # the request, or a query that the client makes before it
+        line.hears(subject.answer_timeout_s)  # the request, or a poll that the client sends first
         line.send_bytes(data[len(data) // 2 :])
         request = line.request(name, other)
         expect_reply_reported(subject, query, query.name, REPLIES[query.name])
@@ -166,7 +164,7 @@ def test_request_within_a_reply(subject: ClientUnderTest, line: IncomingConnecti
 
 @client_case("2/6", attended=True)
 def test_result_with_its_reply(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The first reply and the final result of a command come in one segment."""
+    """The first reply and the final result of a command arrive in one segment."""
     call = begin_operation(subject, "run_program")
     await_request(line, call.name, call)
     reply = line.frame("run_program", data=b"1").encode()
@@ -176,9 +174,9 @@ def test_result_with_its_reply(subject: ClientUnderTest, line: IncomingConnectio
 
 @client_case("2/6", name="list")
 def test_parts_of_a_list(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The parts of a program list, as full as they can be, come in one segment."""
+    """All parts of a program list, each of full size, arrive in one segment."""
     if subject.dialect["list_cont"] == "request" or fetches_parts(subject, line):
-        raise CaseSkipped("the client fetches each part of a list")
+        raise CaseSkipped("the client requests each part of a list")
     names = [f"pro{number:03}.rob" for number in range(8 * _FULL_PART)]
     parts = list_parts(*names, per_part=_FULL_PART)
     frames = [line.frame("list_programs", data=part) for part in parts]
@@ -190,7 +188,7 @@ def test_parts_of_a_list(subject: ClientUnderTest, line: IncomingConnection) -> 
 
 @client_case("2/6", name="two-replies")
 def test_two_replies(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The replies to two requests come in one segment, and so do their requests perhaps."""
+    """The replies to two requests arrive in one segment."""
     subject.require_concurrency(line)
     names = subject.prefer_unpolled("get_status", "get_version", "get_time")
     calls = [subject.begin(name) for name in names]
@@ -203,7 +201,7 @@ def test_two_replies(subject: ClientUnderTest, line: IncomingConnection) -> None
 
 @client_case("2/6", name="first-replies")
 def test_first_reply_behind_another(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The first reply of each two-stage command comes in one segment with one to a query."""
+    """The first reply of each two-stage command arrives in one segment after a query reply."""
     subject.require_concurrency(line)
 
     def each(name: str) -> None:
@@ -221,7 +219,7 @@ def test_first_reply_behind_another(subject: ClientUnderTest, line: IncomingConn
 
 @client_case("2/6", name="among-others")
 def test_result_among_others(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A final result comes behind each frame of a list, a setting, and both transfers."""
+    """A final result follows each frame of a list, a setting, an upload and a download."""
     ending = line.result_frame(RUN.name).encode()
 
     def each(name: str) -> None:
@@ -238,7 +236,7 @@ def test_result_among_others(subject: ClientUnderTest, line: IncomingConnection)
 
 @client_case("2/6", name="behind-others")
 def test_reply_behind_others(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Frames that nobody waits for come ahead of a reply, in one segment with it."""
+    """Unexpected final results arrive before a reply, in the same segment."""
     for count in examples((1, 2, 9)):
         call = subject.begin("get_version")
         await_request(line, call.name, call)

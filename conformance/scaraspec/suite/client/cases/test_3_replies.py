@@ -1,4 +1,4 @@
-"""Clause 3: what a client makes of the frames that it is sent (L92-L98, L320-L321)."""
+"""Clause 3: how a client interprets the frames that it receives (L92-L98, L320-L321)."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -44,7 +44,7 @@ _MARKS: Final = (
     b"\xaa\x09\x00\xcc" * 60,
     bytes(range(256)),
 )
-"""Contents full of start and end bytes; some look like frames of either direction."""
+"""Contents full of start and end bytes. Some look like frames of either direction."""
 
 _PENDING: Final = (
     "get_status",
@@ -59,14 +59,14 @@ _SMALL: Final = bytes(range(200)) * 2
 _FRAMING: Final = 4  # start, opcode, length, end
 
 
-# ---------------------------------------------------------------------- counting
+# ---------------------------------------------------------------------- data and length
 
 
 @client_case("3/9")
 def test_marks_in_data(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A file full of 0xAA and 0xCC is downloaded, and is on the client's disk as it was sent.
+    """The client downloads a file full of 0xAA and 0xCC and stores it unchanged.
 
-    The last chunk comes in two segments: data may look like frames while its frame is not whole.
+    The last chunk arrives in two segments: data of an incomplete frame may look like frames.
     """
     for content in examples(_MARKS):
         local = subject.missing_file()
@@ -83,29 +83,29 @@ def test_marks_in_data(subject: ClientUnderTest, line: IncomingConnection) -> No
         line.send_bytes(data[len(data) // 2 :])
         line.request("download_chunk")
         subject.expect_done(call)
-        expect_equal(Path(local).read_bytes(), content, "the file that was downloaded")
+        expect_equal(Path(local).read_bytes(), content, "the downloaded file differs")
 
 
 @client_case("3/9", name="results-in-files")
 def test_results_in_data(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A file full of final results is downloaded while a program runs, which goes on."""
+    """The client downloads a file full of final results while a program runs and continues."""
     require_while_executing(subject, line, "download")
     run = begin_and_accept(subject, line, RUN)
     ending = line.result_frame(RUN.name).encode()
     send_download(subject, line, ending * 50)
-    subject.expect_pending(run, "data of a chunk were taken for a final result", requirement="3/9")
+    subject.expect_pending(run, "the client took chunk data for a final result", requirement="3/9")
     line.result(RUN.name)
     expect_finished(subject, run)
 
 
 @client_case("3/9", name="within-strays")
 def test_replies_in_data(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Ahead of a reply come frames that nobody awaits; another reply is within their data."""
+    """Unexpected frames with a reply in their data arrive before the real reply."""
     within = Frame(C2A, 0x09, b"01").encode()
     for stray in examples((Frame(C2A, 0x08, within), Frame(C2A, 0x30, within, tagged=True))):
         call = subject.begin("get_status")
         await_request(line, "get_status", call)
-        why = "the data of another frame were taken for the reply"
+        why = "the client took the data of another frame for the reply"
         if _ignored(subject, line, call, stray, why=why):
             line.reply("get_status", "00")
             subject.expect_result(call, "00")
@@ -115,7 +115,7 @@ def test_replies_in_data(subject: ClientUnderTest, line: IncomingConnection) -> 
 
 @client_case("3/9", name="length")
 def test_marks_as_lengths(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The length byte of a reply is 0xAA, 0xCC, and the tag of results."""
+    """The length byte of a reply equals the start byte, the end byte or the tag."""
     for size_bytes in examples((0xAA, 0xCC, TAG)):
         names = [f"{number:03}.rob" for number in range((size_bytes - 2) // 8)]
         data = "|".join(["0", *names]).encode()
@@ -130,7 +130,7 @@ def test_marks_as_lengths(subject: ClientUnderTest, line: IncomingConnection) ->
 
 @client_case("3/13")
 def test_tag(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The final result of each two-stage command has the tag, and is read as what it is."""
+    """The final result of each two-stage command carries the tag; the client accepts it."""
 
     def each(name: str) -> None:
         call = begin_operation(subject, name)
@@ -144,7 +144,7 @@ def test_tag(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("3/13", name="cut")
 def test_cut_at_the_tag(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The final result of each two-stage command is cut behind its tag, opcode and length."""
+    """A final result is split after its tag, opcode, length and first data byte."""
 
     def each(name: str) -> None:
         for cut in examples((1, 2, 3, 4)):
@@ -161,7 +161,7 @@ def test_cut_at_the_tag(subject: ClientUnderTest, line: IncomingConnection) -> N
 
 @client_case("3/13", name="next")
 def test_frame_behind_a_tagged_one(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A reply follows a tagged frame in the same segment, or is sent where that one was cut."""
+    """A reply follows a tagged frame, in the same segment or in the middle of a split frame."""
     result = line.result_frame("simulate_program").encode()
     reply = line.frame("get_status", data=b"04").encode()
     for cut in examples(range(len(result) + 1)):
@@ -173,21 +173,21 @@ def test_frame_behind_a_tagged_one(subject: ClientUnderTest, line: IncomingConne
         subject.expect_result(call, "04")
 
 
-# ---------------------------------------------------------------------- what nobody has defined
+# ---------------------------------------------------------------------- undefined opcodes
 
 
 def _ignored(
     subject: ClientUnderTest, line: IncomingConnection, call: Call, *frames: Frame, why: str
 ) -> bool:
-    """Send what must not be taken for the reply to an open order.
+    """Send frames that the client must not take for the reply to a pending operation.
 
     Returns:
-        Whether the order is still open: a client may give it up, and close the connection.
+        Whether the operation is still pending: a client may abort it and close the connection.
 
     Raises:
-        CaseFailed: The client takes it for the reply.
+        CaseFailed: The client takes a frame for the reply.
     """
-    with suppress(NoReply):  # it has closed already
+    with suppress(NoReply):  # the client has closed the connection
         line.send_bytes(b"".join(map(Frame.encode, frames)))
         line.wait(_SHORT_S)
     if line.over:
@@ -201,8 +201,8 @@ def _ignored(
 def _given_up(
     subject: ClientUnderTest, line: IncomingConnection, requirement: str
 ) -> IncomingConnection:
-    """Go on after the client has given an order up for what it was sent."""
-    subject.tolerate(requirement, "A-3-9", "close", "the client gave its order up")
+    """Continue after the client has aborted an operation because of an unexpected frame."""
+    subject.tolerate(requirement, "A-3-9", "close", "the client aborted the operation")
     if not line.over:
         return line
     subject.wait_for_answer(subject.begin("disconnect"))
@@ -211,12 +211,12 @@ def _given_up(
 
 @client_case("3/22")
 def test_undefined_opcodes(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Frames with every undefined opcode come ahead of a reply; the client takes the reply."""
+    """Frames with every undefined opcode arrive before a reply; the client takes the reply."""
     for data in examples((b"", b"1", b"00", b"0|a.rob")):
         call = subject.begin("get_status")
         await_request(line, "get_status", call)
         frames = [Frame(C2A, opcode, data) for opcode in _UNDEFINED]
-        why = "a frame with an undefined opcode was taken for a reply"
+        why = "the client took a frame with an undefined opcode for a reply"
         if not _ignored(subject, line, call, *frames, why=why):
             line = _given_up(subject, line, "3/22")
             continue
@@ -226,14 +226,14 @@ def test_undefined_opcodes(subject: ClientUnderTest, line: IncomingConnection) -
 
 @client_case("3/22", name="idle")
 def test_undefined_while_idle(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Frames with undefined opcodes come while nothing is asked, some with the tag."""
+    """Frames with undefined opcodes, some with the tag, arrive while no request is pending."""
     for opcode in (0x02, 0x10, 0x3E, 0x46, 0x7F, 0xFF):
         for tagged in examples((False, True)):
-            with suppress(NoReply):  # it has closed already
+            with suppress(NoReply):  # the client has closed the connection
                 line.send_frame(Frame(C2A, opcode, b"11", tagged))
     call = subject.begin("get_status")
     if sent_or_answered(subject, line, call) is not None:
-        with suppress(NoReply):  # it may look at them only now, and close
+        with suppress(NoReply):  # the client may process them only now, and close
             line.reply("get_status", "00")
         subject.wait_for_answer(call)
     if not call.ok:
@@ -243,12 +243,12 @@ def test_undefined_while_idle(subject: ClientUnderTest, line: IncomingConnection
     subject.expect_result(call, "00")
 
 
-# ---------------------------------------------------------------------- late, in pieces, overtaken
+# ---------------------------------------------------------------------- late, split and reordered
 
 
 @client_case("3/27")
 def test_late_reply(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A reply is late, and then comes in two pieces with a pause between them."""
+    """A reply arrives late, in two pieces with a pause between them."""
     call = subject.begin("get_version")
     await_request(line, "get_version", call)
     line.wait(_LATE_S)
@@ -261,7 +261,7 @@ def test_late_reply(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("3/27", name="result-of-nobody")
 def test_overtaken_by_an_old_result(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The final result of a command of before comes ahead of each reply, and in the midst of it."""
+    """The final result of an earlier command arrives before each reply."""
     for name in examples(_TWO_STAGE):
         call = subject.begin("get_version")
         await_request(line, "get_version", call)
@@ -272,7 +272,7 @@ def test_overtaken_by_an_old_result(subject: ClientUnderTest, line: IncomingConn
 
 @client_case("3/27", name="overtaken")
 def test_overtaken(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The final result of a command that executes overtakes the reply to a query."""
+    """The final result of an executing command arrives before the reply to a later query."""
     require_while_executing(subject, line, "get_time")
     run = begin_operation(subject, "run_program")
     line.serve(run, data=b"1")
@@ -286,7 +286,7 @@ def test_overtaken(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("3/27", name="meanwhile")
 def test_replies_meanwhile(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Queries are answered while a command executes; its final result comes after them."""
+    """Queries are answered while a command executes; its final result arrives after them."""
     require_while_executing(subject, line, "get_status")
     run = begin_operation(subject, "run_program")
     line.serve(run, data=b"1")
@@ -294,14 +294,14 @@ def test_replies_meanwhile(subject: ClientUnderTest, line: IncomingConnection) -
         query = subject.begin("get_status")
         line.serve(query, status)
         subject.expect_result(query, status)
-    subject.expect_pending(run, "run_program is over, and its final result has not come")
+    subject.expect_pending(run, "the client reports the end of run_program before its final result")
     line.result("run_program")
     expect_completed(subject, run)
 
 
 @client_case("3/27", name="among-others")
 def test_result_among_others(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A final result comes while other requests, and both transfers, wait for an answer."""
+    """A final result arrives while another request, an upload or a download is pending."""
 
     def each(name: str) -> None:
         require_while_executing(subject, line, name)
@@ -336,7 +336,7 @@ def _ends(subject: ClientUnderTest, line: IncomingConnection, run: Call) -> None
     expect_finished(subject, run, requirement="3/27")
 
 
-# ---------------------------------------------------------------------- whose reply it is
+# ---------------------------------------------------------------------- matching replies
 
 _OTHERS: Final = (
     Frame(C2A, 0x08, b"00"),
@@ -347,16 +347,16 @@ _OTHERS: Final = (
     Frame(C2A, 0x09, b"01", tagged=True),
     Frame(C2A, 0x30, b"11", tagged=True),
 )
-"""Frames that are no reply to 0x09: another opcode, or the tag."""
+"""Frames that do not answer 0x09: another opcode, or the tag."""
 
 
 @client_case("3/33")
 def test_reply_of_another(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Frames of other commands, and tagged ones, come ahead of the reply to get_status."""
+    """Frames of other commands, and tagged frames, arrive before the reply to get_status."""
     for frame in examples(_OTHERS):
         call = subject.begin("get_status")
         await_request(line, "get_status", call)
-        why = UserMessage("the client took {frame} for the reply to 09", frame=frame)
+        why = UserMessage("the client took {frame} for the reply to get_status (09)", frame=frame)
         if not _ignored(subject, line, call, frame, why=why):
             line = _given_up(subject, line, "3/33")
             continue
@@ -380,12 +380,12 @@ _OTHERWISE: Final = {
     "get_analog_input": b"1|7",
     "get_digital_outputs": b"1|0101010101010101",
 }
-"""What would be a reply to these, if it had their opcode, and says something else."""
+"""Other valid replies to these queries."""
 
 
 @client_case("3/33", name="query")
 def test_reply_of_another_query(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """What would be its reply comes ahead of it under the opcode of every other query."""
+    """A matching reply arrives under the opcode of every other query before the real reply."""
 
     def each(name: str) -> None:
         nonlocal line
@@ -393,7 +393,7 @@ def test_reply_of_another_query(subject: ClientUnderTest, line: IncomingConnecti
         others = [BY_NAME[other].opcode for other in _OTHERWISE if other != name]
         frames = [Frame(C2A, opcode, _OTHERWISE[name]) for opcode in others]
         why = UserMessage(
-            "the client took the reply to another query for that to {name}", name=name
+            "the client took the reply to another query for the reply to {command}", command=name
         )
         if not _ignored(subject, line, call, *frames, why=why):
             line = _given_up(subject, line, "3/33")
@@ -406,23 +406,23 @@ def test_reply_of_another_query(subject: ClientUnderTest, line: IncomingConnecti
 
 _YES_TO_OTHERS: Final = {
     "set_time": (0x03, 0x0C, 0x35),
-    "set_default_program": (0x0F,),  # whose own reply may bear the opcode of this one (A-4.14-1)
+    "set_default_program": (0x0F,),  # that reply may carry the opcode of this command (A-4.14-1)
     "run_program": (0x31,),
     "simulate_program": (0x30,),
 }
-"""Opcodes of others under which a 1 is no answer to this."""
+"""Opcodes of other commands: a 1 with such an opcode does not answer this command."""
 
 
 @client_case("3/33", name="flag")
 def test_flag_of_another(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A yes to another command comes ahead of the no to this one; or the connection ends."""
+    """The success of another command arrives before the refusal of this one, or the link closes."""
 
     def each(name: str) -> None:
         nonlocal line
         for opcode in examples(_YES_TO_OTHERS[name]):
             call = begin_operation(subject, name)
             await_request(line, name, call)
-            why = "the client took the reply to another command for its own"
+            why = "the client took the reply to another command for the reply to this one"
             if not _ignored(subject, line, call, Frame(C2A, opcode, b"1"), why=why):
                 line = _given_up(subject, line, "3/33")
                 continue
@@ -439,7 +439,7 @@ def test_flag_of_another(subject: ClientUnderTest, line: IncomingConnection) -> 
 
 @client_case("3/33", name="result-first")
 def test_result_ahead_of_its_reply(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A tagged frame of its own opcode comes ahead of the first reply, which is a refusal."""
+    """A tagged frame with the opcode of the command arrives before the first reply, a refusal."""
 
     def each(name: str) -> None:
         nonlocal line

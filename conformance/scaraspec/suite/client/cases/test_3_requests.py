@@ -1,4 +1,4 @@
-"""Clause 3: the frames that a client sends, and what it leaves out between them (L85-L98)."""
+"""Clause 3: the frames that a client sends, and the bytes between them (L85-L98)."""
 
 from typing import Final
 
@@ -29,19 +29,19 @@ _SIGNED: Final = 127
 _TOO_LONG_BYTES: Final = (256, 257, 300, 511, 512, 600)
 _WIDE: Final = (
     "程" * 130
-).encode()  # fewer than 255 characters, also in GB18030 more bytes (A-T-2)
+).encode()  # fewer than 255 characters, but more bytes, also in GB18030 (A-T-2)
 _PAUSE_S: Final = 0.3
 _TWICE: Final = {
     "get_status": ("00", "01"),
     "get_version": ("1.0.0", "1.0.1"),
     "get_time": ("20141222143000", "20141222143001"),
 }
-"""Two answers to the same question."""
+"""Two different replies to the same query."""
 
 
 @client_case("3/1", "3/2", "3/3", "3/7", "3/10", "3/15", "3/32")
 def test_every_request(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Every operation with the document's example; its request is a frame, and the right one."""
+    """The client sends one correct frame for every operation with the example of the document."""
 
     def each(name: str) -> None:
         call, request = request_operation(subject, line, name)
@@ -54,7 +54,7 @@ def test_every_request(subject: ClientUnderTest, line: IncomingConnection) -> No
 
 @client_case("3/8")
 def test_requests_without_data(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Every operation that takes nothing; behind the length 0 the end byte follows at once."""
+    """The client sends length 0 and then the end byte for every operation without data."""
 
     def each(name: str) -> None:
         call, request = request_operation(subject, line, name)
@@ -67,25 +67,25 @@ def test_requests_without_data(subject: ClientUnderTest, line: IncomingConnectio
 
 @client_case("3/6", "3/7", "3/1")
 def test_lengths(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A pair of passwords makes a request of up to 255 bytes, unless the client refuses that."""
+    """The client sends a pair of passwords of up to 255 bytes correctly, or refuses it."""
     for size_bytes in examples(_LENGTHS_BYTES):
         old = b"o" * ((size_bytes - 1) // 2)
         pair = PasswordChange(old, b"n" * (size_bytes - 1 - len(old)))
         call = begin_operation(subject, "set_password", pair)
         if sent_or_answered(subject, line, call) is None:
-            continue  # it has a lower limit of its own
+            continue  # the client has a lower limit
         _expect_frame(line, call, BY_NAME["set_password"].request.encode(pair))
         line.reply("set_password", data=b"0")
         subject.wait_for_answer(call)
 
 
 def _expect_frame(line: IncomingConnection, call: Call, data: bytes) -> None:
-    """What an order has brought about has to be one frame with this data."""
+    """Require that an operation produces one frame with this data."""
     expect_valid_bytes(line, length_requirement="3/6" if len(data) > _SIGNED else "3/7")
     frame = line.request(call.name, call).frame
     expect(
         frame.data.rstrip(b"|\0") == data,
-        "the request carries another number of bytes, or others",
+        "the request carries wrong data",
         expected=f"{len(data)} bytes",
         observed=f"{len(frame.data)} bytes",
         requirement="T/10",
@@ -94,7 +94,7 @@ def _expect_frame(line: IncomingConnection, call: Call, data: bytes) -> None:
 
 @client_case("3/28")
 def test_too_long(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """What does not fit 255 bytes is ordered, and must not be sent; nor may a part of it."""
+    """The client refuses values of more than 255 bytes and sends no part of them."""
 
     def each(name: str) -> None:
         for size_bytes in examples(_TOO_LONG_BYTES):
@@ -109,7 +109,7 @@ def test_too_long(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("3/32", "3/10", name="idle")
 def test_idle(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The client is left alone for a moment, between its requests and with one unanswered."""
+    """The client sends nothing undefined while idle or while a request is pending."""
     line.wait(_PAUSE_S)
     expect_valid_bytes(line)
     call = subject.begin("get_version")
@@ -122,7 +122,7 @@ def test_idle(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("3/10", "3/32", name="farewell")
 def test_farewell(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The client hangs up, and sends nothing that nobody has defined by way of farewell."""
+    """The client sends nothing undefined when it disconnects."""
     subject.wait_for_answer(subject.begin("disconnect"))
     line.pump()
     expect_valid_bytes(line)
@@ -133,28 +133,30 @@ def test_farewell(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("3/25")
 def test_one_at_a_time(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The same is asked for twice at once; each answer goes to who asked for it."""
+    """Two equal queries are started at the same time; each gets its own reply."""
     subject.require_concurrency(line)
     name, _ = subject.prefer_unpolled(*_TWICE)
     if subject.has_polled(name):
         raise CaseSkipped(
-            UserMessage("the client asks by itself for all of {twice}", twice=", ".join(_TWICE))
+            UserMessage("the client polls all of {queries}", queries=", ".join(_TWICE))
         )
     one, other = _TWICE[name]
     first = subject.begin(name)
     line.request(name, first)
-    second = subject.begin(name)  # not before: a driver may begin two orders as it likes
+    second = subject.begin(name)  # not earlier: a driver may start two operations in any order
     line.wait(_PAUSE_S)
     if any(seen.name == name for seen in line.inbox):
         subject.tolerate(
             "3/25",
             "A-3-14",
             "two open requests",
-            UserMessage("{name} is sent twice at once", name=name),
+            UserMessage(
+                "the client sends {command} twice without waiting for the reply", command=name
+            ),
         )
     line.reply(name, one)
     if sent_or_answered(subject, line, second) is None:
-        subject.expect_result(second, one)  # it was content with the answer to the first
+        subject.expect_result(second, one)  # the client used the reply to the first query
     else:
         line.request(name, second)
         line.reply(name, other)

@@ -1,7 +1,7 @@
-"""Clause 3: bytes that are no frame. Where the next frame is looked for is a reading (A-3-10).
+"""Clause 3: bytes that are not a frame. Where the next frame begins is an open point (A-3-10).
 
-The document says nothing of them. What counts is that the client takes none of them for a reply,
-and that it serves the next frame, on the same connection or on a new one.
+The document does not define this. The client must not take such bytes for a reply, and it must
+accept the next frame on the same connection or on a new one.
 """
 
 from contextlib import suppress
@@ -25,7 +25,7 @@ from scaraspec.suite.engine.expectations import CaseFailed, NoReply
 
 _TURN_S: Final = 0.02
 _PATIENCE_S: Final = 0.3
-_SLOW_DRIVER_S: Final = 3.0  # a client that waits in vain gives up after 5 s (A-3-15)
+_SLOW_DRIVER_S: Final = 3.0  # a client times out on a reply after 5 s (A-3-15)
 _GOOD: Final = Frame(C2A, 0x09, b"00").encode()
 _STRAYS: Final = (
     b"\x00",
@@ -36,7 +36,7 @@ _STRAYS: Final = (
     b"\xaa\x09\x00",
     bytes(range(0xA0)) * 20,
 )
-"""No byte of these begins a frame."""
+"""None of these bytes begins a frame."""
 
 _SPOILT: Final = tuple(
     Frame(C2A, 0x09, b"11").encode()[:-1] + bytes((end,)) for end in (0x00, 0x0D, 0xAB, 0xBB, 0xFF)
@@ -46,14 +46,14 @@ _HALVES: Final = (
     b"\xcc\x09",
     b"\xcc\x09\x02",
     b"\xcc\x09\x02\x30\x30",
-    b"\xcc\x09\x04",  # lacks as many bytes as the reply to the next login has
+    b"\xcc\x09\x04",  # the missing bytes are as many as in the reply to the next login
     b"\xcc\x0b\xff" + b"0|a.rob|b.rob" * 4,
     b"\xcc\x90\x30\x02",
 )
 
 
 def _settles(line: IncomingConnection, call: Call, within_s: float) -> bool:
-    """Whether an order is over in this time, or the connection is."""
+    """Whether the operation or the connection ends within this time."""
     for _ in range(round(within_s / _TURN_S)):
         if call.answer is not None or line.over:
             return True
@@ -64,13 +64,13 @@ def _settles(line: IncomingConnection, call: Call, within_s: float) -> bool:
 def _recovers(
     subject: ClientUnderTest, line: IncomingConnection, requirement: str, *segments: bytes
 ) -> IncomingConnection:
-    """Send segments with bytes that are no frame and one reply, which has to be served somehow.
+    """Send segments with invalid bytes and one reply, and require that the client recovers.
 
     Returns:
-        The connection to go on with.
+        The connection to continue with.
 
     Raises:
-        CaseFailed: The client takes something else for the reply, or stalls.
+        CaseFailed: The client takes other bytes for the reply, or stalls.
     """
     call = subject.begin("get_status")
     await_request(line, "get_status", call)
@@ -79,13 +79,18 @@ def _recovers(
             line.send_bytes(segment)
             line.wait(_TURN_S)
     if not _settles(line, call, _PATIENCE_S):
-        subject.tolerate(requirement, "resync", "flush", "what came with bad bytes was dropped")
+        subject.tolerate(
+            requirement,
+            "resync",
+            "flush",
+            "the client dropped a frame that arrived with invalid bytes",
+        )
         with suppress(NoReply):
             line.send_bytes(_GOOD)
         if not _settles(line, call, _SLOW_DRIVER_S):
             raise CaseFailed(
-                "bytes that are no frame keep the client from the next frame",
-                expected="the reply behind them is served, or the connection ended",
+                "the client accepts no frame after invalid bytes",
+                expected="the next reply is accepted, or the connection ends",
                 observed="neither",
                 requirement=requirement,
             )
@@ -93,7 +98,7 @@ def _recovers(
         subject.expect_result(call, "00", requirement=requirement)
         return line
     subject.expect_failure(call, requirement=requirement)
-    subject.tolerate(requirement, "resync", "close", "the client gave up what it was doing")
+    subject.tolerate(requirement, "resync", "close", "the client aborted the operation")
     line.close()
     subject.wait_for_answer(subject.begin("disconnect"))
     return subject.open(judged=False)
@@ -101,7 +106,7 @@ def _recovers(
 
 @client_case("3/19")
 def test_stray_bytes(subject: ClientUnderTest) -> None:
-    """Bytes that begin no frame come ahead of a reply."""
+    """Bytes that begin no frame arrive before a reply."""
     line = subject.open(judged=False)
     for stray in examples(_STRAYS):
         line = _recovers(subject, line, "3/19", stray, _GOOD)
@@ -109,7 +114,7 @@ def test_stray_bytes(subject: ClientUnderTest) -> None:
 
 @client_case("3/19", name="joined")
 def test_joined_with_a_reply(subject: ClientUnderTest) -> None:
-    """Bytes that begin no frame come in one segment with the reply behind them, and before one."""
+    """Bytes that begin no frame arrive in one segment with a reply, before and after it."""
     line = subject.open(judged=False)
     for stray in examples(_STRAYS):
         line = _recovers(subject, line, "3/19", stray + _GOOD + stray)
@@ -117,7 +122,7 @@ def test_joined_with_a_reply(subject: ClientUnderTest) -> None:
 
 @client_case("3/20")
 def test_wrong_end(subject: ClientUnderTest) -> None:
-    """A reply with a wrong end byte comes ahead of the right one, which says something else."""
+    """A reply with a wrong end byte arrives before the correct reply with other data."""
     line = subject.open(judged=False)
     for spoilt in examples(_SPOILT):
         line = _recovers(subject, line, "3/20", spoilt, _GOOD)
@@ -125,7 +130,7 @@ def test_wrong_end(subject: ClientUnderTest) -> None:
 
 @client_case("3/20", name="result")
 def test_wrong_end_of_a_result(subject: ClientUnderTest) -> None:
-    """A final result with a wrong end byte tells of success; the right one behind it does not."""
+    """A final result with a wrong end byte reports success; the correct one reports a failure."""
     line = subject.open(judged=False)
     for end in examples((0x00, 0xAB)):
         call = begin_and_accept(subject, line, RUN)
@@ -134,16 +139,18 @@ def test_wrong_end_of_a_result(subject: ClientUnderTest) -> None:
         with suppress(NoReply):
             line.send_bytes(spoilt)
             line.wait(_TURN_S)
-            for _ in range(2):  # a client may drop what came with bad bytes
+            for _ in range(2):  # a client may drop frames that arrive with invalid bytes
                 if not _settles(line, call, _PATIENCE_S):
                     line.result(RUN.name, "12")
-        expect_final_failure(subject, call, "a final result with a wrong end byte was taken")
+        expect_final_failure(
+            subject, call, "the client accepted a final result with a wrong end byte"
+        )
         line = reopen(subject, line)
 
 
 @client_case("3/29")
 def test_half_a_frame(subject: ClientUnderTest) -> None:
-    """A reply stops half-way, and then the connection ends; on the next one all is well."""
+    """The connection ends in the middle of a reply; the client works on the next connection."""
     for number, half in examples(enumerate(_HALVES)):
         line = subject.open(judged=False)
         call = subject.begin("get_status")
@@ -163,7 +170,7 @@ def test_half_a_frame(subject: ClientUnderTest) -> None:
 
 @client_case("3/29", name="silence")
 def test_silence_behind_half_a_frame(subject: ClientUnderTest) -> None:
-    """A reply stops half-way and nothing follows; the client can hang up and connect again."""
+    """A reply stops in the middle; the client can disconnect and connect again."""
     for half in examples(_HALVES):
         line = subject.open(judged=False)
         subject.require_concurrency(line)

@@ -1,4 +1,4 @@
-"""4.1: logging in."""
+"""4.1: login."""
 
 from typing import Final
 
@@ -21,7 +21,7 @@ _PRINTABLE: Final = st.characters(min_codepoint=0x20, max_codepoint=0x7E, exclud
 _LONG_BYTES: Final = (16, 17, 31, 32, 33, 64, 127, 128, 200, 255)
 _MOMENT_S: Final = 0.05
 _REFUSED: Final = "PassWord"
-_NO_YES: Final = (
+_NOT_SUCCESS: Final = (
     b"0",
     b"",
     b"2",
@@ -37,12 +37,12 @@ _NO_YES: Final = (
     b"\x01",
     b"1" * 9,
 )
-"""Everything but the one character 1."""
+"""Replies other than the character 1."""
 
 
 @client_case("4.1/1", attended=True)
 def test_connect_logs_in(subject: ClientUnderTest) -> None:
-    """Several passwords are connected with, and each is sent as it is."""
+    """The client connects with several passwords and sends each password unchanged."""
     for password in examples(("password", "PassWord", "p")):
         with subject.allow_refusal():
             line, call = subject.begin_connect(password=password)
@@ -56,7 +56,7 @@ def test_connect_logs_in(subject: ClientUnderTest) -> None:
 
 @client_case("4.1/1", name="passwords")
 def test_passwords(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Passwords of many characters are logged in with, one after the other, with blanks too."""
+    """The client logs in with passwords of many characters, including blanks."""
 
     @example(" a b ")
     @example("\"'\\%s%%{}<>&;#")
@@ -70,7 +70,7 @@ def test_passwords(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.1/1", "T/10", name="long")
 def test_long_passwords(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Long passwords are sent whole, or refused by the client."""
+    """The client sends long passwords completely, or refuses them."""
     for size_bytes in examples(_LONG_BYTES):
         _log_in(subject, line, b"".join(b"%d" % (i % 10) for i in range(size_bytes)))
 
@@ -87,7 +87,7 @@ def _log_in(subject: ClientUnderTest, line: IncomingConnection, password: bytes)
 
 @client_case("4.1/5", attended=True)
 def test_refused_login(subject: ClientUnderTest) -> None:
-    """The login is answered with 0; the client says so, and sends nothing but another login."""
+    """The login is refused; the client reports it and sends only further logins."""
     line, call = subject.begin_connect()
     line.log_in(call, reply=b"0")
     subject.expect_failure(call, requirement="4.1/8")
@@ -97,18 +97,18 @@ def test_refused_login(subject: ClientUnderTest) -> None:
 
 @client_case("4.1/5", "T/10", name="told-to")
 def test_told_to_go_on(subject: ClientUnderTest) -> None:
-    """The login is answered with 0; operations are ordered all the same, and none is sent.
+    """The login is refused; the client sends no operation that is started afterwards.
 
-    Nor is a password that nobody has given, in place of the refused one.
+    It also must not log in with a password that was not given.
     """
     line, call = subject.begin_connect(password=_REFUSED)
     await_request(line, "login", call)
     line.reply("login", data=b"0")
     subject.expect_failure(call, requirement="4.1/8")
-    again = line.auto_responder.refused("login")
+    again = line.auto_responder.last_request_not_granted("login")
     expect(
         again is None or again.text == _REFUSED.encode(),
-        "the client logs in with another password than the one that it was given",
+        "the client logs in with a password that was not given",
         requirement="T/10",
     )
     for name in examples(
@@ -121,25 +121,25 @@ def test_told_to_go_on(subject: ClientUnderTest) -> None:
 
 
 def _expect_logins(line: IncomingConnection) -> None:
-    """Nothing else may have been sent.
+    """Require that the client sends nothing except logins.
 
     Raises:
-        CaseFailed: It has.
+        CaseFailed: The client sends something else.
     """
     line.flush()
     others = [f"{seen.frame}" for seen in line.inbox if seen.name != "login"]
     if others or line.invalid_bytes:
         raise CaseFailed(
-            "the client goes on after a refused login",
+            "the client continues after a refused login",
             expected="nothing, or another login",
-            observed="; ".join(others) or "bytes that are no frame",
+            observed="; ".join(others) or "invalid bytes",
         )
 
 
 @client_case("4.1/8")
 def test_anything_but_a_yes(subject: ClientUnderTest) -> None:
-    """The login is answered with everything but 1, and the client takes it for failed."""
-    for reply in examples(_NO_YES):
+    """The login is answered with values other than 1; the client reports a failed login."""
+    for reply in examples(_NOT_SUCCESS):
         line, call = subject.begin_connect()
         line.log_in(call, reply=reply)
         subject.expect_failure(call)
@@ -149,7 +149,7 @@ def test_anything_but_a_yes(subject: ClientUnderTest) -> None:
 
 @client_case("4.1/8", name="unanswered")
 def test_hung_up(subject: ClientUnderTest) -> None:
-    """The connection ends in place of an answer to the login, which has failed then."""
+    """The connection ends before the login is answered; the client reports a failed login."""
     for cut in examples((False, True)):
         line, call = subject.begin_connect()
         await_request(line, "login", call)

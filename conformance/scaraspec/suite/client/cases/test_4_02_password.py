@@ -22,12 +22,12 @@ _BARRED: Final = (
 )
 _TOO_LONG_BYTES: Final = ((127, 128), (128, 127), (1, 254), (254, 1), (200, 200), (255, 255))
 _WIDE: Final = PasswordChange(("旧" * 60).encode(), ("新" * 70).encode())
-"""131 characters with the bar between them; too long in UTF-8 and in GB18030 (A-T-2)."""
+"""131 characters with the bar between them. Too long in UTF-8 and in GB18030 (A-T-2)."""
 
 
 @client_case("4.2/1", attended=True)
 def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The password is set, and that is refused; then it is set."""
+    """Setting the password is refused once and then accepted."""
     call, _ = request_operation(subject, line, "set_password")
     line.reply("set_password", data=b"0")
     subject.expect_failure(call)
@@ -38,7 +38,7 @@ def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.2/1", name="pairs")
 def test_pairs(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Pairs of passwords are sent whole, the old one first."""
+    """The client sends pairs of passwords completely, the old password first."""
 
     @example(b"o" * 60, b"n" * 60)
     @example(b"x", b"x")
@@ -56,14 +56,14 @@ def test_pairs(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.2/7")
 def test_bars(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A password with a bar in it is ordered, old or new; the client refuses it."""
+    """The client refuses an old or new password that contains a bar."""
     for pair in examples(_BARRED):
         expect_local_refusal(subject, line, "set_password", pair)
 
 
 @client_case("4.2/7", name="long")
 def test_too_long(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Pairs of more than 255 bytes are ordered, one of fewer characters; the client refuses."""
+    """The client refuses password pairs of more than 255 bytes, also with fewer characters."""
     for old, new in examples(_TOO_LONG_BYTES):
         expect_local_refusal(subject, line, "set_password", PasswordChange(b"o" * old, b"n" * new))
     expect_local_refusal(subject, line, "set_password", _WIDE)

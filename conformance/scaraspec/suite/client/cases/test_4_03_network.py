@@ -1,4 +1,4 @@
-"""4.3: asking for the network settings."""
+"""4.3: reading the network settings."""
 
 from typing import Final
 
@@ -19,13 +19,13 @@ _UNPADDED: Final = {"ip": "192.168.10.20", "mask": "255.255.255.0", "gateway": "
 
 @client_case("4.3/1", attended=True)
 def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """get_network is asked for without data, and answered."""
+    """The client sends get_network without data and reports the reply."""
     expect_reported(subject, line, "get_network", requirement="4.3/5")
 
 
 @client_case("4.3/5")
 def test_lengths(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The three fields have every legal length, from 7 to 15 characters."""
+    """The three addresses have every valid length from 7 to 15 characters."""
 
     @example("1.1.1.1", "0.0.0.0", "2.2.2.2")  # noqa: S104 - text of a reply, not bound to
     @example("255.255.255.254", "255.255.255.255", "192.168.100.100")
@@ -40,12 +40,14 @@ def test_lengths(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.3/5", name="padded")
 def test_padded(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Addresses are padded with zeros; the client says the same addresses, or that it will not."""
+    """The addresses are padded with zeros; the client reports the same addresses or an error."""
     call, _ = request_operation(subject, line, "get_network")
     line.reply("get_network", data=_PADDED)
     subject.wait_for_answer(call)
     if not call.ok:
-        subject.tolerate("4.3/5", "A-4.3-2", "unpadded", "padded addresses are not taken")
+        subject.tolerate(
+            "4.3/5", "A-4.3-2", "unpadded", "the client does not accept padded addresses"
+        )
         return
     as_sent = dict(zip(_UNPADDED, _PADDED.decode().split("|"), strict=True))
     if not matches(call.result, as_sent):

@@ -16,14 +16,14 @@ from scaraspec.suite.engine.examples import given
 _addresses: Final = st.ip_addresses(v=4, network="10.0.0.0/8").map(str)
 _MASKS: Final = ("255.0.0.0", "255.255.0.0", "255.255.255.0", "255.255.255.252")
 _OTHER: Final = Network("192.168.100.200", "255.255.255.128", "192.168.100.254")
-"""As ordinary as the document's example: no silence of the register lets a client decline it."""
+"""As ordinary as the example of the document: no open point allows a client to refuse it."""
 
 _READ_S: Final = 1.0
 
 
 @client_case("4.4/1")
 def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The network is set to the document's example, and that is refused."""
+    """Setting the network to the example of the document is refused."""
     call, _ = request_operation(subject, line, "set_network")
     line.reply("set_network", data=b"0")
     subject.expect_failure(call)
@@ -31,7 +31,7 @@ def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.4/1", name="addresses")
 def test_addresses(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Address, mask and gateway are sent whole, and in this order."""
+    """The client sends address, mask and gateway completely and in this order."""
 
     @example("1.1.1.1", "255.255.255.252", "2.2.2.2")
     @given(_addresses, st.sampled_from(_MASKS), _addresses)
@@ -50,7 +50,7 @@ def test_addresses(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.4/6", attended=True)
 def test_link_ends_behind_the_yes(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The connection ends as soon as the yes was sent; the client says done, and connects anew."""
+    """The link ends after the network was set; the client reports success and reconnects."""
     _lose(subject, line, cut=False)
     _lose(subject, subject.open(), cut=True)
 
@@ -59,7 +59,7 @@ def _lose(subject: ClientUnderTest, line: IncomingConnection, *, cut: bool) -> N
     call, _ = request_operation(subject, line, "set_network")
     line.reply("set_network", data=b"1")
     if cut:
-        subject.answers_within(call, _READ_S)  # a cut takes with it what has not been read
+        subject.answers_within(call, _READ_S)  # a reset discards data that was not read
         line.reset()
     else:
         line.close()
@@ -72,7 +72,7 @@ def _lose(subject: ClientUnderTest, line: IncomingConnection, *, cut: bool) -> N
 def test_link_is_lost_before_the_answer(
     subject: ClientUnderTest, line: IncomingConnection, *, cut: bool
 ) -> None:
-    """The link ends in place of an answer to the new network, which nobody has accepted then."""
+    """The link ends before the new network is accepted; the client reports a failure."""
     call, _ = request_operation(subject, line, "set_network")
     line.reset() if cut else line.close()
     subject.expect_failure(call)

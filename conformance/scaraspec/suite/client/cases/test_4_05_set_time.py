@@ -39,8 +39,8 @@ _IMPOSSIBLE: Final = (
     "201412221430",
     "2014122214300",
     "201412221430000",
-    "20141222143000\n",  # which the $ of many a pattern lets pass
-    "2014+122143000",  # whose parts are numbers to most languages, and so are the next one's
+    "20141222143000\n",  # many regular expressions with $ accept this
+    "2014+122143000",  # most languages parse the parts as numbers, also of the next one
     "２０１４１２２２１４３０００",
 )
 _EDGES: Final = tuple(
@@ -58,7 +58,7 @@ _CLOCK: Final = Clock("time")
 
 @client_case("4.5/1", attended=True)
 def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The time is set to the document's example; that is done, and then refused."""
+    """Setting the time to the example of the document succeeds once and is then refused."""
     call, _ = request_operation(subject, line, "set_time")
     line.reply("set_time", data=b"1")
     subject.expect_done(call)
@@ -69,7 +69,7 @@ def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.5/1", name="times")
 def test_times(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Times of two centuries are sent as 14 digits, with zeros where one digit would do."""
+    """The client sends times of two centuries as 14 digits with leading zeros."""
 
     @example(datetime(1999, 12, 31, 23, 59, 59))  # noqa: DTZ001 - the document names no zone
     @example(datetime(2001, 2, 3, 4, 5, 6))  # noqa: DTZ001 - the document names no zone
@@ -87,7 +87,7 @@ def test_times(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.5/2", name="edges")
 def test_edges_of_the_calendar(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The first and last times of years, months and days are sent as they are."""
+    """The client sends the first and last times of years, months and days unchanged."""
     for time in examples(_EDGES):
         call, _ = request_operation(subject, line, "set_time", time)
         line.reply("set_time", data=b"1")
@@ -96,7 +96,7 @@ def test_edges_of_the_calendar(subject: ClientUnderTest, line: IncomingConnectio
 
 @client_case("4.5/2", "4.5/1")
 def test_impossible_times(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Times that no calendar has, or of no 14 digits, are ordered; the client sends none."""
+    """The client does not send invalid times or times that are not 14 digits."""
     for text in examples(_IMPOSSIBLE):
         call = subject.begin("set_time", time=text)
         if sent_or_answered(subject, line, call) is None:
@@ -108,7 +108,7 @@ def test_impossible_times(subject: ClientUnderTest, line: IncomingConnection) ->
         _CLOCK.read(request.frame.data, notes)
         expect(
             not notes.issues,
-            UserMessage("the client was told to set the time to {text}, which it sends", text=text),
+            UserMessage("the client sends the invalid time {time}", time=text),
             expected="nothing, or a time of the calendar",
             observed=f"{request}",
         )

@@ -1,4 +1,4 @@
-"""4.6: asking for the time."""
+"""4.6: reading the time."""
 
 from datetime import datetime
 from typing import Final
@@ -13,20 +13,20 @@ from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
 
 _ONE_AFTER_ANOTHER: Final = (b"20080908090808", b"20080908090809", b"20080908090909")
-"""The same but for a second or a minute, and with digits that no octal number has."""
+"""Times that differ by a second or a minute, with digits that octal numbers do not have."""
 
 _TIMES: Final = st.datetimes(datetime(2000, 1, 1), datetime(2099, 12, 31, 23, 59, 59))  # noqa: DTZ001 - the document names no zone
 
 
 @client_case("4.6/1", attended=True)
 def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """get_time is asked for without data, and answered."""
+    """The client sends get_time without data and reports the reply."""
     expect_reported(subject, line, "get_time", requirement="T/9")
 
 
 @client_case("T/9", name="time")
 def test_times(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Times of a century are handed on, to the second, and as they are by then."""
+    """The client reports times of a century exactly, and never an earlier reply."""
 
     @example(datetime(2001, 2, 3, 4, 5, 6))  # noqa: DTZ001 - the document names no zone
     @example(datetime(2000, 2, 29))  # noqa: DTZ001 - the document names no zone

@@ -1,4 +1,4 @@
-"""4.7: asking for the version."""
+"""4.7: reading the version."""
 
 import re
 from typing import Final
@@ -24,18 +24,18 @@ _VERSIONS: Final = (
     "1.0.0." + "9" * 100,
     "v" * 255,
 )
-"""Three dotted integers are drawn, free text is tolerated (A-4.7-1)."""
+"""The document shows three dotted integers. Free text is tolerated (A-4.7-1)."""
 
 _DRAWN: Final = re.compile(r"[0-9]+\.[0-9]+\.[0-9]+")
 
 
 @client_case("4.7/1", attended=True)
 def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """get_version is asked for without data, and answered."""
+    """The client sends get_version without data and reports the reply."""
     expect_reported(subject, line, "get_version", requirement="4.7/5")
 
 
-def _tells(subject: ClientUnderTest, line: IncomingConnection, version: str) -> None:
+def _expect_reported(subject: ClientUnderTest, line: IncomingConnection, version: str) -> None:
     tolerated_as = None if _DRAWN.fullmatch(version) else ("A-4.7-1", "three numbers")
     expect_reported(
         subject,
@@ -49,18 +49,18 @@ def _tells(subject: ClientUnderTest, line: IncomingConnection, version: str) -> 
 
 @client_case("4.7/5")
 def test_versions(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Versions of 1 to 255 characters are handed on as they are."""
+    """The client reports versions of 1 to 255 characters unchanged."""
     for version in examples(_VERSIONS):
-        _tells(subject, line, version)
+        _expect_reported(subject, line, version)
 
 
 @client_case("4.7/5", name="numbers")
 def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Versions of one to five numbers are handed on as they are."""
+    """The client reports versions of one to five numbers unchanged."""
 
     @example([1, 0, 10])
     @given(_numbers)
     def each(numbers: list[int]) -> None:
-        _tells(subject, line, ".".join(map(str, numbers)))
+        _expect_reported(subject, line, ".".join(map(str, numbers)))
 
     each()

@@ -1,4 +1,4 @@
-"""4.8: asking for the status."""
+"""4.8: reading the status."""
 
 from typing import Any, Final
 
@@ -13,14 +13,14 @@ from scaraspec.user_message import UserMessage
 
 _STATES: Final = {Kind.IDLE: "idle", Kind.RUNNING: "running"}
 _ENTRIES: Final = {Kind.RESERVED: "A-8-3", Kind.MISSING_FILE: "A-4.8-2"}
-"""Codes that are no states, and what the register says of them."""
+"""Codes that are not states, and their register entries."""
 
 _UNKNOWN: Final = (b"21", b"2f", b"0A", b"99", b"FF", b"zz", b"  ", b"1G", b"-1")
 
 
 @client_case("4.8/1", attended=True)
 def test_the_request_carries_no_data(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """get_status is asked for without data, and answered."""
+    """The client sends get_status without data and reports the reply."""
     call, _ = request_operation(subject, line, "get_status")
     line.reply("get_status", "00")
     subject.expect_result(call, "00", requirement="4.8/11")
@@ -28,9 +28,9 @@ def test_the_request_carries_no_data(subject: ClientUnderTest, line: IncomingCon
 
 @client_case("4.8/11", "T/9")
 def test_every_code(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Every code of table 8-1 is the status, in upper and lower case.
+    """The client reports every code of table 8-1, in upper and lower case.
 
-    One that is no state (A-8-3, A-4.8-2), or in small letters (A-T-7), may be told as an error.
+    It may report an error for a code that is no state (A-8-3, A-4.8-2) or is in lower case (A-T-7).
     """
     for code in TABLE_8_1.values():
         for text in examples(dict.fromkeys((code.text, code.text.lower()))):
@@ -42,11 +42,13 @@ def test_every_code(subject: ClientUnderTest, line: IncomingConnection) -> None:
                     "4.8/11",
                     tolerated_as,
                     text,
-                    UserMessage("the status {text} is told as an error", text=text),
+                    UserMessage("the client reports the status {code} as an error", code=text),
                 )
                 continue
             result = subject.expect_done(call)
-            expect_in(_code_in(result), {code.text, code.text.lower()}, "the code that is told")
+            expect_in(
+                _code_in(result), {code.text, code.text.lower()}, "the client reports a wrong code"
+            )
             _expect_state(result, code)
 
 
@@ -55,12 +57,12 @@ def _code_in(result: Any) -> Any:
 
 
 def _expect_state(result: Any, code: Code) -> None:
-    """Where the client tells one of the three states, too, it has to be the right one."""
+    """Require that a reported state (idle, running, error) matches the code."""
     state = result.get("state") if isinstance(result, dict) else None
     due = _STATES.get(code.kind, "error")
     expect(
         not isinstance(state, str) or state.lower() == due,
-        UserMessage("{code_text} is placed under another state", code_text=code.text),
+        UserMessage("the client reports a wrong state for the code {code}", code=code.text),
         expected=due,
         observed=f"{state}",
     )
@@ -68,7 +70,7 @@ def _expect_state(result: Any, code: Code) -> None:
 
 @client_case("4.8/11", name="states", attended=True)
 def test_states(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The robot is idle, runs a program, and has a fault of all its motors."""
+    """The client reports an idle robot, a running program and a fault of all motors."""
     for text in examples(("00", "01", "1F")):
         call, _ = request_operation(subject, line, "get_status")
         line.reply("get_status", text)
@@ -77,14 +79,14 @@ def test_states(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.8/11", name="unknown")
 def test_unknown_codes(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Codes that table 8-1 lacks are the status; the client survives them, as idle or not."""
+    """The status is a code that is not in table 8-1; the client reports it or an error."""
     for data in examples(_UNKNOWN):
         call, _ = request_operation(subject, line, "get_status")
         line.reply("get_status", data=data)
         subject.wait_for_answer(call)
         expect(
             not call.ok or _code_in(call.result) not in ("00", "01"),
-            "a code that nobody knows is told as one of the table",
+            "the client reports an unknown code as a code of the table",
             expected=f"{data.decode()}, or an error",
             observed=f"{call}",
         )

@@ -1,4 +1,4 @@
-"""4.9: asking for the running program."""
+"""4.9: reading the running program."""
 
 from typing import Final
 
@@ -26,7 +26,7 @@ _LONG_BYTES: Final = (30, 31, 64, 100, 200)
 _RUN_TIME: Final = RunTime("run_time_s")
 
 
-def _tells(
+def _expect_reported(
     subject: ClientUnderTest, line: IncomingConnection, name: bytes, run_time_s: int
 ) -> None:
     data = b"1|" + name + b"|" + _RUN_TIME.write(run_time_s, DEFAULT)
@@ -36,39 +36,39 @@ def _tells(
 
 @client_case("4.9/1", attended=True)
 def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """get_running_program is asked for without data, and answered."""
+    """The client sends get_running_program without data and reports the reply."""
     expect_reported(subject, line, "get_running_program", requirement="T/9")
 
 
 @client_case("T/9", name="running-program")
 def test_running(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Programs of many names run for up to a hundred days; name and time are handed on."""
+    """The client reports the names and run times of programs that run for up to 100 days."""
 
     @example(b"a", 1)
     @given(names, st.sampled_from(_SECONDS) | st.integers(0, 100 * _DAY_S - 1))
     def each(name: bytes, run_time_s: int) -> None:
-        _tells(subject, line, name, run_time_s)
+        _expect_reported(subject, line, name, run_time_s)
 
     each()
     for run_time_s in examples(_SECONDS):
-        _tells(subject, line, b"pro1.rob", run_time_s)
+        _expect_reported(subject, line, b"pro1.rob", run_time_s)
 
 
 @client_case("T/9", name="running-long-name")
 def test_long_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The running program's name has 30 bytes and more, which it generally has not (A-4.9-5).
+    """The client reports a running program whose name has 30 bytes or more (A-4.9-5).
 
-    It may have blanks and several dots, too.
+    The names also contain blanks and several dots.
     """
     for name in examples((b"pick and place.rob", b"pick.v1.2.rob")):
-        _tells(subject, line, name, 90061)
+        _expect_reported(subject, line, name, 90061)
     for size_bytes in examples(_LONG_BYTES):
-        _tells(subject, line, b"n" * (size_bytes - 4) + b".rob", 90061)
+        _expect_reported(subject, line, b"n" * (size_bytes - 4) + b".rob", 90061)
 
 
 @client_case("T/9", name="nothing-runs")
 def test_nothing_runs(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """No program runs, which is told by the flag alone."""
+    """No program runs; the reply is the flag alone."""
     call, _ = request_operation(subject, line, "get_running_program")
     line.reply("get_running_program", data=b"0")
     subject.expect_result(call, None)
@@ -76,7 +76,7 @@ def test_nothing_runs(subject: ClientUnderTest, line: IncomingConnection) -> Non
 
 @client_case("T/9", name="running-readings")
 def test_readings(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """No program runs, with empty fields behind the flag; and a flag is a binary byte (A-T-1)."""
+    """No program runs, with empty fields after the flag, or with a binary flag (A-T-1)."""
     running = expected_value(RunningProgram(b"pro1.rob", 3661))
     for data, said, reading in examples(
         (
@@ -91,4 +91,4 @@ def test_readings(subject: ClientUnderTest, line: IncomingConnection) -> None:
         if call.ok:
             subject.expect_result(call, said)
         else:
-            subject.tolerate("T/9", *reading, "the client takes the drawn form only")
+            subject.tolerate("T/9", *reading, "the client accepts only the form of the document")

@@ -1,4 +1,4 @@
-"""4.10: asking for the program list."""
+"""4.10: reading the program list."""
 
 from typing import Any, Final
 
@@ -19,7 +19,7 @@ _LATE_S: Final = 0.1
 _MANY: Final = 400
 _LONG_BYTES: Final = (29, 30, 31, 32, 64, 100, 253)
 _SCRIPTED: Final = ("part[1].rob", "{b}.rob", "$c;d.rob", "007", "1e3")
-"""Names that a script takes for commands, lists, variables and numbers."""
+"""Names that a script may take for commands, lists, variables or numbers."""
 _SEEMING: Final = ("0.rob", "1.rob", "11", "0", "10.rob", "00")
 """Names that look like flags."""
 
@@ -34,13 +34,13 @@ def _lists(
 
 @client_case("4.10/1", attended=True)
 def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """list_programs is asked for without data, and answered."""
+    """The client sends list_programs without data and reports the reply."""
     expect_reported(subject, line, "list_programs", requirement="4.10/10")
 
 
 @client_case("4.10/10")
 def test_parts(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Lists of many names come in one to eight parts."""
+    """The client reports lists of many names that arrive in one to eight parts."""
 
     @example(["a.rob", "b.rob", "c.rob"], 1)
     @example([f"{number}.rob" for number in range(8)], 1)
@@ -55,7 +55,7 @@ def test_parts(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.10/10", name="late", attended=True)
 def test_late_parts(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Three parts come, with a pause and the result of an old command ahead of each (3/27)."""
+    """Three parts arrive, each after a pause and the final result of an old command (3/27)."""
 
     def before_part() -> None:
         line.wait(_LATE_S)
@@ -67,7 +67,7 @@ def test_late_parts(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.10/10", name="many")
 def test_many(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Hundreds of names come in full parts, in small ones, and but for the last: that fails."""
+    """Hundreds of names arrive in full or small parts; a list without its last part fails."""
     listed = [f"pro{number:03}.rob" for number in range(_MANY)]
     for per_part in examples((22, 10)):  # of 11 bytes each
         _lists(subject, line, listed, per_part=per_part)
@@ -79,7 +79,7 @@ def test_many(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.10/10", "T/9", name="order")
 def test_order(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The names are in no order, differ in case, have blanks, are hidden, or look like others."""
+    """The names are unsorted, differ only in case, contain blanks, or look like flags."""
     _lists(subject, line, [".hidden.rob", "~a.rob", "a.rob~", "..rob"], per_part=3)
     _lists(subject, line, ["pick and place.rob", "a  b.rob"], per_part=2)
     _lists(subject, line, ["z.rob", "a.rob", "m.rob", "A.rob", "Z.ROB", "z.txt"], per_part=2)
@@ -89,7 +89,7 @@ def test_order(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.10/10", name="no-bar")
 def test_no_bar_behind_the_flag(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """No bar stands between the flag and the first name (A-4.10-2)."""
+    """The reply has no bar between the flag and the first name (A-4.10-2)."""
     for per_part in examples((3, 1)):
         call = subject.begin("list_programs")
         listed = ["pro1.rob", "2.rob", "0.rob"]
@@ -98,12 +98,14 @@ def test_no_bar_behind_the_flag(subject: ClientUnderTest, line: IncomingConnecti
         if call.ok:
             subject.expect_result(call, listed)
         else:
-            subject.tolerate("4.10/10", "list_prefix_sep", "0|a", "a list without that bar fails")
+            subject.tolerate(
+                "4.10/10", "list_prefix_sep", "0|a", "the client rejects a list without that bar"
+            )
 
 
 @client_case("4.10/12", attended=True)
 def test_empty(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """There are no programs, which is told by the flag alone."""
+    """The program list is empty; the reply is the flag alone."""
     call, _ = request_operation(subject, line, "list_programs")
     line.reply("list_programs", data=b"0")
     subject.expect_result(call, [])
@@ -111,7 +113,7 @@ def test_empty(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.10/12", name="readings")
 def test_empty_otherwise(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """There are no programs, which is told by a flag and a bar, or by no data (A-4.10-4)."""
+    """The program list is empty; the reply is a flag and a bar, or has no data (A-4.10-4)."""
     for data, option in examples(((b"0|", "0|"), (b"", "empty"))):
         call, _ = request_operation(subject, line, "list_programs")
         line.reply("list_programs", data=data)
@@ -120,14 +122,14 @@ def test_empty_otherwise(subject: ClientUnderTest, line: IncomingConnection) -> 
             subject.expect_result(call, [])
         else:
             told = UserMessage(
-                "the client fails at an empty list that is written {data!r}", data=show(data)
+                "the client rejects an empty list written as {data!r}", data=show(data)
             )
             subject.tolerate("4.10/12", "list_empty", option, told)
 
 
 @client_case("4.10/12", "T/9", name="long")
 def test_long_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Names have 30 bytes and more, up to one that fills a part; each is handed on whole."""
+    """The client reports names of 30 bytes and more completely, up to a full part."""
     for size_bytes in examples(_LONG_BYTES):
         long = "n" * (size_bytes - 4) + ".rob"
         _lists(subject, line, [long, "a.rob"], per_part=1)

@@ -19,7 +19,7 @@ _NAMES: Final = (
 
 @client_case("4.11/1", attended=True)
 def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A program is deleted, and then another deletion is refused."""
+    """Deleting a program succeeds once and is then refused."""
     call, _ = request_operation(subject, line, "delete_program")
     line.reply("delete_program", data=b"1")
     subject.expect_done(call)
@@ -30,7 +30,7 @@ def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.11/1", name="names")
 def test_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Names with and without extension, of either case, with blanks and dots are sent as given."""
+    """The client sends names in both cases, with and without extension, unchanged."""
 
     @given(names)
     def each(name: bytes) -> None:

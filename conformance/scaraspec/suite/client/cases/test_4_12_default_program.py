@@ -1,4 +1,4 @@
-"""4.12: asking for the default program, under 0x0D or 0x13 (A-4.12-1)."""
+"""4.12: reading the default program, with opcode 0x0D or 0x13 (A-4.12-1)."""
 
 from contextlib import suppress
 from typing import Final
@@ -21,13 +21,13 @@ _MOMENT_S: Final = 0.1
 _LONG_BYTES: Final = (30, 31, 100, 255)
 
 
-def _tells(
+def _expect_reported(
     subject: ClientUnderTest, line: IncomingConnection, data: bytes, said: str | None
 ) -> None:
-    """Answer with the opcode that was asked with."""
+    """Answer with the opcode of the request."""
     call, request = request_operation(subject, line, _NAME)
     if request.frame.opcode != BY_NAME[_NAME].opcode:
-        told = "the default program is asked for as the rows print it"
+        told = "the client requests the default program with the printed opcode"
         subject.tolerate(
             "4.12/1",
             "op_get_default",
@@ -40,7 +40,9 @@ def _tells(
             "T/9",
             "A-5-20",
             "30",
-            UserMessage("a name of {data_count} bytes is not taken", data_count=len(data)),
+            UserMessage(
+                "the client does not accept a name of {size_bytes} bytes", size_bytes=len(data)
+            ),
         )
         return
     subject.expect_result(call, said, requirement="T/9")
@@ -48,13 +50,13 @@ def _tells(
 
 @client_case("4.12/1", "T/9", attended=True)
 def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """get_default_program is asked for without data, and answered."""
-    _tells(subject, line, b"pro1.txt", "pro1.txt")
+    """The client sends get_default_program without data and reports the reply."""
+    _expect_reported(subject, line, b"pro1.txt", "pro1.txt")
 
 
 @client_case("4.12/1", name="unanswered")
 def test_unanswered(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A request under one opcode stays unanswered for a moment; another is answered as it comes."""
+    """A request with one opcode gets no reply for a moment; a second request is answered."""
     call, first = request_operation(subject, line, _NAME)
     claims_both = subject.dialect["op_get_default"] == "both"
     with suppress(NoReply):
@@ -69,32 +71,34 @@ def test_unanswered(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("T/9", "4.12/1", name="default-program")
 def test_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Default programs of many names, long ones too, are handed on; and that there is none."""
+    """The client reports default programs of many names, and that no default program is set."""
 
     @example(b"a")
     @example(b"1.rob")
     @example(b"0.rob")
-    @example(b"007")  # a number for who reads it as one, and no is false
+    @example(b"007")  # may be read as a number; the next one as false
     @example(b"no")
     @example(b"pick and place.rob")
     @given(names)
     def each(name: bytes) -> None:
-        _tells(subject, line, name, name.decode())
+        _expect_reported(subject, line, name, name.decode())
 
     each()
     for size_bytes in examples(_LONG_BYTES):
         name = "n" * (size_bytes - 4) + ".rob"
-        _tells(subject, line, name.encode(), name)
-    _tells(subject, line, b"", None)
+        _expect_reported(subject, line, name.encode(), name)
+    _expect_reported(subject, line, b"", None)
 
 
 @client_case("T/9", "4.12/1", name="no-default-program")
 def test_none_otherwise(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """No default program is set, which is told by a 0 (A-4.12-2)."""
+    """No default program is set; the reply is 0 (A-4.12-2)."""
     call, request = request_operation(subject, line, _NAME)
     line.send_frame(line.frame(_NAME, data=b"0")._replace(opcode=request.frame.opcode))
     subject.wait_for_answer(call)
     if not call.ok or call.result == "0":
-        subject.tolerate("T/9", "default_none", "empty", "a 0 is taken for a name, or for nothing")
+        subject.tolerate(
+            "T/9", "default_none", "empty", "the client takes 0 for a name or an error"
+        )
     else:
         subject.expect_result(call, None)

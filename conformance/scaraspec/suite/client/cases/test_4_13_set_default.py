@@ -16,7 +16,7 @@ _NAMES: Final = (b"a", b"PRO1.TXT", b"pro1", b"my program.rob", b"pro1.2.txt", b
 
 @client_case("4.13/1", attended=True)
 def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The default program is set, and then that is refused."""
+    """Setting the default program succeeds once and is then refused."""
     call, _ = request_operation(subject, line, "set_default_program")
     line.reply("set_default_program", data=b"1")
     subject.expect_done(call)
@@ -27,7 +27,7 @@ def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.13/1", name="names")
 def test_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Names with and without extension, of either case, with blanks and dots are sent as given."""
+    """The client sends names in both cases, with and without extension, unchanged."""
 
     @given(names)
     def each(name: bytes) -> None:

@@ -1,4 +1,4 @@
-"""4.14: asking for the temperatures; the reply bears 0x0F, or 0x0E as printed (A-4.14-1)."""
+"""4.14: reading the temperatures; the reply has opcode 0x0F, or 0x0E as printed (A-4.14-1)."""
 
 import math
 from itertools import product
@@ -29,12 +29,12 @@ _texts: Final = st.integers(-400, 1500).map(lambda tenths: f"{tenths / 10:g}") |
 
 @client_case("4.14/1", attended=True)
 def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """get_motor_temperatures is asked for without data, and answered."""
+    """The client sends get_motor_temperatures without data and reports the reply."""
     expect_reported(subject, line, _NAME, requirement="T/9")
 
 
 def _is_whole(told: Any, due: dict[str, float]) -> bool:
-    """Whether temperatures are told in whole degrees, rounded in whichever way."""
+    """Whether the reported temperatures are whole degrees, rounded up or down."""
     return isinstance(told, dict) and any(
         matches(told, dict(zip(due, whole, strict=True)))
         for whole in product(*((math.floor(value), math.ceil(value)) for value in due.values()))
@@ -43,7 +43,7 @@ def _is_whole(told: Any, due: dict[str, float]) -> bool:
 
 @client_case("T/9", name="temperatures")
 def test_temperatures(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Temperatures are handed on in their order, with sign and decimals, if any (A-4.14-2)."""
+    """The client reports the temperatures in order, with signs and decimals (A-4.14-2)."""
 
     @example(("20", "38.5", "-4", "0"))
     @example(("1", "2", "3", "4"))
@@ -55,7 +55,9 @@ def test_temperatures(subject: ClientUnderTest, line: IncomingConnection) -> Non
         if subject.wait_for_answer(call).ok and not _is_whole(call.result, due):
             subject.expect_result(call, due)
         elif any("." in text for text in texts):
-            subject.tolerate("T/9", "A-4.14-2", "integers", "decimals of temperatures are not told")
+            subject.tolerate(
+                "T/9", "A-4.14-2", "integers", "the client does not report decimals of temperatures"
+            )
         else:
             subject.expect_done(call)
 
@@ -64,28 +66,32 @@ def test_temperatures(subject: ClientUnderTest, line: IncomingConnection) -> Non
 
 @client_case("4.14/4")
 def test_as_printed(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The temperatures come under 0x0E; a client that does not take them gets them under 0x0F."""
+    """The temperatures arrive with opcode 0x0E, and with 0x0F if the client ignores 0x0E."""
     call, _ = request_operation(subject, line, _NAME)
     line.send_frame(_AS_PRINTED)
     line.wait(_SHORT_S)
     if call.answer is not None and not call.ok:
-        subject.tolerate("4.14/4", "op_temp_reply", "0x0F", "temperatures under 0x0E are refused")
+        subject.tolerate(
+            "4.14/4", "op_temp_reply", "0x0F", "the client rejects temperatures with opcode 0x0E"
+        )
         return
     if call.answer is None:
-        subject.tolerate("4.14/4", "op_temp_reply", "0x0F", "temperatures under 0x0E are ignored")
+        subject.tolerate(
+            "4.14/4", "op_temp_reply", "0x0F", "the client ignores temperatures with opcode 0x0E"
+        )
         line.send_frame(_AS_PRINTED._replace(opcode=0x0F))
     subject.expect_result(call, _SAID)
 
 
 @client_case("4.14/4", name="mistaken")
 def test_not_mistaken(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Temperatures under 0x0E come while the default program is set; that is not their reply."""
+    """Temperatures with opcode 0x0E are not the reply to set_default_program."""
     call, _ = request_operation(subject, line, "set_default_program")
     line.send_frame(_AS_PRINTED)
     line.wait(_SHORT_S)
     expect(
         not call.ok,
-        "temperatures were taken for the reply to set_default_program",
+        "the client took temperatures for the reply to set_default_program",
         expected="no answer yet",
         observed=f"{call}",
     )
@@ -96,9 +102,9 @@ def test_not_mistaken(subject: ClientUnderTest, line: IncomingConnection) -> Non
 
 @client_case("4.14/4", name="both")
 def test_both(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Temperatures are asked for and the default program is set at once; both get their own.
+    """A query of temperatures and set_default_program are pending together; each gets its reply.
 
-    Either comes first, and either is answered first.
+    Both orders of the requests and both orders of the replies are tried.
     """
     subject.require_concurrency(line)
     for names, swapped in examples(product(((_NAME, _SETTING), (_SETTING, _NAME)), (False, True))):
@@ -109,7 +115,7 @@ def test_both(subject: ClientUnderTest, line: IncomingConnection) -> None:
             line.send_frame(frame)
         line.wait(_SHORT_S)
         if asking.answer is None:
-            told = "temperatures under 0x0E are ignored"
+            told = "the client ignores temperatures with opcode 0x0E"
             subject.tolerate("4.14/4", "op_temp_reply", "0x0F", told)
             line.send_frame(_AS_PRINTED._replace(opcode=0x0F))
         subject.expect_result(asking, _SAID)

@@ -18,7 +18,7 @@ from scaraspec.suite.engine.strategies import names
 
 @client_case("4.15/1", attended=True)
 def test_run(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A program is run by its name, to its end."""
+    """The client runs a program by name until it ends."""
     call = subject.begin("run_program", name="pro1.txt")
     line.serve(call, data=b"1", sent=b"pro1.txt")
     line.result("run_program")
@@ -27,7 +27,7 @@ def test_run(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.15/1", name="names")
 def test_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Programs are run by names of 1 to 30 bytes, short ones behind long ones."""
+    """The client runs programs with names of 1 to 30 bytes, short names after long ones."""
 
     @example(b"abcdefghijklmnopqrstuvwxyz.rob")
     @example(b"a")
@@ -42,7 +42,7 @@ def test_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4/13", "4.15/1", name="missing-program")
 def test_missing(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A missing program is told as such, whether it is found missing at once or late (A-4.15-1)."""
+    """A program is missing, reported in the first reply or the final result (A-4.15-1)."""
     call = subject.begin("run_program", name="none.rob")
     line.serve(call, data=b"0|20", sent=b"none.rob")
     expect_refused(subject, call, "20")

@@ -12,7 +12,7 @@ from scaraspec.suite.engine.strategies import names
 
 @client_case("4.16/1", attended=True)
 def test_simulate(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A program is simulated by its name, to its end: 0x31 is sent, not 0x30."""
+    """The client simulates a program by name until it ends, with opcode 0x31, not 0x30."""
     call = subject.begin("simulate_program", name="pro1.txt")
     line.serve(call, data=b"1", sent=b"pro1.txt")
     line.result("simulate_program")
@@ -21,7 +21,7 @@ def test_simulate(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.16/1", name="names")
 def test_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Programs are simulated by names of 1 to 30 bytes, another one than was run before."""
+    """The client simulates programs with names of 1 to 30 bytes after it ran another program."""
 
     @example(b"abcdefghijklmnopqrstuvwxyz.rob")
     @example(b"a")

@@ -1,4 +1,4 @@
-"""4.17: the emergency stop (0x32, L356-383), and what becomes of what it stops (A-4.17-4)."""
+"""4.17: the emergency stop (0x32, L356-383), and the command that it stops (A-4.17-4)."""
 
 import pytest
 
@@ -28,15 +28,15 @@ from scaraspec.user_message import UserMessage
 
 _WHILE_S = 1.0
 _FATES = ("first", "after", "together", "none")
-"""When the stopped command's own result comes: with the stop's in one segment, or never.
+"""When the final result of the stopped command arrives, relative to that of the stop.
 
-Never is the last, as a client may count on that result for a while, and not begin the same anew.
+"none" is last, because a client may wait for that result for a while and not start the command.
 """
 
 
 @client_case("4.17/1", attended=True)
 def test_stop(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The stop carries no data; it is carried out, and once refused, without any code (L366)."""
+    """The stop carries no data; it succeeds once and is then refused without a code (L366)."""
     call = subject.begin(STOP.name)
     line.serve(call, data=b"1", sent=b"")
     line.result(STOP.name)
@@ -48,7 +48,7 @@ def test_stop(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.17/1", name="behind-others")
 def test_stop_behind_others(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The stop carries no data behind requests that carried some."""
+    """The stop carries no data after requests that carried data."""
     for operation in examples(INTERRUPTIBLE):
         call = begin_and_accept(subject, line, operation)
         line.result(operation.name)
@@ -58,14 +58,14 @@ def test_stop_behind_others(subject: ClientUnderTest, line: IncomingConnection) 
         expect_equal(
             request.frame.data,
             b"",
-            UserMessage("what the stop carries behind {operation}", operation=operation.name),
+            UserMessage("the stop carries data after {operation}", operation=operation.name),
         )
         expect_refused(subject, call)
 
 
 @client_case("4.17/9", name="of-a-former")
 def test_result_of_a_former_command(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The stop ends what nobody here has begun: its result comes first, after, or never."""
+    """The stop ends a command of another client; its final result arrives first, last, or never."""
     for operation in INTERRUPTIBLE:
         for fate in examples(_FATES):
             call = begin_and_accept(subject, line, STOP)
@@ -79,7 +79,7 @@ def test_result_of_a_former_command(subject: ClientUnderTest, line: IncomingConn
 def test_interrupted(
     subject: ClientUnderTest, line: IncomingConnection, operation: Operation
 ) -> None:
-    """The result of the stopped command comes before that of the stop, with it, after it, never."""
+    """The stopped command's result arrives before, with or after that of the stop, or never."""
     require_query_while_executing(subject, line)
     for fate in examples(_FATES):
         call = begin_and_accept(subject, line, operation)
@@ -96,7 +96,7 @@ def test_interrupted(
 
 @client_case("4.17/9", name="of-a-later")
 def test_later_command(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """What is ordered behind a stop takes a while, and is done: the stop was not for that."""
+    """A move that starts after a stop executes for a while and succeeds."""
     require_query_while_executing(subject, line)
     call = begin_and_accept(subject, line, RUN)
     stop = _begun(subject, line)
@@ -111,7 +111,7 @@ def test_later_command(subject: ClientUnderTest, line: IncomingConnection) -> No
 
 @client_case("4.17/9", name="failed")
 def test_stop_fails(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The stop is refused, and fails; what it was to stop goes on to its end each time."""
+    """The stop is refused or fails; the running program continues to its end."""
     require_query_while_executing(subject, line)
     for accepted in examples((False, True)):
         call = begin_and_accept(subject, line, RUN)
@@ -124,7 +124,7 @@ def test_stop_fails(subject: ClientUnderTest, line: IncomingConnection) -> None:
             line.reply(STOP.name, data=b"0")
             expect_refused(subject, stop)
         subject.expect_pending(
-            call, "a stop that was not made was taken for the end of what goes on"
+            call, "the client took a failed stop for the end of the running program"
         )
         line.result(RUN.name)
         expect_finished(subject, call)
@@ -132,7 +132,7 @@ def test_stop_fails(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.17/10")
 def test_stop_beside_a_query(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The stop is sent while the reply to a query is outstanding."""
+    """The client sends the stop while the reply to a query is pending."""
     subject.require_concurrency(line)
     for name in examples(("get_version", "get_tool_coordinates", "list_programs")):
         query = subject.begin(name)
@@ -140,14 +140,14 @@ def test_stop_beside_a_query(subject: ClientUnderTest, line: IncomingConnection)
         stop = subject.begin(STOP.name)
         line.request(STOP.name, stop)
         line.reply(STOP.name, data=b"0")
-        line.reply(name, data=_REPLIES[name])  # who looks where the arm is may wait for it
+        line.reply(name, data=_REPLIES[name])  # a client that reads the position may wait for it
         expect_refused(subject, stop)
         subject.expect_done(query)
 
 
 @client_case("4.17/10", name="unaccepted")
 def test_stop_beside_an_order(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The stop is sent while the first reply to a move is outstanding."""
+    """The client sends the stop while the first reply to a move is pending."""
     subject.require_concurrency(line)
     for operation in examples((RUN, MOVE, JOG)):
         call = begin_and_request(subject, line, operation)
@@ -162,12 +162,15 @@ def test_stop_beside_an_order(subject: ClientUnderTest, line: IncomingConnection
 
 @client_case("4.17/10", name="executing")
 def test_stop_beside_an_execution(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The stop is sent while a command executes; a client that takes no order then is told."""
+    """The client sends the stop while a command executes, if it can start a second operation."""
     try:
         require_query_while_executing(subject, line)
     except CaseSkipped as why:
         subject.tolerate(
-            "4.17/10", "A-4-3", "one at a time", UserMessage("{why}: no stop either", why=why)
+            "4.17/10",
+            "A-4-3",
+            "one at a time",
+            UserMessage("{reason}; this includes the stop", reason=why),
         )
         return
     for operation in examples(INTERRUPTIBLE):
@@ -187,7 +190,7 @@ _REPLIES = {
 
 
 def _end(line: IncomingConnection, operation: Operation, fate: str) -> None:
-    """End the stop, and with it a command that it stops."""
+    """Send the final result of the stop and, depending on `fate`, of the stopped command."""
     own, of_stop = line.result_frame(operation.name, "00"), line.result_frame(STOP.name)
     frames = {"first": [own, of_stop], "after": [of_stop, own], "none": [of_stop]}
     if fate == "together":
@@ -199,7 +202,7 @@ def _end(line: IncomingConnection, operation: Operation, fate: str) -> None:
 def _not_done(call: Call) -> None:
     expect(
         call.answer is None or call.failed,
-        UserMessage("{call} was stopped, and the client says that it was done", call=call.name),
+        UserMessage("{call} was stopped, but the client reports success", call=call.name),
         expected="an error, or no answer yet",
         observed=f"{call}",
         requirement="4.17/9",
@@ -207,14 +210,14 @@ def _not_done(call: Call) -> None:
 
 
 def _begun(subject: ClientUnderTest, line: IncomingConnection) -> Call:
-    """A stop that is accepted; what it stops shows in the status as long as it goes on."""
+    """Begin a stop and accept it. The status shows the stopped command while it continues."""
     stop = begin_and_request(subject, line, STOP)
     line.reply(STOP.name, data=b"1")
     return stop
 
 
 def _still_works(subject: ClientUnderTest, line: IncomingConnection, other: Operation) -> None:
-    """A query is answered, and so is another order, unless the client still counts on the first."""
+    """Require that a query works, and another operation if the client does not refuse it."""
     query = subject.begin("get_version")
     line.serve(query, "1.0.0")
     subject.expect_result(query, "1.0.0", requirement="4.17/9")

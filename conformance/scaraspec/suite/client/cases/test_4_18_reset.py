@@ -12,7 +12,7 @@ from scaraspec.suite.engine.case import client_case
 
 @client_case("4.18/1", attended=True)
 def test_reset(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The robot is reset."""
+    """The client resets the robot."""
     call = subject.begin("reset")
     line.serve(call, data=b"1", sent=b"")
     line.result("reset")
@@ -21,7 +21,7 @@ def test_reset(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.18/1", "4/13", name="as-drawn")
 def test_as_drawn(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The refusal and the failure that the document draws are told; the next reset is empty too."""
+    """The client reports the refusal and the failure of the document; no reset carries data."""
     call = subject.begin("reset")
     line.serve(call, data=b"0|01", sent=b"")
     expect_refused(subject, call, "01")

@@ -1,4 +1,4 @@
-"""4.19: the gripper centre as it is told (0x34, L421-431)."""
+"""4.19: reading the gripper center (0x34, L421-431)."""
 
 from typing import Final
 
@@ -16,7 +16,7 @@ _REPLY: Final = BY_NAME["get_gripper_center"].reply
 
 @client_case("4.19/1", attended=True)
 def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The gripper centre is asked for without data, and told."""
+    """The client reads the gripper center without data and reports it."""
     call = subject.begin("get_gripper_center")
     line.serve(call, Point(200, 300, 456), sent=b"")
     subject.expect_result(call, {"x": 200, "y": 300, "z": 456})
@@ -24,7 +24,7 @@ def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.19/1", "T/9", name="values")
 def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Gripper centres of every size and sign are told, also behind one that was set."""
+    """The client reports gripper centers of every size and sign, also after it set another one."""
 
     @example(Point(-0.5, 0, 1234.125))
     @example(Point(0.001, -9999.9, 9999.9))

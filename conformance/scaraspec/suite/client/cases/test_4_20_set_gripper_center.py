@@ -1,4 +1,4 @@
-"""4.20: setting the gripper centre (0x35, L433-443)."""
+"""4.20: setting the gripper center (0x35, L433-443)."""
 
 from hypothesis import example
 from hypothesis import strategies as st
@@ -15,7 +15,7 @@ _tenths = st.integers(-99_999, 99_999).map(lambda tenths: tenths / 10)
 
 @client_case("4.20/1", attended=True)
 def test_set(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The gripper centre is set, and once refused."""
+    """Setting the gripper center succeeds once and is then refused."""
     call = subject.begin("set_gripper_center", x=200, y=300, z=456)
     expect_numbers(line.serve(call), (200, 300, 456))
     subject.expect_done(call)
@@ -26,12 +26,14 @@ def test_set(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.20/1", name="numbers")
 def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Numbers of every size and sign go out as decimals between bars, in order."""
+    """The client sends numbers of every size and sign as decimals between bars, in order."""
 
     @example(Point(0, 0, 0))
     @example(Point(-0.1, 0.1, -100))
-    @example(Point(0.00001, 1e6, -0.00001))  # what C's %g and others write with an exponent
-    @example(Point(1e-7, -1e-7, 1.2e-14))  # what JavaScript writes so; a cosine leaves the last
+    @example(Point(0.00001, 1e6, -0.00001))  # C's %g and others write these with an exponent
+    @example(
+        Point(1e-7, -1e-7, 1.2e-14)
+    )  # JavaScript writes these with an exponent; the last is a rounding error
     @example(Point(-9999.9, 9999.9, 1000))
     @given(st.builds(Point, _tenths, _tenths, _tenths))
     def each(wanted: Point) -> None:

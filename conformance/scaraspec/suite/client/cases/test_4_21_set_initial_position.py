@@ -17,7 +17,7 @@ _tenths = st.integers(-9_999, 9_999).map(lambda tenths: tenths / 10)
 
 @client_case("4.21/1", attended=True)
 def test_set(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The initial tool position is set, and once refused."""
+    """Setting the initial tool position succeeds once and is then refused."""
     call = subject.begin("set_initial_tool_position", **_DRAWN._asdict())
     expect_pose(subject, line.serve(call), _DRAWN)
     subject.expect_done(call)
@@ -29,7 +29,7 @@ def test_set(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.21/1", "7/2", name="numbers")
 def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Six numbers of every size and sign go out as decimals between bars, in order."""
+    """The client sends six numbers of every size and sign as decimals between bars, in order."""
 
     @example(Pose(0, 0, 0, 0, 0, 0))
     @example(Pose(-0.1, 0.1, -100, -179.9, 360, -360))
@@ -46,7 +46,7 @@ def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.21/6")
 def test_length(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The length byte counts what is sent: 23 for the text whose row prints 25 (A-4.21-1)."""
+    """The length byte counts the bytes sent: 23 for the text whose row prints 25 (A-4.21-1)."""
     for wanted in examples(
         (_DRAWN, Pose(0, 0, 0, 0, 0, 0), Pose(-123.4, -234.5, 345.6, -178.9, -90.5, 0.5))
     ):
@@ -54,6 +54,6 @@ def test_length(subject: ClientUnderTest, line: IncomingConnection) -> None:
         with subject.allow_refusal():
             request = line.serve(call)
             subject.expect_done(call)
-            expect_equal(line.invalid_bytes, [], "bytes that are no frame beside the request")
+            expect_equal(line.invalid_bytes, [], "the client sent invalid bytes with the request")
             line.pump()
             expect_pose(subject, request, wanted)

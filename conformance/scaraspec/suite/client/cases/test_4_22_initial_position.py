@@ -1,4 +1,4 @@
-"""4.22: the initial tool position as it is told (0x37, L457-467)."""
+"""4.22: reading the initial tool position (0x37, L457-467)."""
 
 from typing import Final
 
@@ -17,7 +17,7 @@ _REPLY: Final = BY_NAME["get_initial_tool_position"].reply
 
 @client_case("4.22/1", attended=True)
 def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The initial tool position is asked for without data, and told."""
+    """The client reads the initial tool position without data and reports it."""
     call = subject.begin("get_initial_tool_position")
     line.serve(call, Pose(200, 300, 324, 34.6, 0, 0), sent=b"")
     useful = {"x": 200, "y": 300, "z": 324, "theta_x": 34.6}
@@ -26,7 +26,7 @@ def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.22/1", "T/9", name="values")
 def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Positions of every size and sign are told, also behind one that was set."""
+    """The client reports positions of every size and sign, also after it set another one."""
 
     @example(Pose(-0.5, 0, 1234.125, -179.9, 34.5, -12))
     @given(payload_values(_REPLY))

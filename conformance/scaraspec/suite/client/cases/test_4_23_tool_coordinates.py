@@ -1,4 +1,4 @@
-"""4.23: the tool coordinates as they are told (0x38, L469-479)."""
+"""4.23: reading the tool coordinates (0x38, L469-479)."""
 
 from typing import Final
 
@@ -18,7 +18,7 @@ _REPLY: Final = BY_NAME["get_tool_coordinates"].reply
 
 @client_case("4.23/1", attended=True)
 def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The tool coordinates are asked for without data, and told."""
+    """The client reads the tool coordinates without data and reports them."""
     call = subject.begin("get_tool_coordinates")
     line.serve(call, Pose(200, 300, 324, 34.6, 0, 0), sent=b"")
     useful = {"x": 200, "y": 300, "z": 324, "theta_x": 34.6}
@@ -27,7 +27,7 @@ def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.23/1", "T/9", name="values")
 def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Coordinates of every size and sign are told, also behind a move to others."""
+    """The client reports coordinates of every size and sign, also after a move to others."""
 
     @example(Pose(-0.5, 0, 1234.125, -179.9, 0, 0))
     @given(payload_values(_REPLY))
@@ -44,7 +44,7 @@ def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.23/4", "7/2")
 def test_useless_angles(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Whatever stands for thetaY and thetaZ, x, y, z and thetaX are told as they are (L1006)."""
+    """The client reports x, y, z and thetaX correctly for any thetaY and thetaZ (L1006)."""
     for name in ("get_tool_coordinates", "get_initial_tool_position"):
         for useless in examples(
             ((0, 0), (34.5, 0), (0, -34.5), (90, 180), (-0.1, 720.5), (99999, -99999))

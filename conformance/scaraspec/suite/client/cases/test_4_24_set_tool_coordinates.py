@@ -25,7 +25,7 @@ _MOVE = "set_tool_coordinates"
 _THERE = Pose(200, 300, 324, 34.6, 0, 0)
 _NO_SPEEDS = (0, -1, 101, 255, 256, 257, 1000, 0.5, 99.5, 100.4)
 _SPEEDS = range(1, 101)
-_MOST_DIGITS = 9  # with leading zeros; more are no speed
+_MOST_DIGITS = 9  # with leading zeros; a longer text is not a speed
 
 _tenths = st.integers(-9_999, 9_999).map(lambda tenths: tenths / 10)
 _poses = st.builds(Pose, *[_tenths] * 4, st.just(0.0), st.just(0.0))
@@ -33,7 +33,7 @@ _poses = st.builds(Pose, *[_tenths] * 4, st.just(0.0), st.just(0.0))
 
 @client_case("4.24/1", attended=True)
 def test_move(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A move is begun, and comes to its end; another one fails."""
+    """A move succeeds; another move fails."""
     for code in examples(("", "12")):
         call = subject.begin(_MOVE, speed=60, **_THERE._asdict())
         request = line.request(_MOVE, call)
@@ -48,7 +48,7 @@ def test_move(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.24/1", "7/2", name="numbers")
 def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Speed and pose of every size and sign go out as decimals between bars, in order."""
+    """The client sends speeds and poses of every size and sign as decimals, in order."""
 
     @example(1, Pose(0, 0, 0, 0, 0, 0))
     @example(100, Pose(-0.1, 0.1, -100, -179.9, 0, 0))
@@ -66,18 +66,22 @@ def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.24/2")
 def test_every_speed(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The speed goes out as a whole number, for each from 1 to 100 %."""
+    """The client sends each speed from 1 to 100 % as a whole number."""
     for speed in examples(range(1, 101)):
         call = subject.begin(_MOVE, speed=speed, **_THERE._asdict())
         sent = line.request(_MOVE, call)
-        expect_equal(_speed_of(sent), speed, UserMessage("the speed of {sent}", sent=sent))
+        expect_equal(
+            _speed_of(sent),
+            speed,
+            UserMessage("the client sent a wrong speed: {request}", request=sent),
+        )
         line.reply(_MOVE, data=b"0|05")
         expect_refused(subject, call)
 
 
 @client_case("4.24/2", name="beyond")
 def test_no_speed(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A speed that is no whole percentage from 1 to 100 is not sent: it is refused, or mended."""
+    """The client refuses or corrects a speed that is not a whole percentage from 1 to 100."""
     for speed in examples(_NO_SPEEDS):
         call = subject.begin(_MOVE, speed=speed, **_THERE._asdict())
         sent = request_unless_refused(line, call)
@@ -85,16 +89,16 @@ def test_no_speed(subject: ClientUnderTest, line: IncomingConnection) -> None:
             expect_in(
                 _speed_of(sent),
                 _SPEEDS,
-                UserMessage("the speed that was sent for {speed}", speed=speed),
+                UserMessage("the client sent an invalid speed for {speed}", speed=speed),
             )
             line.reply(_MOVE, data=b"0|05")
             expect_refused(subject, call)
-    call = begin_and_accept(subject, line, MOVE)  # what was refused leaves nothing behind
+    call = begin_and_accept(subject, line, MOVE)  # a refused move has no later effect
     line.result(_MOVE)
     expect_finished(subject, call)
 
 
 def _speed_of(sent: ReceivedFrame) -> int | None:
-    """The speed that a move carries; None where it is no whole number."""
+    """The speed in a move request; None if it is not a whole number."""
     text = sent.seen.text.split(b"|")[0]
     return int(text) if text.isdigit() and len(text) <= _MOST_DIGITS else None

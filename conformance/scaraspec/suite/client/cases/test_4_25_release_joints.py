@@ -9,7 +9,7 @@ from scaraspec.suite.engine.examples import examples
 
 @client_case("4.25/1", attended=True)
 def test_release(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The joints are released; once that fails."""
+    """Releasing the joints succeeds once and then fails."""
     for code in examples(("", "12")):
         call = subject.begin("release_joints")
         line.serve(call, data=b"1", sent=b"")

@@ -13,7 +13,7 @@ from scaraspec.suite.engine.case import client_case
 
 @client_case("4.26/1", attended=True)
 def test_lock(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The joints are locked; once that is refused."""
+    """Locking the joints succeeds once and is then refused."""
     call = subject.begin("lock_joints")
     line.serve(call, data=b"1", sent=b"")
     line.result("lock_joints")
@@ -25,7 +25,7 @@ def test_lock(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.26/1", name="in-turn")
 def test_in_turn(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Joints that were released are locked, and so several times."""
+    """The client releases and locks the joints several times."""
     for _ in range(3):
         call = begin_and_accept(subject, line, RELEASE)
         line.result(RELEASE.name)

@@ -1,4 +1,4 @@
-"""4.27: the joint angles (0x3C, L584-594)."""
+"""4.27: reading the joint angles (0x3C, L584-594)."""
 
 from typing import Final
 
@@ -16,7 +16,7 @@ _REPLY: Final = BY_NAME["get_joint_angles"].reply
 
 @client_case("4.27/1", attended=True)
 def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The joint angles are asked for without data, and told."""
+    """The client reads the joint angles without data and reports them."""
     call = subject.begin("get_joint_angles")
     line.serve(call, JointValues(20.4, 30.5, 38, 0), sent=b"")
     subject.expect_result(call, {"inner_arm": 20.4, "outer_arm": 30.5, "wrist": 38, "rotation": 0})
@@ -24,7 +24,7 @@ def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.27/1", "T/9", name="values")
 def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Angles of every size and sign are told, each as that of its joint, time and again."""
+    """The client reports angles of every size and sign, each for its joint."""
 
     @example(JointValues(1, 2, 3, 4))
     @example(JointValues(-0.5, 0.5, -360, 360))

@@ -22,10 +22,10 @@ _ASCII: Final = ord("0")
 
 
 def _expect_direction(sent: bytes, number: int) -> None:
-    expect_equal(len(sent), 1, "the number of data bytes of a jog", requirement="4.28/1")
+    expect_equal(len(sent), 1, "a jog carries a wrong number of data bytes", requirement="4.28/1")
     expect(
         sent[0] in (number, _ASCII + number),
-        "the direction of a jog",
+        "a jog carries a wrong direction",
         expected=f"{number}, as a digit or a byte",
         observed=show_value(sent),
         requirement="4.28/3",
@@ -34,7 +34,7 @@ def _expect_direction(sent: bytes, number: int) -> None:
 
 @client_case("4.28/1", "4.28/3", attended=True)
 def test_jog(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """One byte tells each of the four directions."""
+    """The client sends one byte for each of the four directions."""
     for direction, number in examples(_DIRECTIONS.items()):
         call = subject.begin(_JOG, direction=direction)
         _expect_direction(line.request(_JOG, call).frame.data, number)
@@ -45,7 +45,7 @@ def test_jog(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.28/3", "4.28/1", name="refused")
 def test_refused(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A jog that was refused, or failed, changes the direction of no other."""
+    """A jog that was refused or failed does not change the direction of the next one."""
     for direction, number in examples(_DIRECTIONS.items()):
         call = subject.begin(_JOG, direction=direction)
         _expect_direction(line.request(_JOG, call).frame.data, number)
@@ -60,7 +60,7 @@ def test_refused(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.28/2")
 def test_byte(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The byte is one of 1 to 4, always as a digit or always as a number (A-4.28-1)."""
+    """The data byte is 1 to 4, always as a digit or always as a binary number (A-4.28-1)."""
     forms = set()
     for direction in examples((*_DIRECTIONS, *reversed(_DIRECTIONS))):
         call = subject.begin(_JOG, direction=direction)
@@ -68,7 +68,7 @@ def test_byte(subject: ClientUnderTest, line: IncomingConnection) -> None:
         read = payloads.Jog().decode(sent)
         expect(
             read.value is not None,
-            "the byte of a jog",
+            "a jog carries an invalid byte",
             expected="1 to 4, as a digit or a byte",
             observed=show_value(sent),
         )
@@ -80,7 +80,11 @@ def test_byte(subject: ClientUnderTest, line: IncomingConnection) -> None:
         line.result(RUN.name)
         expect_finished(subject, call)
     form = forms.pop()
-    expect(not forms, "the byte of a jog", expected=f"always {form}", observed="now so, now so")
+    expect(
+        not forms, "the form of the jog byte changes", expected=f"always {form}", observed="both"
+    )
     subject.found["jog_byte"] = form
     if form == "binary":
-        subject.tolerate("4.28/2", "jog_byte", form, "the direction of a jog is sent as a number")
+        subject.tolerate(
+            "4.28/2", "jog_byte", form, "the client sends the direction of a jog as a binary number"
+        )

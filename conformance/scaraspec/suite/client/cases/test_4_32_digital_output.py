@@ -12,9 +12,9 @@ from scaraspec.suite.engine.expectations import expect, expect_in, show_value
 from scaraspec.user_message import UserMessage
 
 _SET: Final = "set_digital_output"
-_PORTS: Final = range(1, 17)  # what 0x49 shows (L684)
+_PORTS: Final = range(1, 17)  # the outputs in 0x49 (L684)
 _NO_PORTS: Final = (257, 264, 65537)
-"""A byte, or two, of each of these is the number of a port."""
+"""The low byte of each of these is a valid port, or its low two bytes are."""
 
 _NO_VALUES: Final = (2, -1, 10, 255, 256, 0.5)
 
@@ -23,7 +23,7 @@ def _expect_setting(sent: ReceivedFrame, port: int, value: int) -> None:
     text = sent.seen.text
     expect(
         numbers_in(sent) == [port, value] and b"." not in text,
-        "the request to set an output",
+        "the client sent a wrong request to set an output",
         expected=f"{port}|{value}",
         observed=show_value(text),
         requirement="4.32/1",
@@ -32,7 +32,7 @@ def _expect_setting(sent: ReceivedFrame, port: int, value: int) -> None:
 
 @client_case("4.32/1", attended=True)
 def test_set(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """An output is set, and once refused."""
+    """Setting an output succeeds once and is then refused."""
     call = subject.begin(_SET, port=8, value=1)
     _expect_setting(line.serve(call), 8, 1)
     subject.expect_done(call)
@@ -43,11 +43,11 @@ def test_set(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.32/1", "4.32/2", name="each")
 def test_each_port(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Each output is set to 1 and to 0, and told apart from its neighbours.
+    """The client sets each output to 1 and to 0 with the correct port number.
 
-    A port that does not exist is refused, or asked for as it is: no other one is set for it.
+    A port that does not exist is refused or sent unchanged. No other port is set in its place.
     """
-    for value in (1, 0, 0):  # again, too: a program may have changed it meanwhile
+    for value in (1, 0, 0):  # 0 twice: a program may have changed the output
         for port in examples(_PORTS):
             call = subject.begin(_SET, port=port, value=value)
             _expect_setting(line.serve(call), port, value)
@@ -63,14 +63,16 @@ def test_each_port(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.32/2")
 def test_other_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A value other than 0 and 1 is not sent: it is refused, or mended."""
+    """The client refuses or corrects a value other than 0 and 1."""
     for value in examples(_NO_VALUES):
         call = subject.begin(_SET, port=3, value=value)
         sent = request_unless_refused(line, call)
         if sent is not None:
             text = sent.seen.text.rpartition(b"|")[2]
             expect_in(
-                text, (b"0", b"1"), UserMessage("the value that was sent for {value}", value=value)
+                text,
+                (b"0", b"1"),
+                UserMessage("the client sent an invalid value for {value}", value=value),
             )
             line.reply(_SET, value=False)
             subject.expect_failure(call)

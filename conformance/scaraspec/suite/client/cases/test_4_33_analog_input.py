@@ -1,4 +1,4 @@
-"""4.33: an analog input (0x44, L665-675)."""
+"""4.33: reading an analog input (0x44, L665-675)."""
 
 from typing import Final
 
@@ -24,7 +24,7 @@ _BYTES: Final = 2
 
 @client_case("4.33/1", attended=True)
 def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The port is asked for in two characters, as 08, and its value is told."""
+    """The client sends the port as two characters, such as 08, and reports the value."""
     call = subject.begin(_GET, port=8)
     line.serve(call, 100, sent=b"08")
     subject.expect_result(call, 100)
@@ -32,12 +32,12 @@ def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.33/1", name="each")
 def test_each_port(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Each of the forty ports is asked for in two characters, if it is asked for at all."""
+    """The client sends each of the forty ports that it supports as two characters."""
     for port in examples(_SURE_PORTS):
         call = subject.begin(_GET, port=port)
         line.serve(call, port, sent=b"%02d" % port)
         subject.expect_result(call, port)
-    for port in examples(_ALL_PORTS):  # a client may know of eight (A-4.32-2)
+    for port in examples(_ALL_PORTS):  # a client may support eight only (A-4.32-2)
         call = subject.begin(_GET, port=port)
         with subject.allow_refusal():
             line.serve(call, port, sent=b"%02d" % port)
@@ -46,7 +46,7 @@ def test_each_port(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.33/1", name="beyond")
 def test_beyond(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A port number that does not fit two characters is not sent."""
+    """The client does not send a port number that does not fit two characters."""
     for port in examples(_NO_PORTS):
         call = subject.begin(_GET, port=port)
         sent = request_unless_refused(line, call)
@@ -54,7 +54,10 @@ def test_beyond(subject: ClientUnderTest, line: IncomingConnection) -> None:
             data = sent.seen.text
             expect(
                 len(data) == _BYTES and data.isdigit(),
-                UserMessage("the request for port {port}, which does not exist", port=port),
+                UserMessage(
+                    "the client sent an invalid request for port {port}, which does not exist",
+                    port=port,
+                ),
                 expected="none, or one of two characters",
                 observed=show_value(data),
             )
@@ -64,7 +67,7 @@ def test_beyond(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.33/4", attended=True)
 def test_zero(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The value 0 and the error are told apart."""
+    """The client distinguishes the value 0 from the error."""
     call = subject.begin(_GET, port=1)
     line.serve(call, data=b"1|0")
     subject.expect_result(call, 0)
@@ -75,7 +78,7 @@ def test_zero(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.33/4", "T/9", name="values")
 def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Values of every size and sign are told, and after each the error as none."""
+    """The client reports values of every size and sign, and no value for an error after each."""
 
     @example(0.0)
     @example(0.125)
@@ -97,7 +100,7 @@ def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.33/4", name="forms")
 def test_forms(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The value 0 is told in each of its forms."""
+    """The client reports the value 0 in each of its written forms."""
     for form in examples((b"1|0", b"1|0.0", b"1|0.000", b"1|-0", b"1|00")):
         call = subject.begin(_GET, port=3)
         line.serve(call, data=form)

@@ -1,4 +1,4 @@
-"""4.34: the digital outputs as they are told (0x49, L677-687)."""
+"""4.34: reading the digital outputs (0x49, L677-687)."""
 
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
@@ -13,19 +13,19 @@ _COUNT = 16
 
 @client_case("4.34/1", "4.34/3", attended=True)
 def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The outputs are asked for all at once, without data, and port 16 is told leftmost."""
+    """The client reads all outputs without data and reports port 16 leftmost."""
     expect_ports(subject, line, _GET, "1001000011110000", requirement="4.34/3")
 
 
 @client_case("4.34/3", "4.34/1", name="each")
 def test_each_port(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Each of the sixteen outputs shows at its own place, in every combination."""
+    """The client reports each of the sixteen outputs at its place, in every combination."""
     expect_each_port(subject, line, _GET, _COUNT, requirement="4.34/3")
 
 
 @client_case("4.34/1", name="error")
 def test_error(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The single 0 is an error and no output; no request carries data, nor behind a setting."""
+    """A reply of a single 0 is an error, not an output; requests after a setting carry no data."""
     for port in examples((8, 16)):
         call = subject.begin("set_digital_output", port=port, value=0)
         line.serve(call)

@@ -1,4 +1,4 @@
-"""4.35: the shutdown (0x60, L689-706), and the loss of the link that follows."""
+"""4.35: the shutdown (0x60, L689-706), and the loss of the link after it."""
 
 import pytest
 
@@ -15,7 +15,7 @@ _READ_S = 1.0
 
 @client_case("4.35/1", attended=True)
 def test_refused(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A shutdown without data is refused while a program runs, and the link goes on."""
+    """A shutdown without data is refused while a program runs; the link continues."""
     call = subject.begin(_OFF)
     line.serve(call, data=b"0|01", sent=b"")
     subject.expect_failure(call)
@@ -26,7 +26,7 @@ def test_refused(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.35/1", name="behind-others")
 def test_behind_others(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The request carries no data behind one that carried some; its refusals are told."""
+    """The shutdown carries no data after a request with data; the client reports refusals."""
     for code in examples(("01", "03", "12", "1F")):
         call = begin_and_accept(subject, line, MOVE)
         line.result(MOVE.name)
@@ -38,7 +38,7 @@ def test_behind_others(subject: ClientUnderTest, line: IncomingConnection) -> No
 
 @client_case("4.35/6", attended=True)
 def test_done(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The shutdown is accepted, which is all that comes of it, and the link ends."""
+    """The shutdown is accepted without a final result, and the link ends."""
     call = subject.begin(_OFF)
     line.serve(call, data=b"1", sent=b"")
     subject.expect_done(call)
@@ -50,7 +50,7 @@ def test_done(subject: ClientUnderTest, line: IncomingConnection) -> None:
 def test_link_is_lost_before_the_answer(
     subject: ClientUnderTest, line: IncomingConnection, *, cut: bool
 ) -> None:
-    """The link ends in place of an answer to the shutdown, which nobody has accepted then."""
+    """The link ends before the shutdown is accepted; the client reports a failure."""
     call = subject.begin(_OFF)
     line.request(_OFF, call)
     line.reset() if cut else line.close()
@@ -60,7 +60,7 @@ def test_link_is_lost_before_the_answer(
 @pytest.mark.parametrize("loss", ["closed", "closed-at-once", "reset", "pending"])
 @client_case("4.35/6", name="loss")
 def test_link_is_lost(subject: ClientUnderTest, line: IncomingConnection, loss: str) -> None:
-    """The link is closed or cut off behind the 1, also with other things under way."""
+    """The link is closed or reset after the shutdown is accepted, also with a pending query."""
     if loss == "pending":
         subject.require_concurrency(line)
         other = subject.begin("get_joint_angles")
@@ -68,7 +68,7 @@ def test_link_is_lost(subject: ClientUnderTest, line: IncomingConnection, loss: 
     call = subject.begin(_OFF)
     line.serve(call, data=b"1", sent=b"")
     if loss != "closed-at-once":
-        subject.answers_within(call, _READ_S)  # a cut takes with it what has not been read
+        subject.answers_within(call, _READ_S)  # a reset discards data that was not read
     if loss == "reset":
         line.reset()
     else:
@@ -77,7 +77,7 @@ def test_link_is_lost(subject: ClientUnderTest, line: IncomingConnection, loss: 
     if loss == "pending":
         expect(
             not subject.wait_for_answer(other).ok,
-            "a query whose reply was lost with the link is said to have been answered",
+            "the client reports success for a query whose reply was lost with the link",
             expected="an error",
             observed=f"{other}",
         )

@@ -1,4 +1,4 @@
-"""Clause 5.1: the structure fileData, as the client sends and takes it (L710-739)."""
+"""Clause 5.1: the structure fileData, sent and received by the client (L710-739)."""
 
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -45,7 +45,7 @@ _TOLD_S = 2.0
 def _frames(
     subject: ClientUnderTest, line: IncomingConnection, content: bytes
 ) -> Iterator[ReceivedFrame]:
-    """What the client sends of a file, right or wrong."""
+    """Yield the chunk frames that the client sends for a file, valid or not."""
     upload = Upload(subject, line, content)
     upload.accept_name()
     yield from upload.chunk_frames()
@@ -69,7 +69,7 @@ def test_structure(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("5.1/2")
 def test_size_of_the_structure(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A chunk of an upload has 212 data bytes; the last may be cut off behind its content."""
+    """A chunk of an upload has 212 data bytes; the last may be truncated after its content."""
     for size in examples(_SIZES):
         for frame in _frames(subject, line, content_of(size)):
             chunk, sent_bytes = frame.value, len(frame.frame.data)
@@ -77,17 +77,17 @@ def test_size_of_the_structure(subject: ClientUnderTest, line: IncomingConnectio
                 continue
             expect(
                 isinstance(chunk, Chunk) and sent_bytes == HEAD_BYTES + chunk.length,
-                "a chunk has another size than fileData",
+                "a chunk does not have the size of fileData",
                 expected=f"{FILE_DATA_BYTES} bytes",
                 observed=f"{sent_bytes} bytes",
             )
-            message = "chunks are cut off behind their content"
+            message = "the client truncates chunks after their content"
             subject.tolerate("5.1/2", "chunk_trunc", "truncated", message)
 
 
 @client_case("5.1/3")
 def test_file_size(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Every chunk of an upload tells the size of the whole file."""
+    """Every chunk of an upload carries the size of the whole file."""
     for size in examples(_SIZES):
         for chunk in _chunks(subject, line, content_of(size)):
             expect_equal(chunk.file_size, size, "fileSize is not the size of the file")
@@ -95,14 +95,14 @@ def test_file_size(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("5.1/4")
 def test_position(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Every chunk of an upload stands at the byte offset that it tells."""
+    """Every chunk of an upload carries its byte offset in the file."""
     for chunk in _chunks(subject, line, _WHOLE):
         expect_position(chunk, _WHOLE)
 
 
 @client_case("5.1/5")
 def test_length(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Every chunk of an upload tells how many bytes of its buffer are the file's: 1 to 200."""
+    """Every chunk of an upload carries its number of valid buffer bytes, 1 to 200."""
     for size in examples(_SIZES):
         content = content_of(size)
         for chunk in _chunks(subject, line, content):
@@ -112,7 +112,7 @@ def test_length(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("5.1/6")
 def test_within_the_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """No chunk of an upload reaches beyond its fileSize."""
+    """No chunk of an upload exceeds its fileSize."""
     for size in examples(_SIZES):
         for chunk in _chunks(subject, line, content_of(size)):
             expect_within(chunk, size)
@@ -120,7 +120,7 @@ def test_within_the_file(subject: ClientUnderTest, line: IncomingConnection) -> 
 
 @client_case("5.1/7", name="upload")
 def test_end_of_an_upload(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """With the answer to its last chunk, and not before, an upload is done; another may begin."""
+    """An upload is done when its last chunk is answered, not before; another may begin."""
     for size in examples((1, 200, 201)):
         upload = Upload(subject, line, content_of(size))
         upload.accept_name()
@@ -128,7 +128,8 @@ def test_end_of_an_upload(subject: ClientUnderTest, line: IncomingConnection) ->
             chunk = upload.next_chunk()
             line.wait(_SHORT_S if chunk.last else 0)
             subject.expect_pending(
-                upload.call, "an upload was over before its last chunk was answered"
+                upload.call,
+                "the client reports the end of an upload before its last chunk is answered",
             )
             upload.accept_chunk(chunk.length)
         upload.expect_done()
@@ -138,17 +139,17 @@ def test_end_of_an_upload(subject: ClientUnderTest, line: IncomingConnection) ->
 @given(size=st.integers(1, 1000))
 @example(size=1000)
 def test_ascending(subject: ClientUnderTest, line: IncomingConnection, size: int) -> None:
-    """An upload of any size comes in ascending order, without gap or overlap."""
+    """An upload of any size arrives in ascending order, without gap or overlap."""
     due = 0
     for chunk in _chunks(subject, line, content_of(size)):
-        expect_equal(chunk.position, due, "a chunk does not follow on the one before")
+        expect_equal(chunk.position, due, "a chunk does not follow the previous chunk")
         due += chunk.length
     expect_equal(due, size, "an upload does not reach the end of its file")
 
 
 @client_case("5.1/9")
 def test_one_byte_order(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Chunks of all uploads of a session are in one byte order."""
+    """The chunks of all uploads of a session use one byte order."""
     byte_orders = set()
     for size in examples((1, 450, 70)):
         for frame in _frames(subject, line, content_of(size)):
@@ -158,15 +159,15 @@ def test_one_byte_order(subject: ClientUnderTest, line: IncomingConnection) -> N
             )
             expect(len(byte_orders) <= 1, "the byte order changes", expected="one", observed="both")
     if "big" in byte_orders:
-        subject.tolerate("5.1/9", "endian", "big", "file data is big-endian")
+        subject.tolerate("5.1/9", "endian", "big", "the client sends big-endian file data")
 
 
 @client_case("5.1/11")
 def test_name_first(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The name goes ahead of all content, which waits for its answer, also the second time."""
+    """The client sends the name first and waits for its answer, also the second time."""
     for _ in range(2):
         upload = Upload(subject, line, _WHOLE)
-        message = "content was sent before the name was answered"
+        message = "the client sent content before the name was answered"
         expect_no_transfer_frames(line, message, "5.1/11", _SHORT_S)
         upload.accept_name()
         upload.finish()
@@ -177,20 +178,22 @@ def test_name_first(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("5.1/1", name="cut-off")
 def test_torn_structure(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A chunk that says 200 bytes and holds fewer, or not even its numbers, is not taken."""
+    """The client refuses a chunk that announces 200 bytes and carries fewer."""
     chunk = Chunk(200, 0, BUFFER_BYTES, content_of(200))
     for size in examples((HEAD_BYTES + 50, HEAD_BYTES + 199, HEAD_BYTES, HEAD_BYTES - 1, 1)):
         download = begin_download(subject, line)
         taken = download.offer_chunk(chunk, data=download.chunk_frame(chunk).data[:size])
-        message = UserMessage("{size} bytes were taken as a fileData", size=size)
+        message = UserMessage(
+            "the client accepted {size_bytes} bytes as a fileData", size_bytes=size
+        )
         expect(not taken, message, expected="0", observed="1")
         download.expect_failed("5.1/1")
-        line = expect_served(subject, line, "a chunk that was cut off")
+        line = expect_served(subject, line, "a truncated chunk")
 
 
 @client_case("5.1/2", name="truncated")
 def test_truncated_last_chunk(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A last chunk of a download that is cut off behind its content is taken, or refused."""
+    """A last chunk of a download that is truncated after its content is taken or refused."""
     for size in examples((1, 237, 450)):
         download = begin_download(subject, line)
         *full, last = chunks_of(content_of(size))
@@ -202,9 +205,9 @@ def test_truncated_last_chunk(subject: ClientUnderTest, line: IncomingConnection
             download.expect_done("5.1/2")
             continue
         download.expect_failed("5.1/2")
-        message = "a chunk that is cut off behind its content is refused"
+        message = "the client refuses a chunk that is truncated after its content"
         subject.tolerate("5.1/2", "chunk_trunc", "full", message)
-        line = expect_served(subject, line, "a chunk that was cut off")
+        line = expect_served(subject, line, "a truncated chunk")
 
 
 @client_case("5.1/4", name="download")
@@ -212,7 +215,7 @@ def test_truncated_last_chunk(subject: ClientUnderTest, line: IncomingConnection
 def test_positions_taken(
     subject: ClientUnderTest, line: IncomingConnection, lengths: Sequence[int]
 ) -> None:
-    """What a chunk of a download holds gets to the byte offset that it tells."""
+    """The client stores each chunk of a download at the byte offset of the chunk."""
     download = begin_download(subject, line)
     for chunk in split_content(content_of(sum(lengths)), lengths):
         download.send_chunk(chunk, "5.1/4")
@@ -221,12 +224,14 @@ def test_positions_taken(
 
 @client_case("5.1/7", name="download")
 def test_end_of_a_download(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """With its last chunk, and not before, a download is done; another may begin at once."""
+    """A download is done with its last chunk, not before; another may begin at once."""
     for size in examples((1, 200, 201)):
         download = begin_download(subject, line)
         for chunk in chunks_of(content_of(size)):
             line.wait(_SHORT_S if chunk.last else 0)
-            subject.expect_pending(download.call, "a download was over before its last chunk came")
+            subject.expect_pending(
+                download.call, "the client reports the end of a download before its last chunk"
+            )
             download.send_chunk(chunk)
         download.expect_done("5.1/7")
 
@@ -245,7 +250,7 @@ def test_other_byte_order(subject: ClientUnderTest, line: IncomingConnection) ->
             continue
         download.expect_failed("5.1/9")
         message = UserMessage(
-            "file data is not understood when it is {byte_order}-endian", byte_order=byte_order
+            "the client does not understand {byte_order}-endian file data", byte_order=byte_order
         )
         subject.tolerate("5.1/9", "endian", subject.dialect["endian"], message)
         line = expect_served(subject, line, "a download in the other byte order")
@@ -259,7 +264,7 @@ def test_other_byte_order(subject: ClientUnderTest, line: IncomingConnection) ->
 def test_rest_of_the_buffer(
     subject: ClientUnderTest, line: IncomingConnection, lengths: list[int], filler: bytes
 ) -> None:
-    """Of chunks of any length the valid bytes are stored, whatever stands behind them."""
+    """The client stores the valid bytes of a chunk and ignores the rest of the buffer."""
     download = begin_download(subject, line)
     for chunk in split_content(content_of(sum(lengths)), lengths):
         download.send_chunk(_filled(chunk, filler), "5.1/12")
@@ -267,7 +272,7 @@ def test_rest_of_the_buffer(
 
 
 def _filled(chunk: Chunk, filler: bytes) -> Chunk:
-    """The chunk with something behind its valid bytes."""
+    """Return the chunk with a filler after its valid bytes."""
     return chunk._replace(buffer=(chunk.buffer + filler * BUFFER_BYTES)[:BUFFER_BYTES])
 
 
@@ -277,10 +282,10 @@ def _not_complete(
     sent: Iterable[Chunk],
     missing: Iterable[Chunk],
 ) -> None:
-    """Send chunks that leave a file incomplete, and then the others.
+    """Send chunks that leave a file incomplete, and then the missing chunks.
 
-    A client may refuse them (A-5-8). One that takes them has to wait for what is missing; that it
-    takes the file for complete is seen in what it says.
+    A client may refuse these chunks (A-5-8). A client that takes them must wait for the missing
+    ones. Its answer shows whether it takes the file for complete.
     """
     download = begin_download(subject, line)
     taken = all(download.offer_chunk(chunk) for chunk in sent)
@@ -294,7 +299,7 @@ def _not_complete(
         return
     download.received = _LONG
     download.expect_done("5.1/13")
-    subject.tolerate("5.1/13", "chunk_order", "any", "chunks are taken in any order")
+    subject.tolerate("5.1/13", "chunk_order", "any", "the client accepts chunks in any order")
 
 
 _LONG = content_of(600)
@@ -303,19 +308,19 @@ _FIRST, _SECOND, _THIRD = chunks_of(_LONG)
 
 @client_case("5.1/13", name="last-first")
 def test_last_chunk_first(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A download whose last chunk came first is not complete with it."""
+    """A download whose last chunk arrives first is not complete."""
     _not_complete(subject, line, [_THIRD], [_FIRST, _SECOND])
 
 
 @client_case("5.1/13", name="gap")
 def test_gap(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A download with a gap is not complete with its last chunk."""
+    """A download with a gap is not complete when its last chunk arrives."""
     _not_complete(subject, line, [_FIRST, _THIRD], [_SECOND])
 
 
 @client_case("5.1/13", name="repeated")
 def test_repeated_chunk(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A download is not complete because a chunk came twice."""
+    """A download is not complete because a chunk arrives twice."""
     _not_complete(subject, line, [_FIRST, _SECOND, _SECOND], [_THIRD])
 
 
@@ -328,7 +333,7 @@ def test_overlap(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("5.1/13", name="larger-size")
 def test_file_size_grows(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A download whose second chunk tells a larger size is refused, or has that size in the end."""
+    """A download whose second chunk has a larger fileSize is refused, or reaches that size."""
     download = begin_download(subject, line)
     sizes = (450, 600, 600)
     chunks = (c._replace(file_size=s) for c, s in zip(chunks_of(_LONG), sizes, strict=True))
@@ -336,12 +341,14 @@ def test_file_size_grows(subject: ClientUnderTest, line: IncomingConnection) -> 
         expect_transfer_failed(subject, download.call, "5.1/13")
         return
     download.expect_done("5.1/13")
-    subject.tolerate("5.1/13", "A-5-7", "last", "the file size may change on the way")
+    subject.tolerate(
+        "5.1/13", "A-5-7", "last", "the client accepts a file size that changes during the download"
+    )
 
 
 @client_case("5.1/13", name="smaller-size")
 def test_file_size_shrinks(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A download whose later chunk tells a smaller size is refused, or ends there, whole."""
+    """A download whose later chunk has a smaller fileSize is refused, or ends there."""
     download = begin_download(subject, line)
     download.send_chunk(_FIRST)
     taken = download.offer_chunk(Chunk(250, 200, 50, _LONG[200:250]))
@@ -349,5 +356,5 @@ def test_file_size_shrinks(subject: ClientUnderTest, line: IncomingConnection) -
         expect_transfer_failed(subject, download.call, "5.1/13")
         return
     download.expect_done("5.1/13")
-    message = "the file size of the last chunk is the one that counts"
+    message = "the client uses the file size of the last chunk"
     subject.tolerate("5.1/13", "A-5-7", "last", message)

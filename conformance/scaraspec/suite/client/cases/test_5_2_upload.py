@@ -1,6 +1,7 @@
-"""Clause 5.2: a file to the controller (0x50, 0x52; L741-763).
+"""Clause 5.2: uploading a file to the controller (0x50, 0x52; L741-763).
 
-A file arrives whole or is told as failed: what the client says is checked as much as what it sends.
+A file arrives completely, or the client reports a failure. The cases check the reports of the
+client as well as its requests.
 """
 
 import itertools
@@ -51,15 +52,15 @@ from scaraspec.traffic.events import FrameSeen
 from scaraspec.user_message import UserMessage
 
 _WHOLE = content_of(650)
-_LAST = len(_WHOLE)  # a number that no chunk exceeds
+_LAST = len(_WHOLE)  # larger than any chunk number
 _SHORT_S = 0.1
-_REST_OF_A_LIMIT = 0.25  # of 25 s, behind which those have lasted for more than 30
+_REST_OF_A_LIMIT = 0.25  # of 25 s: the silences together then exceed 30 s
 
 _ANSWERS = tuple(BY_NAME[name].opcode for name in ("upload_name", "upload_chunk", "download_name"))
 
 
 def _up_to(subject: ClientUnderTest, line: IncomingConnection, number: int) -> tuple[Upload, Chunk]:
-    """An upload up to its chunk of this number, or its last, which is not answered yet."""
+    """Return an upload and its pending chunk of this number, or its last chunk."""
     upload = Upload(subject, line, _WHOLE)
     upload.accept_name()
     while True:
@@ -71,7 +72,7 @@ def _up_to(subject: ClientUnderTest, line: IncomingConnection, number: int) -> t
 
 
 def _take_one_byte(subject: ClientUnderTest, line: IncomingConnection, call: Call) -> None:
-    """Take an upload of one byte, whose name has come."""
+    """Receive an upload of one byte whose name was received."""
     line.reply("upload_name")
     chunk_of(line.request("upload_chunk", call))
     line.reply("upload_chunk")
@@ -84,7 +85,7 @@ def _take_one_byte(subject: ClientUnderTest, line: IncomingConnection, call: Cal
 
 @client_case("5.2/1", attended=True)
 def test_upload(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A file is uploaded, its name first."""
+    """The client uploads a file and sends its name first."""
     receive_upload(subject, line, _WHOLE)
 
 
@@ -94,21 +95,21 @@ def test_upload(subject: ClientUnderTest, line: IncomingConnection) -> None:
 @example(name="x")
 @example(name="a" * 26 + ".rob")
 def test_names(subject: ClientUnderTest, line: IncomingConnection, name: str) -> None:
-    """An upload begins with its name, whatever the file is called at home."""
+    """An upload begins with the remote name, for any name of the local file."""
     with subject.allow_refusal():
         receive_upload(subject, line, b"!", name)
 
 
 @client_case("5.2/1", name="chinese")
 def test_chinese_name(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A Chinese name is sent whole in UTF-8 or GB18030, or the client refuses it (A-T-2)."""
+    """The client sends a Chinese name in UTF-8 or GB18030, or refuses it (A-T-2)."""
     name = "程序一.rob"
     call = subject.begin("upload", local=subject.make_file(b"!"), remote=name)
     asked = request_or_none(subject, line, call, "upload_name")
     if asked is None:
         expect_transfer_failed(subject, call, "5.2/1")
         return
-    message = "a Chinese name was sent as"
+    message = "the client altered a Chinese name"
     expect_in(
         asked.frame.data.removesuffix(b"\0"), (name.encode(), name.encode("gb18030")), message
     )
@@ -117,44 +118,48 @@ def test_chinese_name(subject: ClientUnderTest, line: IncomingConnection) -> Non
 
 @client_case("5.2/18")
 def test_long_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A name of 30 bytes is sent; a longer one is refused by the client, or sent whole."""
+    """The client sends a name of 30 bytes, and refuses a longer one or sends it completely."""
     for size in examples((29, 30, 31, 60, 255, 256, 300)):
         name = "n" * (size - 4) + ".rob"
         call = subject.begin("upload", local=subject.make_file(b"!"), remote=name)
         asked = request_or_none(subject, line, call, "upload_name")
         if asked is None:
-            message = UserMessage("a name of {size} bytes was refused by the client", size=size)
+            message = UserMessage(
+                "the client refused a name of {size_bytes} bytes", size_bytes=size
+            )
             expect(size > NAME_MAX_BYTES, message, expected="a request", observed=f"{call}")
             expect_transfer_failed(subject, call, "5.2/18")
             continue
-        message = UserMessage("a name of {size} bytes was sent as", size=size)
+        message = UserMessage("the client altered a name of {size_bytes} bytes", size_bytes=size)
         expect_equal(asked.frame.data.removesuffix(b"\0"), name.encode(), message)
         _take_one_byte(subject, line, call)
         if size > NAME_MAX_BYTES:
-            message = UserMessage("a file name of {size} bytes was sent", size=size)
+            message = UserMessage(
+                "the client sent a file name of {size_bytes} bytes", size_bytes=size
+            )
             subject.tolerate("5.2/18", "name_max", "255", message)
 
 
 @client_case("5.2/4", attended=True)
 def test_existing_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A file that exists on the controller is uploaded in vain: no content is sent."""
+    """The file exists on the controller; the client sends no content and reports a failure."""
     upload = Upload(subject, line, _WHOLE)
     line.reply("upload_name", value=False)
     subject.expect_failure(upload.call, requirement="5.2/19")
-    expect_no_transfer_frames(line, "content was sent although the name had been refused", "5.2/4")
+    expect_no_transfer_frames(line, "the client sent content after the name was refused", "5.2/4")
 
 
 @client_case("5.2/4", name="between-others")
 def test_existing_file_between_others(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A name that was accepted before and is refused now ends that upload alone."""
+    """A name that was accepted before is refused; only that upload fails."""
     name = "zs-again.rob"
     for _ in range(2):
         receive_upload(subject, line, _WHOLE, name)
         upload = Upload(subject, line, _WHOLE, name)
         line.reply("upload_name", value=False)
         upload.expect_failed()
-        message = "content was sent although the name had been refused"
-        line = expect_served(subject, line, "a name that was refused")
+        message = "the client sent content after the name was refused"
+        line = expect_served(subject, line, "a refused name")
         expect_no_transfer_frames(line, message, "5.2/4")
     receive_upload(subject, line, _WHOLE, name)
 
@@ -164,7 +169,7 @@ def test_existing_file_between_others(subject: ClientUnderTest, line: IncomingCo
 
 @client_case("5.2/5")
 def test_one_structure_a_frame(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Each chunk frame carries one fileData, also of a file that looks like frames."""
+    """Each chunk frame carries one fileData, also for a file that looks like frames."""
     frame = Frame(C2A, BY_NAME["upload_chunk"].opcode, b"1").encode()
     for content in examples((frame * 100, frame[::-1] * 100, b"\xcc\xaa" * 137)):
         upload = Upload(subject, line, content)
@@ -176,12 +181,12 @@ def test_one_structure_a_frame(subject: ClientUnderTest, line: IncomingConnectio
 
 @client_case("5.2/7")
 def test_one_chunk_at_a_time(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Each chunk is held back until the one before it has been answered."""
+    """The client sends each chunk only after the previous one is answered."""
     upload = Upload(subject, line, _WHOLE)
     upload.accept_name()
     while upload.received_bytes < len(_WHOLE):
         chunk = upload.next_chunk()
-        message = "a chunk was sent before the one before it was answered"
+        message = "the client sent a chunk before the previous one was answered"
         expect_no_transfer_frames(line, message, "5.2/7", _SHORT_S)
         upload.accept_chunk(chunk.length)
     upload.expect_done()
@@ -189,12 +194,12 @@ def test_one_chunk_at_a_time(subject: ClientUnderTest, line: IncomingConnection)
 
 @client_case("5.2/8")
 def test_refused_chunk(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """An upload of which a chunk is refused, whichever it is, stops there and has failed."""
+    """An upload stops and fails at any refused chunk."""
     for number in range(_LAST):
         upload, chunk = _up_to(subject, line, number)
         upload.refuse_chunk(chunk)
         line = expect_served(subject, line, "a refused chunk")
-        message = "content was sent although a chunk had been refused"
+        message = "the client sent content after a chunk was refused"
         expect_no_transfer_frames(line, message, "5.2/8")
         if chunk.last:
             break
@@ -203,41 +208,45 @@ def test_refused_chunk(subject: ClientUnderTest, line: IncomingConnection) -> No
 
 @client_case("5.2/13")
 def test_nothing_after_the_end(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """After the answer to the last chunk nothing more of the upload is sent."""
+    """The client sends nothing more of the upload after its last chunk is answered."""
     for size in examples((1, 199, 200, 201, 400, 600)):
         receive_upload(subject, line, content_of(size))
         line = expect_served(subject, line, "an upload")
         message = UserMessage(
-            "something was sent after an upload of {size} bytes was complete", size=size
+            "the client sent something after a complete upload of {size_bytes} bytes",
+            size_bytes=size,
         )
         expect_no_transfer_frames(line, message, "5.2/13")
 
 
 @client_case("5.2/17")
 def test_empty_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A file of no bytes is refused by the client, or sent as its name, or as an empty chunk."""
+    """The client refuses an empty file, or sends only its name or an empty chunk."""
     call = subject.begin("upload", local=subject.make_file(b""), remote="zs-empty.rob")
     if request_or_none(subject, line, call, "upload_name") is None:
         expect_transfer_failed(subject, call, "5.2/17")
         return
     line.reply("upload_name")
-    option, said = "name-only", "as its name alone"
+    option, form = "name-only", "its name alone"
     frame = request_or_none(subject, line, call, "upload_chunk")
     if frame is not None:
         chunk = chunk_of(frame)
-        message = "an empty file was sent as a chunk of"
+        message = "the client sent an empty file as a wrong chunk"
         expect_equal((chunk.file_size, chunk.position, chunk.length), (0, 0, 0), message)
         line.reply("upload_chunk")
-        option, said = "chunk", "as a chunk of length 0"
+        option, form = "chunk", "a chunk of length 0"
     if subject.wait_for_answer(call).ok:
         subject.tolerate(
-            "5.2/17", "empty_file", option, UserMessage("an empty file is sent {said}", said=said)
+            "5.2/17",
+            "empty_file",
+            option,
+            UserMessage("the client sends an empty file as {form}", form=form),
         )
 
 
 @client_case("5.2/19", name="no-file")
 def test_no_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A file is to be uploaded that does not exist, which the client tells; then one that does."""
+    """Uploading a missing file fails; a following upload of an existing file succeeds."""
     call = subject.begin("upload", local=subject.missing_file(), remote="zs-none.rob")
     sent = request_or_none(subject, line, call, "upload_name") is not None
     if sent:
@@ -251,16 +260,17 @@ def test_no_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
 def test_no_empty_chunk_behind_full_ones(
     subject: ClientUnderTest, line: IncomingConnection
 ) -> None:
-    """A file that fills its last chunk ends with that, not with a chunk of length 0."""
+    """A file that fills its last chunk ends with it, without a chunk of length 0."""
     for size in examples((200, 400, 600)):
         upload = Upload(subject, line, content_of(size))
         upload.accept_name()
         for frame in upload.chunk_frames():
-            message = "a chunk of length 0 was sent of a file that has content"
+            message = "the client sent a chunk of length 0 of a file with content"
             expect(chunk_of(frame).length, message, expected="1 to 200", observed="0")
         again = request_or_none(subject, line, upload.call, "upload_chunk", _SHORT_S)
         message = UserMessage(
-            "a chunk follows on {size} full ones that are the whole file", size=size // BUFFER_BYTES
+            "the client sent a chunk after {count} full chunks, which are the whole file",
+            count=size // BUFFER_BYTES,
         )
         expect(again is None, message, expected="nothing", observed=f"{again}")
         upload.expect_done()
@@ -271,9 +281,9 @@ def test_no_empty_chunk_behind_full_ones(
 
 @client_case("5.2/9")
 def test_late_and_missing_answers(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Answers that come after 25 s are taken, twice; one that does not come ends the upload.
+    """An upload survives two answers after 25 s each and fails when an answer is missing.
 
-    The limit is one of each silence: a file may take longer than that as a whole, chunks alone.
+    The timeout applies to each silence. A whole file, and all chunks together, may take longer.
     """
     upload = Upload(subject, line, _WHOLE)
 
@@ -294,9 +304,9 @@ def test_late_and_missing_answers(subject: ClientUnderTest, line: IncomingConnec
 
 @client_case("5.2/9", name="meanwhile")
 def test_answer_is_missing_amid_others(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The silence of an upload ends it, whatever else is asked meanwhile; another one works.
+    """A missing answer ends an upload while other requests are answered; the next upload works.
 
-    The answer to the last chunk never comes, so the next one belongs to the next upload.
+    The answer to the last chunk never arrives, so the next answer belongs to the next upload.
     """
     upload, _ = _up_to(subject, line, _LAST)
     expect_given_up_despite_queries(subject, line, upload.call, "5.2/9")
@@ -305,14 +315,14 @@ def test_answer_is_missing_amid_others(subject: ClientUnderTest, line: IncomingC
 
 @client_case("5.2/9", name="name")
 def test_name_is_not_answered(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """An upload whose name is not answered is given up, and not begun by a late answer."""
+    """An upload whose name gets no answer times out; a late answer does not start it."""
     upload = Upload(subject, line, _WHOLE)
     expect_given_up(subject, upload.call, "5.2/9")
     _stays_ended(subject, line, "upload_name")
 
 
 def _stays_ended(subject: ClientUnderTest, line: IncomingConnection, command: str) -> None:
-    """An answer that comes too late does not bring an upload back."""
+    """Require that a late answer does not resume an upload."""
     if line.ending is None:
         line.reply(command)
     _another_works(subject, line)
@@ -320,7 +330,7 @@ def _stays_ended(subject: ClientUnderTest, line: IncomingConnection, command: st
 
 def _another_works(subject: ClientUnderTest, line: IncomingConnection) -> None:
     line = expect_served(subject, line, "a silence")
-    message = "an upload that was given up goes on"
+    message = "the client continues an aborted upload"
     expect_no_transfer_frames(line, message, "5.2/9", allowed=is_abort_signal)
     receive_upload(subject, line, _WHOLE)
 
@@ -339,7 +349,7 @@ def _there_and_back(subject: ClientUnderTest, line: IncomingConnection, content:
 @client_case("5.2/16")
 @pytest.mark.parametrize("size", [1, 199, 200, 201, 400], ids=str)
 def test_sizes(subject: ClientUnderTest, line: IncomingConnection, size: int) -> None:
-    """A file of this size gets there and back, full of one byte or of all of them."""
+    """The client uploads and downloads files of this size with several contents unchanged."""
     for content in examples((*(filling * size for filling in _FILLINGS), content_of(size))):
         _there_and_back(subject, line, content)
 
@@ -353,7 +363,7 @@ def test_sizes(subject: ClientUnderTest, line: IncomingConnection, size: int) ->
 def test_large_files(
     subject: ClientUnderTest, line: IncomingConnection, size: int, filling: bytes
 ) -> None:
-    """A large file gets there and back: half of it without a pattern, half of one byte."""
+    """The client uploads and downloads a large file unchanged."""
     _there_and_back(subject, line, content_of(size // 2) + filling * (size - size // 2))
 
 
@@ -366,20 +376,20 @@ def test_large_files(
 @example(content=b"  blanks and zeros \t\n\0\0\0")
 @example(content="控制层".encode("gb18030") * 50)
 def test_content(subject: ClientUnderTest, line: IncomingConnection, content: bytes) -> None:
-    """The chunks of an upload, joined together, are the file."""
+    """The joined chunks of an upload equal the file."""
     upload = Upload(subject, line, content)
     upload.accept_name()
     sent = b"".join(chunk_of(frame).data for frame in upload.chunk_frames())
-    expect_equal(sent, content, "the chunks hold another file")
+    expect_equal(sent, content, "the chunks differ from the file")
     upload.expect_done()
 
 
-# What is said of it
+# The reported outcome
 
 
 @client_case("5.2/19")
 def test_refusals_are_failures(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """An upload whose name, first, middle or last chunk is refused is not told as done."""
+    """The client reports a failure when the name or any chunk of an upload is refused."""
     upload = Upload(subject, line, _WHOLE)
     line.reply("upload_name", value=False)
     upload.expect_failed()
@@ -391,7 +401,7 @@ def test_refusals_are_failures(subject: ClientUnderTest, line: IncomingConnectio
 
 @client_case("5.2/19", name="download-refused", attended=True)
 def test_refused_download(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A download of a file that the controller has not got is not told as done."""
+    """The client reports a failure when the controller does not have the file."""
     download = Download(subject, line)
     line.reply("download_name", value=False)
     subject.expect_failure(download.call)
@@ -399,7 +409,7 @@ def test_refused_download(subject: ClientUnderTest, line: IncomingConnection) ->
 
 @client_case("5.2/19", name="download-refused-then-sent")
 def test_file_of_a_refused_download(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A download that was refused, or had nowhere to go, keeps no file from being fetched later."""
+    """A download that was refused, or could not be written, succeeds later."""
     line = _fetched_to_nowhere(subject, line)
     download = Download(subject, line, "zs-again.rob")
     line.reply("download_name", value=False)
@@ -413,7 +423,7 @@ def test_file_of_a_refused_download(subject: ClientUnderTest, line: IncomingConn
 
 
 def _fetched_to_nowhere(subject: ClientUnderTest, line: IncomingConnection) -> IncomingConnection:
-    """Order a file into a folder that cannot be; the connection afterwards."""
+    """Download a file into a folder that cannot exist; return the connection to continue with."""
     local = Path(subject.make_file(b"no folder")) / "zs-again.rob"
     call = subject.begin("download", remote="zs-again.rob", local=str(local))
     if request_or_none(subject, line, call, "download_name") is not None:
@@ -421,18 +431,18 @@ def _fetched_to_nowhere(subject: ClientUnderTest, line: IncomingConnection) -> I
         line.send_chunk(Chunk(1, 0, 1, b"!"))
         request_or_none(subject, line, call, "download_chunk", subject.silence_s)
     subject.wait_for_answer(call, within_s=limits_of(subject).over_s)
-    message = "a download is told as done, and there is no file"
+    message = "the client reports a successful download without a file"
     expect(not call.ok or local.exists(), message, expected="an error", observed=f"{call}")
-    return expect_served(subject, line, "a file that cannot be written")
+    return expect_served(subject, line, "a download that cannot be written")
 
 
 _ODD = (b"", b"2", b"00", b"0|16", b"\x00", b"10", b"01", b"", b"01", b"10", b"\x01")
-"""In turn to the name, the first chunk and the last one; nothing at all is said to two of them."""
+"""Answers for the name, the first chunk and the last chunk in turn. Two are empty."""
 
 
 @client_case("5.2/19", name="odd-answers")
 def test_odd_answers(subject: ClientUnderTest) -> None:
-    """An answer that does not say 1 is no yes, to a name, a chunk or the last one."""
+    """An answer other than 1 is not an acceptance of a name or a chunk."""
     for number, data in examples(zip(itertools.cycle((None, 1, _LAST)), _ODD, strict=False)):
         line = subject.open(judged=False)
         chunk = None
@@ -441,7 +451,9 @@ def test_odd_answers(subject: ClientUnderTest) -> None:
         else:
             (upload, chunk), command = _up_to(subject, line, number), "upload_chunk"
         line.reply(command, data=data)
-        message = UserMessage("the answer {data!r} was taken for a yes", data=data)
+        message = UserMessage(
+            "the client took the answer {answer!r} for an acceptance", answer=data
+        )
         expect_no_transfer_frames(
             line, message, "5.2/19", _SHORT_S, allowed=partial(_takes_for_no, chunk)
         )
@@ -450,14 +462,14 @@ def test_odd_answers(subject: ClientUnderTest) -> None:
 
 
 def _takes_for_no(chunk: Chunk | None, seen: FrameSeen) -> bool:
-    """Whether this may follow a no: the signal that ends the upload, or the same chunk again."""
+    """Whether a frame may follow a refusal: the abort signal, or the same chunk again."""
     again = chunk and isinstance(seen.value, Chunk) and seen.value.position == chunk.position
     return is_abort_signal(seen) or bool(again)
 
 
 @client_case("5.2/19", "3/33", name="wrong-opcode")
 def test_answers_of_the_wrong_opcode(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A 1 under another opcode, or behind the tag of results, is no answer to a name or a chunk."""
+    """A 1 with another opcode or with the tag does not answer a name or a chunk."""
     upload = Upload(subject, line, _WHOLE)
     _offer_wrong(line, "upload_name")
     if _goes_on(upload, line):
@@ -477,20 +489,20 @@ def _goes_on(upload: Upload, line: IncomingConnection) -> bool:
 
 
 def _offer_wrong(line: IncomingConnection, command: str) -> None:
-    """Answer under every opcode but the right one; a client may hang up at that (A-3-9)."""
+    """Send 1 with every opcode except the right one. A client may close the link then (A-3-9)."""
     right = BY_NAME[command].opcode
     frames = [Frame(C2A, opcode, b"1") for opcode in _ANSWERS if opcode != right]
-    with suppress(NoReply):  # it has hung up already
+    with suppress(NoReply):  # the client has closed the connection
         for frame in (*frames, Frame(C2A, right, b"1", tagged=True)):
             line.send_frame(frame)
     message = UserMessage(
-        "a 1 of another opcode was taken for the answer to {command}", command=command
+        "the client took a 1 with another opcode for the answer to {command}", command=command
     )
     expect_no_transfer_frames(line, message, "5.2/19", _SHORT_S)
 
 
 def _lost(subject: ClientUnderTest, end: Callable[[IncomingConnection], None]) -> None:
-    """Let the link end at the name and at every chunk of an upload."""
+    """End the link at the name and at several chunks of an upload."""
     for number in examples((None, 0, 1, 2, _LAST)):
         line = subject.open()
         if number is None:
@@ -503,19 +515,19 @@ def _lost(subject: ClientUnderTest, end: Callable[[IncomingConnection], None]) -
 
 @client_case("5.2/19", name="closed")
 def test_link_closed(subject: ClientUnderTest) -> None:
-    """An upload whose connection is closed, at its name or any chunk, is not told as done."""
+    """The client reports a failure when the link closes at the name or a chunk of an upload."""
     _lost(subject, IncomingConnection.close)
 
 
 @client_case("5.2/19", name="reset")
 def test_link_reset(subject: ClientUnderTest) -> None:
-    """An upload whose connection is cut off, at its name or any chunk, is not told as done."""
+    """The client reports a failure when the link is reset at the name or a chunk of an upload."""
     _lost(subject, IncomingConnection.reset)
 
 
 @client_case("5.2/19", name="download-cut-off")
 def test_link_lost_in_a_download(subject: ClientUnderTest) -> None:
-    """A download whose connection ends, before or behind any chunk, is not told as done."""
+    """The client reports a failure when the link ends before or after any chunk of a download."""
     for end in examples((IncomingConnection.close, IncomingConnection.reset)):
         line = subject.open()
         download = Download(subject, line)

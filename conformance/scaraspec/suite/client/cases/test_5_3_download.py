@@ -1,4 +1,4 @@
-"""Clause 5.3: a file from the controller (0x54, 0x56; L765-787), and what is on the disk then."""
+"""Clause 5.3: downloading a file (0x54, 0x56; L765-787), and the file on the disk."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -31,11 +31,11 @@ from scaraspec.user_message import UserMessage
 _WHOLE = content_of(650)
 _CHUNKS = tuple(chunks_of(_WHOLE))
 _SHORT_S = 0.1
-_LARGE_BYTES = 65_936  # 400 to whoever counts in 16 bits, and a chunk ends there
+_LARGE_BYTES = 65_936  # 400 in a 16-bit counter; a chunk ends at 400
 
 
 def _sent(subject: ClientUnderTest, line: IncomingConnection, count: int) -> Download:
-    """A download of which so many chunks have been taken."""
+    """Return a download of which this number of chunks was accepted."""
     download = begin_download(subject, line)
     for chunk in _CHUNKS[:count]:
         download.send_chunk(chunk)
@@ -51,7 +51,7 @@ def _sent(subject: ClientUnderTest, line: IncomingConnection, count: int) -> Dow
 @example(name="x")
 @example(name="a" * 26 + ".rob")
 def test_names(subject: ClientUnderTest, line: IncomingConnection, name: str) -> None:
-    """A download asks for the name in its real length, wherever the file is to be put."""
+    """A download requests the name at its real length, for any name of the local file."""
     with subject.allow_refusal():
         download = Download(subject, line, name)
         download.accept_name()
@@ -64,25 +64,25 @@ def test_names(subject: ClientUnderTest, line: IncomingConnection, name: str) ->
 
 @client_case("5.3/5", attended=True)
 def test_download(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A file is downloaded, each chunk of which is answered 1."""
+    """The client downloads a file and answers each chunk with 1."""
     send_download(subject, line, _WHOLE)
 
 
 @client_case("5.3/5", name="once")
 def test_one_answer_each(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Each chunk gets one answer and no second, the first and the last one too."""
+    """The client answers each chunk exactly once."""
     download = begin_download(subject, line)
-    message = "a chunk was answered before it came"
+    message = "the client answered a chunk before it was sent"
     expect_no_transfer_frames(line, message, "5.3/5", _SHORT_S)
     for chunk in _CHUNKS:
         download.send_chunk(chunk)
-        expect_no_transfer_frames(line, "a chunk was answered twice", "5.3/5", _SHORT_S)
+        expect_no_transfer_frames(line, "the client answered a chunk twice", "5.3/5", _SHORT_S)
     download.expect_done()
 
 
 @client_case("5.3/5", name="together")
 def test_chunk_behind_its_promise(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A first chunk that comes in one segment with the answer to the name is answered too."""
+    """The client answers a first chunk that arrives in one segment with the name answer."""
     for size in examples((1, 200, 450)):
         download = Download(subject, line)
         first, *rest = chunks_of(content_of(size))
@@ -95,7 +95,7 @@ def test_chunk_behind_its_promise(subject: ClientUnderTest, line: IncomingConnec
 
 @client_case("5.3/5", name="in-pieces")
 def test_chunk_in_pieces(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A chunk whose frame comes in two or three pieces, split anywhere, is answered once."""
+    """The client answers a chunk once whose frame arrives in pieces."""
     chunk = Chunk(200, 0, BUFFER_BYTES, content_of(200))
     for at in examples((*range(1, HEAD_BYTES + 4), 100, 213, 214, 215)):
         download = begin_download(subject, line)
@@ -104,30 +104,30 @@ def test_chunk_in_pieces(subject: ClientUnderTest, line: IncomingConnection) -> 
             line.send_bytes(piece)
             line.wait(0.005)
         download.expect_taken(chunk)
-        expect_no_transfer_frames(line, "a chunk in pieces was answered twice", "5.3/5")
+        expect_no_transfer_frames(line, "the client answered a chunk in pieces twice", "5.3/5")
         download.expect_done()
 
 
 @client_case("5.3/5", name="refused")
 def test_refusal_is_an_answer(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A chunk that cannot be taken is answered 0, unless the client ends the connection."""
+    """The client answers an invalid chunk with 0, or ends the connection."""
     for count in examples(range(3)):
         download = _sent(subject, line, count)
         answered = download.offer_chunk(Chunk(650, 200 * count, 201, bytes(200)))
         expect(
             answered is False or (answered is None and line.over),
-            "a chunk that cannot be taken was not answered 0",
+            "the client did not answer an invalid chunk with 0",
             expected="0",
             observed="1" if answered else "silence",
         )
         download.expect_failed()
-        line = expect_served(subject, line, "a chunk that was refused")
-        expect_no_transfer_frames(line, "a chunk was answered twice", "5.3/5")
+        line = expect_served(subject, line, "a refused chunk")
+        expect_no_transfer_frames(line, "the client answered a chunk twice", "5.3/5")
 
 
 @client_case("5.3/5", name="unasked")
 def test_unasked_chunk(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A chunk of no download, before any and after one, is not taken."""
+    """The client does not take a chunk without a download, before and after one."""
     download = Download(subject, line)
     line.reply("download_name", value=False)
     download.expect_failed()
@@ -136,17 +136,17 @@ def test_unasked_chunk(subject: ClientUnderTest, line: IncomingConnection) -> No
         line = _refuses_stray(subject, line, download)
         download = _sent(subject, line, len(_CHUNKS))
         download.expect_done()
-    expect_equal(download.stored, _WHOLE, "a chunk of no download changed the file before")
+    expect_equal(download.stored, _WHOLE, "a chunk without a download changed the previous file")
 
 
 def _refuses_stray(
     subject: ClientUnderTest, line: IncomingConnection, download: Download
 ) -> IncomingConnection:
-    """Send a chunk of no download, which must not be answered 1; the connection afterwards."""
+    """Send a chunk without a download and require no answer 1; return the connection."""
     line.send_frame(download.chunk_frame(_CHUNKS[0]))
-    line = expect_served(subject, line, "a chunk of no download")
+    line = expect_served(subject, line, "a chunk without a download")
     taken = [s for s in line.inbox if s.name == "download_chunk" and s.value is True]
-    message = "a chunk that nobody had asked for was taken"
+    message = "the client accepted a chunk without a download"
     expect(not taken, message, expected="0 or silence", observed="1")
     line.inbox.clear()
     return line
@@ -157,7 +157,7 @@ def _refuses_stray(
 
 @client_case("5.3/8", attended=True)
 def test_error_signal(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A chunk frame without data ends a download, which has failed."""
+    """A chunk frame without data ends a download with a failure."""
     download = begin_download(subject, line)
     line.reply("download_chunk", data=b"")
     subject.expect_failure(download.call)
@@ -166,9 +166,9 @@ def test_error_signal(subject: ClientUnderTest, line: IncomingConnection) -> Non
 @client_case("5.3/8")
 @pytest.mark.parametrize("signal", ["no-data", "length-0", "numbers-only"])
 def test_error_signals(subject: ClientUnderTest, line: IncomingConnection, signal: str) -> None:
-    """An error signal of this form, before or behind any chunk, ends the download.
+    """An error signal of this form, before or after any chunk, ends the download.
 
-    Its position may be that of the end (L737): bytes are missing all the same.
+    Its position may be the end of the file (L737), but bytes are still missing.
     """
     for count in examples(range(4)):
         download = _sent(subject, line, count)
@@ -176,10 +176,12 @@ def test_error_signals(subject: ClientUnderTest, line: IncomingConnection, signa
         whole = download.chunk_frame(chunk).data
         data = {"no-data": b"", "length-0": whole, "numbers-only": whole[:HEAD_BYTES]}[signal]
         taken = download.offer_chunk(chunk, data=data)
-        expect(not taken, "the error signal was taken for content", expected="0", observed="1")
+        expect(
+            not taken, "the client took the error signal for content", expected="0", observed="1"
+        )
         if not line.over:
             again = download.offer_chunk(_CHUNKS[count])
-            message = "a download goes on behind the error signal"
+            message = "the client continues a download after the error signal"
             expect(not again, message, expected="0 or silence", observed="1")
         download.expect_failed("5.3/8")
         line = expect_served(subject, line, "the error signal")
@@ -188,12 +190,12 @@ def test_error_signals(subject: ClientUnderTest, line: IncomingConnection, signa
 
 @client_case("5.3/8", name="empty-file")
 def test_empty_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A chunk of length 0 of a file of size 0 ends the download: failed, or an empty file."""
+    """A chunk of length 0 with fileSize 0 ends the download: a failure or an empty file."""
     download = begin_download(subject, line)
     taken = download.offer_chunk(Chunk(0, 0, 0, b""))
     if taken or subject.wait_for_answer(download.call).ok:
         download.expect_done("5.3/8")
-        message = "an empty file is downloaded as a chunk of length 0"
+        message = "the client takes a chunk of length 0 for an empty file"
         subject.tolerate("5.3/8", "empty_file", "chunk", message)
         return
     download.expect_failed("5.3/8")
@@ -210,7 +212,7 @@ def test_empty_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
 def test_whole_file(
     subject: ClientUnderTest, line: IncomingConnection, lengths: Sequence[int]
 ) -> None:
-    """A download in chunks of any lengths is on the disk then, byte for byte."""
+    """The client stores a download in chunks of any lengths byte for byte."""
     download = begin_download(subject, line)
     for chunk in split_content(content_of(sum(lengths)), lengths):
         download.send_chunk(chunk)
@@ -225,19 +227,19 @@ def test_whole_file(
 @example(content=b"  blanks and zeros \t\n\0\0\0")
 @example(content="控制层".encode("gb18030") * 50)
 def test_content(subject: ClientUnderTest, line: IncomingConnection, content: bytes) -> None:
-    """Whatever a file contains, it is on the disk then, byte for byte."""
+    """The client stores a file with any content byte for byte."""
     send_download(subject, line, content)
 
 
 @client_case("5.3/11", name="large")
 def test_large_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A file of more bytes than 16 bits count is on the disk then, unless it is refused at once."""
+    """The client stores a file larger than 65535 bytes, or refuses it at its first chunk."""
     download = begin_download(subject, line)
     first, *rest = chunks_of(content_of(_LARGE_BYTES))
     if not download.offer_chunk(first):
         download.expect_failed()
         message = UserMessage(
-            "a file of {large_bytes} bytes is too large for the client", large_bytes=_LARGE_BYTES
+            "the client does not accept a file of {large_bytes} bytes", large_bytes=_LARGE_BYTES
         )
         subject.tolerate("5.3/11", "A-5-25", "limit", message)
         return
@@ -248,14 +250,14 @@ def test_large_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("5.3/11", name="one-after-another")
 def test_one_after_another(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A short file that comes after a long one has nothing of that, be it called the same."""
+    """A short file after a long file of the same name contains nothing of the long file."""
     for size in examples((650, 10, 400, 1)):
         send_download(subject, line, content_of(size, size), remote="zs-each-time.rob")
 
 
 @client_case("5.3/12", attended=True)
 def test_existing_local_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A file that exists on the client's disk is not overwritten."""
+    """The client does not overwrite an existing local file."""
     local = subject.make_file(b"mine")
     call = subject.begin("download", remote="zs-theirs.rob", local=local)
     sent = request_or_none(subject, line, call, "download_name") is not None
@@ -263,7 +265,7 @@ def test_existing_local_file(subject: ClientUnderTest, line: IncomingConnection)
         line.reply("download_name")
         line.send_chunk(Chunk(6, 0, 6, b"theirs"))
     subject.expect_failure(call)
-    expect_equal(Path(local).read_bytes(), b"mine", "a local file was overwritten")
+    expect_equal(Path(local).read_bytes(), b"mine", "the client overwrote a local file")
     line = reopen(subject, line) if sent else line
     send_download(subject, line, _WHOLE)
 
@@ -271,7 +273,7 @@ def test_existing_local_file(subject: ClientUnderTest, line: IncomingConnection)
 @client_case("5.3/12", name="kept")
 @pytest.mark.parametrize("mine", [b"", b"mine", _WHOLE, _WHOLE + b"more"], ids=len)
 def test_local_file_stays(subject: ClientUnderTest, line: IncomingConnection, mine: bytes) -> None:
-    """A local file of any size, empty or equal, stays as it is, and the download fails."""
+    """An existing local file of any size stays unchanged, and the download fails."""
     local = subject.make_file(mine)
     call = subject.begin("download", remote="zs-theirs.rob", local=local)
     if request_or_none(subject, line, call, "download_name") is not None:
@@ -283,13 +285,13 @@ def test_local_file_stays(subject: ClientUnderTest, line: IncomingConnection, mi
     expect_transfer_failed(subject, call, "5.3/12")
     expect(
         Path(local).exists() and Path(local).read_bytes() == mine,
-        "a local file that existed was changed by a download",
+        "a download changed an existing local file",
         expected=f"its {len(mine)} bytes",
         observed="another file, or none",
     )
 
 
-# What is out of bounds
+# Chunks out of bounds
 
 
 _MOST = 2**32 - 1
@@ -312,14 +314,14 @@ _OUT_OF_BOUNDS = {
 def test_first_chunk_out_of_bounds(
     subject: ClientUnderTest, line: IncomingConnection, chunk: Chunk
 ) -> None:
-    """A first chunk that is out of bounds in this way is rejected, and the download fails."""
+    """The client rejects a first chunk that is out of bounds, and the download fails."""
     download = begin_download(subject, line)
     _rejected(download, chunk)
 
 
 @client_case("5.3/13", name="later")
 def test_later_chunk_out_of_bounds(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A later chunk that is longer than the buffer, or reaches beyond fileSize, is rejected."""
+    """The client rejects a later chunk that exceeds the buffer or fileSize."""
     for count, size, length in examples(
         ((1, 650, 201), (2, 650, 243), (3, 650, 51), (3, 650, 200))
     ):
@@ -334,7 +336,8 @@ def _rejected(download: Download, chunk: Chunk) -> None:
     expect(
         not taken,
         UserMessage(
-            "a chunk of length {length} at {position} was taken, of a file of {file_size} bytes",
+            "the client accepted a chunk of length {length} at {position} of a file of {file_size}"
+            " bytes",
             length=chunk.length,
             position=chunk.position,
             file_size=chunk.file_size,

@@ -1,4 +1,4 @@
-"""Clause 5.4: what both ends do: the buffer, the end of a transfer, its time-out (L789-795)."""
+"""Clause 5.4: rules for both sides: buffer, end of a transfer, timeout (L789-795)."""
 
 from collections.abc import Sequence
 
@@ -41,7 +41,7 @@ def test_buffer_is_not_exceeded(subject: ClientUnderTest, line: IncomingConnecti
         upload.accept_name()
         for frame in upload.chunk_frames():
             length = chunk_of(frame).length
-            message = "a chunk holds more than the buffer"
+            message = "a chunk exceeds the buffer"
             expect(length <= BUFFER_BYTES, message, expected="at most 200", observed=f"{length}")
         upload.expect_done()
 
@@ -51,7 +51,7 @@ def test_buffer_is_not_exceeded(subject: ClientUnderTest, line: IncomingConnecti
 
 @client_case("5.4/4")
 def test_end_is_found(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """With its last chunk a download is done, whatever its size, and its file is there."""
+    """A download of any size is done with its last chunk, and the file is on the disk."""
     for size in examples((1, 199, 200, 201, 400, 401)):
         send_download(subject, line, content_of(size), "5.4/4")
 
@@ -63,20 +63,20 @@ def test_end_is_found(subject: ClientUnderTest, line: IncomingConnection) -> Non
 def test_end_behind_short_chunks(
     subject: ClientUnderTest, line: IncomingConnection, lengths: Sequence[int]
 ) -> None:
-    """A download in chunks of any lengths ends where position + length is fileSize, not before."""
+    """A download ends where position + length equals fileSize, not before."""
     download = begin_download(subject, line)
     for chunk in split_content(content_of(sum(lengths)), lengths):
-        subject.expect_pending(download.call, "the end of a download was found too early")
+        subject.expect_pending(download.call, "the client reports the end of a download too early")
         download.send_chunk(chunk, "5.4/4")
     download.expect_done("5.4/4")
 
 
-# The time-out
+# The timeout
 
 
 @client_case("5.4/5")
 def test_late_and_missing_chunks(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A download survives 25 s of silence, twice, and is over after 60 s; the link serves on."""
+    """A download survives two silences of 25 s and fails after 60 s; the link still works."""
     download = begin_download(subject, line)
 
     def first() -> None:
@@ -93,7 +93,7 @@ def test_late_and_missing_chunks(subject: ClientUnderTest, line: IncomingConnect
 
 @client_case("5.4/5", name="meanwhile")
 def test_chunk_is_missing_amid_others(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The silence of a download ends it, whatever else is asked and answered meanwhile."""
+    """A missing chunk ends a download while other requests are answered."""
     download = begin_download(subject, line)
     download.send_chunk(_CHUNKS[0])
     expect_given_up_despite_queries(subject, line, download.call, "5.4/5")
@@ -101,7 +101,7 @@ def test_chunk_is_missing_amid_others(subject: ClientUnderTest, line: IncomingCo
 
 @client_case("5.4/5", name="promised")
 def test_no_chunk_comes(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A download of which not even the first chunk comes is given up; the link serves on."""
+    """A download without any chunk times out; the link still works."""
     download = begin_download(subject, line)
     expect_given_up(subject, download.call, "5.4/5")
     _recovered(subject, line, download, 0)
@@ -109,7 +109,7 @@ def test_no_chunk_comes(subject: ClientUnderTest, line: IncomingConnection) -> N
 
 @client_case("5.4/5", name="name")
 def test_name_is_not_answered(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A download whose name is not answered is given up; the link serves on."""
+    """A download whose name gets no answer times out; the link still works."""
     download = Download(subject, line)
     expect_given_up(subject, download.call, "5.4/5")
     if line.ending is None:
@@ -120,26 +120,26 @@ def test_name_is_not_answered(subject: ClientUnderTest, line: IncomingConnection
 def _recovered(
     subject: ClientUnderTest, line: IncomingConnection, download: Download, count: int
 ) -> None:
-    """A chunk that comes too late is not taken, and another transfer works."""
+    """Require that a late chunk is refused and another transfer works."""
     download.expect_failed("5.4/5")
     if line.ending is None:
         line.send_frame(download.chunk_frame(_CHUNKS[count]))
     line = expect_served(subject, line, "a silence")
     late = [seen for seen in line.inbox if seen.name == "download_chunk" and seen.value is True]
-    message = "a chunk was taken that came after the download had been given up"
+    message = "the client accepted a chunk after it aborted the download"
     expect(not late, message, expected="0 or silence", observed="1", requirement="5.4/5")
     line.inbox.clear()
     send_download(subject, line, _WHOLE, "5.4/6")
 
 
-# What a broken transfer leaves
+# After a failed transfer
 
 
 @client_case("5.4/6", name="upload")
 def test_served_after_a_broken_upload(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """After an upload that was refused, at its name or a chunk, the link serves all else.
+    """The link works after an upload was refused at its name or a chunk.
 
-    What broke off is sent once more, and begins anew.
+    The same file is then uploaded again from the beginning.
     """
     for count in examples((None, 0, 2)):
         name = "" if count is None else f"again{count}.rob"
@@ -157,9 +157,9 @@ def test_served_after_a_broken_upload(subject: ClientUnderTest, line: IncomingCo
 
 @client_case("5.4/6", name="download")
 def test_served_after_a_broken_download(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """After a download that was refused or broke off in any way, the link serves all else.
+    """The link works after a download was refused or interrupted.
 
-    What broke off is asked for once more, and begins anew.
+    The same file is then downloaded again from the beginning.
     """
     download = Download(subject, line)
     line.reply("download_name", value=False)
@@ -170,7 +170,7 @@ def test_served_after_a_broken_download(subject: ClientUnderTest, line: Incoming
         download.send_chunk(_CHUNKS[0])
         download.offer_chunk(bad)
         expect_transfer_failed(subject, download.call)
-        line = _next_transfers(subject, line, "a broken download", fetched="again.rob")
+        line = _next_transfers(subject, line, "a failed download", fetched="again.rob")
 
 
 def _next_transfers(
@@ -181,7 +181,7 @@ def _next_transfers(
     sent: str = "",
     fetched: str = "",
 ) -> IncomingConnection:
-    """The connection, once it has served a status, an upload and a download, by these names."""
+    """Run a status query, an upload and a download with these names; return the connection."""
     line = expect_served(subject, line, what)
     receive_upload(subject, line, _WHOLE, sent)
     send_download(subject, line, _WHOLE, "5.4/6", fetched)

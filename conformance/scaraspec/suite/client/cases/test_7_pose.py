@@ -1,4 +1,4 @@
-"""Clause 7: what the six values of a pose mean (L1004-1010)."""
+"""Clause 7: the six values of a pose (L1004-1010)."""
 
 from scaraspec.protocol.commands import Pose
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
@@ -18,7 +18,7 @@ _POSES = (
 
 @client_case("7/2")
 def test_four_of_six(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """What is meant by a pose goes out, and comes in, as x, y, z and thetaX."""
+    """The client sends and reports x, y, z and thetaX of a pose correctly."""
     for pose in examples(_POSES):
         call = subject.begin("set_initial_tool_position", **pose._asdict())
         with subject.allow_refusal():

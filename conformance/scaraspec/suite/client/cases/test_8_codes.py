@@ -1,4 +1,4 @@
-"""Clause 8: the codes of table 8-1 (L1012-1044), as a client tells them."""
+"""Clause 8: the codes of table 8-1 (L1012-1044), as a client reports them."""
 
 from itertools import cycle
 from typing import Final
@@ -25,7 +25,7 @@ _LETTERS: Final = tuple(code for code in _MOTORS if not code.isdigit())
 
 @client_case("8/4", attended=True)
 def test_joints(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A fault of the inner arm, the outer arm, the wrist, the gripper and of all is told."""
+    """The client reports a fault of inner arm, outer arm, wrist, gripper and all motors."""
     for code in examples(("11", "12", "14", "18", "1F")):
         call = subject.begin("get_status")
         line.serve(call, code)
@@ -34,12 +34,12 @@ def test_joints(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("8/4", name="all")
 def test_every_mask(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Each set of faulty joints is told, as the status, in a refusal and in a failure."""
+    """The client reports each set of faulty joints in the status, a refusal and a failure."""
     for operation, code in examples(zip(cycle(REFUSED_WITH_CODE), _MOTORS, strict=False)):
         call = subject.begin("get_status")
         line.serve(call, code)
         said = f"{subject.expect_done(call)}"
-        expect_equal(said.upper(), code, "the status that the client tells")
+        expect_equal(said.upper(), code, "the client reports a wrong status")
         report_idle(subject, line)
         call = begin_and_request(subject, line, operation)
         line.reply(operation.name, data=b"0|" + code.encode())
@@ -51,7 +51,7 @@ def test_every_mask(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("8/6")
 def test_small_letters(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Codes in small letters are taken for those in capitals: for no other one, and for no yes."""
+    """The client takes codes in lower case for the same codes, not for others or a success."""
     unknown = ""
     for operation, code in examples(zip(cycle(REFUSED_WITH_CODE), _LETTERS, strict=False)):
         sent = code.lower()
@@ -61,7 +61,7 @@ def test_small_letters(subject: ClientUnderTest, line: IncomingConnection) -> No
             expect_in(
                 f"{call.result}".upper(),
                 (code,),
-                UserMessage("the status that is told for {sent}", sent=sent),
+                UserMessage("the client reports a wrong status for {code}", code=sent),
             )
         else:
             unknown = unknown or sent
@@ -79,5 +79,5 @@ def test_small_letters(subject: ClientUnderTest, line: IncomingConnection) -> No
             "8/6",
             "A-T-7",
             "upper only",
-            UserMessage("the code {unknown} is not understood", unknown=unknown),
+            UserMessage("the client does not understand the code {code}", code=unknown),
         )

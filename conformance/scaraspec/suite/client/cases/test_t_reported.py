@@ -1,4 +1,4 @@
-"""Clauses 3 and 4: what a client hands on of what it is sent (A-3-8, A-T-2, A-T-5)."""
+"""Clauses 3 and 4: how a client reports the replies that it receives (A-3-8, A-T-2, A-T-5)."""
 
 from typing import Any, Final
 
@@ -40,7 +40,7 @@ _NUMBERS: Final = (
     b"-0.5|-300|0",
     b"0.001|-0.001|0.0",
     b"100000|-12345.6|12345.678",
-    b"1.001|-4.35|0.29",  # which binary fractions keep a little too small
+    b"1.001|-4.35|0.29",  # binary fractions store these slightly too small
     b"-0|0|-0.0",
 )
 _SET_TO_OTHERS: Final = {
@@ -49,7 +49,7 @@ _SET_TO_OTHERS: Final = {
     "get_initial_tool_position": ("set_initial_tool_position", b"1.5|-2|3|4|0|0"),
     "get_digital_outputs": ("set_digital_output", b"1|0100000000000001"),
 }
-"""Queries: what sets what they ask for, and another value than the document's example sets."""
+"""Queries: the command that sets the value, and a reply with another value."""
 
 _WHILE_EXECUTING: Final = {
     "get_running_program": b"1|another.rob|01020304",
@@ -62,7 +62,7 @@ _STEMS: Final = ("程序", "猪", "é", "программа")
 
 @client_case("T/9")
 def test_queries(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Every query is answered in many ways; the client says what the answers say."""
+    """The client reports many different replies to every query correctly."""
 
     def each(name: str) -> None:
         payload = BY_NAME[name].reply
@@ -71,10 +71,14 @@ def test_queries(subject: ClientUnderTest, line: IncomingConnection) -> None:
         def hand_on(value: Any) -> None:
             if isinstance(value, NameListPart):
                 value = value._replace(more=False)
-            elif name == "get_motor_temperatures":  # whose decimals have a case of their own
+            elif (
+                name == "get_motor_temperatures"
+            ):  # the decimals of temperatures have their own case
                 value = JointValues(*map(round, value))
             elif value is None and name in _PORTS:
-                value = payload.decode(REPLIES[name]).value  # that there is none is said below
+                value = payload.decode(
+                    REPLIES[name]
+                ).value  # missing values have their own case below
             expect_reported(subject, line, name, payload.encode(value, subject.dialect))
 
         hand_on()
@@ -84,14 +88,14 @@ def test_queries(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("T/9", "T/5", name="numbers")
 def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Numbers come with as many decimals as the controller likes, or none (A-T-5)."""
+    """The client reports numbers with any number of decimals (A-T-5)."""
     for data in examples(_NUMBERS):
         expect_reported(subject, line, "get_gripper_center", data)
 
 
 @client_case("T/5", name="decimals-received")
 def test_decimals(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The joint angles are as the document prints them, negative, and with three decimals."""
+    """The client reports joint angles as printed, negative, and with three decimals."""
     for data in examples(
         (REPLIES["get_joint_angles"], b"-20.4|0|-38.0|-0.5", b"20.125|30.250|38.000|0.001")
     ):
@@ -100,7 +104,7 @@ def test_decimals(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("T/9", name="each-bit")
 def test_each_bit(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """One port after the other is on, the highest leftmost."""
+    """The client reports single active ports, the highest port leftmost."""
 
     def each(name: str) -> None:
         count = len(REPLIES[name]) - 2
@@ -114,7 +118,7 @@ def test_each_bit(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("T/9", name="no-value")
 def test_no_value(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Inputs and outputs cannot be read, which is told by a 0 alone; the client says so."""
+    """The reply to an input or output query is a single 0; the client reports no value."""
 
     def each(name: str) -> None:
         call, _ = request_operation(subject, line, name)
@@ -129,7 +133,7 @@ def test_no_value(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("T/9", name="flags")
 def test_flags(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Every setting is answered with a no, a yes and another yes; the client tells them apart."""
+    """Every setting is refused, accepted and accepted again; the client reports each correctly."""
 
     def each(name: str) -> None:
         for flag in (b"0", b"1", b"1"):
@@ -145,7 +149,7 @@ def test_flags(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("T/9", name="read-back")
 def test_read_back(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """What was set is asked for, and is another value; the client says what the answer says."""
+    """A query returns another value than was set; the client reports the reply."""
 
     def each(getter: str) -> None:
         setter, data = _SET_TO_OTHERS[getter]
@@ -159,7 +163,7 @@ def test_read_back(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("T/9", name="while-executing")
 def test_queries_while_executing(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """While a program runs it is asked for how that gets on; the client says what it hears."""
+    """The client reports the replies to queries while a program runs."""
 
     def each(name: str) -> None:
         require_while_executing(subject, line, name)
@@ -173,14 +177,14 @@ def test_queries_while_executing(subject: ClientUnderTest, line: IncomingConnect
 
 @client_case("T/9", name="behind-nonsense")
 def test_queries_behind_nonsense(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A query is answered with nonsense, perhaps in vain; the next answer to it is told."""
+    """A query gets an invalid reply; the client reports the next reply correctly."""
 
     def each(name: str) -> None:
         nonlocal line
         call, _ = request_operation(subject, line, name)
         line.reply(name, data=b"?")
         if not subject.answers_within(call, _SOON_S) and not line.over:
-            line.reply(name, data=REPLIES[name])  # the nonsense was none to it
+            line.reply(name, data=REPLIES[name])  # the client ignored the invalid reply
         subject.wait_for_answer(call)
         line = ensure_open(subject, line)
         expect_reported(subject, line, name)
@@ -192,7 +196,7 @@ def test_queries_behind_nonsense(subject: ClientUnderTest, line: IncomingConnect
 
 @client_case("T/9", name="lost")
 def test_lost(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The link ends in place of the first reply to each command, which nobody has accepted then."""
+    """The link ends before the first reply to each command; the client reports a failure."""
 
     def each(name: str) -> None:
         nonlocal line
@@ -208,7 +212,7 @@ def test_lost(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("T/9", name="stages")
 def test_outcomes_of_both_stages(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Each two-stage command is refused, fails and is done; the client tells these apart."""
+    """Each two-stage command is refused, fails and succeeds; the client reports each correctly."""
 
     def each(name: str) -> None:
         call, _ = request_operation(subject, line, name)
@@ -230,7 +234,7 @@ def test_outcomes_of_both_stages(subject: ClientUnderTest, line: IncomingConnect
 
 @client_case("T/9", name="codes")
 def test_codes(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A program is refused for every reason, in upper and lower case; the reason is handed on."""
+    """A program is refused with every code, in upper and lower case; the client reports it."""
     for code in sorted(each.text for each in errors.REFUSALS):
         for text in examples(dict.fromkeys((code, code.lower()))):
             call, _ = request_operation(subject, line, "run_program")
@@ -240,9 +244,9 @@ def test_codes(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 
 def _expect_code(result: Any, code: str) -> None:
-    """A client that tells the code has to tell the right one."""
+    """Require the right code from a client that reports a code."""
     if isinstance(result, dict) and result.get("code") is not None:
-        expect_in(result["code"], {code, code.lower()}, "the code that the client tells")
+        expect_in(result["code"], {code, code.lower()}, "the client reports a wrong code")
 
 
 # ---------------------------------------------------------------------- beyond ASCII
@@ -250,24 +254,27 @@ def _expect_code(result: Any, code: str) -> None:
 
 @client_case("T/8")
 def test_beyond_ascii(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Names in UTF-8 and GBK are listed, and deleted as the client names them."""
+    """The client lists and deletes names in UTF-8 and GBK unchanged."""
     ways = {encoding: _passes_on(subject, line, encoding) for encoding in ("utf-8", "gb18030")}
     if all(ways.values()):
         return
     expect(
         any(ways.values()) or None in ways.values(),
-        "names beyond ASCII are altered",
-        expected="the bytes that were listed",
-        observed="others, whatever the encoding",
+        "the client alters names that are not ASCII",
+        expected="the listed bytes",
+        observed="other bytes in every encoding",
     )
     taken = next((encoding for encoding, way in ways.items() if way), "ascii")
     subject.tolerate(
-        "T/8", "text_encoding", taken, UserMessage("names are taken in {taken} only", taken=taken)
+        "T/8",
+        "text_encoding",
+        taken,
+        UserMessage("the client accepts names in {encoding} only", encoding=taken),
     )
 
 
 def _passes_on(subject: ClientUnderTest, line: IncomingConnection, encoding: str) -> bool | None:
-    """Whether names pass through the client as they are; None where it refuses them."""
+    """Whether names pass through the client unchanged; None if it refuses them."""
     names = [f"{stem}.rob".encode(encoding) for stem in _STEMS]
     call, _ = request_operation(subject, line, "list_programs")
     line.reply("list_programs", data=b"|".join([b"0", *names]))

@@ -51,7 +51,7 @@ _TIDIED: Final = (
     *(b"pro--1.rob", b"pro  1.rob", b"pro\t1.rob", b"pro%201.rob", b"pro$&${1}.rob"),
     *(b"pro[1].rob", b"pro{1.rob", b"007", b"1.50", b"1e3", b"0x1F"),
 )
-"""Names that a program may tidy up, fill in, or take for a pattern, a list or a number."""
+"""Names that a program may normalize, expand, or take for a pattern, a list or a number."""
 _CONTROL: Final = 0x20
 _PORTS: Final = 8
 
@@ -66,7 +66,7 @@ def _sends(
     *,
     requirement: str = "",
 ) -> ReceivedFrame:
-    """Order an operation, see that its request carries the value, and get it over with."""
+    """Begin an operation, require that its request carries the value, and finish it."""
     call, request = request_operation(subject, line, name, value, requirement=requirement)
     answer_request(line, name, request)
     subject.wait_for_answer(call)
@@ -78,13 +78,13 @@ def _sends(
 
 @client_case("T/1")
 def test_bars(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """One bar stands between the fields of every request that has several."""
+    """One bar separates the fields of every request with several fields."""
 
     def each(name: str) -> None:
         request = _sends(subject, line, name)
         expect(
             request.frame.data.rstrip(b"|\0").count(b"|") == len(BY_NAME[name].request.fields) - 1,
-            "fields are not separated by one bar",
+            "the fields are not separated by one bar",
             expected=BY_NAME[name].request.form,
             observed=show(request.frame.data),
         )
@@ -94,7 +94,7 @@ def test_bars(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("T/1", name="values")
 def test_bars_between_short_and_long(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The fields are as short as can be, or long; one bar stands between them all the same."""
+    """One bar separates fields of minimal and of large length."""
     for name, value in examples(
         (
             ("set_password", PasswordChange(b"o", b"n")),
@@ -114,25 +114,25 @@ def test_bars_between_short_and_long(subject: ClientUnderTest, line: IncomingCon
 
 @client_case("T/2")
 def test_no_quotation_marks(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """No request has the quotation marks of the examples."""
+    """No request contains the quotation marks of the examples."""
 
     def each(name: str) -> None:
         data = _sends(subject, line, name, requirement="T/2").frame.data
         marks = [mark for mark in ('"', "'", "“", "”") if mark.encode() in data]
-        expect(not marks, "a request has a quotation mark", observed=show(data))
+        expect(not marks, "a request contains a quotation mark", observed=show(data))
 
     for_each_supported(VALUES, each)
 
 
 @client_case("T/3")
 def test_digits_are_characters(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Digits of numbers, ports and times are characters, none of them a binary value."""
+    """The digits of numbers, ports and times are characters, not binary values."""
 
     def each(name: str) -> None:
         data = _sends(subject, line, name, requirement="T/3").frame.data
         expect(
             all(byte >= _CONTROL for byte in data.rstrip(b"\0")),
-            "digits are no characters",
+            "digits are not sent as characters",
             expected=BY_NAME[name].request.form,
             observed=show(data),
         )
@@ -142,7 +142,7 @@ def test_digits_are_characters(subject: ClientUnderTest, line: IncomingConnectio
 
 @client_case("T/4")
 def test_ends_of_texts(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Nothing is sent behind the last character; a NUL and a bar are only warned of."""
+    """Nothing follows the last character; a NUL or a bar only causes a warning."""
 
     def each(name: str) -> None:
         _sends(subject, line, name, requirement="T/4")
@@ -155,7 +155,7 @@ def test_ends_of_texts(subject: ClientUnderTest, line: IncomingConnection) -> No
 
 @client_case("T/5", "T/10")
 def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Numbers small and large, whole and broken, are sent as plain decimal text, undiminished."""
+    """The client sends small, large, whole and fractional numbers as plain decimal text."""
     for number in examples(_NUMBERS):
         point = Point(number, -number, 0)
         with subject.allow_refusal():
@@ -164,7 +164,7 @@ def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("T/5", name="poses")
 def test_numbers_of_poses(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Poses of many numbers are sent as plain decimal text."""
+    """The client sends poses of many numbers as plain decimal text."""
     tenths = st.integers(-10_000, 10_000).map(lambda number: number / 10)
 
     @given(st.tuples(*[tenths] * 6))
@@ -183,13 +183,13 @@ def test_numbers_of_poses(subject: ClientUnderTest, line: IncomingConnection) ->
 
 @client_case("T/6")
 def test_bar_in_a_name(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A program with a bar in its name is to be deleted; the client refuses."""
+    """The client refuses to delete a program with a bar in its name."""
     expect_local_refusal(subject, line, "delete_program", b"pro|1.rob")
 
 
 @client_case("T/6", name="everywhere")
 def test_bars_in_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Names and passwords with bars in them are ordered everywhere; none is sent."""
+    """The client refuses names and passwords with bars in every operation."""
 
     def each(name: str) -> None:
         for barred in examples(_BARRED):
@@ -200,7 +200,7 @@ def test_bars_in_names(subject: ClientUnderTest, line: IncomingConnection) -> No
 
 @client_case("T/6", name="files")
 def test_bars_in_file_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Files with bars in their names are to be sent and fetched; no request is sent."""
+    """The client refuses to upload and download files with bars in their names."""
     local = subject.make_file(b"SCARA")
     expect_not_sent(subject, line, subject.begin("upload", local=local, remote="a|b.rob"))
     local = subject.missing_file()
@@ -212,7 +212,7 @@ def test_bars_in_file_names(subject: ClientUnderTest, line: IncomingConnection) 
 
 @client_case("T/10")
 def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Every operation that takes values, with many of them; all are sent, and in their order."""
+    """The client sends many values of every operation completely and in order."""
 
     def each(name: str) -> None:
         @given(payload_values(BY_NAME[name].request))
@@ -226,9 +226,9 @@ def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 
 def _ordinary(value: Any) -> Any:
-    """The value, without what a client may have reasons of its own to refuse."""
+    """Return the value without parts that a client may have its own reasons to refuse."""
     match value:
-        case MoveTarget() | Pose():  # two angles mean nothing (L1006)
+        case MoveTarget() | Pose():  # two angles have no meaning (L1006)
             return value._replace(theta_y=0.0, theta_z=0.0)
         case PortValue():
             return value._replace(port=_port(value.port))
@@ -238,13 +238,13 @@ def _ordinary(value: Any) -> Any:
 
 
 def _port(number: int) -> int:
-    """A port that there is, whatever the kind."""
+    """Return a port that exists for every kind of port."""
     return (number - 1) % _PORTS + 1
 
 
 @client_case("T/10", name="long-names")
 def test_long_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Long names are sent whole, or refused by the client."""
+    """The client sends long names completely, or refuses them."""
 
     def each(name: str) -> None:
         for size_bytes in examples(_LONG_BYTES):
@@ -256,7 +256,8 @@ def test_long_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
             expect(
                 request.frame.data.rstrip(b"\0") == value,
                 UserMessage(
-                    "a name of {size_bytes} bytes is not sent whole", size_bytes=size_bytes
+                    "the client does not send a name of {size_bytes} bytes completely",
+                    size_bytes=size_bytes,
                 ),
                 expected=show(value, limit=255),
                 observed=show(request.frame.data, limit=255),
@@ -269,7 +270,7 @@ def test_long_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("T/10", name="outer-blanks")
 def test_outer_blanks(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """A name with blanks at its ends, or as odd, is sent as it is, or refused by the client."""
+    """The client sends names with outer blanks or special characters unchanged, or refuses them."""
 
     def each(name: str) -> None:
         for value in examples(_TIDIED):
@@ -286,7 +287,7 @@ def test_outer_blanks(subject: ClientUnderTest, line: IncomingConnection) -> Non
 
 @client_case("T/10", name="sequence")
 def test_values_in_sequence(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The same operation comes again and again with other values, shorter and longer ones."""
+    """The client sends the same operation repeatedly with shorter and longer values."""
     for name in (b"LongNameOfAProgramWithout0.txt", b"a.txt", b"pro1.txt", b"b.txt", b"pro12.txt"):
         _sends(subject, line, "delete_program", name)
     for x in (300.5, 1, -20.5, 0, 300):

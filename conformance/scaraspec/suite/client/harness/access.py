@@ -1,7 +1,7 @@
-"""Access: how the suite gets at a client under test: what orders it about, and where it connects.
+"""Access to a client under test: how the suite starts operations and where the client connects.
 
-A client behind a driver lives in real time and on real sockets; one in memory has a clock that
-jumps. Which of them it is, nothing else in the suite knows.
+A client with a driver process uses real time and real sockets. A client in memory uses a simulated
+clock. The rest of the suite does not depend on the difference.
 """
 
 import socket
@@ -24,15 +24,15 @@ LOOPBACK: Final = "127.0.0.1"
 
 
 class Access(Protocol):
-    """A way to a client under test.
+    """Access to a client under test.
 
     Attributes:
-        host: Where it is to connect.
-        port: The port of that.
-        dialled_port: The port at which the latest connection came.
-        folder: Where its files are: those to send, and those that it fetches.
-        answer_s: For how long it may think about an order.
-        attended: An operator works it, who is spared what is not necessary.
+        host: The address that the client connects to.
+        port: The port that the client connects to.
+        connected_port: The local port of the latest connection.
+        folder: The folder with the files that the client uploads and downloads.
+        answer_timeout_s: How long the client may take to answer an operation.
+        attended: An operator controls the client. The suite then omits unnecessary steps.
     """
 
     attended: bool
@@ -44,64 +44,64 @@ class Access(Protocol):
 
     @property
     def now_ns(self) -> int:
-        """The present instant in nanoseconds since the Unix epoch."""
+        """The current time in nanoseconds since the Unix epoch."""
 
     @property
     def now_s(self) -> float:
-        """The present instant of the clock that deadlines refer to."""
+        """The current time in seconds, on the clock that deadlines use."""
 
     @property
     def unmatched_lines(self) -> Sequence[str]:
-        """What was said that answers no order."""
+        """The lines of the driver that answer no operation."""
 
     @property
     def complaints(self) -> str:
-        """The end of what it complained of, for the report."""
+        """The end of its error output, for the report."""
 
     def begin(self, name: str, /, **values: Any) -> Call:
-        """Order an operation, and go on.
+        """Start an operation without waiting for its answer.
 
         Raises:
-            DriverError: Nobody takes orders any more.
+            DriverError: The driver accepts no more operations.
         """
 
     def pump(self) -> None:
-        """Take what it has said so far.
+        """Process the answers received so far.
 
         Raises:
-            DriverError: It has ended, or floods.
+            DriverError: The driver has ended, or its output does not stop.
         """
 
     def wait(self, deadline_s: float) -> None:
-        """Let time pass until it says something, or until then."""
+        """Wait until the client answers or the deadline passes."""
 
     def accept(self, deadline_s: float) -> Link | None:
-        """The next connection; None if none came, or if it said something first."""
+        """Return the next connection; None at the deadline or if the client answers first."""
 
     def listen_at_default(self) -> bool:
-        """Also listen at port 8877 (2/3); whether that can be done."""
+        """Also listen at port 8877 (2/3). Return False if the port is not available."""
 
     def ask_operator(self, sentence: str) -> Call | None:
-        """Ask whoever watches it whether this is so; None where nobody does."""
+        """Ask the operator whether the sentence is true; None without an operator."""
 
     def restart(self) -> None:
-        """End it, and start it anew.
+        """Stop the client and start it again.
 
         Raises:
-            DriverError: It cannot be started.
+            DriverError: The client cannot be started.
         """
 
 
 class DriverAccess:
-    """A client behind a driver process.
+    """Access to a client through a driver process.
 
     Args:
         command: The driver's command line.
-        answer_s: For how long it may think about an order.
+        answer_timeout_s: How long the client may take to answer an operation.
 
     Raises:
-        DriverError: It cannot be started.
-        OSError: There is no port to be had, or no folder.
+        DriverError: The driver cannot be started.
+        OSError: No port is available, or the folder cannot be created.
     """
 
     attended = False
@@ -117,17 +117,17 @@ class DriverAccess:
 
     @property
     def now_ns(self) -> int:
-        """See `links.clock`."""
+        """See `transports.clock`."""
         return now_ns()
 
     @property
     def now_s(self) -> float:
-        """The system's monotonic clock."""
+        """The monotonic clock of the system."""
         return time.monotonic()
 
     @property
     def unmatched_lines(self) -> Sequence[str]:
-        """Lines of its stdout that answer nothing."""
+        """The lines of its stdout that answer no operation."""
         return self._driver.unmatched_lines
 
     @property
@@ -136,7 +136,7 @@ class DriverAccess:
         return self._driver.stderr
 
     def begin(self, name: str, /, **values: Any) -> Call:
-        """Write an order; see `Access.begin`."""
+        """Write a request line to the driver; see `Access.begin`."""
         return self._driver.begin(name, **values)
 
     def pump(self) -> None:
@@ -148,7 +148,7 @@ class DriverAccess:
         wait_readable(deadline_s, self._driver)
 
     def accept(self, deadline_s: float) -> Link | None:
-        """Take a connection; see `Access.accept`."""
+        """Accept a connection; see `Access.accept`."""
         ready = wait_readable(deadline_s, self._driver, *self._listeners)
         for listener in self._listeners:
             if listener in ready:
@@ -163,16 +163,16 @@ class DriverAccess:
             self._listeners.append(socket.create_server((LOOPBACK, DEFAULT_PORT)))
         return len(self._listeners) > 1
 
-    def ask_operator(self, sentence: str) -> Call | None:  # noqa: ARG002 - a driver says it by itself
-        """Nobody is asked."""
+    def ask_operator(self, sentence: str) -> Call | None:  # noqa: ARG002 - the driver itself reports this
+        """Return None: a driver has no operator."""
         return None
 
     def restart(self) -> None:
-        """Start the process anew; see `Access.restart`."""
+        """Restart the process; see `Access.restart`."""
         self._driver.restart()
 
     def close(self) -> None:
-        """End the process, and take its files away."""
+        """Stop the process and remove its files."""
         self._driver.close()
         for listener in self._listeners:
             listener.close()

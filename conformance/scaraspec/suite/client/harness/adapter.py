@@ -1,4 +1,4 @@
-"""Setting: what a run against a client is about, and how it begins and ends."""
+"""Adapter for the role of the client: how a run begins, checks the driver and ends."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,21 +10,22 @@ from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.plan import Options
+from scaraspec.user_message import UserMessage
 
-_MADE_UP = "levitate"
+_UNKNOWN_OPERATION = "levitate"
 
 
 @dataclass(frozen=True)
 class ClientAdapter:
-    """A run against a client; see `run.Setting`.
+    """A run against a client; see `run.RoleAdapter`.
 
     Attributes:
-        access: The way to the subject.
-        ics: What it claims.
-        options: What the tester asks for.
-        link: How to call the way to it, in the results.
-        capture: The file in which it is recorded, beside the results; empty for none.
-        replay: The command line that runs the suite again, without ``--only``.
+        access: The access to the client.
+        ics: The implementation conformance statement of the client.
+        options: The options of the run.
+        link: The name of the link in the results.
+        capture: The file with the recorded traffic, in the folder of the results; empty for none.
+        replay: The reproduction command of the run, without ``--only``.
     """
 
     access: Access
@@ -41,37 +42,50 @@ class ClientAdapter:
         return ClientUnderTest(self.access, self.ics, observer)
 
     def begin(self, subject: ClientUnderTest) -> Mapping[str, Any]:
-        """See whether it is there, and says of an operation that nobody has that it lacks it.
+        """Check that the client responds, and that its driver reports an unknown operation.
+
+        Returns:
+            Whether the driver answers an unknown operation with "unimplemented".
 
         Raises:
-            CaseFailed: It is not there.
+            CaseFailed: The client does not respond.
         """
         subject.settle()
-        return {"honest": self.access.attended or subject.lacks_operation(_MADE_UP)}
+        return {
+            "reports_unimplemented": self.access.attended
+            or subject.lacks_operation(_UNKNOWN_OPERATION)
+        }
 
     def probe(self, subject: ClientUnderTest) -> None:
-        """Nothing: what a client takes shows by itself."""
+        """Do nothing: the cases find out what a client accepts."""
 
     def make_ready(self, subject: ClientUnderTest) -> None:
-        """Nothing: a client moves nothing."""
+        """Do nothing: a client moves no robot."""
 
     def watch(self, subject: ClientUnderTest, for_s: float) -> None:
-        """Nothing: a client has no clients."""
+        """Do nothing: a client has no other clients."""
 
     def put_back(self, subject: ClientUnderTest, state: Mapping[str, Any]) -> list[str]:
-        """Tell what makes its driver doubtful."""
-        problems = []
-        if state and not state["honest"]:
+        """Return the problems that make the driver unreliable."""
+        problems: list[str] = []
+        if state and not state["reports_unimplemented"]:
             problems.append(
-                f"the driver does not say of {_MADE_UP}, which nobody has, that it lacks it"
+                UserMessage(
+                    'the driver does not answer "unimplemented" for the unknown operation'
+                    " {operation}",
+                    operation=_UNKNOWN_OPERATION,
+                )
             )
         if subject.access.unmatched_lines:
             problems.append(
-                f"the driver says what answers no order: {subject.access.unmatched_lines[0]}"
+                UserMessage(
+                    "the driver writes a line that answers no operation: {line}",
+                    line=subject.access.unmatched_lines[0],
+                )
             )
         return problems
 
     def finish(self, subject: ClientUnderTest, state: Mapping[str, Any]) -> list[str]:
-        """Nothing: a run against a client leaves nothing behind."""
+        """Do nothing: a run against a client leaves nothing to clean up."""
         del subject, state
         return []

@@ -1,7 +1,8 @@
-"""Attended: a client without a driver, worked by an operator who is told what to do next.
+"""Attended session: an operator controls a client that has no driver.
 
-What the client sends shows that it was done; what the client shows, the operator is asked. A line
-that he types meanwhile may skip a step or leave the sitting.
+The suite prints each step. The traffic of the client shows that the step was done. The suite asks
+the operator what the client displays. At any time the operator can type a line to skip the case or
+to leave the session.
 """
 
 import os
@@ -22,24 +23,24 @@ from scaraspec.transports.tcp import wait_readable
 _READ_BYTES: Final = 4096
 _ANSWERS: Final = {"y": True, "yes": True, "n": False, "no": False}
 HELP: Final = (
-    'Do what follows "now", as soon as it is said. Type y = yes, n = no, or: the client refuses to '
-    "do it; s = skip this case, q = leave (the same --out goes on later), ? = say it again."
+    'Do the step after "now:" as soon as it appears. Type y = yes, n = no or the client refuses '
+    "the step, s = skip this case, q = quit (the same --out continues later), ? = repeat the step."
 )
-"""What an operator has to know."""
+"""The instructions for the operator."""
 
 
 class Attended:
-    """A client worked by an operator; see `access.Access`.
+    """Access to a client that an operator controls; see `access.Access`.
 
     Args:
-        host: Where to listen.
-        port: The port; 0 for any.
-        say: Tells the operator a line.
-        answer_s: For how long he may take over a step.
-        input_fd: Where his lines come from.
+        host: The address to listen at.
+        port: The port to listen at; 0 for any.
+        say: Shows a line to the operator.
+        answer_timeout_s: How long the operator may take for a step.
+        input_fd: The file descriptor of the operator's input.
 
     Raises:
-        OSError: Nobody can listen there.
+        OSError: The suite cannot listen at this address and port.
     """
 
     attended = True
@@ -62,103 +63,103 @@ class Attended:
         self._scratch = tempfile.TemporaryDirectory(prefix="scaraspec-")
         self.folder = Path(self._scratch.name)
         self._say, self._input_fd = say, input_fd
-        self._held = b""
-        self._told = ""
+        self._buffer = b""
+        self._last_line = ""
         self._number = 0
-        self._asked: Call | None = None
+        self._open_question: Call | None = None
 
     @property
     def now_ns(self) -> int:
-        """See `links.clock`."""
+        """See `transports.clock`."""
         return now_ns()
 
     @property
     def now_s(self) -> float:
-        """The system's monotonic clock."""
+        """The monotonic clock of the system."""
         return time.monotonic()
 
     def begin(self, name: str, /, **values: Any) -> Call:
-        """Tell the operator what to do; hanging up is done by us."""
+        """Show the step to the operator. The suite itself closes connections."""
         self._number += 1
         call = Call(self._number, name, values)
         if name == "disconnect":
             call.answer = {"ok": True}
         else:
-            given = ", ".join(f"{key} = {value}" for key, value in values.items())
-            self._tell(f"now: {name}" + (f" with {given}" if given else ""))
-            self._asked = call
+            parameters = ", ".join(f"{key} = {value}" for key, value in values.items())
+            self._show(f"now: {name}" + (f" with {parameters}" if parameters else ""))
+            self._open_question = call
         return call
 
     def pump(self) -> None:
-        """Take what the operator has typed.
+        """Process the lines that the operator has typed.
 
         Raises:
-            CaseSkipped: He skips the case.
-            KeyboardInterrupt: He leaves.
+            CaseSkipped: The operator skips the case.
+            KeyboardInterrupt: The operator leaves the session.
         """
-        while b"\n" in self._held or wait_readable(time.monotonic(), self._input_fd):
-            self._obey(self._line())
+        while b"\n" in self._buffer or wait_readable(time.monotonic(), self._input_fd):
+            self._handle_input(self._read_line())
 
     def wait(self, deadline_s: float) -> None:
-        """Wait until he types something."""
+        """Wait until the operator types a line or the deadline passes."""
         wait_readable(deadline_s, self._input_fd)
 
     def accept(self, deadline_s: float) -> Link | None:
-        """Take a connection."""
+        """Return the next connection; None at the deadline or if the operator types first."""
         if self._listener not in wait_readable(deadline_s, self._input_fd, self._listener):
             return None
         connected, _ = self._listener.accept()
         return WatchedLink(connected, self._input_fd)
 
     def listen_at_default(self) -> bool:
-        """The operator has been told where to connect."""
+        """Return False: the operator already knows the address and the port."""
         return False
 
     def ask_operator(self, sentence: str) -> Call | None:
-        """Ask him whether the client shows this; he says so when he has seen it."""
-        self._asked = question = Call(0, "", {})
-        self._tell(f"does the client show that {sentence}? [y/n]")
+        """Ask the operator whether the client shows that the sentence is true."""
+        self._open_question = question = Call(0, "", {})
+        self._show(f"does the client show that {sentence}? [y/n]")
         return question
 
     def restart(self) -> None:
-        """The operator sees to that by himself."""
-        self._tell("the client seems to hang: start it anew")
+        """Ask the operator to restart the client."""
+        self._show("the client does not respond: restart it")
 
     def close(self) -> None:
-        """Listen no more, and take the files away."""
+        """Stop listening and remove the files."""
         self._listener.close()
         self._scratch.cleanup()
 
-    def _tell(self, sentence: str) -> None:
-        self._told = sentence
+    def _show(self, sentence: str) -> None:
+        self._last_line = sentence
         self._say(sentence)
 
-    def _obey(self, line: str) -> None:
-        """Do what he types: he answers the question, or says that the client refuses the order."""
-        answer, asked = _ANSWERS.get(line), self._asked
+    def _handle_input(self, line: str) -> None:
+        """Handle a line: the answer to the question, or "n" because the client refuses the step."""
+        answer, question = _ANSWERS.get(line), self._open_question
         if line == "s":
-            raise CaseSkipped("the operator skipped it")
+            raise CaseSkipped("the operator skipped the case")
         if line == "q":
             raise KeyboardInterrupt
-        if answer is None or asked is None or (asked.name and answer):
-            self._say(f"{HELP}\n{self._told}")
+        if answer is None or question is None or (question.name and answer):
+            self._say(f"{HELP}\n{self._last_line}")
         else:
-            self._asked = None
-            asked.answer = {"ok": answer}
+            self._open_question = None
+            question.answer = {"ok": answer}
 
-    def _line(self) -> str:
-        """The next line that he types.
+    def _read_line(self) -> str:
+        """Return the next line of the operator.
 
         Raises:
-            KeyboardInterrupt: There will be none.
+            KeyboardInterrupt: The input has ended.
         """
-        while b"\n" not in self._held:
+        while b"\n" not in self._buffer:
             try:
                 data = os.read(self._input_fd, _READ_BYTES)
-            except OSError:  # his terminal is lost
+            except OSError:  # the terminal is gone
                 data = b""
             if not data:
                 raise KeyboardInterrupt
-            self._held += data
-        line, _, self._held = self._held.partition(b"\n")
+            self._buffer += data
+        line, _, self._buffer = self._buffer.partition(b"\n")
         return line.decode("utf-8", "replace").strip().lower()

@@ -1,11 +1,12 @@
-"""Polls: what a client asks of its own accord, and what it is told.
+"""Automatic replies to polls: requests that a client sends without being told to.
 
-Nothing forbids a client to ask for more than it was ordered to, as a window does that shows the
-status ten times a second. Only requests that no case waits for are polls, and only queries, whose
-answer changes nothing, the clock's setting, which a client may do when it logs in, and a further
-login (A-4.1-2). Which answer a case gives is not known here; once it has given one, polls are told
-the same, and once something was set, that it is so: a client may read back what it has set. A list
-of programs has those that orders in hand are about: a client may look before it asks for one.
+A client may send more requests than the suite starts. A window that shows the status ten times a
+second is an example. A poll is a request that no case waits for. Only queries, set_time (a client
+may set the clock when it logs in) and a further login (A-4.1-2) are answered as polls.
+
+After a case has answered a query, polls get the same reply. After a case has accepted a setting,
+polls return the new value, because a client may read back what it has set. A program list contains
+the programs of the pending operations, because a client may check the list before it uses one.
 """
 
 from collections import Counter
@@ -33,139 +34,143 @@ REPLIES: Final = {
     "get_analog_input": b"1|100",
     "get_digital_outputs": b"1|1001000011110000",
 }
-"""The document's own example of the reply to every query, with the bars that it lost (A-0-1)."""
+"""The reply to every query: the example of the document, with the missing bars added (A-0-1)."""
 
-_TELLS: Final = {
+_QUERY_OF_SETTING: Final = {
     "set_network": "get_network",
     "set_time": "get_time",
     "set_default_program": "get_default_program",
     "set_gripper_center": "get_gripper_center",
     "set_initial_tool_position": "get_initial_tool_position",
 }
-"""What sets something, and the query that is answered with the same text from then on."""
+"""Each setting, and the query that returns the value that was set."""
 
 FETCHES_PARTS: Final = "fetches parts"
-"""Under which name it is known whether the client asks for each part of a list (A-4.10-3)."""
+"""The key in `discoveries`: whether the client requests each part of a list (A-4.10-3)."""
 _SET_OUTPUT: Final = "set_digital_output"
 _OUTPUTS: Final = "get_digital_outputs"
-_ANSWERED: Final = b"1|"
+_SUCCESS_PREFIX: Final = b"1|"
 _YES: Final = b"1"
 _LIST: Final = "list_programs"
 _MORE: Final = b"1"
-_AT_ONCE: Final = 16
-"""A client on a simulated clock may ask again at the very instant of its answer, for ever."""
+_MAX_PER_INSTANT: Final = 16
+"""How many polls are answered at one instant.
+
+A client on a simulated clock could poll again at the same instant, without end.
+"""
 
 
 class AutoResponder:
-    """The polls on one connection.
+    """The automatic replies on one connection.
 
     Args:
-        due: Whether a case still waits for this request.
+        is_expected: Returns whether a case waits for this request.
 
     Attributes:
-        answers: What polls are told, by the name of what is asked.
-        logged_in: The client has been let in; before that it may ask for nothing else (L104).
+        replies: The reply data to polls, by command name.
+        logged_in: A login was accepted. Before that, only a login is answered (L104).
     """
 
-    def __init__(self, due: Callable[[FrameSeen], bool]) -> None:
-        self._due = due
+    def __init__(self, is_expected: Callable[[FrameSeen], bool]) -> None:
+        self._is_expected = is_expected
         self.logged_in = False
         self._instant_s, self._at_instant = -1.0, 0
-        self.renew()
+        self.begin_case()
 
-    def renew(self) -> None:
-        """Another case begins."""
-        again = {"login": _YES} if self.logged_in else {}
-        self.answers = {**REPLIES, "set_time": _YES, **again}
+    def begin_case(self) -> None:
+        """Reset the state for the next case."""
+        further_login = {"login": _YES} if self.logged_in else {}
+        self.replies = {**REPLIES, "set_time": _YES, **further_login}
         self._open: Counter[str] = Counter()
-        self._asked: dict[str, FrameSeen] = {}
+        self._requests: dict[str, FrameSeen] = {}
         self._running: set[str] = set()
-        self._list: list[bytes] = []  # the parts of the last one, and of one that is being told
-        self._telling: list[bytes] = []
+        self._list: list[bytes] = []  # the parts of the last complete list
+        self._list_in_progress: list[bytes] = []
         self._part = 0
 
     @property
-    def at_rest(self) -> bool:
-        """Whether the client has been let in, and waits for nothing that it asked for."""
+    def idle(self) -> bool:
+        """Whether the client is logged in and waits for no reply and no final result."""
         return self.logged_in and not self._running and not any(self._open.values())
 
-    def refused(self, name: str) -> FrameSeen | None:
-        """The last request of a command, unless it was granted."""
-        return self._asked.get(name)
+    def last_request_not_granted(self, name: str) -> FrameSeen | None:
+        """The last request of a command; None if it was granted."""
+        return self._requests.get(name)
 
-    def taken(self, seen: FrameSeen) -> None:
-        """A case has taken a request, and will answer it: what follows it waits its turn."""
-        if seen.command and seen.command.initiator is A2C:  # else it was the answer to a chunk
+    def case_received(self, seen: FrameSeen) -> None:
+        """Note a request that a case will answer. Later polls of the same command wait for that."""
+        if seen.command and seen.command.initiator is A2C:  # otherwise it is the answer to a chunk
             self._open[seen.name] += 1
-        self._asked[seen.name] = seen
+        self._requests[seen.name] = seen
         self._at_instant = 0
 
-    def sent(self, seen: FrameSeen) -> None:
-        """Something was sent to the client: polls are told the same from now on."""
+    def case_sent(self, seen: FrameSeen) -> None:
+        """Note a frame that was sent to the client. Later polls get the same reply."""
         name, data = seen.name, seen.frame.data
         if seen.frame.tagged:
             self._running.discard(name)
-            self.answers["get_status"] = REPLIES["get_status"]
+            self.replies["get_status"] = REPLIES["get_status"]
             return
         if name == _LIST:
-            self._tell(data)
+            self._note_list_part(data)
             return
         self._open[name] = max(self._open[name] - 1, 0)
         if name == "login":
             self.logged_in |= data == _YES
-        if data == _YES and name in self._asked:
-            self._set(self._asked.pop(name))
-        if name in self.answers or name == "login":
-            self.answers[name] = data
+        if data == _YES and name in self._requests:
+            self._note_setting(self._requests.pop(name))
+        if name in self.replies or name == "login":
+            self.replies[name] = data
         elif seen.command and seen.command.two_stage and data == _YES:
             self._running.add(name)
 
-    def _tell(self, part: bytes) -> None:
-        """A part of a list was sent; where a case sent it, others are told the same list."""
+    def _note_list_part(self, part: bytes) -> None:
+        """Note a part of a list. Polls get the same list after a case has sent it."""
         if not self._open[_LIST]:
             return
-        self._telling.append(part)
-        if not part.startswith(_MORE):  # what it asked before may have been for this (A-4.10-3)
-            self._list, self._telling, self._part = self._telling, [], 0
+        self._list_in_progress.append(part)
+        if not part.startswith(_MORE):  # earlier requests may have been for these parts (A-4.10-3)
+            self._list, self._list_in_progress, self._part = self._list_in_progress, [], 0
             self._open[_LIST] = 0
 
-    def _set(self, seen: FrameSeen) -> None:
-        """A request was granted: what it set is told from now on."""
-        if seen.name in _TELLS:
-            self.answers[_TELLS[seen.name]] = seen.text
+    def _note_setting(self, seen: FrameSeen) -> None:
+        """Note a setting that was accepted. Polls return the new value."""
+        if seen.name in _QUERY_OF_SETTING:
+            self.replies[_QUERY_OF_SETTING[seen.name]] = seen.text
         elif seen.name == _SET_OUTPUT and seen.value:
             port, value = seen.value
-            told = bytearray(self.answers[_OUTPUTS])
-            if 1 <= port <= len(told) - len(_ANSWERED) and value in (0, 1):
-                told[-port] = ord(f"{value}")
-                self.answers[_OUTPUTS] = bytes(told)
+            outputs = bytearray(self.replies[_OUTPUTS])
+            if 1 <= port <= len(outputs) - len(_SUCCESS_PREFIX) and value in (0, 1):
+                outputs[-port] = ord(f"{value}")
+                self.replies[_OUTPUTS] = bytes(outputs)
 
-    def next(self, heard: Iterable[FrameSeen], now_s: float) -> FrameSeen | None:
-        """The first poll among requests that can be answered now."""
+    def next_poll(self, requests: Iterable[FrameSeen], now_s: float) -> FrameSeen | None:
+        """Return the first of the requests that is a poll and can be answered now."""
         if now_s != self._instant_s:
             self._instant_s, self._at_instant = now_s, 0
-        if self._at_instant >= _AT_ONCE:
+        if self._at_instant >= _MAX_PER_INSTANT:
             return None
-        served = self.answers.keys() & (self.answers.keys() if self.logged_in else {"login"})
-        for seen in heard:
-            if seen.name in served and not self._open[seen.name] and not self._due(seen):
+        served = self.replies.keys() & (self.replies.keys() if self.logged_in else {"login"})
+        for seen in requests:
+            if seen.name in served and not self._open[seen.name] and not self._is_expected(seen):
                 self._at_instant += 1
-                self._asked[seen.name] = seen
+                self._requests[seen.name] = seen
                 return seen
         return None
 
-    def answer(
+    def reply_frames(
         self, poll: FrameSeen, programs: Mapping[bytes, bool], *, fetched: bool
     ) -> list[Frame]:
-        """What a poll is told.
+        """Return the frames that answer a poll.
 
         Args:
-            poll: What was asked.
-            programs: What a list has, or has not, other than the document's own example.
-            fetched: The client asks for each part of a list (A-4.10-3).
+            poll: The request.
+            programs: Programs that a list contains (True) or must not contain (False), in
+                addition to the example of the document.
+            fetched: The client requests each part of a list (A-4.10-3).
         """
         if poll.name != _LIST:
-            return [Frame(C2A, poll.frame.opcode, self.answers[poll.name])]
+            return [Frame(C2A, poll.frame.opcode, self.replies[poll.name])]
         parts = [_listing(programs)] if programs or not self._list else self._list
         if fetched:
             parts = [parts[self._part % len(parts)]]
@@ -175,8 +180,8 @@ class AutoResponder:
 
 def _listing(programs: Mapping[bytes, bool]) -> bytes:
     flag, *example = REPLIES[_LIST].split(b"|")
-    has = dict.fromkeys(example, True) | dict(programs)
-    names = [name for name in has if has[name]]
+    present = dict.fromkeys(example, True) | dict(programs)
+    names = [name for name in present if present[name]]
     while len(data := b"|".join((flag, *names))) > MAX_DATA_BYTES:
         names.pop(0)
     return data

@@ -1,6 +1,6 @@
-"""Call: an operation that a client under test was asked for, and what it said of it.
+"""Call: an operation that the suite started on the client, and the answer of the client.
 
-What it should have said is not known here.
+The expected answer is not known here.
 """
 
 import json
@@ -11,15 +11,15 @@ if TYPE_CHECKING:
 
 
 class Call:
-    """An operation.
+    """An operation that was started.
 
     Attributes:
-        number: Its id.
-        name: Its name.
-        values: What was ordered.
-        answer: What the client said of it; None as long as it has said nothing.
-        came: The request that it brings about has come, or the first of several.
-        begun_ns: When it was ordered.
+        number: The id in the driver protocol.
+        name: The name of the operation.
+        values: The values of the operation, by name.
+        answer: The answer of the client; None while it is pending.
+        request_seen: The request of the operation, or the first of several, was received.
+        begun_ns: The start time in nanoseconds since the Unix epoch.
     """
 
     def __init__(self, number: int, name: str, values: "Mapping[str, Any]") -> None:
@@ -30,35 +30,35 @@ class Call:
 
     @property
     def unimplemented(self) -> bool:
-        """Whether the client lacks the operation."""
+        """Whether the client does not implement the operation."""
         return (self.answer or {}).get("unimplemented") is True
 
     @property
     def ok(self) -> bool:
-        """Whether the client says that it was done."""
+        """Whether the client reports success."""
         return (self.answer or {}).get("ok") is True
 
     @property
     def failed(self) -> bool:
-        """Whether the client says that it was not; a refusal or a bad outcome says so, too."""
-        return self.answer is not None and not (self.ok and not _bad(self.result))
+        """Whether the client reports a failure, a refusal or a failed outcome."""
+        return self.answer is not None and not (self.ok and not _is_failed_result(self.result))
 
     @property
     def result(self) -> Any:
-        """What came of it."""
+        """The result in the answer; None without one."""
         return (self.answer or {}).get("result")
 
     @property
     def error(self) -> str:
-        """Why it was not done, in the client's words."""
+        """The error text in the answer."""
         return str((self.answer or {}).get("error", ""))
 
     def __str__(self) -> str:
         return json.dumps(self.answer, ensure_ascii=False) if self.answer else "no answer"
 
 
-def _bad(result: Any) -> bool:
-    """Whether the result of a two-stage command tells a refusal or a failure."""
+def _is_failed_result(result: Any) -> bool:
+    """Whether the result of a two-stage command is a refusal or a failed outcome."""
     return isinstance(result, dict) and (
         result.get("accepted") is False or result.get("outcome") == "00"
     )

@@ -1,7 +1,7 @@
-"""Subject: the client under test, as the cases meet it.
+"""The client under test, as the cases use it.
 
-It is ordered about, connects to us, and says what came of its operations. No requirement is judged
-here but by the checks that cases call.
+The suite starts operations on it. The client connects to the suite and reports the results of its
+operations. Requirements are judged only by the checks that a case calls.
 """
 
 import itertools
@@ -37,33 +37,34 @@ if TYPE_CHECKING:
     from scaraspec.protocol.frames import Frame
 
 _SILENCE_S: Final = 0.3
-_SLICE_S: Final = 0.02  # for how long a connection may wait while others speak
+_SLICE_S: Final = 0.02  # how long a connection waits while others may receive
 _CONCURRENT_S: Final = 2.0
 _DECLINED: Final = "declined"
 _TRANSFERS: Final = frozenset({"upload", "download"})
 _TWICE: Final = 2
 _IDLE: Final = "00"
 _SHORT_WAIT_S: Final = 1.0
-_IMMEDIATE_S: Final = 4.0  # who waits for a reply in vain gives up after 5 s (A-3-15)
+_IMMEDIATE_S: Final = 4.0  # a client times out on a reply after 5 s (A-3-15)
 
 
 class ClientUnderTest:
     """The client under test.
 
     Args:
-        access: The way to it.
-        ics: What it claims.
-        observer: Watches everything.
+        access: The access to the client.
+        ics: Its implementation conformance statement.
+        observer: Observes the traffic.
 
     Attributes:
-        dialect: The readings that we speak to it.
-        tolerated: What the running case saw of listed readings: requirement, key, option, sentence.
-        found: The readings that were found out, by key.
-        known: What cases found out once for all of the run, by a name of their own.
-        idle: What it says of an idle robot; anything but 00 has failed, and stands for it since.
-        polled: The requests that it has sent of its own accord.
-        survival: No requirement of its own: see `party.SystemUnderTest`.
-        off: Never: a client stays.
+        dialect: The readings that the suite uses towards the client.
+        tolerated: The listed readings seen in this case: requirement, key, option, message.
+        found: The readings that were detected, by key.
+        discoveries: What cases find out once for the whole run, by a name of their own.
+        idle_status: What the client reports for an idle robot. A value other than 00 has failed
+            once; later it is accepted in place of 00.
+        polled: The requests that the client has sent without being told to.
+        survival: Empty: see `system_under_test.SystemUnderTest`.
+        off: Always False: a client is not switched off.
     """
 
     def __init__(self, access: Access, ics: Ics, observer: Observer) -> None:
@@ -90,31 +91,31 @@ class ClientUnderTest:
 
     @property
     def now_ns(self) -> int:
-        """The present instant in nanoseconds since the Unix epoch."""
+        """The current time in nanoseconds since the Unix epoch."""
         return self.access.now_ns
 
     @property
     def complaints(self) -> str:
-        """The end of what its driver wrote to stderr."""
+        """The end of the driver's stderr."""
         return self.access.complaints
 
     @property
     def answer_timeout_s(self) -> float:
-        """For how long it may think about an order."""
+        """How long the client may take to answer an operation."""
         return self.access.answer_timeout_s
 
     @property
     def silence_s(self) -> float:
-        """For how long silence is listened to."""
+        """How long the suite waits before it concludes that nothing is sent."""
         return _SILENCE_S
 
     @property
     def transfer_s(self) -> float:
-        """After what silence it abandons a transfer (5.4, L795)."""
+        """The silence after which the client aborts a transfer (5.4, L795)."""
         return self.ics.transfer_s
 
     def pause(self, for_s: float) -> None:
-        """Let time pass, listening to everything."""
+        """Wait for this time and keep receiving."""
         deadline_s = self.access.now_s + for_s
         while (remaining_s := deadline_s - self.access.now_s) > 0:
             line = self._open_line()
@@ -126,23 +127,23 @@ class ClientUnderTest:
     # ------------------------------------------------------------------ connections
 
     def open(self, *, judged: bool = True, requirement: str = "") -> IncomingConnection:
-        """Let it connect and log in.
+        """Let the client connect and log in.
 
         Args:
-            judged: False for a connection that is to carry what is no protocol.
-            requirement: What it violates if it says that a login that was granted has failed.
+            judged: False for a connection that will carry invalid bytes.
+            requirement: The requirement that an accepted login reported as failed violates.
 
         Raises:
-            CaseFailed: It does not.
-            CaseInconclusive: It waits on a further connection.
-            CaseSkipped: It cannot.
+            CaseFailed: The client does not connect or log in.
+            CaseInconclusive: The client waits on a further connection.
+            CaseSkipped: The client does not implement it.
         """
         if self.access.attended:
-            if (kept := self._open_line()) and kept.auto_responder.at_rest:
+            if (kept := self._open_line()) and kept.auto_responder.idle:
                 kept.inbox.clear()
-                kept.auto_responder.renew()
+                kept.auto_responder.begin_case()
                 return kept
-            self.close_lines()  # a case was skipped in the midst of something
+            self.close_lines()  # a case was skipped during an operation
         line, call = self.begin_connect(judged=judged)
         try:
             line.log_in(call)
@@ -156,26 +157,26 @@ class ClientUnderTest:
         except CaseFailed:
             self.require_single_connection()
             raise
-        self._calls.remove(call)  # it is none of the case
+        self._calls.remove(call)  # it is not part of the case
         return line
 
     def begin_connect(
         self, *, judged: bool = True, **values: Any
     ) -> tuple[IncomingConnection, Call]:
-        """Let it connect, up to the connection itself.
+        """Let the client connect, without answering its login.
 
         Args:
-            judged: False for a connection that is to carry what is no protocol.
-            values: What to order in place of our address and the password; None leaves one out.
+            judged: False for a connection that will carry invalid bytes.
+            values: Replace the address and the password. None omits a value.
 
         Returns:
-            The connection, and the order that its login will settle.
+            The connection, and the operation that the login will finish.
 
         Raises:
-            CaseFailed: It does not.
-            CaseSkipped: It cannot.
+            CaseFailed: The client does not connect.
+            CaseSkipped: The client does not implement it.
         """
-        if self._was_connected:  # it need not know yet that we have ended the one before
+        if self._was_connected:  # the client may not have noticed that the previous one was closed
             self._disconnect()
         while self._close_extra_connection(self.access.now_s):
             pass
@@ -194,11 +195,11 @@ class ClientUnderTest:
                     if self.access.attended:
                         raise CaseSkipped(
                             UserMessage(
-                                "the operator did not do it in {answer_timeout_s:g} s",
+                                "the operator did not do the step within {answer_timeout_s:g} s",
                                 answer_timeout_s=self.answer_timeout_s,
                             )
                         )
-                    raise NoReply("connect was ordered, and no connection came")
+                    raise NoReply("the client did not connect after the operation connect")
         return self._connected(link, judged=judged), call
 
     def _connected(self, link: Link, *, judged: bool) -> IncomingConnection:
@@ -207,44 +208,44 @@ class ClientUnderTest:
         return line
 
     def _next(self, line: IncomingConnection, *, judged: bool) -> IncomingConnection | None:
-        """Another connection, if one follows on one that was only to show that somebody listens."""
+        """Return the next connection if the client closed this one without sending a byte."""
         silent = line.over and not (line.inbox or line.invalid_bytes)
         link = self.access.accept(self.access.now_s + _SHORT_WAIT_S) if silent else None
         return None if link is None else self._connected(link, judged=judged)
 
     def require_single_connection(self) -> None:
-        """Go on only where it has opened no further connection: but one is served (A-2-2).
+        """Require that the client has no further connection: the suite serves one (A-2-2).
 
         Raises:
-            CaseInconclusive: What is missing may be there.
+            CaseInconclusive: The missing request may be on the further connection.
         """
         if self._close_extra_connection(self.access.now_s):
             raise CaseInconclusive(
-                "the client has opened a further connection; one is served (A-2-2)"
+                "the client opened a further connection; the suite serves one connection (A-2-2)"
             )
 
     def _open_line(self) -> IncomingConnection | None:
         return next((line for line in self._lines if not line.over), None)
 
     def pump_others(self, line: Connection, /) -> list[Link]:
-        """Take what came elsewhere; give the links on which more may come."""
+        """Receive on the other connections. Return the links that may receive more."""
         self._pump()
         return pump(self._lines, line)
 
     def close_lines(self) -> None:
-        """End every connection."""
+        """Close every connection."""
         for line in self._lines:
             line.close()
         self._lines.clear()
 
-    # ------------------------------------------------------------------ orders
+    # ------------------------------------------------------------------ operations
 
     def begin(self, name: str, /, **values: Any) -> Call:
-        """Order an operation, named and given its values as in the driver protocol.
+        """Start an operation, with its name and values as in the driver protocol.
 
         Raises:
             CaseFailed: The client has crashed.
-            CaseInconclusive: Its driver does not keep to its protocol.
+            CaseInconclusive: The driver violates the driver protocol.
         """
         with _driver_errors():
             call = self.access.begin(name, **values)
@@ -256,7 +257,10 @@ class ClientUnderTest:
 
     @contextmanager
     def allow_refusal(self) -> Iterator[None]:
-        """Order what it may decline by itself, at once: the rest is left out, and that is told."""
+        """Allow the client to refuse an operation before it sends anything.
+
+        A refusal skips the rest of the block and is reported as tolerated.
+        """
         try:
             yield
         except OperationRefused as refusal:
@@ -266,36 +270,36 @@ class ClientUnderTest:
 
     @property
     def stop_failure(self) -> None:
-        """Nothing: a client has no emergency stop."""
+        """None: a client has no emergency stop of its own."""
         return
 
     @property
     def withheld(self) -> str:
-        """Nothing: whatever a case sends is sent."""
+        """Empty: every request of a case is sent."""
         return ""
 
     def stop_has_failed(self, requirement: str, message: str) -> None:
-        """Nothing: a client has no emergency stop."""
+        """Do nothing: a client has no emergency stop of its own."""
 
     def notify(self, sentence: str) -> None:
-        """Say what the reader of the results must know first."""
+        """Add a notice for the reader of the results."""
         self.notices.append(sentence)
 
     def begin_case(self) -> None:
-        """A case begins: nothing was tolerated in it."""
+        """Reset the tolerated readings for the next case."""
         self.tolerated.clear()
 
     @property
     def untried(self) -> str:
-        """Why the running case has found out nothing: whatever it ordered was declined."""
+        """Why the case has no verdict: the client refused every operation. Empty otherwise."""
         declined = any(key == _DECLINED for _, key, _, _ in self.tolerated)
         if not declined or any(call.request_seen for call in self._calls):
             return ""
-        return "the client declines by itself whatever is ordered here"
+        return "the client refuses every operation of this case without sending a request"
 
     @property
     def programs(self) -> dict[bytes, bool]:
-        """The programs that orders in hand are about, and whether the controller has them."""
+        """The programs of the pending operations, and whether the controller has them."""
         had = {}
         for call in self._calls:
             name = call.values.get("remote") or call.values.get("name")
@@ -306,7 +310,7 @@ class ClientUnderTest:
         return had
 
     def is_expected(self, seen: FrameSeen) -> bool:
-        """Whether this may be the request of an order whose own has not come yet."""
+        """Whether this may be the missing request of a pending operation."""
         return any(
             call.name == seen.name
             and not call.request_seen
@@ -316,9 +320,9 @@ class ClientUnderTest:
         )
 
     def is_repeated_poll(self, seen: FrameSeen, call: Call | None) -> bool:
-        """Whether this asks what the client has asked by itself before, and not what was ordered.
+        """Whether this request repeats an earlier poll and does not belong to the operation.
 
-        Such are polls of one port while another one is ordered.
+        An example is a client that polls one port while the case reads another port.
         """
         return (
             call is not None
@@ -328,7 +332,7 @@ class ClientUnderTest:
         )
 
     def note_request(self, name: str, call: Call | None) -> None:
-        """The request of this order has come, or else of the oldest one of this name."""
+        """Note the request of this operation, or else of the oldest one of this name."""
         waiting = (each for each in self._calls if each.name == name and not each.request_seen)
         call = call or next(waiting, None)
         if call is not None:
@@ -336,7 +340,7 @@ class ClientUnderTest:
 
     @contextmanager
     def expecting(self, call: Call | None) -> Iterator[None]:
-        """As long as this lasts, an answer to that order comes too early."""
+        """Treat an answer to this operation as too early while the context is active."""
         self._expected = call
         try:
             yield
@@ -344,13 +348,13 @@ class ClientUnderTest:
             self._expected = None
 
     def wait_for_answer(self, call: Call, *, within_s: float | None = None) -> Call:
-        """Wait for what it says of an order.
+        """Wait for the answer to an operation.
 
-        Where it was silent twice in a row about such orders it is not waited for so long again.
+        After two timeouts in a row for operations of this name, the timeout is shorter.
 
         Raises:
-            CaseFailed: It says nothing, or has crashed.
-            CaseSkipped: It lacks the operation.
+            CaseFailed: No answer comes, or the client has crashed.
+            CaseSkipped: The client does not implement the operation.
         """
         limit_s = full_s = self.answer_timeout_s if within_s is None else within_s
         if self._silences[call.name] >= _TWICE and not self.access.attended:
@@ -359,11 +363,11 @@ class ClientUnderTest:
             self._silences[call.name] += full_s >= self.answer_timeout_s
             raise CaseFailed(
                 UserMessage(
-                    "the client does not say in {limit_s:g} s what came of {call}",
-                    limit_s=limit_s,
+                    "the client did not answer {call} within {timeout_s:g} s",
+                    timeout_s=limit_s,
                     call=call.name,
                 ),
-                expected="an answer of its driver",
+                expected="an answer of the driver",
                 observed=self._describe_silence(),
             )
         if call.ok:
@@ -372,16 +376,18 @@ class ClientUnderTest:
         return call
 
     def _describe_silence(self) -> str:
-        """What there is in place of an answer, and what it may wait for that nobody ordered."""
+        """Describe the missing answer, with the unserved requests that the client may wait for."""
         unserved = (seen for line in self._lines for seen in line.inbox)
         sent = dict.fromkeys(seen.name or f"{seen.frame}" for seen in unserved)
-        return f"silence; it has sent by itself {', '.join(sent)}" if sent else "silence"
+        return (
+            f"silence; unanswered requests of the client: {', '.join(sent)}" if sent else "silence"
+        )
 
     def answers_within(self, call: Call, within_s: float) -> bool:
-        """Wait for what it says of an order; whether it says anything.
+        """Wait for the answer to an operation. Return whether it comes.
 
         Raises:
-            CaseFailed: It has crashed.
+            CaseFailed: The client has crashed.
         """
         deadline_s = self.access.now_s + within_s
         while not self._answered(call):
@@ -390,13 +396,13 @@ class ClientUnderTest:
             if call.name == "disconnect":
                 self._close_extra_connection(
                     deadline_s
-                )  # who connects by himself first would wait there
+                )  # a client that reconnects first would block there
             else:
                 self._wait(deadline_s)
         return True
 
     def _answered(self, call: Call) -> bool:
-        """Take what has come; whether the order has been answered."""
+        """Receive everything available. Return whether the operation is answered."""
         self._pump_all()
         return call.answer is not None
 
@@ -411,7 +417,7 @@ class ClientUnderTest:
         self._pump()
 
     def _slice(self, deadline_s: float) -> float:
-        """Until when to wait for something else than what may come on an open connection."""
+        """Return until when to wait without checking the open connection."""
         if self._open_line() is None:
             return deadline_s
         return min(deadline_s, self.access.now_s + _SLICE_S)
@@ -423,21 +429,23 @@ class ClientUnderTest:
         if call is not None and call.answer is not None:
             _require_implemented(call)
             if call.failed and not call.request_seen:
-                message = UserMessage("the client declines {call} by itself", call=call.name)
-                raise OperationRefused(message, expected="it is sent", observed=f"{call}")
+                message = UserMessage(
+                    "the client refuses {call} without sending a request", call=call.name
+                )
+                raise OperationRefused(message, expected="a request", observed=f"{call}")
             if call.failed:
                 self.require_timely(call)
             raise CaseFailed(
-                UserMessage("the client says that {call} is over before it can be", call=call.name),
-                expected="the operation goes on",
+                UserMessage("the client reports the end of {call} too early", call=call.name),
+                expected="the operation continues",
                 observed=f"{call}",
             )
 
     def require_timely(self, call: Call) -> None:
-        """Hold no transfer against it that was given up because this machine was too slow.
+        """Ignore an aborted transfer if this machine was too slow.
 
         Raises:
-            CaseInconclusive: So it may have been.
+            CaseInconclusive: A silence of the suite may have caused the timeout.
         """
         if call.name in _TRANSFERS:
             for line in self._lines:
@@ -446,11 +454,11 @@ class ClientUnderTest:
     # ------------------------------------------------------------------ what it says
 
     def confirm_with_operator(self, sentence: str, call: Call | None = None) -> bool | None:
-        """Whether an operator says that the client shows this; None where nobody is asked.
+        """Ask the operator whether the client shows this; None without an operator.
 
         Args:
-            sentence: What it should show.
-            call: The order in question; nobody is asked about one that has been answered.
+            sentence: What the client should show.
+            call: The operation. The operator is not asked if it is already answered.
         """
         if call is not None and call.answer is not None:
             return None
@@ -458,16 +466,16 @@ class ClientUnderTest:
         if question is None:
             return None
         while not self.answers_within(question, self.answer_timeout_s):
-            pass  # he may be away
+            pass  # the operator may be away
         return question.ok
 
     def expect_done(
         self, call: Call, *, requirement: str = "", within_s: float | None = None
     ) -> Any:
-        """What came of an order, which has to have been done.
+        """Require that an operation succeeds. Return its result.
 
         Raises:
-            CaseFailed: The client says that it was not, or says nothing.
+            CaseFailed: The client reports a failure, or nothing.
         """
         confirmed = self.confirm_with_operator(UserMessage("{call} was done", call=call.name), call)
         if confirmed is None:
@@ -475,9 +483,7 @@ class ClientUnderTest:
         if not confirmed:
             self.require_timely(call)
             raise CaseFailed(
-                UserMessage(
-                    "{call} was answered well, and the client says that it failed", call=call.name
-                ),
+                UserMessage("{call} succeeded, but the client reports a failure", call=call.name),
                 expected="done",
                 observed=f"{call}",
                 requirement=requirement,
@@ -485,14 +491,14 @@ class ClientUnderTest:
         return call.result
 
     def expect_result(self, call: Call, expected: Any, *, requirement: str = "") -> None:
-        """What came of an order has to be this.
+        """Require that an operation returns this result.
 
         Raises:
-            CaseFailed: It is something else.
+            CaseFailed: The client reports something else.
         """
         confirmed = self.confirm_with_operator(
             UserMessage(
-                "{call} gave {expected}", call=call.name, expected=to_display_text(expected)
+                "{call} returned {expected}", call=call.name, expected=to_display_text(expected)
             ),
             call,
         )
@@ -501,14 +507,14 @@ class ClientUnderTest:
             known = self.idle_status is not None and (call.name, expected) == ("get_status", _IDLE)
             expect(
                 matches(result, expected) or (known and matches(result, self.idle_status)),
-                UserMessage("what the client says of {call}", call=call.name),
+                UserMessage("the client reports a wrong result of {call}", call=call.name),
                 expected=f"{expected}",
                 observed=f"{result}",
                 requirement=requirement,
             )
         elif not confirmed:
             raise CaseFailed(
-                UserMessage("the client does not show what came of {call}", call=call.name),
+                UserMessage("the client does not show the result of {call}", call=call.name),
                 expected=f"{expected}",
                 observed="something else",
                 requirement=requirement,
@@ -517,10 +523,10 @@ class ClientUnderTest:
     def expect_failure(
         self, call: Call, *, requirement: str = "", within_s: float | None = None
     ) -> None:
-        """An order has to have failed; of a two-stage one a refusal or a bad outcome will do.
+        """Require that an operation fails. A two-stage command may also report a refusal.
 
         Raises:
-            CaseFailed: The client says that it was done, or says nothing.
+            CaseFailed: The client reports success, or nothing.
         """
         failed = self.confirm_with_operator(UserMessage("{call} failed", call=call.name), call)
         if failed is None:
@@ -528,17 +534,17 @@ class ClientUnderTest:
             failed = call.failed
         if not failed:
             raise CaseFailed(
-                UserMessage("{call} failed, and the client says that it was done", call=call.name),
+                UserMessage("{call} failed, but the client reports success", call=call.name),
                 expected="an error",
                 observed=f"{call}",
                 requirement=requirement,
             )
 
     def expect_pending(self, call: Call, message: str, *, requirement: str = "") -> None:
-        """An order must not be over yet.
+        """Require that an operation is not answered yet.
 
         Raises:
-            CaseFailed: The client says that it is.
+            CaseFailed: The client has answered it.
         """
         self._pump()
         if call.answer is not None:
@@ -548,16 +554,16 @@ class ClientUnderTest:
             )
 
     def tolerate(self, requirement: str, key: str, option: str, message: str) -> None:
-        """The client follows a listed reading, or does what the register only warns of."""
+        """Note that the client follows a listed reading, or causes only a warning."""
         self.tolerated.append((requirement, key, option, message))
 
     # ------------------------------------------------------------------ what it can do
 
     def require_concurrency(self, line: IncomingConnection) -> None:
-        """Go on only where it does a second thing while a first one lasts.
+        """Require that the client runs two operations at the same time.
 
         Raises:
-            CaseSkipped: It, or its driver, does one thing at a time.
+            CaseSkipped: The client, or its driver, runs one operation at a time.
         """
         if "concurrent" not in self.discoveries:
             one, other = self.prefer_unpolled(
@@ -577,48 +583,48 @@ class ClientUnderTest:
             self.wait_for_answer(second)
             self.discoveries["concurrent"] = (
                 came and first.ok
-            )  # or it came as the first was given up
+            )  # otherwise the second was sent after a timeout of the first
         if not self.discoveries["concurrent"]:
-            raise CaseSkipped("the client does one thing at a time")
+            raise CaseSkipped("the client runs one operation at a time")
 
     def prefer_unpolled(self, *names: str) -> tuple[str, str]:
-        """The first two of these queries that it does not make by itself, if there are any."""
+        """Return two of these queries, preferring those that the client does not poll."""
         one, other, *_ = sorted(names, key=self.has_polled)
         return one, other
 
     def has_polled(self, name: str) -> bool:
-        """Whether it has made this query by itself."""
+        """Whether the client has polled this query."""
         return any(frame.opcode == BY_NAME[name].opcode for frame in self.polled)
 
     def lacks_operation(self, name: str) -> bool:
-        """Whether it says that it lacks this operation."""
+        """Whether the client reports the operation as not implemented."""
         call = self.begin(name)
         with suppress(CaseSkipped):
             self.wait_for_answer(call)
         return call.unimplemented
 
     def make_file(self, content: bytes) -> str:
-        """Make a file for it to send; its path."""
+        """Create a file for an upload. Return its path."""
         path = self.access.folder / f"zs{next(self._files)}.rob"
         path.write_bytes(content)
         return str(path)
 
     def missing_file(self) -> str:
-        """The path of a file that does not exist."""
+        """Return the path of a file that does not exist."""
         return str(self.access.folder / f"zs{next(self._files)}.rob")
 
     # ------------------------------------------------------------------ rest
 
     def settle(self) -> None:
-        """Let it hang up, and show that it is alive.
+        """Disconnect the client, and check that it connects and reports an idle status.
 
         Raises:
-            CaseFailed: It is not.
-            CaseInconclusive: Its driver does not keep to its protocol.
+            CaseFailed: The client does not respond correctly.
+            CaseInconclusive: The driver violates the driver protocol.
         """
         self._calls.clear()
         if self.access.attended:
-            return  # he would be asked to do the same over and over
+            return  # the operator would have to repeat the same steps
         self.close_lines()
         self._disconnect()
         line = self.open(requirement="T/9")
@@ -634,23 +640,23 @@ class ClientUnderTest:
         self.close_lines()
         for file in self.access.folder.iterdir():
             file.unlink()
-        self._calls.clear()  # these were none of a case's
+        self._calls.clear()  # these are not part of a case
 
     def _disconnect(self) -> None:
         self.wait_for_answer(self.begin("disconnect"))
 
     def _close_extra_connection(self, deadline_s: float) -> bool:
-        """End the next connection that it opens of its own accord; whether one came by then."""
+        """Close the next connection that the client opens. Return whether one came in time."""
         link = self.access.accept(self._slice(deadline_s))
         if link is not None:
             link.close()
         return link is not None
 
     def revive(self) -> None:
-        """Start it anew.
+        """Restart the client.
 
         Raises:
-            CaseInconclusive: It cannot be started.
+            CaseInconclusive: The client cannot be started.
         """
         self.close_lines()
         try:
@@ -661,17 +667,19 @@ class ClientUnderTest:
 
 def _require_implemented(call: Call) -> None:
     if call.unimplemented:
-        raise CaseSkipped(UserMessage("the client lacks the operation {call}", call=call.name))
+        raise CaseSkipped(
+            UserMessage("the client does not implement the operation {call}", call=call.name)
+        )
 
 
 @contextmanager
 def _driver_errors() -> Iterator[None]:
-    """Tell what is wrong with a driver in the words of the suite."""
+    """Turn driver errors into the outcome of a case."""
     try:
         yield
     except DriverEndedError as error:
         raise NoReply(
-            UserMessage("the client has crashed: {error}", error=error), observed=f"{error}"
+            UserMessage("the client crashed: {error}", error=error), observed=f"{error}"
         ) from None
     except DriverError as error:
         raise CaseInconclusive(str(error)) from None

@@ -1,8 +1,8 @@
-"""Driver: a client under test as a process that speaks JSON Lines on stdio.
+"""Driver: a client under test in a process that uses JSON Lines on stdio.
 
-The process is not trusted: it may crash, hang, flood, answer nonsense or end early. Each of these
-is told by an exception of its own, none keeps the suite waiting, and what the process leaves
-behind is ended with it. What an answer should be is not known here, and never sent.
+The process is not trusted. It may crash, hang, write without end, answer nonsense or end early.
+Each of these raises an exception, and none blocks the suite. Child processes of the driver are
+stopped together with it. The expected answer is not known here and is never sent to the driver.
 """
 
 import json
@@ -23,51 +23,51 @@ from scaraspec.user_message import UserMessage
 
 _READ_BYTES: Final = 65536
 _FLOOD_BYTES: Final = 2**18
-_STRAY_LINES: Final = 100
+_UNMATCHED_LINES: Final = 100
 _STDERR_BYTES: Final = 65536
 _END_S: Final = 2.0
 
 
 class DriverError(Exception):
-    """The driver does not keep to its protocol; one sentence."""
+    """The driver violates the driver protocol; the text is one sentence."""
 
 
 class DriverEndedError(DriverError):
-    """The driver's process has ended, or does not take orders any more."""
+    """The driver process has ended, or does not read its stdin any more."""
 
 
-class DriverBabblesError(DriverError):
-    """The driver writes what nobody can use, without end."""
+class DriverFloodsError(DriverError):
+    """The driver writes lines that answer no operation, without end."""
 
 
 class Driver:
     """The process of a client under test.
 
     Args:
-        command: Its command line, run without a shell.
+        command: The command line, run without a shell.
 
     Raises:
-        DriverError: It cannot be started.
+        DriverError: The process cannot be started.
     """
 
     def __init__(self, command: str) -> None:
         self._command = command
         self._calls: dict[int, Call] = {}
         self._number = 0
-        self._held = b""
-        self._said_bytes = 0
+        self._buffer = b""
+        self._unmatched_bytes = 0
         self._selector: selectors.BaseSelector
-        self.unmatched_lines: deque[str] = deque(maxlen=_STRAY_LINES)
-        """Lines that answer nothing, the latest last."""
+        self.unmatched_lines: deque[str] = deque(maxlen=_UNMATCHED_LINES)
+        """The lines that answer no operation, the latest last."""
         self._start()
 
-    # ------------------------------------------------------------------ asking
+    # ------------------------------------------------------------------ operations
 
     def begin(self, name: str, /, **values: Any) -> Call:
-        """Ask for an operation, and go on.
+        """Start an operation without waiting for its answer.
 
         Raises:
-            DriverEndedError: The process has ended, or reads no more.
+            DriverEndedError: The process has ended, or does not read its stdin any more.
         """
         self._number += 1
         call = self._calls[self._number] = Call(self._number, name, values)
@@ -80,47 +80,51 @@ class Driver:
         return call
 
     def pump(self) -> None:
-        """Take what the process has said so far.
+        """Read the lines that the process has written so far.
 
         Raises:
-            DriverEndedError: It has ended.
-            DriverBabblesError: It floods.
+            DriverEndedError: The process has ended.
+            DriverFloodsError: The process writes without end.
         """
         while self._selector.select(0):
             data = os.read(self._output.fileno(), _READ_BYTES)
             if not data:
                 raise self._ended()
-            self._said_bytes += len(data)
-            if self._said_bytes > _FLOOD_BYTES:
-                raise DriverBabblesError("the driver goes on writing what answers nothing")
-            self._held += data
-            *lines, self._held = self._held.split(b"\n")
+            self._unmatched_bytes += len(data)
+            if self._unmatched_bytes > _FLOOD_BYTES:
+                raise DriverFloodsError("the driver keeps writing lines that answer no operation")
+            self._buffer += data
+            *lines, self._buffer = self._buffer.split(b"\n")
             for line in filter(bytes.strip, lines):
                 self._take(line)
 
     def wait(self, call: Call, within_s: float) -> Call:
-        """Wait for the answer of an operation.
+        """Wait for the answer to an operation.
+
+        Args:
+            call: The operation.
+            within_s: The timeout in seconds.
 
         Raises:
-            DriverError: None came in time, or the process has ended.
+            DriverError: No answer came in time, or the process has ended.
         """
         deadline_s = time.monotonic() + within_s
         while call.answer is None:
-            left_s = deadline_s - time.monotonic()
-            if left_s <= 0:
+            remaining_s = deadline_s - time.monotonic()
+            if remaining_s <= 0:
                 raise DriverError(
                     UserMessage(
-                        "the driver has not answered {call} in {within_s:g} s",
+                        "the driver did not answer {call} within {within_s:g} s",
                         call=call.name,
                         within_s=within_s,
                     )
                 )
-            self._selector.select(left_s)
+            self._selector.select(remaining_s)
             self.pump()
         return call
 
     def fileno(self) -> int:
-        """Of its output, for whoever waits for several things."""
+        """Return the file descriptor of its output, for a selector."""
         return self._output.fileno()
 
     def _take(self, line: bytes) -> None:
@@ -130,15 +134,15 @@ class Driver:
         except (ValueError, KeyError, TypeError, RecursionError):
             self.unmatched_lines.append(show(line))
             return
-        self._said_bytes = 0
+        self._unmatched_bytes = 0
         call.answer = answer
 
-    # ------------------------------------------------------------------ its life
+    # ------------------------------------------------------------------ process
 
     def _start(self) -> None:
         if not self._command.strip():
             raise DriverError("the driver cannot be started: no program is named")
-        self._stderr = tempfile.TemporaryFile()  # noqa: SIM115 - it lives as long as the process
+        self._stderr = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the process runs
         try:
             self._process = subprocess.Popen(  # noqa: S603 - the tester's own command, without a shell
                 shlex.split(self._command),
@@ -148,12 +152,12 @@ class Driver:
                 start_new_session=True,
             )
         except (OSError, ValueError) as error:
-            why = error.strerror if isinstance(error, OSError) else error
+            reason = error.strerror if isinstance(error, OSError) else error
             raise DriverError(
                 UserMessage(
-                    "the driver {command!r} cannot be started: {why}",
+                    "the driver {command!r} cannot be started: {reason}",
                     command=self._command,
-                    why=why,
+                    reason=reason,
                 )
             ) from None
         self._input, self._output = _pipe(self._process.stdin), _pipe(self._process.stdout)
@@ -161,18 +165,18 @@ class Driver:
         self._selector.register(self._output, selectors.EVENT_READ)
 
     def restart(self) -> None:
-        """End it and start it anew.
+        """Stop the process and start it again.
 
         Raises:
-            DriverError: It cannot be started.
+            DriverError: The process cannot be started.
         """
         self.close()
         self._calls.clear()
-        self._held, self._said_bytes = b"", 0
+        self._buffer, self._unmatched_bytes = b"", 0
         self._start()
 
     def close(self) -> None:
-        """End it with everything that it has started."""
+        """Stop the process and its child processes."""
         self._selector.close()
         with suppress(OSError):
             self._input.close()
@@ -186,7 +190,7 @@ class Driver:
 
     @property
     def stderr(self) -> str:
-        """The end of what it has complained of."""
+        """The end of its stderr."""
         size_bytes = self._stderr.seek(0, os.SEEK_END)
         self._stderr.seek(max(0, size_bytes - _STDERR_BYTES))
         return self._stderr.read().decode("utf-8", "replace")
@@ -194,15 +198,17 @@ class Driver:
     def _ended(self) -> DriverEndedError:
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(_END_S)
-        said = self.stderr.strip().splitlines()
-        why = UserMessage(": {said}", said=said[-1][:200]) if said else ""
+        lines = self.stderr.strip().splitlines()
+        last_line = f": {lines[-1][:200]}" if lines else ""
         return DriverEndedError(
             UserMessage(
-                "the driver has ended with status {poll}{why}", poll=self._process.poll(), why=why
+                "the driver ended with exit status {exit_status}{last_line}",
+                exit_status=self._process.poll(),
+                last_line=last_line,
             )
         )
 
 
 def _pipe(end: IO[bytes] | None) -> IO[bytes]:
-    assert end is not None, "both ends were asked for as pipes"
+    assert end is not None, "stdin and stdout are opened as pipes"
     return end

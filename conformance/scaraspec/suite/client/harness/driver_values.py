@@ -1,8 +1,8 @@
-"""Saying: what a client says came of an operation, held against what it was sent.
+"""Driver values: compare the result that a client reports with the reply that it received.
 
-The driver protocol names the types of JSON and leaves the shape of records open: their fields may
-be told by name or in order, a time with or without marks between its digits, a run time in seconds
-or as on the wire. No requirement is judged here.
+The driver protocol defines the JSON types and leaves the form of records open. A client may report
+the fields by name or in order, a time with or without separators, and a run time in seconds or as
+on the wire. No requirement is judged here.
 """
 
 import math
@@ -17,19 +17,20 @@ from scaraspec.protocol.payloads import NameListPart
 from scaraspec.protocol.readings import DEFAULT
 
 _EXACT: Final = 1e-6
-"""Single precision hands on seven digits, as many as any number of the protocol needs."""
+"""Single precision keeps seven digits. No number of the protocol needs more."""
 
 _RUN_TIME: Final = RunTime("run_time_s")
 
 
 def expected_value(value: Any) -> Any:
-    """The value of a reply as a client is to say it.
+    """Return the value that a client must report for a decoded reply.
 
     Args:
-        value: As the table decodes it.
+        value: The value that the command table decodes.
 
     Returns:
-        Types of JSON; times and durations as such, because they are said in several ways.
+        JSON types. Times and durations keep their type, because clients may report them in
+        several forms.
     """
     if isinstance(value, bytes):
         return value.decode("utf-8", "surrogateescape") or None
@@ -48,7 +49,7 @@ def expected_value(value: Any) -> Any:
 
 
 def to_display_text(value: Any) -> str:
-    """What `spoken` gives, in words for whoever looks at a client's window."""
+    """Return a value of `expected_value` as text for an operator who looks at the client."""
     match value:
         case dict():
             return ", ".join(f"{key} = {to_display_text(item)}" for key, item in value.items())
@@ -59,44 +60,50 @@ def to_display_text(value: Any) -> str:
     return "nothing" if value is None else f"{value}"
 
 
-def matches(said: Any, expected: Any) -> bool:
-    """Whether a client said what was expected of it."""
+def matches(reported: Any, expected: Any) -> bool:
+    """Whether the reported value equals the expected value."""
     match expected:
         case None:
-            return _nothing(said)
+            return _is_empty(reported)
         case bool() | str():
-            return bool(said == expected)
+            return bool(reported == expected)
         case int() | float():
-            number = isinstance(said, int | float) and not isinstance(said, bool)
-            return number and math.isclose(said, expected, rel_tol=_EXACT, abs_tol=_EXACT**2)
+            number = isinstance(reported, int | float) and not isinstance(reported, bool)
+            return number and math.isclose(reported, expected, rel_tol=_EXACT, abs_tol=_EXACT**2)
         case datetime() | timedelta():
-            return _same_time(said, expected)
+            return _same_time(reported, expected)
         case list() | dict():
-            return _same_items(said, expected)
-    raise TypeError(f"nobody says {expected!r}")
+            return _same_items(reported, expected)
+    raise TypeError(f"no client reports a value like {expected!r}")
 
 
-def _same_time(said: Any, expected: datetime | timedelta) -> bool:
+def _same_time(reported: Any, expected: datetime | timedelta) -> bool:
     if isinstance(expected, datetime):
-        return isinstance(said, str) and re.sub(r"\D", "", said) == f"{expected:%Y%m%d%H%M%S}"
+        return (
+            isinstance(reported, str) and re.sub(r"\D", "", reported) == f"{expected:%Y%m%d%H%M%S}"
+        )
     seconds = expected.total_seconds()
-    return matches(said, seconds) or matches(said, _RUN_TIME.write(int(seconds), DEFAULT).decode())
-
-
-def _same_items(said: Any, expected: list[Any] | dict[str, Any]) -> bool:
-    if isinstance(expected, dict):
-        if isinstance(said, Mapping):
-            if expected.keys() <= said.keys():
-                return all(matches(said[key], value) for key, value in expected.items())
-            said = list(said.values())
-        expected = list(expected.values())
-    return (
-        isinstance(said, list) and len(said) == len(expected) and all(map(matches, said, expected))
+    return matches(reported, seconds) or matches(
+        reported, _RUN_TIME.write(int(seconds), DEFAULT).decode()
     )
 
 
-def _nothing(said: Any) -> bool:
-    """Whether this says that there is nothing to say: null, or a record without any value."""
-    if isinstance(said, Mapping):
-        return not any(said.values())
-    return not any(said) if isinstance(said, list) else not said
+def _same_items(reported: Any, expected: list[Any] | dict[str, Any]) -> bool:
+    if isinstance(expected, dict):
+        if isinstance(reported, Mapping):
+            if expected.keys() <= reported.keys():
+                return all(matches(reported[key], value) for key, value in expected.items())
+            reported = list(reported.values())
+        expected = list(expected.values())
+    return (
+        isinstance(reported, list)
+        and len(reported) == len(expected)
+        and all(map(matches, reported, expected))
+    )
+
+
+def _is_empty(reported: Any) -> bool:
+    """Whether this reports no value: null, or a record in which every value is empty."""
+    if isinstance(reported, Mapping):
+        return not any(reported.values())
+    return not any(reported) if isinstance(reported, list) else not reported

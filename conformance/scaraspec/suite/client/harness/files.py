@@ -1,7 +1,7 @@
-"""Files: how the suite, as the controller, takes an upload and serves a download.
+"""Files: how the suite, as the controller, receives an upload and sends a download.
 
-What is checked on the way names its own requirement, whatever the case is about. Cases about
-transfers that go wrong give their own answers, and send their own chunks with `Download.offer`.
+Each check here names its own requirement, whatever requirement the case has. Cases about failing
+transfers send their own answers, and their own chunks with `Download.offer_chunk`.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -24,9 +24,9 @@ from scaraspec.traffic.events import FrameSeen
 from scaraspec.user_message import UserMessage
 
 _TRANSFER: Final = range(0x50, 0x57)
-_SLICE_S: Final = 0.05  # between two looks at what the client says
+_SLICE_S: Final = 0.05  # between two checks for an answer of the client
 _RETRIES: Final = 20
-_GRACE_S: Final = 0.5  # until what it has given up is told
+_GRACE_S: Final = 0.5  # until the client reports an aborted transfer
 
 
 # ---------------------------------------------------------------------- either way
@@ -39,9 +39,9 @@ def request_or_none(
     command: str,
     within_s: float | None = None,
 ) -> ReceivedFrame | None:
-    """Wait for a request; None if it does not come, or not soon after the operation is said over.
+    """Wait for a request; None if it does not come, or not soon after the operation ends.
 
-    The network may still carry the rest of what the client sent before it said so.
+    The network may still carry bytes that the client sent before it reported the end.
     """
     left_s = subject.answer_timeout_s if within_s is None else within_s
     while True:
@@ -57,10 +57,10 @@ def request_or_none(
 
 
 def _settled(subject: ClientUnderTest, call: Call, within_s: float, requirement: str) -> None:
-    """Wait for what the client says of an order; an operator is asked later.
+    """Wait for the answer to an operation. An operator is asked later.
 
     Raises:
-        CaseFailed: It says nothing.
+        CaseFailed: No answer comes.
     """
     if not subject.access.attended:
         try:
@@ -71,19 +71,19 @@ def _settled(subject: ClientUnderTest, call: Call, within_s: float, requirement:
 
 
 def expect_transfer_done(subject: ClientUnderTest, call: Call) -> None:
-    """A transfer of which everything has come has to be over, and done.
+    """Require that a complete transfer ends successfully.
 
     Raises:
-        CaseFailed: It is not.
+        CaseFailed: It does not.
     """
-    _settled(subject, call, subject.answer_timeout_s, "5.1/7")  # to the client it is never over
+    _settled(subject, call, subject.answer_timeout_s, "5.1/7")  # the client never ends the transfer
     subject.expect_done(call, requirement="5.2/19")
 
 
 def expect_transfer_failed(
     subject: ClientUnderTest, call: Call, requirement: str = "5.2/19"
 ) -> None:
-    """A transfer has to fail, at once or when the client has waited in vain (A-5-14).
+    """Require that a transfer fails, at once or after a timeout (A-5-14).
 
     Raises:
         CaseFailed: It does not.
@@ -93,12 +93,12 @@ def expect_transfer_failed(
 
 
 def transfer_frames(line: IncomingConnection) -> list[FrameSeen]:
-    """The frames of clause 5 that came and that nobody has taken."""
+    """Return the received frames of clause 5 that no case has taken."""
     return [seen for seen in line.inbox if seen.frame.opcode in _TRANSFER]
 
 
 def is_abort_signal(seen: FrameSeen | ReceivedFrame) -> bool:
-    """Whether this is the signal that ends an upload, which wants no answer (L787; A-5-10)."""
+    """Whether this is the signal that ends an upload and needs no answer (L787; A-5-10)."""
     if seen.frame.opcode != BY_NAME["upload_chunk"].opcode:
         return False
     return not seen.frame.data or (isinstance(seen.value, Chunk) and not seen.value.length)
@@ -112,17 +112,17 @@ def expect_no_transfer_frames(
     *,
     allowed: Callable[[FrameSeen], bool] | None = None,
 ) -> None:
-    """Fail the client if it has sent, or sends in this time, any frame of a transfer.
+    """Require that the client sends no frame of a transfer, before or during this time.
 
     Args:
         line: Its connection.
-        message: What it has done then.
-        requirement: What it violates.
-        for_s: How long it is listened to.
+        message: The message of the failure.
+        requirement: The requirement that such a frame violates.
+        for_s: How long to wait, in seconds.
         allowed: Returns True for a frame that the client may send. Such frames are removed.
 
     Raises:
-        CaseFailed: It has.
+        CaseFailed: The client sends such a frame.
     """
     line.wait(for_s)
     came = transfer_frames(line)
@@ -141,10 +141,13 @@ def expect_no_transfer_frames(
 def expect_served(
     subject: ClientUnderTest, line: IncomingConnection, what: str
 ) -> IncomingConnection:
-    """The connection, once it has served another command; a new one where only that does (A-5-26).
+    """Require that another command works, on this connection or on a new one (A-5-26).
+
+    Returns:
+        The connection to continue with.
 
     Raises:
-        CaseFailed: Neither does.
+        CaseFailed: The command works on neither.
     """
     try:
         _ask_status(subject, line)
@@ -156,7 +159,9 @@ def expect_served(
         except CaseFailed:
             error.requirement = "5.4/6"
             raise error from None
-        message = UserMessage("after {what} only a new connection is served", what=what)
+        message = UserMessage(
+            "after {event}, the client works only on a new connection", event=what
+        )
         subject.tolerate("5.4/6", "A-5-26", "closed", message)
     return line
 
@@ -170,28 +175,28 @@ def _ask_status(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 def _expect_named(line: IncomingConnection, call: Call, remote: str, requirement: str) -> None:
     asked = line.request(f"{call.name}_name", call)
-    sent = asked.frame.data.removesuffix(b"\0")  # which some end a text with (A-T-3)
-    expect_equal(sent, remote.encode(), "the name sent", requirement=requirement)
+    sent = asked.frame.data.removesuffix(b"\0")  # some clients end a text with NUL (A-T-3)
+    expect_equal(sent, remote.encode(), "the client sent a wrong name", requirement=requirement)
 
 
 # ---------------------------------------------------------------------- upload
 
 
 class Upload:
-    """An upload that was ordered, and whose name has come; nothing is answered yet.
+    """An upload whose name was received and is not answered yet.
 
     Args:
         subject: The client.
         line: Its connection.
-        content: What it is to send.
-        remote: The name to send it under; its own where it is empty.
+        content: The content of the file.
+        remote: The remote name; empty for the name of the local file.
 
     Attributes:
-        call: The order.
-        received_bytes: How much has been taken.
+        call: The operation.
+        received_bytes: The number of bytes received.
 
     Raises:
-        CaseFailed: Another name comes, or none.
+        CaseFailed: Another name is sent, or none.
     """
 
     def __init__(
@@ -203,19 +208,21 @@ class Upload:
         remote = remote or Path(local).name
         self.call = subject.begin("upload", local=local, remote=remote)
         _expect_named(line, self.call, remote, "5.2/1")
-        line.inbox[:] = [seen for seen in line.inbox if not is_abort_signal(seen)]  # one before it
+        line.inbox[:] = [
+            seen for seen in line.inbox if not is_abort_signal(seen)
+        ]  # signals of an earlier upload
 
     def accept_name(self) -> None:
-        """Answer the name: the file has been created."""
+        """Answer the name with 1: the file is created."""
         self._line.reply("upload_name")
 
     def chunk_frames(self) -> Iterator[ReceivedFrame]:
-        """The chunk frames, right or wrong; each is answered 1 when the next one is wanted.
+        """Yield the chunk frames, valid or not. Each is answered 1 before the next one.
 
-        They end where a sound client has sent the whole content.
+        The iteration ends where a correct client has sent the whole content.
 
         Raises:
-            CaseFailed: The client stops before.
+            CaseFailed: The client stops earlier.
         """
         while self.received_bytes < len(self._content):
             frame = self._frame("5.2/20")
@@ -223,23 +230,23 @@ class Upload:
             self.accept_chunk(frame.value.length if isinstance(frame.value, Chunk) else 0)
 
     def accept_chunk(self, length: int) -> None:
-        """Answer a chunk of this length 1."""
+        """Answer a chunk of this length with 1."""
         self._line.reply("upload_chunk")
         self.received_bytes += length or BUFFER_BYTES
 
     def next_chunk(self) -> Chunk:
-        """Await the next chunk, which is not answered yet.
+        """Wait for the next chunk, without answering it.
 
         Raises:
-            CaseFailed: It does not come, or is not the one that is due.
+            CaseFailed: It does not come, or is not the expected one.
         """
         return self._right(self._frame("5.2/19"))
 
     def refuse_chunk(self, chunk: Chunk) -> None:
-        """Answer a chunk 0: the upload has failed, though the client may try that one again.
+        """Answer a chunk with 0: the upload has failed. The client may retry this chunk.
 
         Raises:
-            CaseFailed: It goes on, or is told as done.
+            CaseFailed: The client continues, or reports success.
         """
         self._line.reply("upload_chunk", value=False)
         for _ in range(_RETRIES):
@@ -251,20 +258,20 @@ class Upload:
             expect(
                 chunk_of(again).position == chunk.position,
                 UserMessage(
-                    "the upload went on although the chunk at {position} was refused",
+                    "the upload continued after the chunk at {position} was refused",
                     position=chunk.position,
                 ),
                 expected="no chunk",
                 observed=f"{again}",
                 requirement="5.2/8",
             )
-            message = "a chunk that was refused is sent again"
+            message = "the client sends a refused chunk again"
             self._subject.tolerate("5.2/8", "A-5-14", "retry", message)
             self._line.reply("upload_chunk", value=False)
         self.expect_failed()
 
     def finish(self) -> None:
-        """Take all that is left; the client has to say that it was done.
+        """Receive the rest and require that the client reports success.
 
         Raises:
             CaseFailed: It does not, or sends something else.
@@ -274,12 +281,12 @@ class Upload:
         self.expect_done()
 
     def expect_done(self) -> None:
-        """The upload has to be over, and done; see `expect_done`."""
+        """Require that the upload succeeds; see `expect_transfer_done`."""
         serve_read_back(self._subject, self._line, self.call, self._content)
         expect_transfer_done(self._subject, self.call)
 
     def expect_failed(self, requirement: str = "5.2/19") -> None:
-        """The upload has to fail; see `expect_failed`."""
+        """Require that the upload fails; see `expect_transfer_failed`."""
         expect_transfer_failed(self._subject, self.call, requirement)
 
     def _frame(self, requirement: str) -> ReceivedFrame:
@@ -290,13 +297,13 @@ class Upload:
             raise
 
     def _right(self, frame: ReceivedFrame) -> Chunk:
-        """A chunk that is what is due."""
+        """Require that a frame is the expected chunk. Return the chunk."""
         chunk, due = chunk_of(frame), self.received_bytes
         expect_next(chunk, due, len(self._content))
         wanted = self._content[due : due + chunk.length]
         expect(
             chunk.data == wanted,
-            UserMessage("the chunk at {due} does not hold what the file does", due=due),
+            UserMessage("the chunk at {position} differs from the file", position=due),
             expected=wanted.hex(" "),
             observed=chunk.data.hex(" "),
             requirement="5.2/20",
@@ -307,7 +314,7 @@ class Upload:
 def serve_read_back(
     subject: ClientUnderTest, line: IncomingConnection, call: Call, content: bytes
 ) -> None:
-    """Serve a client that fetches what it has just sent, to compare it (A-5-21)."""
+    """Serve a client that downloads the file after an upload to compare it (A-5-21)."""
     deadline_s = subject.access.now_s + subject.answer_timeout_s
     while not (subject.access.attended or line.over or subject.answers_within(call, _SLICE_S)):
         if subject.access.now_s >= deadline_s:
@@ -323,10 +330,10 @@ def serve_read_back(
 def receive_upload(
     subject: ClientUnderTest, line: IncomingConnection, content: bytes, remote: str = ""
 ) -> None:
-    """Let the client upload a file, and take all of it.
+    """Let the client upload a file and receive all of it.
 
     Raises:
-        CaseFailed: It is not sent as it should be, or the client does not say that it was done.
+        CaseFailed: The client sends it incorrectly, or does not report success.
     """
     upload = Upload(subject, line, content, remote)
     upload.accept_name()
@@ -337,7 +344,7 @@ def receive_upload(
 
 
 def split_content(content: bytes, lengths: Iterable[int]) -> Iterator[Chunk]:
-    """Cut a file into chunks of these lengths."""
+    """Split a file into chunks of these lengths."""
     position = 0
     for length in lengths:
         yield Chunk(len(content), position, length, content[position : position + length])
@@ -345,20 +352,20 @@ def split_content(content: bytes, lengths: Iterable[int]) -> Iterator[Chunk]:
 
 
 class Download:
-    """A download that was ordered, and whose name has come; nothing is answered yet.
+    """A download whose name was received and is not answered yet.
 
     Args:
         subject: The client.
         line: Its connection.
-        remote: The name to ask for; that of the file which it is to make where it is empty.
+        remote: The remote name; empty for the name of the local file.
 
     Attributes:
-        call: The order.
-        local: The file that it should make.
-        received: What the client has taken.
+        call: The operation.
+        local: The file that the client should create.
+        received: The content that the client has accepted.
 
     Raises:
-        CaseFailed: Another name comes, or none.
+        CaseFailed: Another name is sent, or none.
     """
 
     def __init__(
@@ -373,15 +380,15 @@ class Download:
 
     @property
     def stored(self) -> bytes | None:
-        """What is on the client's disk; None where there is no such file."""
+        """The content of the local file; None without such a file."""
         return self.local.read_bytes() if self.local.exists() else None
 
     def accept_name(self) -> None:
-        """Answer the name: the file can be sent."""
+        """Answer the name with 1: the file can be sent."""
         self._line.reply("download_name")
 
     def chunk_frame(self, chunk: Chunk, byte_order: str = "") -> Frame:
-        """The frame of a chunk; its buffer may hold more than there is room for in a fileData."""
+        """Return the frame of a chunk. Its buffer may exceed the size of a fileData."""
         dialect = self._subject.dialect
         spoken = dialect.replace(endian=byte_order) if byte_order else dialect
         data = FILE_DATA.encode(chunk._replace(buffer=chunk.buffer[:BUFFER_BYTES]), spoken)
@@ -391,7 +398,11 @@ class Download:
     def offer_chunk(
         self, chunk: Chunk, *, data: bytes | None = None, byte_order: str = ""
     ) -> bool | None:
-        """Send a chunk, or other data in its place; whether it is taken, None without an answer."""
+        """Send a chunk, or other data in its place.
+
+        Returns:
+            Whether the client accepts it; None without an answer.
+        """
         frame = self.chunk_frame(chunk, byte_order)
         self._line.send_frame(frame if data is None else frame._replace(data=data))
         taken = self.await_answer()
@@ -399,13 +410,13 @@ class Download:
         return taken
 
     def await_answer(self) -> bool | None:
-        """Whether what was sent is taken; None where the client does not say."""
-        patience_s = self._subject.silence_s
-        answer = request_or_none(self._subject, self._line, self.call, "download_chunk", patience_s)
+        """Return whether the client accepts the chunk; None without an answer."""
+        timeout_s = self._subject.silence_s
+        answer = request_or_none(self._subject, self._line, self.call, "download_chunk", timeout_s)
         return answer.accepted if answer else None
 
     def send_chunk(self, chunk: Chunk, requirement: str = "5.3/5") -> None:
-        """Send a chunk that the client has to take.
+        """Send a chunk that the client must accept.
 
         Raises:
             CaseFailed: It does not.
@@ -414,24 +425,34 @@ class Download:
         self.expect_taken(chunk, requirement)
 
     def expect_taken(self, chunk: Chunk, requirement: str = "5.3/5") -> None:
-        """Await the answer to a chunk that the client has to take.
+        """Wait for the answer to a chunk that the client must accept.
 
         Raises:
-            CaseFailed: It does not take it, or does not answer.
+            CaseFailed: The client refuses it, or does not answer.
         """
-        which = f"the chunk at {chunk.position} of a file of {chunk.file_size} bytes"
         answer = request_or_none(self._subject, self._line, self.call, "download_chunk")
         if answer is None or not answer.accepted:
             self._subject.require_timely(self.call)
         if answer is None:
-            error = self._line.no_answer(f"{which} was not answered")
+            error = self._line.no_answer(
+                UserMessage(
+                    "the client did not answer the chunk at {position} of a file of"
+                    " {size_bytes} bytes",
+                    position=chunk.position,
+                    size_bytes=chunk.file_size,
+                )
+            )
             error.requirement = "5.3/5"
             if self.call.answer is not None:
                 error.observed = f"{error.observed}; {self.call}"
             raise error
         expect(
             answer.accepted,
-            UserMessage("{which} was refused", which=which),
+            UserMessage(
+                "the client refused the chunk at {position} of a file of {size_bytes} bytes",
+                position=chunk.position,
+                size_bytes=chunk.file_size,
+            ),
             expected="1",
             observed=f"{answer}",
             requirement=requirement,
@@ -439,10 +460,10 @@ class Download:
         self.received += chunk.data
 
     def expect_done(self, requirement: str = "5.3/11") -> None:
-        """All that was received has to be on the client's disk, and the download to be done.
+        """Require that the download succeeds and the local file holds what was received.
 
         Raises:
-            CaseFailed: It is not.
+            CaseFailed: It does not.
         """
         expect_transfer_done(self._subject, self.call)
         size_bytes, content = len(self.received), self.received
@@ -458,7 +479,7 @@ class Download:
         seen = f"{len(got)} bytes, at {at}: {got[at : at + 8].hex(' ')}"
         raise CaseFailed(
             UserMessage(
-                "of a file of {size_bytes} bytes that was downloaded the client has another one",
+                "the client stored a downloaded file of {size_bytes} bytes incorrectly",
                 size_bytes=size_bytes,
             ),
             expected=f"{size_bytes} bytes, at {at}: {content[at : at + 8].hex(' ')}",
@@ -467,10 +488,10 @@ class Download:
         )
 
     def expect_failed(self, requirement: str = "5.2/19") -> None:
-        """The download has to fail; of its file there is nothing but what was received.
+        """Require that the download fails. Its local file may hold only what was received.
 
         Raises:
-            CaseFailed: It does not, or something else is there.
+            CaseFailed: It does not fail, or the file holds something else.
         """
         expect_transfer_failed(self._subject, self.call, requirement)
         stored, received = self.stored, self.received
@@ -479,22 +500,22 @@ class Download:
         room = stored.startswith(received) and not any(stored[len(received) :])
         expect(
             room or received.startswith(stored),
-            "a broken download left a file that is not what was received of it",
+            "the file of an interrupted download differs from the received data",
             expected=f"no file, or the {len(received)} bytes received",
             observed=f"{len(stored)} bytes",
             requirement="5.3/11",
         )
-        message = "what was received of a broken download stays on the disk"
+        message = "the data of an interrupted download stays on the disk"
         self._subject.tolerate("5.3/11", "A-5-12", "keep", message)
 
 
 def begin_download(
     subject: ClientUnderTest, line: IncomingConnection, remote: str = ""
 ) -> Download:
-    """Order a download, and promise the file.
+    """Begin a download and accept its name.
 
     Raises:
-        CaseFailed: Its name does not come.
+        CaseFailed: The name is not sent.
     """
     download = Download(subject, line, remote)
     download.accept_name()
@@ -508,10 +529,10 @@ def send_download(
     requirement: str = "5.3/11",
     remote: str = "",
 ) -> None:
-    """Let the client download a file, and compare what it has then.
+    """Let the client download a file, and compare the local file.
 
     Raises:
-        CaseFailed: It has not got it.
+        CaseFailed: The client does not store the file correctly.
     """
     download = begin_download(subject, line, remote)
     for chunk in chunks_of(content):

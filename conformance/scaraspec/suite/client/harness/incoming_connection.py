@@ -1,7 +1,7 @@
-"""Line: one connection from the client under test, on which the suite plays the controller.
+"""A connection from the client under test, on which the suite acts as the controller.
 
-Replies are made from the command table, or are whatever bytes a case wants. Which reply is due is
-not known here. What the client asks of its own accord is answered while a case waits for something.
+Replies come from the command table, or are any bytes that a case needs. Which reply is correct is
+not known here. Polls of the client are answered while a case waits.
 """
 
 from collections.abc import Iterator, Sequence
@@ -34,26 +34,28 @@ if TYPE_CHECKING:
 
     from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 
-PASSWORD: Final = b"password"  # the document's own example (L108)
+PASSWORD: Final = b"password"  # the example of the document (L108)
 
 YES: Final = True
-"""The answer of a plain success."""
+"""The value of a plain success reply."""
 
 _DONE: Final = "11"
 _MOMENT_S: Final = 0.005
 _ALONE_S: Final = 1.0
-"""Who declines sooner has not waited for an answer on a connection of his own."""
+"""A client that refuses sooner has not waited for a reply on a connection of its own."""
 _NS: Final = 1e9
-_CUTS: Final = (1, 3)  # behind the start byte, and behind the length
-_OF_FILES: Final = frozenset({"upload_name", "upload_chunk", "download_name", "download_chunk"})
+_CUTS: Final = (1, 3)  # after the start byte and after the length
+_TRANSFER_COMMANDS: Final = frozenset(
+    {"upload_name", "upload_chunk", "download_name", "download_chunk"}
+)
 
 
 class IncomingConnection(Connection):
-    """One connection; made by `ClientUnderTest.open`.
+    """One connection, created by `ClientUnderTest.open`.
 
     Attributes:
-        auto_responder: What the client asks of its own accord.
-        cut_s: How long to wait between the pieces of a frame; 0 to send each as a whole.
+        auto_responder: Answers the polls of the client.
+        fragment_pause_s: The pause between the pieces of a frame; 0 sends each frame whole.
     """
 
     def __init__(self, name: str, link: Link, subject: "ClientUnderTest", *, judged: bool) -> None:
@@ -71,22 +73,22 @@ class IncomingConnection(Connection):
     def request(
         self, name: str, call: Call | None = None, *, within_s: float | None = None
     ) -> ReceivedFrame:
-        """Wait for a request of the table.
+        """Wait for a request.
 
         Args:
-            name: Its command.
-            call: The operation that should bring it about.
-            within_s: How long to wait; by default as long as the client may think.
+            name: The command.
+            call: The operation that should send it.
+            within_s: The timeout in seconds; by default the answer timeout.
 
         Raises:
-            NoReply: None came.
-            CaseFailed: The client says that the operation is over, and has not sent it.
-            CaseInconclusive: It may have come on a further connection.
-            CaseSkipped: The client lacks the operation, or its operator is away.
+            NoReply: No request came.
+            CaseFailed: The client finishes the operation without sending the request.
+            CaseInconclusive: The request may be on a further connection.
+            CaseSkipped: The client does not implement the operation, or the operator is away.
         """
         command = BY_NAME[name]
         opcodes = {command.opcode, command.alternate_opcode} - {None}
-        patience_s = self._subject.answer_timeout_s if within_s is None else within_s
+        timeout_s = self._subject.answer_timeout_s if within_s is None else within_s
 
         def wanted(seen: FrameSeen) -> bool:
             return seen.frame.opcode in opcodes and not self._subject.is_repeated_poll(seen, call)
@@ -95,10 +97,14 @@ class IncomingConnection(Connection):
         begun_s = self._subject.access.now_s
         try:
             with self._subject.expecting(call):
-                request = self.awaited(wanted, patience_s, f"{name} was not sent")
+                request = self.awaited(
+                    wanted,
+                    timeout_s,
+                    UserMessage("the client did not send {command}", command=name),
+                )
         except OperationRefused as refusal:
             self.finish()
-            if self.inbox or self.invalid_bytes:  # it has sent something else
+            if self.inbox or self.invalid_bytes:  # the client has sent something else
                 raise self.no_answer(f"{refusal}") from None
             refusal.after_s = self._subject.access.now_s - begun_s
             if refusal.after_s > _ALONE_S:
@@ -108,7 +114,8 @@ class IncomingConnection(Connection):
             if self._subject.access.attended and within_s is None and not self.over:
                 raise CaseSkipped(
                     UserMessage(
-                        "the operator did not do it in {patience_s:g} s", patience_s=patience_s
+                        "the operator did not do the step within {timeout_s:g} s",
+                        timeout_s=timeout_s,
                     )
                 ) from None
             if within_s is None and not self.over:
@@ -116,14 +123,14 @@ class IncomingConnection(Connection):
             raise
         finally:
             self._wanted = _nothing
-        self.auto_responder.taken(request.seen)
+        self.auto_responder.case_received(request.seen)
         self._subject.note_request(name, call)
         return request
 
     def _receive(self, deadline_s: float, others: Sequence[Link] = ()) -> bool:
-        """Take one arrival, as `Connection` does, and answer polls before and behind it.
+        """Receive once, as `Connection` does, and answer polls before and after it.
 
-        Who has hung up, and is owed no reply, may wait for our end of the connection.
+        A client that has closed its end and waits for no reply may wait for the suite to close too.
         """
         self._answer_polls()
         received = super()._receive(deadline_s, others)
@@ -139,15 +146,17 @@ class IncomingConnection(Connection):
         try:
             while not (self.over or self.mid_frame):
                 unwanted = [seen for seen in self.inbox if not self._wanted(seen)]
-                poll = self.auto_responder.next(unwanted, self._subject.access.now_s)
+                poll = self.auto_responder.next_poll(unwanted, self._subject.access.now_s)
                 if poll is None:
                     break
                 self.inbox.remove(poll)
                 if poll.name in REPLIES:
                     self._subject.polled.add(poll.frame)
                 fetched = bool(self._subject.discoveries.get(FETCHES_PARTS))
-                frames = self.auto_responder.answer(poll, self._subject.programs, fetched=fetched)
-                with suppress(NoReply):  # it asks, and hangs up
+                frames = self.auto_responder.reply_frames(
+                    poll, self._subject.programs, fetched=fetched
+                )
+                with suppress(NoReply):  # the client has closed the connection
                     for frame in frames:
                         self.send_frame(frame)
         finally:
@@ -155,24 +164,30 @@ class IncomingConnection(Connection):
 
     def _sent(self, seen: FrameSeen) -> None:
         self._sent_ns.append(seen.place.time_ns)
-        self.auto_responder.sent(seen)
+        self.auto_responder.case_sent(seen)
 
     def require_timely(self, since_ns: int) -> None:
-        """Go on only where since then no silence of ours was as long as to end a transfer.
+        """Require that the suite was never silent long enough to end a transfer.
+
+        Args:
+            since_ns: The start of the period, in nanoseconds since the Unix epoch.
 
         Raises:
-            CaseInconclusive: This machine was too slow, or the client left nothing to answer.
+            CaseInconclusive: This machine was too slow, or the client sent nothing to answer.
         """
         self.pump()
-        due = [self._subject.now_ns] if any(seen.name in _OF_FILES for seen in self.inbox) else []
+        due = (
+            [self._subject.now_ns]
+            if any(seen.name in _TRANSFER_COMMANDS for seen in self.inbox)
+            else []
+        )
         spoken_ns = [since_ns, *(time_ns for time_ns in self._sent_ns if time_ns > since_ns), *due]
         silence_s = max((then - at for at, then in pairwise(spoken_ns)), default=0) / _NS
         if silence_s > limits_of(self._subject).early_s:
-            slow = "this machine or the client is too slow"
             raise CaseInconclusive(
                 UserMessage(
-                    "{slow}: nothing was sent to it for {silence_s:.3f} s",
-                    slow=slow,
+                    "this machine or the client is too slow: the suite sent nothing for"
+                    " {silence_s:.3f} s",
                     silence_s=silence_s,
                 )
             )
@@ -180,7 +195,7 @@ class IncomingConnection(Connection):
     # ------------------------------------------------------------------ sending
 
     def send_frame(self, frame: Frame) -> None:
-        """Send one frame, in pieces where `cut_s` says so, and with what is to be behind it."""
+        """Send one frame, in pieces if `fragment_pause_s` is set, with appended bytes if any."""
         data = frame.encode() + (self._appended.pop(0) if self._appended else b"")
         cuts = (
             sorted({0, *_CUTS, len(data) // 2, len(data) - 1, len(data)})
@@ -194,9 +209,9 @@ class IncomingConnection(Connection):
 
     @contextmanager
     def append_to_frame(self, data: bytes, *, after_frames: int) -> Iterator[None]:
-        """Send bytes in one segment with the next frame, or the one so many frames behind it.
+        """Send bytes in one segment with the next frame, or after that many frames.
 
-        Where no such frame is sent they are sent at the end.
+        Bytes that were not sent with a frame are sent at the end.
         """
         self._appended = [b""] * after_frames + [data]
         try:
@@ -207,7 +222,7 @@ class IncomingConnection(Connection):
             self.send_bytes(left)
 
     def frame(self, name: str, value: Any = YES, *, data: bytes | None = None) -> Frame:
-        """The first reply to a request of the table; `data` takes the place of its value."""
+        """Return the first reply to a request. `data` replaces the encoded value."""
         command = BY_NAME[name]
         payload = command.reply.encode(value, self._subject.dialect) if data is None else data
         return Frame(C2A, command.opcode, payload)
@@ -217,16 +232,16 @@ class IncomingConnection(Connection):
         self.send_frame(self.frame(name, value, data=data))
 
     def result(self, name: str, code: str = "", *, data: bytes | None = None) -> None:
-        """Send the final result of a two-stage command: done, or failed with a code.
+        """Send the final result of a two-stage command: success, or a failure with a code.
 
-        It comes a moment behind the first reply: to a client that loses what shares a segment with
-        that (4/10), every command would go on for ever.
+        It is sent a moment after the first reply. A client that loses a final result in the same
+        segment (4/10) would otherwise hang in every command.
         """
         self.wait(_MOMENT_S)
         self.send_frame(self.result_frame(name, code, data=data))
 
     def result_frame(self, name: str, code: str = "", *, data: bytes | None = None) -> Frame:
-        """The frame of a final result."""
+        """Return the frame of a final result."""
         payload = (f"00|{code}" if code else _DONE).encode() if data is None else data
         return Frame(C2A, BY_NAME[name].opcode, payload, tagged=True)
 
@@ -235,7 +250,7 @@ class IncomingConnection(Connection):
         self.send_frame(self.chunk_frame(chunk))
 
     def chunk_frame(self, chunk: Chunk) -> Frame:
-        """The frame of a chunk of a download."""
+        """Return the frame of a download chunk."""
         command = BY_NAME["download_chunk"]
         data = command.request.encode(chunk, self._subject.dialect)
         return Frame(C2A, command.opcode, data)
@@ -243,37 +258,39 @@ class IncomingConnection(Connection):
     # ------------------------------------------------------------------ both
 
     def log_in(self, call: Call, *, reply: bytes = b"1") -> None:
-        """Await the login that belongs to an order to connect, and answer it.
+        """Wait for the login of a connect operation and answer it.
 
         Raises:
-            NoReply: It did not come.
-            CaseFailed: It carries another password.
+            NoReply: The login did not come.
+            CaseFailed: The login carries another password.
         """
         request = self.request("login", call)
         sent = request.seen.text  # a NUL may end it (A-T-3)
-        expect_equal(sent, PASSWORD, "the login carries", requirement="4.1/1")
+        expect_equal(sent, PASSWORD, "the login carries a wrong password", requirement="4.1/1")
         self.reply("login", data=reply)
 
     def serve(
         self, call: Call, value: Any = YES, *, data: bytes | None = None, sent: bytes | None = None
     ) -> ReceivedFrame:
-        """Await the request of an operation, and answer it, whatever it carries.
+        """Wait for the request of an operation and answer it.
 
         Args:
             call: The operation.
-            value: What to answer.
-            data: In its place, the payload of the answer.
-            sent: What the request has to carry; None for anything.
+            value: The value of the reply.
+            data: The data of the reply, in place of the value.
+            sent: The data that the request must carry; None for any.
 
         Raises:
             NoReply: No request came.
-            CaseFailed: It carries something else.
+            CaseFailed: The request carries other data.
         """
         request = self.request(call.name, call)
         self.reply(call.name, value, data=data)
         if sent is not None:
             carried = request.seen.text if sent else request.frame.data  # NUL may end text (A-T-3)
-            expect_equal(carried, sent, UserMessage("what {call} carries", call=call.name))
+            expect_equal(
+                carried, sent, UserMessage("the request {call} carries wrong data", call=call.name)
+            )
         return request
 
 

@@ -1,7 +1,8 @@
-"""Orders: operations with their values, and whether the requests that they bring about carry these.
+"""Operations with their values, and checks that the requests carry these values.
 
-How a value may be written is the table's matter. A request that is written wrong is blamed on the
-requirement that says so, one that carries another value on that of the case.
+The command table defines how a value is written. A request that is written incorrectly violates
+the requirement about the notation. A request with another value violates the requirement of the
+case.
 """
 
 import math
@@ -54,15 +55,15 @@ VALUES: Final[Mapping[str, Any]] = {
     "set_digital_output": PortValue(8, 1),
     "get_analog_input": 8,
 }
-"""The document's own example for every operation of clause 4 that takes a value.
+"""The example of the document for every operation of clause 4 that takes a value.
 
-But for thetaY, which means nothing (L1006).
+thetaY is 0 instead, because it has no meaning (L1006).
 """
 
 OPENINGS: Final[Mapping[str, str]] = {"upload": "upload_name", "download": "download_name"}
-"""The command that each transfer begins with."""
+"""The first command of each transfer."""
 
-_OF_WRITING: Final[Mapping[Defect, str]] = {
+_NOTATION_REQUIREMENTS: Final[Mapping[Defect, str]] = {
     Defect.SPACE_FOR_BAR: "T/1",
     Defect.BLANKS: "T/1",
     Defect.QUOTES: "T/2",
@@ -71,15 +72,15 @@ _OF_WRITING: Final[Mapping[Defect, str]] = {
     Defect.BAR_IN_NAME: "T/6",
     Defect.CALENDAR: "4.5/2",
 }
-"""What is wrong with a text, wherever it stands, and the requirement that says so."""
+"""Defects of any text, and the requirement that each violates."""
 
 _TRAILERS: Final[Mapping[Defect, tuple[str, str]]] = {
     Defect.TRAILING_NUL: ("trailing_nul", "yes"),
     Defect.TRAILING_BAR: ("A-T-4", "trailing bar"),
 }
-_NO_MATTER: Final = (Defect.LONG_NAME, Defect.PATH_IN_NAME)
+_IGNORED_DEFECTS: Final = (Defect.LONG_NAME, Defect.PATH_IN_NAME)
 
-_OF_LAYOUT: Final[Mapping[Fault, str]] = {
+_FRAMING_REQUIREMENTS: Final[Mapping[Fault, str]] = {
     Fault.STRAY: "3/32",
     Fault.START: "3/2",
     Fault.TAG: "3/15",
@@ -95,7 +96,7 @@ _TURN_S: Final = 0.005
 
 
 def operation_arguments(name: str, value: Any) -> dict[str, Any]:
-    """A value of the table as an order gives it: by name, in the types of JSON."""
+    """Return a value of the command table as driver arguments: by name, with JSON types."""
     request = BY_NAME[name].request
     if isinstance(request, Jog):
         return {"direction": str(value)}
@@ -112,7 +113,7 @@ def _json(value: Any) -> Any:
 
 
 def begin_operation(subject: "ClientUnderTest", name: str, value: Any = None) -> Call:
-    """Order an operation; without a value, with that of the document's example."""
+    """Begin an operation; by default with the value of the example in the document."""
     return subject.begin(
         name, **operation_arguments(name, VALUES.get(name) if value is None else value)
     )
@@ -126,23 +127,23 @@ def request_operation(
     *,
     requirement: str = "",
 ) -> tuple[Call, Request]:
-    """Order an operation and await its request, which has to carry what was ordered.
+    """Begin an operation and require that its request carries the value.
 
-    One that carries something else is answered all the same, so that the next is not held back.
+    A wrong request is answered too, so that the next operation is not blocked.
 
     Args:
         subject: The client.
-        line: Where it is connected.
+        line: Its connection.
         name: The operation.
-        value: What it takes; by default that of the document's example.
-        requirement: What a request that carries something else violates; empty for the case's own.
+        value: The value of the operation; by default the example of the document.
+        requirement: The requirement that another value violates; empty for that of the case.
 
     Returns:
-        The order, which is not answered yet, and the request.
+        The operation, which is not answered yet, and the request.
 
     Raises:
-        CaseFailed: No request came, or another one.
-        CaseSkipped: The client lacks the operation.
+        CaseFailed: No request came, or it carries another value.
+        CaseSkipped: The client does not implement the operation.
     """
     call = begin_operation(subject, name, value)
     request = await_request(line, name, call)
@@ -150,18 +151,18 @@ def request_operation(
     try:
         expect_carries(subject, request, name, wanted, requirement=requirement)
     except CaseFailed:
-        with suppress(NoReply):  # it has closed already
+        with suppress(NoReply):  # the client has closed the connection
             answer_request(line, name, request)
         raise
     return call, request
 
 
 def await_request(line: IncomingConnection, name: str, call: Call) -> Request:
-    """The request of an operation; bytes that are none are blamed for what is wrong with them.
+    """Wait for the request of an operation. Invalid bytes fail with their own requirement.
 
     Raises:
         CaseFailed: No request came.
-        CaseSkipped: The client lacks the operation.
+        CaseSkipped: The client does not implement the operation.
     """
     try:
         return line.request(name, call)
@@ -172,22 +173,20 @@ def await_request(line: IncomingConnection, name: str, call: Call) -> Request:
 
 
 def expect_valid_bytes(line: IncomingConnection, *, length_requirement: str = "3/7") -> None:
-    """Fail the client for the first bytes that are no frame, or for an undefined opcode.
+    """Require that the client sent no invalid bytes and no undefined opcode.
 
     Args:
-        line: Where they came.
+        line: The connection.
         length_requirement: The requirement that a wrong length violates.
 
     Raises:
-        CaseFailed: There are some.
+        CaseFailed: The client sent such bytes or such an opcode.
     """
     line.flush()
     for noise in line.invalid_bytes:
         diagnosis = diagnose(noise)
         raise CaseFailed(
-            UserMessage(
-                "what the client sent is no frame: {fault_value}", fault_value=diagnosis.fault.value
-            ),
+            UserMessage("the client sent invalid bytes: {fault}", fault=diagnosis.fault.value),
             expected=diagnosis.expected or "start, opcode, length, data, end",
             observed=f"{show(noise.data)} ({noise.data[:20].hex(' ').upper()})",
             requirement=_violated(noise, diagnosis, length_requirement),
@@ -195,7 +194,7 @@ def expect_valid_bytes(line: IncomingConnection, *, length_requirement: str = "3
     for seen in line.inbox:
         if seen.frame.opcode not in BY_OPCODE:
             raise CaseFailed(
-                "the client sends an opcode that nobody has defined",
+                "the client sent an undefined opcode",
                 expected="an opcode of clauses 4 and 5",
                 observed=f"{seen.frame}",
                 requirement="3/10",
@@ -203,39 +202,39 @@ def expect_valid_bytes(line: IncomingConnection, *, length_requirement: str = "3
 
 
 def _violated(noise: InvalidBytes, diagnosis: Diagnosis, length_requirement: str) -> str:
-    """The requirement that bytes which are no frame violate."""
+    """Return the requirement that the invalid bytes violate."""
     match diagnosis.fault:
         case Fault.LENGTH:
             wraps = not diagnosis.surplus_bytes % 256
             return "3/8" if diagnosis.observed == "0" else "3/28" if wraps else length_requirement
-        case Fault.NONE if len(noise.data) >= _SHORTEST_BYTES:  # it announces more than there is
+        case Fault.NONE if len(noise.data) >= _SHORTEST_BYTES:  # the length byte is too large
             return length_requirement
-    return _OF_LAYOUT.get(diagnosis.fault, "3/1")
+    return _FRAMING_REQUIREMENTS.get(diagnosis.fault, "3/1")
 
 
 def expect_carries(
     subject: "ClientUnderTest", request: Request, name: str, value: Any, *, requirement: str = ""
 ) -> None:
-    """A request has to carry this value, written as the document wants it.
+    """Require that a request carries this value in the notation of the document.
 
     Raises:
         CaseFailed: It does not.
     """
     command, data = BY_NAME[name], request.frame.data
     decoded = command.request.decode(data)
-    for complaint in decoded.issues:
-        if complaint.defect in _TRAILERS:
+    for issue in decoded.issues:
+        if issue.defect in _TRAILERS:
             subject.tolerate(
                 "T/4",
-                *_TRAILERS[complaint.defect],
-                UserMessage("{name}: {complaint_text}", name=name, complaint_text=complaint.text),
+                *_TRAILERS[issue.defect],
+                UserMessage("{command}: {issue}", command=name, issue=issue.text),
             )
-        elif complaint.defect not in _NO_MATTER:
+        elif issue.defect not in _IGNORED_DEFECTS:
             raise CaseFailed(
-                UserMessage("{name}: {complaint_text}", name=name, complaint_text=complaint.text),
+                UserMessage("{command}: {issue}", command=name, issue=issue.text),
                 expected=command.request.form,
                 observed=show(data),
-                requirement=_of_writing(complaint.defect, data) or requirement,
+                requirement=_notation_requirement(issue.defect, data) or requirement,
             )
     if _alike(decoded.value, value):
         return
@@ -247,24 +246,24 @@ def expect_carries(
             key,
             option,
             UserMessage(
-                "{name}: each number has {decimals} decimals", name=name, decimals=decimals
+                "{command}: each number has {decimals} decimals", command=name, decimals=decimals
             ),
         )
         return
     wanted = command.request.encode(value, subject.dialect.replace(name_max="255"))
     raise CaseFailed(
-        UserMessage("{name} carries another value than was ordered", name=name),
+        UserMessage("{command} carries another value than the operation", command=name),
         expected=show(wanted, limit=255),
         observed=show(data, limit=255),
         requirement=requirement,
     )
 
 
-def _of_writing(wrong: Defect, data: bytes) -> str:
-    """The requirement that says how any such text is written; empty where none does."""
+def _notation_requirement(wrong: Defect, data: bytes) -> str:
+    """Return the requirement about the notation of any such text; empty without one."""
     if wrong is Defect.NUMBER and min(data, default=_CONTROL) < _CONTROL:
         return "T/3"
-    return _OF_WRITING.get(wrong, "")
+    return _NOTATION_REQUIREMENTS.get(wrong, "")
 
 
 def _alike(sent: Any, value: Any) -> bool:
@@ -276,7 +275,7 @@ def _alike(sent: Any, value: Any) -> bool:
 
 
 def _fixed_decimals(command: Command, data: bytes, value: Any) -> int:
-    """With how many decimals each all numbers were sent that were ordered; 0 if not so (A-T-5)."""
+    """Return the number of decimals if all numbers are sent with the same one, or 0 (A-T-5)."""
     numbers = [isinstance(field, Number) for field in command.request.fields]
     texts = data.rstrip(b"\0|").split(b"|")
     if not any(numbers) or len(texts) != len(numbers):
@@ -294,7 +293,7 @@ def _fixed_decimals(command: Command, data: bytes, value: Any) -> int:
 
 
 def answer_request(line: IncomingConnection, name: str, request: Request) -> None:
-    """Answer a request so that it is over: a query with its example, anything else with a no."""
+    """End an operation: answer a query with its example, and other requests with a refusal."""
     command = BY_NAME[name]
     if name in REPLIES:
         line.send_frame(line.frame(name, data=REPLIES[name])._replace(opcode=request.frame.opcode))
@@ -304,7 +303,7 @@ def answer_request(line: IncomingConnection, name: str, request: Request) -> Non
         line.reply(name, data=b"1" if name == "login" else b"0")
 
 
-def expect_reported(  # noqa: PLR0913 - an answer, and what is thought of it
+def expect_reported(  # noqa: PLR0913 - a reply and how its report is judged
     subject: "ClientUnderTest",
     line: IncomingConnection,
     name: str,
@@ -313,25 +312,27 @@ def expect_reported(  # noqa: PLR0913 - an answer, and what is thought of it
     requirement: str = "",
     tolerated_as: tuple[str, str] | None = None,
 ) -> None:
-    """Order a query and answer it; the client has to say what the answer says.
+    """Begin a query, answer it, and require that the client reports the reply.
 
     Args:
         subject: The client.
-        line: Where it is connected.
+        line: Its connection.
         name: The query.
-        data: The answer's data; by default the document's example.
-        requirement: What a client that says something else violates; empty for the case's own.
+        data: The data of the reply; by default the example of the document.
+        requirement: The requirement that another report violates; empty for that of the case.
         tolerated_as: The register entry and the reading that allow an error for this reply.
 
     Raises:
-        CaseFailed: It says something else, or asks wrongly.
-        CaseSkipped: It lacks the operation.
+        CaseFailed: The client reports another value, or sends a wrong request.
+        CaseSkipped: The client does not implement the query.
     """
     call, request = request_operation(subject, line, name)
     data = REPLIES[name] if data is None else data
     line.send_frame(line.frame(name, data=data)._replace(opcode=request.frame.opcode))
     if tolerated_as and not subject.wait_for_answer(call).ok:
-        message = UserMessage("{name}: {data} is told as an error", name=name, data=show(data))
+        message = UserMessage(
+            "{command}: the client reports {data} as an error", command=name, data=show(data)
+        )
         subject.tolerate(requirement or "T/9", *tolerated_as, message)
         return
     expect_reply_reported(subject, call, name, data, requirement=requirement)
@@ -340,10 +341,10 @@ def expect_reported(  # noqa: PLR0913 - an answer, and what is thought of it
 def expect_reply_reported(
     subject: "ClientUnderTest", call: Call, name: str, data: bytes, *, requirement: str = ""
 ) -> None:
-    """A query that was answered with these data has to be told with what they say.
+    """Require that the client reports the value in the reply to a query.
 
     Raises:
-        CaseFailed: The client says something else, or nothing.
+        CaseFailed: The client reports another value, or nothing.
     """
     value = BY_NAME[name].reply.decode(data).value
     if isinstance(value, Pose):
@@ -353,17 +354,19 @@ def expect_reply_reported(
 
 
 def expect_completed(subject: "ClientUnderTest", call: Call, *, requirement: str = "") -> None:
-    """A two-stage operation has to have been done, in both of its stages.
+    """Require that a two-stage command is accepted and done.
 
     Raises:
-        CaseFailed: The client says otherwise.
+        CaseFailed: The client reports something else.
     """
     result = subject.expect_done(call, requirement=requirement)
     if isinstance(result, Mapping):
         refused = result.get("accepted") is False or result.get("outcome", _DONE) != _DONE
         if refused:
             raise CaseFailed(
-                UserMessage("{call} was done, and the client says otherwise", call=call.name),
+                UserMessage(
+                    "{call} succeeded, but the client reports something else", call=call.name
+                ),
                 expected="accepted and done",
                 observed=f"{call}",
                 requirement=requirement,
@@ -378,11 +381,11 @@ def expect_local_refusal(
     *,
     requirement: str = "",
 ) -> None:
-    """Order what must not be sent: the client has to say that it failed, and to send nothing.
+    """Begin an operation that must not be sent, and require that it fails without a request.
 
     Raises:
-        CaseFailed: It sends something, or says that it was done.
-        CaseSkipped: It lacks the operation.
+        CaseFailed: The client sends something, or reports success.
+        CaseSkipped: The client does not implement the operation.
     """
     expect_not_sent(
         subject,
@@ -395,13 +398,13 @@ def expect_local_refusal(
 def expect_not_sent(
     subject: "ClientUnderTest", line: IncomingConnection, call: Call, *, requirement: str = ""
 ) -> None:
-    """An order that was given must fail without anything being sent; see `refuses`."""
+    """Require that an operation fails without a request; see `expect_local_refusal`."""
     sent = sent_or_answered(subject, line, call)
     if sent is None:
         subject.expect_failure(call, requirement=requirement)
         return
     raise CaseFailed(
-        UserMessage("the client sends what it has to refuse: {call}", call=call.name),
+        UserMessage("the client sent {call}, which it must refuse", call=call.name),
         expected="nothing",
         observed=sent,
         requirement=requirement,
@@ -411,13 +414,16 @@ def expect_not_sent(
 def sent_or_answered(
     subject: "ClientUnderTest", line: IncomingConnection, call: Call
 ) -> str | None:
-    """Wait until an order is answered or brings its request about; that, or None for an answer.
+    """Wait until an operation is answered or sends something.
 
-    What else the client may ask meanwhile is left alone.
+    Other requests of the client are ignored.
+
+    Returns:
+        What was sent; None if the operation was answered.
 
     Raises:
-        CaseFailed: Neither comes.
-        CaseSkipped: The client lacks the operation.
+        CaseFailed: Neither happens.
+        CaseSkipped: The client does not implement the operation.
     """
     deadline_s = subject.access.now_s + subject.answer_timeout_s
     while call.answer is None and not _brought_about(line, call) and not line.over:
@@ -433,7 +439,7 @@ def sent_or_answered(
 
 
 def _brought_about(line: IncomingConnection, call: Call) -> list[str]:
-    """What has come that may be of an order: its request, and whatever no client should send."""
+    """Return what may belong to an operation: its request, and everything that is undefined."""
     opcode = BY_NAME[OPENINGS.get(call.name, call.name)].opcode
     due = [
         f"{seen.frame}"
@@ -444,16 +450,16 @@ def _brought_about(line: IncomingConnection, call: Call) -> list[str]:
 
 
 def for_each_supported(names: Collection[str], try_one: Callable[[str], None]) -> None:
-    """Try something with each of these operations that the client has.
+    """Try each of these operations that the client implements.
 
     Raises:
-        CaseSkipped: It has none of them.
+        CaseSkipped: The client implements none of them.
     """
-    lacking = []
+    skipped = []
     for name in names:
         try:
             try_one(name)
         except CaseSkipped as error:
-            lacking.append(error)
-    if len(lacking) == len(names):
-        raise lacking[0]
+            skipped.append(error)
+    if len(skipped) == len(names):
+        raise skipped[0]

@@ -1,4 +1,4 @@
-"""Ports: what a client gives back of the states of all inputs, or all outputs."""
+"""Ports: the states of all inputs or all outputs that a client reports."""
 
 from hypothesis import example
 from hypothesis import strategies as st
@@ -16,10 +16,10 @@ def expect_ports(
     *,
     requirement: str = "",
 ) -> None:
-    """Have the client ask for them, without data, and give back what it is told.
+    """Require that the client reads all ports without data and reports the reply.
 
     Raises:
-        CaseFailed: It does otherwise.
+        CaseFailed: It does not.
     """
     call = subject.begin(name)
     line.serve(call, bits, sent=b"")
@@ -29,10 +29,10 @@ def expect_ports(
 def expect_each_port(
     subject: ClientUnderTest, line: IncomingConnection, name: str, count: int, *, requirement: str
 ) -> None:
-    """Try each of so many ports alone, all, none, and what hypothesis draws.
+    """Try each port alone, all ports, none, and drawn combinations.
 
     Raises:
-        CaseFailed: The client gives back otherwise than it is told.
+        CaseFailed: The client reports another value than the reply.
     """
 
     @example("0" * count)

@@ -1,7 +1,7 @@
-"""Poses as a client sends them and as it says it was told them.
+"""Poses that a client sends, and poses that it reports.
 
-thetaY and thetaZ mean nothing on this series (L1006): a client may leave them at 0 (A-4.21-3). No
-requirement is judged here.
+thetaY and thetaZ have no meaning on this series (L1006): a client may leave them at 0 (A-4.21-3).
+No requirement is judged here.
 """
 
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ from scaraspec.suite.engine.expectations import expect, show_value
 from scaraspec.user_message import UserMessage
 
 MEANINGFUL: Final = ("x", "y", "z", "theta_x")
-"""What means something."""
+"""The values that have a meaning."""
 
 
 def expect_pose(
@@ -27,7 +27,7 @@ def expect_pose(
     *,
     speed: int | None = None,
 ) -> None:
-    """Fail the client unless a request carries this pose, behind this speed if there is one.
+    """Require that a request carries this pose, after the speed if there is one.
 
     Raises:
         CaseFailed: It carries something else.
@@ -43,23 +43,23 @@ def expect_pose(
         and all(
             is_near(number, due) or not number for number, due in zip(sent, wanted, strict=True)
         ),
-        UserMessage("what {seen} carries", seen=answer.seen.name),
+        UserMessage("the request {command} carries wrong numbers", command=answer.seen.name),
         expected="|".join(f"{number:.15g}" for number in wanted),
         observed=show_value(answer.frame.data),
     )
     assert sent is not None
     if not all(map(is_near, sent, wanted)):
-        message = "thetaY and thetaZ are sent as 0, whatever was ordered"
+        message = "the client sends thetaY and thetaZ as 0 in every pose"
         subject.tolerate("7/2", "A-4.21-3", "0", message)
 
 
 def expect_pose_reported(
     subject: ClientUnderTest, call: Call, due: Pose, *, requirement: str = ""
 ) -> None:
-    """The pose that a client tells has to be this one, whatever it tells of thetaY and thetaZ.
+    """Require that the client reports this pose, with any thetaY and thetaZ.
 
     Raises:
-        CaseFailed: It is another one, or none.
+        CaseFailed: It reports another pose, or none.
     """
     result = subject.expect_done(call, requirement=requirement)
     values = _by_name(result)
@@ -68,7 +68,7 @@ def expect_pose_reported(
     expect(
         right
         and all(matches(v, 0) or matches(v, getattr(due, name)) for name, v in useless.items()),
-        UserMessage("what the client says of {call}", call=call.name),
+        UserMessage("the client reports a wrong result of {call}", call=call.name),
         expected=f"{due._asdict()}",
         observed=f"{result}",
         requirement=requirement,

@@ -1,4 +1,4 @@
-"""Lists: a program list in parts, pushed or fetched as the client has it (A-4.10-3)."""
+"""Program lists in parts, pushed or requested by the client (A-4.10-3)."""
 
 from collections.abc import Callable
 from typing import Final
@@ -13,11 +13,11 @@ _FETCH_S: Final = 1.0
 
 
 def list_parts(*names: str | bytes, per_part: int, separator: bytes = b"|") -> list[bytes]:
-    """The data of the parts of a list.
+    """Return the data of the parts of a list.
 
     Args:
-        names: Its names.
-        per_part: How many of them stand in each part.
+        names: The names.
+        per_part: The number of names in each part.
         separator: The bytes between the flag and the first name (A-4.10-2).
     """
     encoded = [name if isinstance(name, bytes) else name.encode() for name in names]
@@ -35,13 +35,12 @@ def serve_list(
 ) -> None:
     """Answer a request for the program list part by part.
 
-    A client that asks for a further part by itself is given it as the answer to that; any other
-    has it pushed.
+    A client that requests each further part gets it as the reply. For other clients it is pushed.
 
     Args:
         subject: The client.
         line: Its connection.
-        call: Its order.
+        call: The operation.
         parts: The data of the parts.
         before_part: Called before each further part.
 
@@ -57,7 +56,7 @@ def serve_list(
 
 
 def fetches_parts(subject: ClientUnderTest, line: IncomingConnection) -> bool:
-    """Whether a client asks for each part of a list by itself; found out once, by a list of two."""
+    """Whether the client requests each part of a list; found out once, with a list of two."""
     if FETCHES_PARTS not in subject.discoveries:
         call = subject.begin("list_programs")
         serve_list(subject, line, call, list_parts("a.rob", "b.rob", per_part=1))
@@ -66,11 +65,11 @@ def fetches_parts(subject: ClientUnderTest, line: IncomingConnection) -> bool:
 
 
 def _await_fetching(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Await that the next part is asked for; whether a client does is found out once."""
-    patience_s = {None: _FETCH_S, False: 0.0, True: subject.answer_timeout_s}
+    """Wait for the request of the next part. Whether the client sends one is found out once."""
+    timeout_s = {None: _FETCH_S, False: 0.0, True: subject.answer_timeout_s}
     known = subject.discoveries.get(FETCHES_PARTS)
     try:
-        line.request("list_programs", within_s=patience_s[known])
+        line.request("list_programs", within_s=timeout_s[known])
     except NoReply:
         subject.discoveries[FETCHES_PARTS] = False
     else:

@@ -1,7 +1,7 @@
-"""Sending: what a client sends for an order, held against what it was ordered.
+"""Request checks: compare what a client sends with the values of the operation.
 
-Numbers are compared as numbers, since 200 and 200.0 are the same (A-T-5). What a client had better
-refuse, or has no value for, is met here too. No requirement is judged.
+Numbers are compared as numbers, because 200 and 200.0 are equal (A-T-5). Operations that a client
+should refuse, or that return no value, are handled here too. No requirement is judged.
 """
 
 import math
@@ -18,12 +18,12 @@ from scaraspec.suite.engine.expectations import OperationRefused, expect, show_v
 from scaraspec.user_message import UserMessage
 
 _DECIMAL: Final = re.compile(rb"-?[0-9]+(\.[0-9]+)?")
-_NEAR: Final = 5e-4  # nobody need write more than three decimals (A-T-5)
+_NEAR: Final = 5e-4  # three decimals are enough (A-T-5)
 _SINGLE: Final = 1e-7  # the relative error of 32 bits
 
 
 def numbers_in(answer: ReceivedFrame) -> list[float] | None:
-    """The numbers between the bars of a request; None where one of them is none."""
+    """Return the numbers between the bars of a request; None if a field is not a number."""
     texts = answer.seen.text.removesuffix(b"|").split(b"|")  # a bar may end them (A-T-4)
     if not all(_DECIMAL.fullmatch(text) for text in texts):
         return None
@@ -31,19 +31,19 @@ def numbers_in(answer: ReceivedFrame) -> list[float] | None:
 
 
 def is_near(sent: float, expected: float) -> bool:
-    """Whether a number was sent for another one."""
+    """Whether the number sent stands for the expected number."""
     return math.isclose(sent, expected, rel_tol=_SINGLE, abs_tol=_NEAR)
 
 
 def to_decimal_text(number: float) -> str:
-    """A number without an exponent (T/5), in as many digits as it was meant to have."""
+    """Return a number without an exponent (T/5), with at most 15 significant digits."""
     return f"{Decimal(f'{number:.15g}'):f}"
 
 
 def expect_numbers(
     answer: ReceivedFrame, expected: Sequence[float], *, requirement: str = ""
 ) -> None:
-    """Fail the client unless a request carries these numbers, in this order.
+    """Require that a request carries these numbers, in this order.
 
     Raises:
         CaseFailed: It carries something else.
@@ -51,7 +51,7 @@ def expect_numbers(
     sent = numbers_in(answer)
     expect(
         sent is not None and len(sent) == len(expected) and all(map(is_near, sent, expected)),
-        UserMessage("what {seen} carries", seen=answer.seen.name),
+        UserMessage("the request {command} carries wrong numbers", command=answer.seen.name),
         expected="|".join(map(to_decimal_text, expected)),
         observed=show_value(answer.frame.data),
         requirement=requirement,
@@ -61,16 +61,16 @@ def expect_numbers(
 def request_unless_refused(
     line: IncomingConnection, call: Call, *, within_s: float | None = None
 ) -> ReceivedFrame | None:
-    """The request of an order that the client had better not carry out; None where it does not.
+    """Return the request of an operation that a client should refuse; None if it refuses.
 
     Args:
-        line: Where it would come.
-        call: The order.
-        within_s: How long to wait; by default as long as the client may think.
+        line: The connection.
+        call: The operation.
+        within_s: The timeout in seconds; by default the answer timeout.
 
     Raises:
-        NoReply: It neither sends anything nor says that it will not.
-        CaseFailed: It says that it was done, and has sent nothing.
+        NoReply: The client neither sends a request nor reports a refusal.
+        CaseFailed: The client reports success without a request.
     """
     try:
         return line.request(call.name, call, within_s=within_s)
@@ -79,10 +79,10 @@ def request_unless_refused(
 
 
 def expect_no_value(subject: ClientUnderTest, call: Call, *, requirement: str = "") -> None:
-    """Fail the client unless it says that there is no value, by an error or by none at all.
+    """Require that the client reports an error or no value.
 
     Raises:
-        CaseFailed: It gives one.
+        CaseFailed: It reports a value.
     """
     if not subject.access.attended and subject.wait_for_answer(call).ok and call.result is None:
         return

@@ -1,4 +1,4 @@
-"""Silences: which a client's transfer has to survive, and which have to end it."""
+"""Silence during a transfer: how long a client must wait, and when it must abort."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -19,7 +19,7 @@ from scaraspec.suite.engine.transfer_timeouts import Silence, limits_of
 from scaraspec.user_message import UserMessage
 
 _LOOK_S: Final = 0.02
-_GRACE_S: Final = 0.5  # until a client that has given up says so
+_GRACE_S: Final = 0.5  # until the client reports an aborted transfer
 
 
 def expect_survives_silence(
@@ -29,25 +29,25 @@ def expect_survives_silence(
     go_on: Callable[[], None],
     share: float = 1.0,
 ) -> None:
-    """Keep silent for 25 s, or a share of them, and then go on.
+    """Keep silent for 25 s, or a share of it, and then continue.
 
     Args:
         subject: The client.
         call: The transfer.
-        requirement: What it violates that has given up.
-        go_on: Sends what has been missed so long, and sees that the client takes it.
-        share: How much of that silence; a short one shows a limit on a transfer as a whole.
+        requirement: The requirement that an abort violates.
+        go_on: Sends the missing frame and requires that the client accepts it.
+        share: The share of 25 s. A short silence detects a timeout on the whole transfer.
 
     Raises:
-        CaseFailed: The client has given up.
-        CaseInconclusive: The silence was longer than it should be.
+        CaseFailed: The client has aborted the transfer.
+        CaseInconclusive: The silence was longer than intended.
     """
     limits, silence = limits_of(subject), Silence(subject)
     subject.pause(limits.survived_s * share)
     passed_s = silence.passed_s
     try:
         message = UserMessage(
-            "a transfer did not survive {survived_s:g} s of silence",
+            "the client aborted a transfer within {survived_s:g} s of silence",
             survived_s=limits.survived_s * share,
         )
         subject.expect_pending(call, message)
@@ -56,7 +56,8 @@ def expect_survives_silence(
         if passed_s > limits.early_s:
             raise CaseInconclusive(
                 UserMessage(
-                    "this machine is too slow: it was silent for {passed_s:g} s", passed_s=passed_s
+                    "this machine is too slow: the suite was silent for {passed_s:g} s",
+                    passed_s=passed_s,
                 )
             ) from None
         error.requirement = requirement
@@ -64,10 +65,10 @@ def expect_survives_silence(
 
 
 def expect_given_up(subject: ClientUnderTest, call: Call, requirement: str) -> None:
-    """Keep silent until the client gives up, which it has to do after 25 s and within 60 s.
+    """Keep silent until the client aborts the transfer, after 25 s and within 60 s.
 
     Raises:
-        CaseFailed: It does so at another time, or says that the transfer was done.
+        CaseFailed: It aborts at another time, or reports success.
     """
     limits, silence = limits_of(subject), Silence(subject)
     while call.answer is None and silence.passed_s < limits.over_s:
@@ -81,7 +82,7 @@ def expect_given_up(subject: ClientUnderTest, call: Call, requirement: str) -> N
     if passed_s < limits.survived_s:
         raise CaseFailed(
             UserMessage(
-                "a transfer was given up after {passed_s:.2f} s of silence", passed_s=passed_s
+                "the client aborted a transfer after {passed_s:.2f} s of silence", passed_s=passed_s
             ),
             expected=f"at least {limits.survived_s:.2f} s",
             observed=f"{passed_s:.2f} s",
@@ -90,7 +91,7 @@ def expect_given_up(subject: ClientUnderTest, call: Call, requirement: str) -> N
     if not limits.early_s <= passed_s <= limits.late_s:
         option = "less" if passed_s < limits.early_s else "more"
         message = UserMessage(
-            "a transfer was given up after {passed_s:.2f} s of silence", passed_s=passed_s
+            "the client aborted a transfer after {passed_s:.2f} s of silence", passed_s=passed_s
         )
         subject.tolerate(requirement, "xfer_timeout", option, message)
 
@@ -98,11 +99,11 @@ def expect_given_up(subject: ClientUnderTest, call: Call, requirement: str) -> N
 def expect_given_up_despite_queries(
     subject: ClientUnderTest, line: IncomingConnection, call: Call, requirement: str
 ) -> None:
-    """Let the client ask for other things until it gives a silent transfer up, in the same time.
+    """Require that a silent transfer times out while other queries are answered.
 
     Raises:
         CaseFailed: It does not.
-        CaseSkipped: It asks for nothing else as long as a transfer lasts.
+        CaseSkipped: The client sends no other query while a transfer runs.
     """
     limits, silence = limits_of(subject), Silence(subject)
     name, _ = subject.prefer_unpolled("get_version", "get_status", "get_time")
@@ -115,7 +116,7 @@ def expect_given_up_despite_queries(
             asks = True
         subject.pause(limits.survived_s / 4)
     if not asks and call.answer is None:
-        raise CaseSkipped("the client asks for nothing else while a transfer lasts")
+        raise CaseSkipped("the client sends no other query during a transfer")
     try:
         subject.expect_failure(call, within_s=_GRACE_S)
     except CaseFailed as error:

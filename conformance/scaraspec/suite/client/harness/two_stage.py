@@ -1,7 +1,4 @@
-"""Executing: the two-stage commands of a client under test: ordered, accepted, ended.
-
-What the client says of them is held against what it was sent.
-"""
+"""Two-stage commands of a client: begin, accept, finish, and check what the client reports."""
 
 import json
 from collections.abc import Mapping
@@ -25,12 +22,12 @@ from scaraspec.user_message import UserMessage
 
 
 class Operation(NamedTuple):
-    """An order to execute something.
+    """A two-stage operation.
 
     Attributes:
-        name: Its command.
-        values: What is ordered.
-        status: What the robot says while it executes.
+        name: The command.
+        values: The values of the operation.
+        status: The status of the robot while the command executes.
     """
 
     name: str
@@ -51,23 +48,23 @@ LOCK: Final = Operation("lock_joints", {})
 JOG: Final = Operation("jog", {"direction": "+x"})
 
 INTERRUPTIBLE: Final = (RUN, SIMULATE, RESET, MOVE, JOG)
-"""What takes a while, and may be stopped."""
+"""Operations that take a while and may be stopped."""
 
 REFUSED_WITH_CODE: Final = (RUN, SIMULATE, RESET, MOVE, RELEASE, LOCK, JOG)
-"""What is refused for a reason; the stop is refused without one (L366)."""
+"""Operations that are refused with a code; the stop is refused without one (L366)."""
 
 OPERATIONS: Final = (*REFUSED_WITH_CODE, STOP)
-"""Every two-stage command."""
+"""All two-stage operations."""
 
-_BESIDE_S: Final = 2.0
-_KNOWN_S: Final = 0.1  # until a client knows that something executes
-_SOME: Final = b"content"
+_PARALLEL_S: Final = 2.0
+_KNOWN_S: Final = 0.1  # until the client knows that a command executes
+_CONTENT: Final = b"content"
 
 
 def begin_and_request(
     subject: ClientUnderTest, line: IncomingConnection, operation: Operation
 ) -> Call:
-    """Give an order, and await its request."""
+    """Begin an operation and wait for its request."""
     call = subject.begin(operation.name, **operation.values)
     line.request(operation.name, call)
     return call
@@ -76,20 +73,20 @@ def begin_and_request(
 def begin_and_accept(
     subject: ClientUnderTest, line: IncomingConnection, operation: Operation
 ) -> Call:
-    """Give an order, and accept it."""
+    """Begin an operation and accept it."""
     call = begin_and_request(subject, line, operation)
     line.reply(operation.name, data=b"1")
-    line.auto_responder.answers["get_status"] = operation.status.encode()
+    line.auto_responder.replies["get_status"] = operation.status.encode()
     return call
 
 
 def run_unless_refused(
     subject: ClientUnderTest, line: IncomingConnection, operation: Operation
 ) -> None:
-    """Give an order to run a program, and see it through unless the client declines the name.
+    """Run a program to its end, unless the client refuses the name.
 
     Raises:
-        CaseFailed: It asks for another program, or tells another outcome.
+        CaseFailed: The client requests another program, or reports another outcome.
     """
     call = subject.begin(operation.name, **operation.values)
     with subject.allow_refusal():
@@ -99,67 +96,70 @@ def run_unless_refused(
         expect_equal(
             request.seen.text,
             name,
-            UserMessage("what {operation} carries", operation=operation.name),
+            UserMessage("the request {operation} carries a wrong name", operation=operation.name),
         )
         expect_finished(subject, call)
 
 
 def report_idle(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Tell it that the robot is idle: none that it takes for faulty need be moved."""
+    """Report an idle robot. A client need not move a robot that it takes for faulty."""
     call = subject.begin("get_status")
     line.serve(call, "00")
     subject.wait_for_answer(call)
 
 
 def reopen(subject: ClientUnderTest, line: IncomingConnection) -> IncomingConnection:
-    """A new connection in place of one that the client may end, at its leisure, after nonsense."""
+    """Return a new connection. A client may end the old one at any time after invalid frames."""
     line.close()
     return subject.open()
 
 
 def ensure_open(subject: ClientUnderTest, line: IncomingConnection) -> IncomingConnection:
-    """This connection, or another one where the client has ended it for what it was sent."""
+    """Return this connection, or a new one if the client has ended it."""
     return subject.open() if line.over else line
 
 
 def require_query_while_executing(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Go on only where it takes another order while one executes.
+    """Require that the client starts another operation while a command executes.
 
     Raises:
-        CaseSkipped: It, or its driver, does not.
+        CaseSkipped: The client, or its driver, does not.
     """
-    if "beside" not in subject.discoveries:
+    if "query while executing" not in subject.discoveries:
         first = begin_and_accept(subject, line, RUN)
         name, _ = subject.prefer_unpolled("get_version", "get_time", "get_joint_angles")
         second = subject.begin(name)
         with suppress(NoReply):
-            line.request(name, within_s=_BESIDE_S)
-            subject.discoveries["beside"] = True
+            line.request(name, within_s=_PARALLEL_S)
+            subject.discoveries["query while executing"] = True
             line.reply(name, data=REPLIES[name])
         line.result(RUN.name)
         expect_finished(subject, first)
-        if not subject.discoveries.setdefault("beside", False) and second.answer is None:
+        if (
+            not subject.discoveries.setdefault("query while executing", False)
+            and second.answer is None
+        ):
             line.serve(second, data=REPLIES[name])
         subject.wait_for_answer(second)
-    if not subject.discoveries["beside"]:
-        raise CaseSkipped("the client takes no order while another one executes")
+    if not subject.discoveries["query while executing"]:
+        raise CaseSkipped("the client starts no operation while a command executes")
 
 
 def require_while_executing(subject: ClientUnderTest, line: IncomingConnection, name: str) -> None:
-    """Go on only where it begins this, too, while a program runs; found out once.
+    """Require that the client starts this operation while a program runs; tried once per run.
 
-    What is no query is refused.
+    An operation that is not a query is refused.
 
     Raises:
-        CaseSkipped: It does not, or lacks it.
+        CaseSkipped: The client does not, or does not implement it.
     """
     require_query_while_executing(subject, line)
-    key = f"{name} beside"
+    key = f"{name} while executing"
     if key not in subject.discoveries:
         opening = OPENINGS.get(name, name)
         reply = REPLIES.get(name, b"0")
         if name in OPENINGS:
-            local = subject.make_file(_SOME) if name == "upload" else subject.missing_file()
+            local = subject.make_file(_CONTENT) if name == "upload" else subject.missing_file()
             values = {"local": local, "remote": "beside.txt"}
         else:
             values = operation_arguments(name, VALUES.get(name))
@@ -168,7 +168,7 @@ def require_while_executing(subject: ClientUnderTest, line: IncomingConnection, 
         call = subject.begin(name, **values)
         try:
             with suppress(NoReply, OperationRefused):
-                line.request(opening, call, within_s=_BESIDE_S)
+                line.request(opening, call, within_s=_PARALLEL_S)
                 line.reply(opening, data=reply)
         finally:
             line.result(RUN.name)
@@ -180,80 +180,80 @@ def require_while_executing(subject: ClientUnderTest, line: IncomingConnection, 
         subject.wait_for_answer(call)
     if not subject.discoveries[key]:
         raise CaseSkipped(
-            UserMessage("the client begins no {name} while another command executes", name=name)
+            UserMessage(
+                "the client does not start {command} while another command executes", command=name
+            )
         )
 
 
 def expect_finished(subject: ClientUnderTest, call: Call, *, requirement: str = "") -> None:
-    """An order has to be said to have been accepted and done.
+    """Require that the client reports the operation as accepted and done.
 
     Raises:
-        CaseFailed: The client says something else, or nothing.
+        CaseFailed: The client reports something else, or nothing.
     """
     subject.expect_done(call, requirement=requirement)
-    _expect_said(call, {"accepted": True, "outcome": "11"}, requirement)
+    _expect_stages(call, {"accepted": True, "outcome": "11"}, requirement)
 
 
 def expect_refused(
     subject: ClientUnderTest, call: Call, code: str = "", *, requirement: str = ""
 ) -> None:
-    """An order has to be said to have been refused; a code that is told has to be this one.
+    """Require that the client reports a refusal. A reported code must be this one.
 
     Raises:
-        CaseFailed: The client says something else, or nothing.
+        CaseFailed: The client reports something else, or nothing.
     """
     subject.expect_failure(call, requirement=requirement)
-    _expect_said(call, {"accepted": False}, requirement)
+    _expect_stages(call, {"accepted": False}, requirement)
     _expect_code(call, code, requirement)
 
 
 def expect_execution_failed(
     subject: ClientUnderTest, call: Call, code: str = "", *, requirement: str = ""
 ) -> None:
-    """An order has to be said to have been accepted and to have failed; so has its code.
+    """Require that the client reports acceptance and a failure. A reported code must be this one.
 
     Raises:
-        CaseFailed: The client says something else, or nothing.
+        CaseFailed: The client reports something else, or nothing.
     """
     subject.expect_failure(call, requirement=requirement)
-    _expect_said(call, {"accepted": True, "outcome": "00"}, requirement)
+    _expect_stages(call, {"accepted": True, "outcome": "00"}, requirement)
     _expect_code(call, code, requirement)
 
 
 def expect_final_failure(subject: ClientUnderTest, call: Call, why: str) -> None:
-    """An order whose own result tells of a failure has to be said to have failed.
+    """Require that the client reports the failure of the real final result.
 
     Raises:
-        CaseFailed: It is not; the sentence says for what that was taken.
+        CaseFailed: It does not; `why` states what was taken for the result.
     """
     subject.wait_for_answer(call)
     expect(
         call.failed,
         why,
-        expected="the failure that its own result tells, or an error",
+        expected="the failure in its own final result, or an error",
         observed=f"{call}",
     )
 
 
 def reported_code(call: Call) -> str | None:
-    """The code that the client tells of an order, if it does."""
+    """Return the code that the client reports, if any."""
     code = call.result.get("code") if isinstance(call.result, Mapping) else None
     return None if code is None else str(code)
 
 
 def reports_code(call: Call, code: str) -> bool:
-    """Whether the client tells this code, in a field of its own or in what it complains of."""
+    """Whether the client reports this code, in its own field or in the error text."""
     return code.upper() in (reported_code(call) or call.error).upper()
 
 
-def _expect_said(call: Call, stages: Mapping[str, Any], requirement: str) -> None:
-    """Both stages, where they are told: an error tells neither."""
+def _expect_stages(call: Call, stages: Mapping[str, Any], requirement: str) -> None:
+    """Require correct stages from a client that reports stages. An error reports none."""
     said = call.result if isinstance(call.result, Mapping) else {}
     expect(
         all(said.get(key, value) == value for key, value in stages.items()),
-        UserMessage(
-            "the client tells the stages of {call} otherwise than they were", call=call.name
-        ),
+        UserMessage("the client reports the stages of {call} incorrectly", call=call.name),
         expected=json.dumps(stages),
         observed=f"{call}",
         requirement=requirement,
@@ -266,6 +266,8 @@ def _expect_code(call: Call, code: str, requirement: str) -> None:
         expect_in(
             told.upper(),
             (code.upper(),),
-            UserMessage("the client tells another code of {call} than it was sent", call=call.name),
+            UserMessage(
+                "the client reports another code for {call} than it received", call=call.name
+            ),
             requirement=requirement,
         )

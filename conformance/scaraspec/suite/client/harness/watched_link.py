@@ -1,4 +1,4 @@
-"""Waiting for several things at once: a connection, and whoever works the client behind it."""
+"""A link that also watches the driver or the operator while it waits."""
 
 import socket
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ from scaraspec.transports.tcp import TcpLink, wait_readable
 
 
 class WatchedLink(TcpLink):
-    """A link whose waiting ends early when something else can be read, too."""
+    """A link whose wait ends early when another source becomes readable."""
 
     def __init__(self, connected: socket.socket, other: Any) -> None:
         super().__init__(connected)

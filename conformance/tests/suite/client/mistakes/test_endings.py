@@ -1,4 +1,4 @@
-"""Mistakes of clients in how something ended: what was not answered is not done."""
+"""Mistakes of clients about the end of an operation: without an answer it has not succeeded."""
 
 import asyncio
 from collections.abc import Callable, Mapping
@@ -26,7 +26,7 @@ Try = Callable[..., Mapping[str, Verdict]]
 
 
 class WaitsOnForLostAnswers(ClientCore):
-    """The answer that a transfer was given up for is still waited for, and takes the next one."""
+    """Still waits for the answer of an aborted transfer and takes the next answer for it."""
 
     owed = False
 
@@ -50,12 +50,12 @@ class WaitsOnForLostAnswers(ClientCore):
 
 
 def test_an_answer_that_never_came_is_owed_no_more(tried: Try) -> None:
-    """The first answer behind a silence is that of the next transfer."""
+    """The first answer after a timeout belongs to the next transfer."""
     assert tried(WaitsOnForLostAnswers, "5.2/9")["5.2/9.meanwhile"] is Verdict.FAIL
 
 
 class NeedsNoLastAnswer(ClientCore):
-    """An upload is done when its last chunk was sent, answered in time or not."""
+    """Reports an upload as done after its last chunk, without an answer."""
 
     class _Sent(Upload):
         def expire(self, now_s: float) -> list[Frame]:
@@ -69,7 +69,7 @@ class NeedsNoLastAnswer(ClientCore):
 
 
 class DoneWhenIdle(ClientCore):
-    """What executes is done when the status is idle, whatever its result will be."""
+    """Reports an executing command as done when the status is idle."""
 
     def feed(self, data: bytes, now_s: float) -> list[Event]:
         events = super().feed(data, now_s)
@@ -80,7 +80,7 @@ class DoneWhenIdle(ClientCore):
 
 
 class AsksUntilIdle(AsyncClient):
-    """Asks for the status while a program runs; it is done when the robot is idle."""
+    """Polls the status while a program runs and reports it as done when the robot is idle."""
 
     async def run_program(self, name: Any) -> None:
         run = await self.start_run_program(name)
@@ -92,7 +92,7 @@ class AsksUntilIdle(AsyncClient):
 
 
 class DoneWhenLost(ClientCore):
-    """What executes is done when the link is lost."""
+    """Reports an executing command as done when the link is lost."""
 
     def connection_lost(self, reason: str, now_s: float) -> list[Event]:
         events = []
@@ -114,12 +114,12 @@ class DoneWhenLost(ClientCore):
 def test_what_was_not_answered_is_not_done(
     tried: Try, make: type[ClientCore] | type[AsyncClient], case: str
 ) -> None:
-    """Neither silence, nor an idle robot, nor the end of the link says how something ended."""
+    """Silence, an idle robot and a lost link do not show how a command ended."""
     assert tried(make, case.rpartition(".")[0])[case] is Verdict.FAIL
 
 
 class TakesLossForYes(ClientCore):
-    """What was set when the connection ended is told as done."""
+    """Reports a setting as done when the connection ends."""
 
     class _Sent(PendingOperation):
         def fail(self, error: ClientError) -> None:
@@ -135,7 +135,7 @@ class TakesLossForYes(ClientCore):
 
 
 class TakesLossForStopped(ClientCore):
-    """A stop that was executing when the connection ended is told as done."""
+    """Reports an executing stop as done when the connection ends."""
 
     class _Sent(TwoStage):
         def fail(self, error: ClientError) -> None:
@@ -151,7 +151,7 @@ class TakesLossForStopped(ClientCore):
 
 
 class WritesNowhere(AsyncClient):
-    """A download that cannot be written is told as done."""
+    """Reports a download as done that cannot be written."""
 
     async def download(self, remote: Any, *where: Any) -> Path:
         with suppress(OSError):
@@ -170,5 +170,5 @@ class WritesNowhere(AsyncClient):
 def test_nothing_is_no_success(
     tried: Try, make: type[ClientCore] | type[AsyncClient], case: str
 ) -> None:
-    """Neither a missing reply nor a missing file is told as done."""
+    """A missing reply or a missing file is not a success."""
     assert tried(make, case.rpartition(".")[0])[case] is Verdict.FAIL

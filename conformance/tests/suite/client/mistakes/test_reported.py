@@ -1,4 +1,4 @@
-"""Mistakes of clients in what they tell: another value than was sent, or half of it."""
+"""Mistakes of clients in reports: another value than received, or part of it."""
 
 from collections.abc import Callable, Mapping
 from contextlib import closing
@@ -24,7 +24,7 @@ Try = Callable[..., Mapping[str, Verdict]]
 
 
 class TellsHalfAList(ClientCore):
-    """What has come of a program list when the connection ends is told as the list."""
+    """Reports a partial program list when the connection ends."""
 
     class _Half(ProgramListing):
         def fail(self, error: ClientError) -> None:
@@ -40,12 +40,12 @@ class TellsHalfAList(ClientCore):
 
 
 def test_half_a_list_is_none(tried: Try) -> None:
-    """A list whose last part has not come is not told as one."""
+    """A list without its last part is not a result."""
     assert tried(TellsHalfAList, "4.10/10")["4.10/10.many"] is Verdict.FAIL
 
 
 class CutsTexts(ClientCore):
-    """Passwords, and the names of programs to run and to delete, have nine bytes at most."""
+    """Truncates passwords and names of programs to nine bytes."""
 
     def command(self, name: str, value: Any = None) -> PendingOperation:
         cut = value[:9] if name in ("login", "run_program", "delete_program") else value
@@ -53,7 +53,7 @@ class CutsTexts(ClientCore):
 
 
 def test_what_is_wrong_costs_no_time_out() -> None:
-    """A request that carries something else is answered all the same, and the next one sent."""
+    """A wrong request is answered too, so no timeout is lost."""
     shell = type("Made", (AsyncClient,), {"core": CutsTexts})
     with closing(MemoryClient(shell, DEFAULT)) as access:
         only = frozenset({"4.1/1", "4.11/1", "4.15/1"})
@@ -67,7 +67,7 @@ def test_what_is_wrong_costs_no_time_out() -> None:
 
 
 class MissesChunks(ClientCore):
-    """What comes of a file is taken for the sign that nothing will."""
+    """Takes each chunk for the error signal."""
 
     def feed(self, data: bytes, now_s: float) -> list[Event]:
         none = Frame(C2A, BY_NAME["download_chunk"].opcode).encode()
@@ -75,7 +75,7 @@ class MissesChunks(ClientCore):
 
 
 def test_who_says_that_it_is_over_is_not_waited_for() -> None:
-    """No answer to a chunk is due from a client that has given its download up, and said so."""
+    """The suite does not wait for a client that has reported the end of a download."""
     shell = type("Made", (AsyncClient,), {"core": MissesChunks})
     with closing(MemoryClient(shell, DEFAULT)) as access:
         options = Options(only=frozenset({"5.3/11"}), allowed=ALL, examples=3)
@@ -84,12 +84,12 @@ def test_who_says_that_it_is_over_is_not_waited_for() -> None:
         assert access.now_s - begun_s < 10
     told = {case.id: case for case in results.cases}["5.3/11"]
     assert told.verdict is Verdict.FAIL
-    assert "was not answered" in told.message
+    assert "did not answer the chunk" in told.message
     assert "error" in told.observed  # what it says
 
 
 def misreads(name: str, data: bytes, other: str, taken: bytes) -> type[ClientCore]:
-    """A client that takes one frame for another."""
+    """Return a client that takes one frame for another."""
     sent = Frame(C2A, BY_NAME[name].opcode, data).encode()
     read = Frame(C2A, BY_NAME[other].opcode, taken).encode()
 
@@ -148,13 +148,13 @@ def misreads(name: str, data: bytes, other: str, taken: bytes) -> type[ClientCor
 def test_what_is_told_is_what_was_sent(
     tried: Try, misread: tuple[str, bytes, str, bytes, str]
 ) -> None:
-    """Another reply, code, time or name, cut decimals, 16 bits, and nothing are told apart."""
+    """Another reply, code, time, name or number is detected."""
     *what, case = misread
     assert tried(misreads(*what), case.rpartition(".")[0])[case] is Verdict.FAIL
 
 
 class TakesCodesForDone(ClientCore):
-    """A final result that begins with 1 is a success."""
+    """Takes a final result that begins with 1 for a success."""
 
     def feed(self, data: bytes, now_s: float) -> list[Event]:
         opcode = BY_NAME["run_program"].opcode
@@ -163,13 +163,13 @@ class TakesCodesForDone(ClientCore):
 
 
 def test_a_code_in_place_of_a_result_is_no_success(tried: Try) -> None:
-    """Only 11 is: what begins like it is none."""
+    """Only 11 is a success."""
     assert tried(TakesCodesForDone, "4/9")["4/9.stages"] is Verdict.FAIL
 
 
 @pytest.mark.parametrize("reply", [b"1\n", b"true"])
 def test_only_1_logs_in(tried: Try, reply: bytes) -> None:
-    """Neither a pattern whose $ ends a line nor what a language takes for true is a yes."""
+    """A login reply that resembles 1 or true is not a success."""
     assert tried(misreads("login", reply, "login", b"1"), "4.1/8")["4.1/8"] is Verdict.FAIL
 
 
@@ -177,7 +177,7 @@ _UNDER_0E = ("get_motor_temperatures", "set_default_program")
 
 
 class GivesItToTheFirst(ClientCore):
-    """Whose reply is under 0x0E is told by who asked first, and not by its fields (A-4.14-1)."""
+    """Assigns a reply with 0x0E to the older request, without looking at its fields (A-4.14-1)."""
 
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
         setting = BY_NAME["set_default_program"]
@@ -188,5 +188,5 @@ class GivesItToTheFirst(ClientCore):
 
 
 def test_who_asked_first_is_not_answered_first(tried: Try) -> None:
-    """Temperatures that come under 0x0E are none of a setting's, though that asked before."""
+    """Temperatures with 0x0E are not the reply to an older setting."""
     assert tried(GivesItToTheFirst, "4.14/4")["4.14/4.both"] is Verdict.FAIL

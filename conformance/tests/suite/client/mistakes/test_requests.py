@@ -1,4 +1,4 @@
-"""Mistakes of clients in what they send: another value than was ordered, or none."""
+"""Mistakes of clients in requests: another value than the operation has, or none."""
 
 import re
 from collections.abc import Callable, Iterable, Mapping
@@ -20,7 +20,7 @@ Try = Callable[..., Mapping[str, Verdict]]
 
 
 class Tidies(ClientCore):
-    """Takes the blanks off the ends of passwords, writes years with two digits, ports as bytes."""
+    """Strips passwords, writes years with two digits, and ports as bytes."""
 
     def command(self, name: str, value: Any = None) -> PendingOperation:
         if isinstance(value, PasswordChange):
@@ -33,14 +33,14 @@ class Tidies(ClientCore):
 
 
 def test_what_is_ordered_is_sent_as_it_is(tried: Try) -> None:
-    """Neither a password's blanks, a year's century nor another port are the client's to change."""
+    """A client must not change passwords, years or port numbers."""
     cases = tried(Tidies, "4.2/1", "4.5/1", "4.32/1")
     for case in ("4.2/1.pairs", "4.5/1.times", "4.32/1.each"):
         assert cases[case] is Verdict.FAIL
 
 
 class SetsWhatChanges(ClientCore):
-    """An output that was set to a value is not set to it again."""
+    """Does not set an output again to the same value."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
@@ -58,12 +58,12 @@ class SetsWhatChanges(ClientCore):
 
 
 def test_what_is_ordered_again_is_sent_again(tried: Try) -> None:
-    """A program may have changed the output meanwhile."""
+    """A program may have changed the output in the meantime."""
     assert tried(SetsWhatChanges, "4.32/1")["4.32/1.each"] is Verdict.FAIL
 
 
 class CountsCharacters(ClientCore):
-    """Takes what has few enough characters for short enough, and sends what fits of it."""
+    """Limits characters instead of bytes, and truncates."""
 
     def command(self, name: str, value: Any = None) -> PendingOperation:
         if isinstance(value, PasswordChange) and len(b"|".join(value).decode()) <= MAX_DATA_BYTES:
@@ -75,12 +75,12 @@ class CountsCharacters(ClientCore):
 
 @pytest.mark.parametrize("requirement", ["3/28", "4.2/7"])
 def test_characters_are_no_bytes(tried: Try, requirement: str) -> None:
-    """255 bytes are the limit, not 255 characters."""
+    """The limit is 255 bytes, not 255 characters."""
     assert Verdict.FAIL in tried(CountsCharacters, requirement).values()
 
 
 class Formats(ClientCore):
-    """A text is a format of its own."""
+    """Uses each text as a format string."""
 
     def command(self, name: str, value: Any = None) -> PendingOperation:
         if isinstance(value, bytes):
@@ -91,7 +91,7 @@ class Formats(ClientCore):
 
 
 class SkipsEmptyLines(ClientCore):
-    """Files are sent, and written, without the lines that hold nothing."""
+    """Removes empty lines from files."""
 
     class _Kept(Download):
         def settle(self, value: Any) -> None:
@@ -117,12 +117,12 @@ class SkipsEmptyLines(ClientCore):
 def test_nothing_is_tidied_up(
     tried: Try, make: type[ClientCore] | type[AsyncClient], requirement: str, name: str
 ) -> None:
-    """Two percent signs are two, and an empty line is a line."""
+    """Percent signs and empty lines stay unchanged."""
     assert tried(make, requirement)[requirement + name] is Verdict.FAIL
 
 
 def tidies(altered: Callable[[str], str]) -> type[AsyncClient]:
-    """A client with an opinion of what a name should be like."""
+    """Return a client that alters names."""
 
     class Tidies(AsyncClient):
         async def delete_program(self, name: Any) -> None:
@@ -152,12 +152,12 @@ def tidies(altered: Callable[[str], str]) -> type[AsyncClient]:
     ],
 )
 def test_another_name_is_another_program(tried: Try, altered: Callable[[str], str]) -> None:
-    """What is deleted has the name that was given, however odd it is."""
+    """The name to delete is sent unchanged, however unusual it is."""
     assert tried(tidies(altered), "T/10")["T/10.outer-blanks"] is Verdict.FAIL
 
 
 class SendsTimesAsGiven(ClientCore):
-    """A time is put into its frame as it was given."""
+    """Sends a time unchanged."""
 
     given = ""
 
@@ -171,7 +171,7 @@ class SendsTimesAsGiven(ClientCore):
 
 
 def trusts(what: Callable[[str], bool]) -> type[AsyncClient]:
-    """A client that takes the parts of some times for numbers, and looks no further."""
+    """Return a client that parses the parts of some times without further checks."""
 
     class Trusts(AsyncClient):
         core = SendsTimesAsGiven
@@ -196,12 +196,12 @@ def trusts(what: Callable[[str], bool]) -> type[AsyncClient]:
     ],
 )
 def test_a_time_is_digits(tried: Try, what: Callable[[str], bool]) -> None:
-    """That its parts can be read makes no time of fourteen characters."""
+    """A time with parsable parts is not necessarily 14 digits."""
     assert tried(trusts(what), "4.5/2")["4.5/2"] is Verdict.FAIL
 
 
 class TriesTheDefaultPassword(AsyncClient):
-    """A login that is refused is tried again with the password of the document."""
+    """Retries a refused login with the password of the document."""
 
     async def login(self, password: Any) -> None:
         try:
@@ -211,5 +211,5 @@ class TriesTheDefaultPassword(AsyncClient):
 
 
 def test_no_password_is_made_up(tried: Try) -> None:
-    """Only what was given is logged in with."""
+    """The client logs in only with the given password."""
     assert tried(TriesTheDefaultPassword, "4.1/5")["4.1/5.told-to"] is Verdict.FAIL

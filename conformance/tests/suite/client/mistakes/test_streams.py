@@ -1,4 +1,4 @@
-"""Mistakes of clients in what comes as a stream: frames in pieces, within data, behind an end."""
+"""Mistakes of clients with the byte stream: split frames, frames within data, joined frames."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -17,14 +17,14 @@ Try = Callable[..., Mapping[str, Verdict]]
 
 
 class HoldsThreeHundredBytes(ClientCore):
-    """What comes at once and is more than its buffer holds is lost."""
+    """Loses bytes that exceed its buffer."""
 
     def feed(self, data: bytes, now_s: float) -> list[Event]:
         return super().feed(data[:300], now_s)
 
 
 class LooksForFramesInData(ClientCore):
-    """While a frame is not whole it goes on where a frame seems to end and another to begin."""
+    """Searches for the next frame inside an incomplete frame."""
 
     def feed(self, data: bytes, now_s: float) -> list[Event]:
         events = super().feed(data, now_s)
@@ -37,7 +37,7 @@ class LooksForFramesInData(ClientCore):
 
 
 class ListsEndAtOtherFrames(ClientCore):
-    """Any other frame ends a list that is coming."""
+    """Ends a list when any other frame arrives."""
 
     coming = False
 
@@ -51,7 +51,7 @@ class ListsEndAtOtherFrames(ClientCore):
 
 
 class KeepsHalves(ClientCore):
-    """What had come of a frame when its connection ended begins what comes on the next one."""
+    """Continues a partial frame with the bytes of the next connection."""
 
     kept = Framer(C2A)
 
@@ -65,7 +65,7 @@ class KeepsHalves(ClientCore):
 
 
 def test_half_a_frame_ends_with_its_connection(tried: Try) -> None:
-    """A reply to the next login is not taken for the rest of it."""
+    """The reply to the next login is not the rest of an earlier frame."""
     assert tried(KeepsHalves, "3/29")["3/29"] is Verdict.FAIL
 
 
@@ -78,13 +78,13 @@ def test_half_a_frame_ends_with_its_connection(tried: Try) -> None:
     ],
 )
 def test_what_a_stream_may_bring_is_brought(tried: Try, core: type[ClientCore], case: str) -> None:
-    """Full frames come at once, half a frame's data looks like frames, results come anywhere."""
+    """Frames are joined, partial frames contain frames, and results arrive at any time."""
     only, _, _ = case.partition(".l")
     assert tried(core, only)[case] is Verdict.FAIL
 
 
 class WaitsATurnLater(ClientCore):
-    """A final result is awaited from the turn of its loop on that follows the first reply."""
+    """Accepts a final result only from the turn of the event loop after the first reply."""
 
     accepted_s = -math.inf
 
@@ -97,7 +97,7 @@ class WaitsATurnLater(ClientCore):
 
 
 def test_what_comes_at_once_is_lost_where_that_is_tried(tried: Try) -> None:
-    """One mistake with results that come at once does not fail every two-stage command."""
+    """One mistake with joined results does not fail every two-stage command."""
     cases = tried(WaitsATurnLater, "4/10", "3/13", "4.15/1", "4.17/1", "4.24/1")
     failed = {case for case, verdict in cases.items() if verdict is Verdict.FAIL}
     assert "4/10" in failed

@@ -18,7 +18,7 @@ Try = Callable[..., Mapping[str, Verdict]]
 
 
 class Resumes(ClientCore):
-    """What of a file had been moved when its transfer broke off is kept for the next one."""
+    """Resumes a failed transfer at its old position."""
 
     class _Kept(Download):
         kept = b""
@@ -47,12 +47,12 @@ class Resumes(ClientCore):
 
 @pytest.mark.parametrize("name", ["upload", "download"])
 def test_what_broke_off_begins_anew(tried: Try, name: str) -> None:
-    """No part of the first try is taken for one of the second."""
+    """A transfer after a failure starts from the beginning."""
     assert tried(Resumes, "5.4/6")[f"5.4/6.{name}"] is Verdict.FAIL
 
 
 class _EndsEarly(Receiver):
-    """Holds the bytes received against the low half of the size."""
+    """Compares the received bytes with the low 16 bits of the size."""
 
     def take(self, data: bytes, now_s: float) -> bool | None:
         taken = super().take(data, now_s)
@@ -62,7 +62,7 @@ class _EndsEarly(Receiver):
 
 
 class _EndsAtTheEnd(Receiver):
-    """Looks for the end first, and for the length then."""
+    """Checks the position before the length."""
 
     def take(self, data: bytes, now_s: float) -> bool | None:
         head = data[:12]
@@ -73,7 +73,7 @@ class _EndsAtTheEnd(Receiver):
 
 
 class TakesSignalsForEnds(ClientCore):
-    """A download has ended where a position is that of the end, whatever is missing."""
+    """Ends a download when a position equals the end, even if bytes are missing."""
 
     class _Short(Download):
         receiver = _EndsAtTheEnd
@@ -84,12 +84,12 @@ class TakesSignalsForEnds(ClientCore):
 
 @pytest.mark.parametrize("signal", ["length-0", "numbers-only"])
 def test_an_error_signal_is_no_end(tried: Try, signal: str) -> None:
-    """Position and length make up the size, and bytes are missing."""
+    """An error signal at the end position does not complete a download."""
     assert tried(TakesSignalsForEnds, "5.3/8")[f"5.3/8.{signal}"] is Verdict.FAIL
 
 
 class CountsIn16Bits(ClientCore):
-    """A download has ended where its size seems to be reached."""
+    """Ends a download when the size seems to be reached."""
 
     class _Short(Download):
         receiver = _EndsEarly
@@ -99,12 +99,12 @@ class CountsIn16Bits(ClientCore):
 
 
 def test_no_download_is_over_too_early(tried: Try) -> None:
-    """A small sum does not end a large file."""
+    """A 16-bit counter must not end a large download."""
     assert tried(CountsIn16Bits, "5.3/11")["5.3/11.large"] is Verdict.FAIL
 
 
 class _LimitsAll(Upload):
-    """Is given up where its chunks together have taken the time that one answer may (L763)."""
+    """Applies the timeout of one answer (L763) to all chunks together."""
 
     begun_s: float | None = None
 
@@ -122,5 +122,5 @@ class LimitsWholeUploads(ClientCore):
 
 
 def test_an_upload_may_last(tried: Try) -> None:
-    """The limit is one of each answer: that of all chunks together is none of the document."""
+    """The timeout applies to each answer, not to the whole upload."""
     assert tried(LimitsWholeUploads, "5.2/9")["5.2/9"] is Verdict.FAIL
