@@ -8,7 +8,7 @@ from scaraspec.user_message import UserMessage
 
 
 @client_case("2/1", attended=True)
-def test_it_dials_anew(subject: ClientUnderTest) -> None:
+def test_reconnects(subject: ClientUnderTest) -> None:
     """The controller resets the connection; the client connects again when told to."""
     line = subject.open()
     line.reset()
@@ -17,7 +17,7 @@ def test_it_dials_anew(subject: ClientUnderTest) -> None:
 
 
 @client_case("2/1", name="unanswered")
-def test_it_dials_after_a_login_in_vain(subject: ClientUnderTest) -> None:
+def test_reconnects_after_an_unanswered_login(subject: ClientUnderTest) -> None:
     """The controller closes the connection before it answers the login; the client reconnects."""
     line, call = subject.begin_connect()
     line.request("login", call)

@@ -121,7 +121,7 @@ def test_idle(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 
 @client_case("3/10", "3/32", name="farewell")
-def test_farewell(subject: ClientUnderTest, line: IncomingConnection) -> None:
+def test_disconnect_sends_nothing(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The client sends nothing undefined when it disconnects."""
     subject.wait_for_answer(subject.begin("disconnect"))
     line.pump()

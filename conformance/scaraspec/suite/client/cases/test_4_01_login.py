@@ -96,7 +96,7 @@ def test_refused_login(subject: ClientUnderTest) -> None:
 
 
 @client_case("4.1/5", "T/10", name="told-to")
-def test_told_to_go_on(subject: ClientUnderTest) -> None:
+def test_no_operation_after_a_refused_login(subject: ClientUnderTest) -> None:
     """The login is refused; the client sends no operation that is started afterwards.
 
     It also must not log in with a password that was not given.
@@ -137,7 +137,7 @@ def _expect_logins(line: IncomingConnection) -> None:
 
 
 @client_case("4.1/8")
-def test_anything_but_a_yes(subject: ClientUnderTest) -> None:
+def test_reply_other_than_success(subject: ClientUnderTest) -> None:
     """The login is answered with values other than 1; the client reports a failed login."""
     for reply in examples(_NOT_SUCCESS):
         line, call = subject.begin_connect()
@@ -148,7 +148,7 @@ def test_anything_but_a_yes(subject: ClientUnderTest) -> None:
 
 
 @client_case("4.1/8", name="unanswered")
-def test_hung_up(subject: ClientUnderTest) -> None:
+def test_link_ends_before_the_answer(subject: ClientUnderTest) -> None:
     """The connection ends before the login is answered; the client reports a failed login."""
     for cut in examples((False, True)):
         line, call = subject.begin_connect()

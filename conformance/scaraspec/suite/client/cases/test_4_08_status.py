@@ -5,7 +5,7 @@ from typing import Any, Final
 from scaraspec.protocol.errors import TABLE_8_1, Code, Kind
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.operations import request_operation
+from scaraspec.suite.client.harness.operations import expect_reported, request_operation
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import expect, expect_in
@@ -21,9 +21,7 @@ _UNKNOWN: Final = (b"21", b"2f", b"0A", b"99", b"FF", b"zz", b"  ", b"1G", b"-1"
 @client_case("4.8/1", attended=True)
 def test_the_request_carries_no_data(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The client sends get_status without data and reports the reply."""
-    call, _ = request_operation(subject, line, "get_status")
-    line.reply("get_status", "00")
-    subject.expect_result(call, "00", requirement="4.8/11")
+    expect_reported(subject, line, "get_status", b"00", requirement="4.8/11")
 
 
 @client_case("4.8/11", "T/9")
@@ -72,9 +70,7 @@ def _expect_state(result: Any, code: Code) -> None:
 def test_states(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The client reports an idle robot, a running program and a fault of all motors."""
     for text in examples(("00", "01", "1F")):
-        call, _ = request_operation(subject, line, "get_status")
-        line.reply("get_status", text)
-        subject.expect_result(call, text)
+        expect_reported(subject, line, "get_status", text.encode())
 
 
 @client_case("4.8/11", name="unknown")
@@ -90,6 +86,4 @@ def test_unknown_codes(subject: ClientUnderTest, line: IncomingConnection) -> No
             expected=f"{data.decode()}, or an error",
             observed=f"{call}",
         )
-        call, _ = request_operation(subject, line, "get_status")
-        line.reply("get_status", "05")
-        subject.expect_result(call, "05")
+        expect_reported(subject, line, "get_status", b"05")

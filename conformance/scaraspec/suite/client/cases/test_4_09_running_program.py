@@ -69,16 +69,14 @@ def test_long_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
 @client_case("T/9", name="nothing-runs")
 def test_nothing_runs(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """No program runs; the reply is the flag alone."""
-    call, _ = request_operation(subject, line, "get_running_program")
-    line.reply("get_running_program", data=b"0")
-    subject.expect_result(call, None)
+    expect_reported(subject, line, "get_running_program", b"0")
 
 
 @client_case("T/9", name="running-readings")
 def test_readings(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """No program runs, with empty fields after the flag, or with a binary flag (A-T-1)."""
     running = expected_value(RunningProgram(b"pro1.rob", 3661))
-    for data, said, reading in examples(
+    for data, reported, reading in examples(
         (
             (b"0||", None, ("runinfo_none", "0")),
             (b"\x00", None, ("runinfo_binary", "ascii")),
@@ -89,6 +87,6 @@ def test_readings(subject: ClientUnderTest, line: IncomingConnection) -> None:
         line.reply("get_running_program", data=data)
         subject.wait_for_answer(call)
         if call.ok:
-            subject.expect_result(call, said)
+            subject.expect_result(call, reported)
         else:
             subject.tolerate("T/9", *reading, "the client accepts only the form of the document")

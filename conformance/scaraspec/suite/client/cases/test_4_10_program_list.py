@@ -106,9 +106,7 @@ def test_no_bar_behind_the_flag(subject: ClientUnderTest, line: IncomingConnecti
 @client_case("4.10/12", attended=True)
 def test_empty(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The program list is empty; the reply is the flag alone."""
-    call, _ = request_operation(subject, line, "list_programs")
-    line.reply("list_programs", data=b"0")
-    subject.expect_result(call, [])
+    expect_reported(subject, line, "list_programs", b"0")
 
 
 @client_case("4.10/12", name="readings")
@@ -121,10 +119,10 @@ def test_empty_otherwise(subject: ClientUnderTest, line: IncomingConnection) -> 
         if call.ok:
             subject.expect_result(call, [])
         else:
-            told = UserMessage(
+            message = UserMessage(
                 "the client rejects an empty list written as {data!r}", data=show(data)
             )
-            subject.tolerate("4.10/12", "list_empty", option, told)
+            subject.tolerate("4.10/12", "list_empty", option, message)
 
 
 @client_case("4.10/12", "T/9", name="long")

@@ -22,17 +22,17 @@ _LONG_BYTES: Final = (30, 31, 100, 255)
 
 
 def _expect_reported(
-    subject: ClientUnderTest, line: IncomingConnection, data: bytes, said: str | None
+    subject: ClientUnderTest, line: IncomingConnection, data: bytes, reported: str | None
 ) -> None:
     """Answer with the opcode of the request."""
     call, request = request_operation(subject, line, _NAME)
     if request.frame.opcode != BY_NAME[_NAME].opcode:
-        told = "the client requests the default program with the printed opcode"
+        message = "the client requests the default program with the printed opcode"
         subject.tolerate(
             "4.12/1",
             "op_get_default",
             UserMessage("0x{opcode:02X}", opcode=request.frame.opcode),
-            told,
+            message,
         )
     line.send_frame(line.frame(_NAME, data=data)._replace(opcode=request.frame.opcode))
     if len(data) > NAME_MAX_BYTES and not subject.wait_for_answer(call).ok:
@@ -45,7 +45,7 @@ def _expect_reported(
             ),
         )
         return
-    subject.expect_result(call, said, requirement="T/9")
+    subject.expect_result(call, reported, requirement="T/9")
 
 
 @client_case("4.12/1", "T/9", attended=True)

@@ -33,10 +33,10 @@ def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     expect_reported(subject, line, _NAME, requirement="T/9")
 
 
-def _is_whole(told: Any, due: dict[str, float]) -> bool:
+def _is_whole(reported: Any, due: dict[str, float]) -> bool:
     """Whether the reported temperatures are whole degrees, rounded up or down."""
-    return isinstance(told, dict) and any(
-        matches(told, dict(zip(due, whole, strict=True)))
+    return isinstance(reported, dict) and any(
+        matches(reported, dict(zip(due, whole, strict=True)))
         for whole in product(*((math.floor(value), math.ceil(value)) for value in due.values()))
     )
 
@@ -115,8 +115,8 @@ def test_both(subject: ClientUnderTest, line: IncomingConnection) -> None:
             line.send_frame(frame)
         line.wait(_SHORT_S)
         if asking.answer is None:
-            told = "the client ignores temperatures with opcode 0x0E"
-            subject.tolerate("4.14/4", "op_temp_reply", "0x0F", told)
+            message = "the client ignores temperatures with opcode 0x0E"
+            subject.tolerate("4.14/4", "op_temp_reply", "0x0F", message)
             line.send_frame(_AS_PRINTED._replace(opcode=0x0F))
         subject.expect_result(asking, _SAID)
         subject.expect_done(setting)

@@ -29,10 +29,10 @@ def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
     @example(Point(-0.5, 0, 1234.125))
     @example(Point(0.001, -9999.9, 9999.9))
     @given(payload_values(_REPLY))
-    def each(told: Point) -> None:
+    def each(reported: Point) -> None:
         call = subject.begin("get_gripper_center")
-        line.serve(call, data=_REPLY.encode(told), sent=b"")
-        subject.expect_result(call, told._asdict(), requirement="T/9")
+        line.serve(call, data=_REPLY.encode(reported), sent=b"")
+        subject.expect_result(call, reported._asdict(), requirement="T/9")
 
     call = subject.begin("set_gripper_center", x=1.5, y=-2.5, z=100)
     line.serve(call)

@@ -30,10 +30,10 @@ def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
     @example(Pose(-0.5, 0, 1234.125, -179.9, 34.5, -12))
     @given(payload_values(_REPLY))
-    def each(told: Pose) -> None:
+    def each(reported: Pose) -> None:
         call = subject.begin("get_initial_tool_position")
-        line.serve(call, data=_REPLY.encode(told), sent=b"")
-        expect_pose_reported(subject, call, told, requirement="T/9")
+        line.serve(call, data=_REPLY.encode(reported), sent=b"")
+        expect_pose_reported(subject, call, reported, requirement="T/9")
 
     call = subject.begin("set_initial_tool_position", **Pose(190, 280, 317, 6, 5, 4)._asdict())
     line.serve(call)

@@ -31,10 +31,10 @@ def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
     @example(Pose(-0.5, 0, 1234.125, -179.9, 0, 0))
     @given(payload_values(_REPLY))
-    def each(told: Pose) -> None:
+    def each(reported: Pose) -> None:
         call = subject.begin("get_tool_coordinates")
-        line.serve(call, data=_REPLY.encode(told), sent=b"")
-        expect_pose_reported(subject, call, told, requirement="T/9")
+        line.serve(call, data=_REPLY.encode(reported), sent=b"")
+        expect_pose_reported(subject, call, reported, requirement="T/9")
 
     call = begin_and_accept(subject, line, MOVE)
     line.result(MOVE.name)
@@ -49,7 +49,7 @@ def test_useless_angles(subject: ClientUnderTest, line: IncomingConnection) -> N
         for useless in examples(
             ((0, 0), (34.5, 0), (0, -34.5), (90, 180), (-0.1, 720.5), (99999, -99999))
         ):
-            told = Pose(200, -300, 324.5, -34.6, *useless)
+            reported = Pose(200, -300, 324.5, -34.6, *useless)
             call = subject.begin(name)
-            line.serve(call, data=_REPLY.encode(told))
-            expect_pose_reported(subject, call, told)
+            line.serve(call, data=_REPLY.encode(reported))
+            expect_pose_reported(subject, call, reported)

@@ -29,9 +29,9 @@ def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
     @example(JointValues(1, 2, 3, 4))
     @example(JointValues(-0.5, 0.5, -360, 360))
     @given(payload_values(_REPLY))
-    def each(told: JointValues) -> None:
+    def each(reported: JointValues) -> None:
         call = subject.begin("get_joint_angles")
-        line.serve(call, data=_REPLY.encode(told), sent=b"")
-        subject.expect_result(call, told._asdict(), requirement="T/9")
+        line.serve(call, data=_REPLY.encode(reported), sent=b"")
+        subject.expect_result(call, reported._asdict(), requirement="T/9")
 
     each()

@@ -252,11 +252,11 @@ def test_not_repeated_before_its_reply(subject: ClientUnderTest, line: IncomingC
         line.reply(operation.name, data=b"1")
         line.result(operation.name)
         if given_up:
-            told = UserMessage(
+            message = UserMessage(
                 "the client waits less than {late_reply_s:g} s for a first reply",
                 late_reply_s=_LATE_REPLY_S,
             )
-            subject.tolerate("4/16", "A-3-15", "short", told)
+            subject.tolerate("4/16", "A-3-15", "short", message)
         else:
             expect_finished(subject, call)
 
@@ -380,12 +380,12 @@ def test_unknown_codes(subject: ClientUnderTest, line: IncomingConnection) -> No
 
 
 def _expect_no_other_code(call: Call, code: str) -> None:
-    said = (reported_code(call) or "").upper()
+    reported = (reported_code(call) or "").upper()
     expect(
-        said == code.upper() or said not in _CODES,
+        reported == code.upper() or reported not in _CODES,
         "the client reports an unknown code as another code",
         expected=code,
-        observed=said,
+        observed=reported,
         requirement="T/9",
     )
 
@@ -410,11 +410,11 @@ def test_codes(subject: ClientUnderTest, line: IncomingConnection, stage: str) -
         if not reports_code(call, code):
             silent.append(code)
     if silent:
-        told = UserMessage(
+        message = UserMessage(
             "the client does not report the code {code} of a failed operation",
             code=silent[0],
         )
-        subject.tolerate("4/12", "A-8-1", "not shown", told)
+        subject.tolerate("4/12", "A-8-1", "not shown", message)
 
 
 @client_case("4/12", name="interrupted")

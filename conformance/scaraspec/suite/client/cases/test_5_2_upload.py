@@ -105,13 +105,13 @@ def test_chinese_name(subject: ClientUnderTest, line: IncomingConnection) -> Non
     """The client sends a Chinese name in UTF-8 or GB18030, or refuses it (A-T-2)."""
     name = "程序一.rob"
     call = subject.begin("upload", local=subject.make_file(b"!"), remote=name)
-    asked = request_or_none(subject, line, call, "upload_name")
-    if asked is None:
+    request = request_or_none(subject, line, call, "upload_name")
+    if request is None:
         expect_transfer_failed(subject, call, "5.2/1")
         return
     message = "the client altered a Chinese name"
     expect_in(
-        asked.frame.data.removesuffix(b"\0"), (name.encode(), name.encode("gb18030")), message
+        request.frame.data.removesuffix(b"\0"), (name.encode(), name.encode("gb18030")), message
     )
     _take_one_byte(subject, line, call)
 
@@ -122,8 +122,8 @@ def test_long_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
     for size in examples((29, 30, 31, 60, 255, 256, 300)):
         name = "n" * (size - 4) + ".rob"
         call = subject.begin("upload", local=subject.make_file(b"!"), remote=name)
-        asked = request_or_none(subject, line, call, "upload_name")
-        if asked is None:
+        request = request_or_none(subject, line, call, "upload_name")
+        if request is None:
             message = UserMessage(
                 "the client refused a name of {size_bytes} bytes", size_bytes=size
             )
@@ -131,7 +131,7 @@ def test_long_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
             expect_transfer_failed(subject, call, "5.2/18")
             continue
         message = UserMessage("the client altered a name of {size_bytes} bytes", size_bytes=size)
-        expect_equal(asked.frame.data.removesuffix(b"\0"), name.encode(), message)
+        expect_equal(request.frame.data.removesuffix(b"\0"), name.encode(), message)
         _take_one_byte(subject, line, call)
         if size > NAME_MAX_BYTES:
             message = UserMessage(
@@ -341,7 +341,9 @@ def _another_works(subject: ClientUnderTest, line: IncomingConnection) -> None:
 _FILLINGS = (b"\xaa", b"\xcc", b"\x00", b"\x7c")
 
 
-def _there_and_back(subject: ClientUnderTest, line: IncomingConnection, content: bytes) -> None:
+def _upload_and_download(
+    subject: ClientUnderTest, line: IncomingConnection, content: bytes
+) -> None:
     receive_upload(subject, line, content)
     send_download(subject, line, content, "5.2/16")
 
@@ -351,7 +353,7 @@ def _there_and_back(subject: ClientUnderTest, line: IncomingConnection, content:
 def test_sizes(subject: ClientUnderTest, line: IncomingConnection, size: int) -> None:
     """The client uploads and downloads files of this size with several contents unchanged."""
     for content in examples((*(filling * size for filling in _FILLINGS), content_of(size))):
-        _there_and_back(subject, line, content)
+        _upload_and_download(subject, line, content)
 
 
 @client_case("5.2/16")
@@ -364,7 +366,7 @@ def test_large_files(
     subject: ClientUnderTest, line: IncomingConnection, size: int, filling: bytes
 ) -> None:
     """The client uploads and downloads a large file unchanged."""
-    _there_and_back(subject, line, content_of(size // 2) + filling * (size - size // 2))
+    _upload_and_download(subject, line, content_of(size // 2) + filling * (size - size // 2))
 
 
 @client_case("5.2/20")
@@ -410,7 +412,7 @@ def test_refused_download(subject: ClientUnderTest, line: IncomingConnection) ->
 @client_case("5.2/19", name="download-refused-then-sent")
 def test_file_of_a_refused_download(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A download that was refused, or could not be written, succeeds later."""
-    line = _fetched_to_nowhere(subject, line)
+    line = _download_to_an_invalid_folder(subject, line)
     download = Download(subject, line, "zs-again.rob")
     line.reply("download_name", value=False)
     download.expect_failed()
@@ -422,7 +424,9 @@ def test_file_of_a_refused_download(subject: ClientUnderTest, line: IncomingConn
     download.expect_done("5.2/19")
 
 
-def _fetched_to_nowhere(subject: ClientUnderTest, line: IncomingConnection) -> IncomingConnection:
+def _download_to_an_invalid_folder(
+    subject: ClientUnderTest, line: IncomingConnection
+) -> IncomingConnection:
     """Download a file into a folder that cannot exist; return the connection to continue with."""
     local = Path(subject.make_file(b"no folder")) / "zs-again.rob"
     call = subject.begin("download", remote="zs-again.rob", local=str(local))
@@ -455,13 +459,13 @@ def test_odd_answers(subject: ClientUnderTest) -> None:
             "the client took the answer {answer!r} for an acceptance", answer=data
         )
         expect_no_transfer_frames(
-            line, message, "5.2/19", _SHORT_S, allowed=partial(_takes_for_no, chunk)
+            line, message, "5.2/19", _SHORT_S, allowed=partial(_may_follow_a_refusal, chunk)
         )
         line.close()
         upload.expect_failed()
 
 
-def _takes_for_no(chunk: Chunk | None, seen: FrameSeen) -> bool:
+def _may_follow_a_refusal(chunk: Chunk | None, seen: FrameSeen) -> bool:
     """Whether a frame may follow a refusal: the abort signal, or the same chunk again."""
     again = chunk and isinstance(seen.value, Chunk) and seen.value.position == chunk.position
     return is_abort_signal(seen) or bool(again)
@@ -501,7 +505,9 @@ def _offer_wrong(line: IncomingConnection, command: str) -> None:
     expect_no_transfer_frames(line, message, "5.2/19", _SHORT_S)
 
 
-def _lost(subject: ClientUnderTest, end: Callable[[IncomingConnection], None]) -> None:
+def _end_link_during_uploads(
+    subject: ClientUnderTest, end: Callable[[IncomingConnection], None]
+) -> None:
     """End the link at the name and at several chunks of an upload."""
     for number in examples((None, 0, 1, 2, _LAST)):
         line = subject.open()
@@ -516,13 +522,13 @@ def _lost(subject: ClientUnderTest, end: Callable[[IncomingConnection], None]) -
 @client_case("5.2/19", name="closed")
 def test_link_closed(subject: ClientUnderTest) -> None:
     """The client reports a failure when the link closes at the name or a chunk of an upload."""
-    _lost(subject, IncomingConnection.close)
+    _end_link_during_uploads(subject, IncomingConnection.close)
 
 
 @client_case("5.2/19", name="reset")
 def test_link_reset(subject: ClientUnderTest) -> None:
     """The client reports a failure when the link is reset at the name or a chunk of an upload."""
-    _lost(subject, IncomingConnection.reset)
+    _end_link_during_uploads(subject, IncomingConnection.reset)
 
 
 @client_case("5.2/19", name="download-cut-off")

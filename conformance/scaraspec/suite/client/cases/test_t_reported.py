@@ -176,7 +176,7 @@ def test_queries_while_executing(subject: ClientUnderTest, line: IncomingConnect
 
 
 @client_case("T/9", name="behind-nonsense")
-def test_queries_behind_nonsense(subject: ClientUnderTest, line: IncomingConnection) -> None:
+def test_queries_after_an_invalid_reply(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A query gets an invalid reply; the client reports the next reply correctly."""
 
     def each(name: str) -> None:
@@ -282,8 +282,8 @@ def _passes_on(subject: ClientUnderTest, line: IncomingConnection, encoding: str
     if not call.ok or not isinstance(call.result, list) or len(call.result) != len(names):
         return None
     intact = True
-    for said, name in zip(call.result, names, strict=True):
-        deletion = subject.begin("delete_program", name=said)
+    for listed_name, name in zip(call.result, names, strict=True):
+        deletion = subject.begin("delete_program", name=listed_name)
         if sent_or_answered(subject, line, deletion) is None:
             return None
         request = line.request("delete_program", deletion)

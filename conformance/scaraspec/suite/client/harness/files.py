@@ -43,17 +43,17 @@ def request_or_none(
 
     The network may still carry bytes that the client sent before it reported the end.
     """
-    left_s = subject.answer_timeout_s if within_s is None else within_s
+    remaining_s = subject.answer_timeout_s if within_s is None else within_s
     while True:
-        told = call.answer is not None
-        if told:
-            left_s = min(left_s, subject.silence_s)
-        last = line.over or left_s <= 0
+        answered = call.answer is not None
+        if answered:
+            remaining_s = min(remaining_s, subject.silence_s)
+        last = line.over or remaining_s <= 0
         with suppress(NoReply):
-            return line.request(command, within_s=min(_SLICE_S, max(left_s, 0)))
-        if last or (told and not line.unfinished):
+            return line.request(command, within_s=min(_SLICE_S, max(remaining_s, 0)))
+        if last or (answered and not line.unfinished):
             return None
-        left_s -= _SLICE_S
+        remaining_s -= _SLICE_S
 
 
 def _settled(subject: ClientUnderTest, call: Call, within_s: float, requirement: str) -> None:
@@ -174,8 +174,8 @@ def _ask_status(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 
 def _expect_named(line: IncomingConnection, call: Call, remote: str, requirement: str) -> None:
-    asked = line.request(f"{call.name}_name", call)
-    sent = asked.frame.data.removesuffix(b"\0")  # some clients end a text with NUL (A-T-3)
+    request = line.request(f"{call.name}_name", call)
+    sent = request.frame.data.removesuffix(b"\0")  # some clients end a text with NUL (A-T-3)
     expect_equal(sent, remote.encode(), "the client sent a wrong name", requirement=requirement)
 
 

@@ -250,9 +250,9 @@ def reports_code(call: Call, code: str) -> bool:
 
 def _expect_stages(call: Call, stages: Mapping[str, Any], requirement: str) -> None:
     """Require correct stages from a client that reports stages. An error reports none."""
-    said = call.result if isinstance(call.result, Mapping) else {}
+    stages_reported = call.result if isinstance(call.result, Mapping) else {}
     expect(
-        all(said.get(key, value) == value for key, value in stages.items()),
+        all(stages_reported.get(key, value) == value for key, value in stages.items()),
         UserMessage("the client reports the stages of {call} incorrectly", call=call.name),
         expected=json.dumps(stages),
         observed=f"{call}",
@@ -261,10 +261,10 @@ def _expect_stages(call: Call, stages: Mapping[str, Any], requirement: str) -> N
 
 
 def _expect_code(call: Call, code: str, requirement: str) -> None:
-    told = reported_code(call)
-    if code and told is not None:
+    code_reported = reported_code(call)
+    if code and code_reported is not None:
         expect_in(
-            told.upper(),
+            code_reported.upper(),
             (code.upper(),),
             UserMessage(
                 "the client reports another code for {call} than it received", call=call.name
