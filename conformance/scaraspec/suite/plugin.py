@@ -83,9 +83,9 @@ def pytest_configure(config: pytest.Config) -> None:
     ) as error:
         raise pytest.UsageError(str(error)) from None
     config.add_cleanup(held.close)
-    run = Run(setting, loud=True)
+    run = Run(setting, verbose=True)
     config.stash[_RUN] = run
-    config.pluginmanager.register(run.bracket)
+    config.pluginmanager.register(run.case_runner)
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
@@ -107,7 +107,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         return
     run.end()
     status = run.build_results().verdict.exit_status
-    if run.bracket.cases and session.exitstatus in (
+    if run.case_runner.cases and session.exitstatus in (
         pytest.ExitCode.OK,
         pytest.ExitCode.TESTS_FAILED,
     ):
@@ -117,5 +117,5 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 def pytest_terminal_summary(config: pytest.Config) -> None:
     """Say what the run amounts to."""
     run = config.stash.get(_RUN, None)
-    if run is not None and run.bracket.cases:
+    if run is not None and run.case_runner.cases:
         terminal.show(run.build_results(), Console())

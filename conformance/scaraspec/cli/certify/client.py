@@ -105,9 +105,14 @@ def command(  # noqa: PLR0913 - one for each option
                 capture=files.capture,
                 replay=f"scaraspec certify client{given}{' --attended' * attended}",
             )
-            run = Run(setting, earlier=files.earlier, take=files.take, tell=display.tell)
-            run.bracket.announce = display.announce
-            run.bracket.stood_still_s = pulse.stood_still_s
+            run = Run(
+                setting,
+                earlier=files.earlier,
+                take=files.take,
+                report=display.tell,
+                announce=display.announce,
+                stall_s=pulse.stood_still_s,
+            )
             end_in_order(run.interruption)
             results = run.results()
             with run.interruption:  # a signal now takes effect after the report

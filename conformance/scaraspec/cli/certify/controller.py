@@ -157,8 +157,7 @@ def command(  # noqa: PLR0913 - one for each option
                 journal=journal,
                 say=display.say,
             )
-            run = Run(setting, take=files.take, tell=display.tell)
-            run.bracket.stood_still_s = pulse.stood_still_s
+            run = Run(setting, take=files.take, report=display.tell, stall_s=pulse.stood_still_s)
             end_in_order(run.interruption)
             results = run.results()
             with run.interruption:  # a signal now takes effect after the report

@@ -1,8 +1,8 @@
-"""Bracket: runs each case between positive controls, and keeps what came of it.
+"""Case runner: runs each case between positive controls and records its outcome.
 
-pytest collects and calls, hypothesis draws; verdicts are made here from what a case raised, what it
-tolerated, and whether its subject was alive before and after. What the judge saw meanwhile is
-joined to it in `run`.
+pytest collects and calls the cases, hypothesis draws the values. The verdict of a case depends on
+the exception that it raised, on the readings that it tolerated, and on whether the subject was
+alive before and after it. `run` joins the findings of the judge to the outcomes.
 """
 
 from collections.abc import Callable, Generator
@@ -41,30 +41,30 @@ _WATCH_S: Final = 2.0
 _WATCH_MOST_S: Final = 10.0
 _WATCH_AGAIN_MOST_S: Final = 30.0
 _TIMES: Final = 2.0
-"""For how long a subject is watched after a failure: at least, at most, by the time of the case."""
+"""How long a subject is watched after a failure: minimum, maximum, and multiple of the duration."""
 _LONGER: Final = 1.5
 _REPEATS: Final = 2
-"""How often a case has to pass that failed: a fault may depend on the time of day."""
+"""How often a failed case must pass when it is repeated: a fault may depend on the time of day."""
 _STOP_WORKS: Final = ("4.17/6", "4.17/7")
 """Requirements whose failure means that the emergency stop was refused, or had no effect."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What came of a case.
+    """The outcome of a case.
 
     Attributes:
         case: The case.
-        verdict: ``none`` where it did not run.
-        requirement: Which of its requirements was violated; empty where none was.
-        cause: Who is responsible where it is no pass.
+        verdict: The verdict; ``none`` if the case did not run.
+        requirement: The requirement that was violated; empty if none was.
+        cause: Who is responsible if the case did not pass.
         message: One sentence.
-        expected: What the document leads to expect.
-        observed: What was there instead.
-        duration_s: How long it took, on the subject's clock.
-        examples: For how many values it was tried; 0 where it is about one thing.
-        frames: What passed last.
-        readings: What it tolerated, by key and option.
+        expected: What the document requires.
+        observed: What was observed instead.
+        duration_s: The duration in seconds, on the clock of the subject.
+        examples: The number of values that were tried; 0 if the case draws no values.
+        frames: The last frames of the case.
+        readings: The readings that were tolerated, as key and option.
     """
 
     case: Case
@@ -80,36 +80,56 @@ class Outcome:
     readings: tuple[tuple[str, str], ...] = ()
 
 
-class CaseRunner:
-    """A pytest plugin object for one run against one subject.
-
-    Args:
-        subject: The subject; None to collect only.
-        role: Whom the cases are to try.
-        options: What the tester asks for.
-        tell: Called with each outcome as it comes, and how many cases there are.
-        loud: Whether pytest reports by itself, too.
+@dataclass(frozen=True, slots=True)
+class Callbacks:
+    """The functions that a case runner calls during a run.
 
     Attributes:
-        cases: Those that were collected and are wanted.
-        items: The tests that they are.
-        announce: Called with each case that begins.
-        over: The ids of cases that are over since an earlier sitting.
-        before_last: Called ahead of the first case behind which the subject may be gone.
-        before_motion: Called ahead of the first case that may move it, also behind a new start.
-        watch: Called after a failure, to find out whether another client has caused it: for how
-            many seconds at least.
-        stood_still_s: For how long nothing happened on this machine since it was asked last.
+        report: Called with each outcome and the number of cases.
+        announce: Called with each case before it runs.
+        before_last: Called before the first case after which the subject may be switched off.
+        before_motion: Called before the first case that may move the subject, and again after the
+            subject was restarted.
+        watch: Called after a failure with a minimum duration in seconds. It checks whether another
+            client has caused the failure.
+        stall_s: Returns for how many seconds this machine stood still since the last call.
     """
 
-    def __init__(
+    report: Callable[[Outcome, int], None] = lambda _outcome, _count: None
+    announce: Callable[[Case], None] = lambda _case: None
+    before_last: Callable[[], None] = lambda: None
+    before_motion: Callable[[], None] = lambda: None
+    watch: Callable[[float], None] = lambda _for_s: None
+    stall_s: Callable[[], float] = lambda: 0.0
+
+
+class CaseRunner:
+    """The pytest plugin object of one run against one subject.
+
+    Args:
+        subject: The subject; None to collect the cases only.
+        role: The role of the subject.
+        options: The options of the user.
+        callbacks: The functions that are called during the run.
+        completed: The ids of cases that an earlier session has completed. They do not run again.
+        verbose: Whether pytest prints its own report, too.
+
+    Attributes:
+        cases: The collected cases that the options select.
+        items: The pytest items of these cases, in the same order.
+        outcomes: The outcomes so far, in the order of the run.
+        mistakes: Errors of the suite itself; a run with any of them is invalid.
+    """
+
+    def __init__(  # noqa: PLR0913 - the collaborators of a run
         self,
         subject: SystemUnderTest | None,
         role: Role,
         options: Options,
-        tell: Callable[[Outcome, int], None] = lambda _outcome, _count: None,
+        callbacks: Callbacks | None = None,
         *,
-        loud: bool = False,
+        completed: frozenset[str] = frozenset(),
+        verbose: bool = False,
     ) -> None:
         self.options = options
         self._subject, self._role = subject, role
@@ -117,13 +137,8 @@ class CaseRunner:
         self.cases: list[Case] = []
         self.items: list[pytest.Item] = []
         self.mistakes: list[str] = []
-        self._tell, self._loud = tell, loud
-        self.announce: Callable[[Case], None] = lambda _case: None
-        self.over: frozenset[str] = frozenset()
-        self.before_last: Callable[[], None] = lambda: None
-        self.before_motion: Callable[[], None] = lambda: None
-        self.watch: Callable[[float], None] = lambda _for_s: None
-        self.stood_still_s: Callable[[], float] = lambda: 0.0
+        self._callbacks = callbacks or Callbacks()
+        self._completed, self._verbose = completed, verbose
         self._dead = self._unmoved = ""
         self._drawing = Drawing(options.examples)
         self._at_last = self._ready = self._stop_reported = False
@@ -134,26 +149,26 @@ class CaseRunner:
     # ------------------------------------------------------------------ pytest's hooks
 
     def pytest_configure(self, config: pytest.Config) -> None:
-        """Name the mark; where nobody reads what pytest tells of a failure, it is told shortly."""
+        """Declare the mark; use short tracebacks if pytest prints no report."""
         declare_mark(config)
-        if not self._loud:
+        if not self._verbose:
             config.option.tbstyle = "native"  # the long one reads the case's source each time
 
     def pytest_sessionstart(self) -> None:
-        """Settle how hypothesis draws, as long as the session lasts."""
+        """Load the hypothesis profile of the suite for this session."""
         self._drawing.begin()
 
     def pytest_sessionfinish(self) -> None:
-        """Let hypothesis draw as before."""
+        """Restore the earlier hypothesis profile."""
         self._drawing.end()
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        """Keep what is wanted, the gentle first; a team's own tests stay."""
+        """Keep the selected cases, the harmless ones first; other tests are left unchanged."""
         own = [item for item in items if not is_case(item)]
         cases = {item: case_of(item) for item in items if is_case(item)}
         ids = [case.id for case in cases.values()]
         if twice := {i for i in ids if ids.count(i) > 1}:
-            self.mistakes.append(f"cases of the same name: {', '.join(sorted(twice))}")
+            self.mistakes.append(f"several cases have the same id: {', '.join(sorted(twice))}")
         chosen = [item for item in cases if self._tries(cases[item])]
         chosen.sort(key=lambda item: cases[item].turn)
         self.cases = [cases[item] for item in chosen]
@@ -166,14 +181,14 @@ class CaseRunner:
         return case.role is self._role and wanted(case, self.options)
 
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
-        """A file of the suite that cannot be read is a mistake of the suite."""
+        """Report a file of the suite that cannot be imported as a mistake of the suite."""
         if report.failed:
             self.mistakes.append(str(report.longrepr))
 
     def pytest_runtest_protocol(
         self, item: pytest.Item, nextitem: pytest.Item | None
     ) -> bool | None:
-        """Run one case, or say why not."""
+        """Run one case, or record the reason why it does not run."""
         if not is_case(item):
             return None
         self._end_if_asked()
@@ -183,18 +198,18 @@ class CaseRunner:
             outcome = self._run(case, item, nextitem)
         else:  # pytest has to tear down what it had set up for this one
             item.add_marker(pytest.mark.skip(reason=outcome.message))
-            runtestprotocol(item, log=self._loud, nextitem=nextitem)
+            runtestprotocol(item, log=self._verbose, nextitem=nextitem)
         if outcome.requirement:
             self._failed.add(outcome.requirement)
         self.outcomes.append(outcome)
-        self._tell(outcome, len(self.cases))
+        self._callbacks.report(outcome, len(self.cases))
         return True
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_makereport(
         self, item: pytest.Item, call: pytest.CallInfo[None]
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-        """Keep what a case raised first, as it was raised; what did not run was skipped."""
+        """Keep the first exception of a case; report an inconclusive case as skipped."""
         report = yield
         if call.excinfo is not None and self._raised is None:
             self._raised = call.excinfo.value
@@ -207,30 +222,30 @@ class CaseRunner:
 
     @property
     def subject(self) -> SystemUnderTest:
-        """Whoever is under test."""
+        """The system under test."""
         assert self._subject is not None, "nothing runs without a subject"
         return self._subject
 
     @pytest.fixture(name="subject")
     def _the_subject(self) -> SystemUnderTest:
-        """Whoever is under test."""
+        """The system under test."""
         return self.subject
 
     @pytest.fixture(name="line")
     def _a_line(self) -> Connection:
-        """A connection that has logged in."""
+        """A connection that is logged in."""
         return self.subject.open()
 
     # ------------------------------------------------------------------ one case
 
     def _known(self, case: Case) -> Outcome | None:
-        """What comes of a case without running it; None if it has to run."""
-        if case.id in self.over:
-            return Outcome(case, Verdict.NONE, message="it is over since an earlier sitting")
+        """The outcome of a case that need not run; None if it must run."""
+        if case.id in self._completed:
+            return Outcome(case, Verdict.NONE, message="an earlier session has completed this case")
         why = why_not(case, self.options, self.subject.ics)
         if not why and self._failed.issuperset(case.requirements) and not self.options.exhaustive:
             why = UserMessage(
-                "{requirements} failed already: --exhaustive goes on",
+                "{requirements} failed already: repeat with --exhaustive to run its other cases",
                 requirements=", ".join(case.requirements),
             )
         if why:
@@ -244,14 +259,14 @@ class CaseRunner:
         return None
 
     def _run(self, case: Case, item: pytest.Item, nextitem: pytest.Item | None) -> Outcome:
-        """Try a case, and anew where it went wrong while this machine stood still."""
-        self.announce(case)
+        """Run a case; repeat it if it did not pass and this machine stood still during it."""
+        self._callbacks.announce(case)
         for _ in range(1 if case.last else _ATTEMPTS):
             self.subject.observer.begin(case.id)
-            self.stood_still_s()
+            self._callbacks.stall_s()
             since = len(self.subject.observer.sightings)
             outcome = self._attempt(case, item, nextitem)
-            still_s = self.stood_still_s()
+            still_s = self._callbacks.stall_s()
             if not still_s or outcome.verdict not in (Verdict.FAIL, Verdict.INCONCLUSIVE):
                 again = partial(self._attempt, case, item, nextitem)
                 return self._unless_disturbed(outcome, since, again)
@@ -273,11 +288,11 @@ class CaseRunner:
     def _unless_disturbed(
         self, outcome: Outcome, since: int, again: Callable[[], Outcome]
     ) -> Outcome:
-        """The outcome of a case, unless another client may have caused its failure.
+        """The outcome of a case; inconclusive if another client may have caused its failure.
 
         Args:
             outcome: The outcome.
-            since: How many sightings of the judge there were before the case.
+            since: The number of findings of the judge before the case.
             again: Repeats the case.
         """
         case, others = outcome.case, self.subject.others
@@ -287,7 +302,7 @@ class CaseRunner:
         once = Hazard.DESTRUCTIVE in case.hazards
         for_s = max(_WATCH_S, _TIMES * outcome.duration_s)
         for_s = _WATCH_MOST_S if once else min(for_s, _WATCH_MOST_S)
-        self.watch(for_s)
+        self._callbacks.watch(for_s)
         if others.suspected and not others.reason(case.id) and not once:
             self._repeat(again, for_s)
         reason = others.reason(case.id)
@@ -296,10 +311,10 @@ class CaseRunner:
         return unless_disturbed(outcome, reason)
 
     def _repeat(self, again: Callable[[], Outcome], watched_s: float) -> None:
-        """Repeat a case that has failed: if it passes, another client may be the cause.
+        """Repeat a failed case: if it passes now, another client may have caused the failure.
 
-        If it fails again, a client that comes every so often has come before and after the time for
-        which the subject was watched, so that it shows within a somewhat longer time.
+        If it fails again, a client that acts periodically may have acted before and after the time
+        for which the subject was watched. The subject is then watched for a longer time.
         """
         lasted_s = watched_s
         for _ in range(_REPEATS):
@@ -312,10 +327,10 @@ class CaseRunner:
             self.subject.others.passed_again()
             return
         if not self._dead:
-            self.watch(min(_LONGER * lasted_s, _WATCH_AGAIN_MOST_S))
+            self._callbacks.watch(min(_LONGER * lasted_s, _WATCH_AGAIN_MOST_S))
 
     def _found(self, since: int) -> set[str]:
-        """Which requirements the judge has seen violated since then, and never before."""
+        """The requirements that the judge found violated since then for the first time."""
         sightings = self.subject.observer.sightings[since:]
         found = {s.finding.requirement for s in sightings if s.finding.verdict is Verdict.FAIL}
         return found - self._failed - self._sighted
@@ -325,16 +340,16 @@ class CaseRunner:
         subject.others.begin()
         if case.last and not self._at_last:
             self._at_last = True
-            self.before_last()
+            self._callbacks.before_last()
         if Hazard.MOTION in case.hazards and not self._ready:
             self._ready = True
-            self.before_motion()
+            self._callbacks.before_motion()
             self._report_stop(case)
         begun_ns = subject.now_ns
         subject.begin_case()
         self._raised = None
         with counted() as tally:
-            runtestprotocol(item, log=self._loud, nextitem=nextitem)
+            runtestprotocol(item, log=self._verbose, nextitem=nextitem)
         self._end_if_asked()
         outcome = self._unless_withheld(self._outcome(case))
         if outcome.requirement in _STOP_WORKS:
@@ -355,19 +370,19 @@ class CaseRunner:
         )
 
     def _end_if_asked(self) -> None:
-        """End the run where nobody did, though it was asked for.
+        """End the run if the user has interrupted it.
 
-        What a signal raises is lost where garbage is collected, and hypothesis tells it among what
-        else a case has raised.
+        The exception of a signal can be lost: during garbage collection, or because hypothesis
+        reports it in a group with other exceptions of a case.
 
         Raises:
-            KeyboardInterrupt: The tester wants it to end.
+            KeyboardInterrupt: The user has interrupted the run.
         """
         if self.subject.observer.interruption.asked or _was_ended(self._raised):
             raise KeyboardInterrupt
 
     def _outcome(self, case: Case) -> Outcome:
-        """The verdict of what the case raised."""
+        """The outcome that follows from the exception that the case raised."""
         raised = _innermost(self._raised)
         if raised is None and self.subject.untried:
             raised = CaseSkipped(self.subject.untried)
@@ -391,7 +406,9 @@ class CaseRunner:
                     raised.observed,
                 )
             case _:
-                message = f"the case broke down: {type(raised).__name__}: {raised}"[:_SENTENCE]
+                message = f"the case itself has a defect: {type(raised).__name__}: {raised}"[
+                    :_SENTENCE
+                ]
                 return Outcome(case, Verdict.ERROR, cause=Cause.SUITE, message=message)
         if self.subject.tolerated:
             readings = tuple((key, option) for _, key, option, _ in self.subject.tolerated)
@@ -402,13 +419,13 @@ class CaseRunner:
         return Outcome(case, Verdict.PASS, message=case.sentence)
 
     def _report_stop(self, case: Case, outcome: Outcome | None = None) -> None:
-        """Say first, and once, that the emergency stop does not work.
+        """Report once, and at once, that the emergency stop does not work.
 
-        It is a failure of its own, unless the running case has failed of it.
+        This is a failure of its own, unless the running case has failed because of it.
 
         Args:
-            case: The running case, or the one that is about to run.
-            outcome: What came of it.
+            case: The running case, or the next one.
+            outcome: The outcome of the case; None before it runs.
         """
         failure = self.subject.stop_failure
         if failure is None or self._stop_reported:
@@ -416,8 +433,9 @@ class CaseRunner:
         self._stop_reported = True
         self.subject.notify(
             UserMessage(
-                "THE EMERGENCY STOP DOES NOT WORK: {message}. No motion was requested after "
-                "that; the cases concerned are inconclusive",
+                "THE EMERGENCY STOP DOES NOT WORK: {message}. scaraspec sends no further request "
+                "that can start a motion. The robot may still be moving: stop it with its own "
+                "emergency stop. The cases that need a motion are inconclusive",
                 message=failure.message,
             )
         )
@@ -435,12 +453,12 @@ class CaseRunner:
             frames=self.subject.observer.evidence,
         )
         self.outcomes.append(own)
-        self._tell(own, len(self.cases))
+        self._callbacks.report(own, len(self.cases))
 
     def _unless_withheld(self, outcome: Outcome) -> Outcome:
-        """The outcome of a case, unless a request of it was not sent.
+        """The outcome of a case; inconclusive if one of its requests was withheld.
 
-        What a case finds of the stop itself it has found before.
+        A failure of the emergency stop itself was found before that and is kept.
         """
         withheld = self.subject.withheld
         if not withheld or outcome.requirement.startswith("4.17/"):
@@ -448,7 +466,7 @@ class CaseRunner:
         return Outcome(outcome.case, Verdict.INCONCLUSIVE, cause=Cause.DEPENDENCY, message=withheld)
 
     def _afterwards(self, case: Case, outcome: Outcome) -> Outcome:
-        """The positive control behind a case: the subject is alive and at rest again."""
+        """The positive control after a case: the subject is alive and idle again."""
         subject = self.subject
         try:
             subject.settle()
@@ -458,7 +476,7 @@ class CaseRunner:
                 return outcome
             message = UserMessage("the subject did not survive the case: {error}", error=error)
             observed = error.observed
-            expected = "a connection, a login and get_status go through afterwards"
+            expected = "a connection, a login and get_status work after the case"
             frames = subject.observer.evidence
             return Outcome(
                 case,
@@ -472,7 +490,7 @@ class CaseRunner:
             )
         except CaseInconclusive as error:
             if isinstance(error, Unreadable):
-                self._unmoved = f"before this case, since case {case.id}: {error}"
+                self._unmoved = f"the robot cannot be moved since case {case.id}: {error}"
             else:
                 self._revive(case)
             if outcome.verdict in (Verdict.FAIL, Verdict.ERROR):
@@ -481,11 +499,15 @@ class CaseRunner:
         return outcome
 
     def give_up(self, why: str) -> None:
-        """The subject is dead: no further case can find out anything."""
+        """Run no further case, because the subject cannot be tested any more.
+
+        Args:
+            why: The reason; it becomes the message of the cases that do not run.
+        """
         self._dead = why
 
     def _revive(self, case: Case) -> None:
-        """Start the subject anew, where a hook can."""
+        """Restart the subject, if there is a hook for it."""
         subject = self.subject
         try:
             subject.revive()
@@ -494,19 +516,21 @@ class CaseRunner:
         except CaseFailed as error:
             self.give_up(
                 UserMessage(
-                    "the subject served nobody before this case, since {id}: {error}",
+                    "the subject does not answer since the earlier case {id}: {error}",
                     id=case.id,
                     error=error,
                 )
             )
         except CaseInconclusive as error:
             self.give_up(
-                UserMessage("before this case, since case {id}: {error}", id=case.id, error=error)
+                UserMessage(
+                    "the subject cannot be tested since case {id}: {error}", id=case.id, error=error
+                )
             )
 
 
 def unless_disturbed(outcome: Outcome, reason: str) -> Outcome:
-    """An outcome, which is inconclusive if there is a reason why a failure does not count."""
+    """The outcome; a failure becomes inconclusive if a reason is given why it does not count."""
     if outcome.verdict is not Verdict.FAIL or not reason:
         return outcome
     return replace(
@@ -519,12 +543,12 @@ def unless_disturbed(outcome: Outcome, reason: str) -> Outcome:
 
 
 def _was_ended(raised: BaseException | None) -> bool:
-    """Whether whoever runs pytest ended it, as hypothesis tells among the failures of a case."""
+    """Whether hypothesis reports an interruption by the user among the exceptions of a case."""
     return isinstance(raised, BaseExceptionGroup) and bool(raised.subgroup(KeyboardInterrupt))
 
 
 def _innermost(raised: BaseException | None) -> BaseException | None:
-    """What a case raised, out of what hypothesis wraps it in where it does not recur."""
+    """The exception of a case, without the wrapper of hypothesis (group, or `Flaky`)."""
     if isinstance(raised, BaseExceptionGroup):
         inner = [_innermost(each) for each in raised.exceptions]
         return next(

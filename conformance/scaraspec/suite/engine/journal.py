@@ -1,12 +1,12 @@
-"""Journal: what a run may have changed on a controller, written down before it is changed.
+"""Journal: records what a run may change on a controller, before the change is sent.
 
-Each controller has one journal in the user's state directory, whatever ``--out`` is. A run that
-ends in order removes it. If a run is killed, the next run reads it and puts everything back first
-(see `suite.controller.harness.state.recovery`). Only the suite's own passwords are stored, never
+Each controller has one journal in the user's state directory, independent of ``--out``. A run that
+ends normally removes it. If a run is killed, the next run reads the journal and restores everything
+first (see `suite.controller.harness.state.recovery`). Only passwords of the suite are stored, never
 the user's.
 
-The file holds one JSON object a line. Each line is on disk before the change that it announces is
-sent, so that a torn last line announces nothing that was sent.
+The file has one JSON object per line. Each line is on disk before the change that it announces is
+sent. So an incomplete last line never announces a change that was sent.
 """
 
 import json
@@ -40,7 +40,7 @@ class ControllerBusyError(Exception):
 
 @dataclass
 class Changes:
-    """What a run may have changed and has not put back. Set by `apply` only.
+    """What a run may have changed and has not restored. Set by `apply` only.
 
     Attributes:
         started: When the run began, as ISO 8601.
@@ -62,17 +62,17 @@ class Changes:
 
     @property
     def any(self) -> bool:
-        """Whether there may be anything to put back."""
+        """Whether anything may have to be restored."""
         return bool(self.changed or self.passwords or self.files or self.offered or self.motion)
 
     @property
     def only_outputs(self) -> bool:
-        """Whether nothing but outputs may have to be put back."""
+        """Whether only outputs may have to be restored."""
         others = self.passwords or self.files or self.offered or self.motion
         return not others and self.changed in ([], ["outputs"])
 
     def apply(self, record: Mapping[str, Any]) -> None:  # noqa: C901, PLR0912 - a branch for each event
-        """Take in one record of the journal.
+        """Apply one record of the journal.
 
         Raises:
             KeyError, TypeError: It is not a record of this format.
@@ -86,13 +86,13 @@ class Changes:
                 self.settings = dict(record["before"])
             case "changing":
                 _add(self.changed, record["setting"])
-            case "restored":  # all that was changed, as a comparison has shown
+            case "restored":  # a comparison has shown that every changed setting is restored
                 self.changed.clear()
                 self.offered.clear()
             case "password":
                 _remove(self.passwords, record["value"])
                 self.passwords.append(record["value"])
-            case "password-refused":  # unlikely to be set, so it is tried last
+            case "password-refused":  # probably not set, so recovery tries it last
                 _remove(self.passwords, record["value"])
                 self.passwords.insert(0, record["value"])
             case "password-restored":
@@ -122,8 +122,8 @@ class Journal:
 
     Attributes:
         path: The file.
-        earlier: What an interrupted run has left; None if there was none.
-        changes: What this run may have changed and has not put back.
+        earlier: The changes of an interrupted run; None if there was none.
+        changes: What this run may have changed and has not restored.
         failure: Why a record of this run could not be written at once; empty if all could.
 
     Raises:
@@ -142,7 +142,7 @@ class Journal:
     @classmethod
     @contextmanager
     def of(cls, controller: str, folder: Path, *, wait_s: float = 0.0) -> Iterator[Self]:
-        """The journal of a controller, which no other run can use at the same time.
+        """Open the journal of a controller and lock it against other runs.
 
         Args:
             controller: The controller's URL with its address resolved.
@@ -181,7 +181,7 @@ class Journal:
             yield journal
 
     def begin(self, started: str, settings: Mapping[str, Any]) -> None:
-        """Begin a run: what an earlier run has left is put back by now.
+        """Begin a run. The changes of an earlier run must be restored before.
 
         Args:
             started: The time, as ISO 8601.
@@ -206,7 +206,7 @@ class Journal:
             self._open(self.path, os.O_APPEND)
 
     def resume(self) -> None:
-        """Go on with the journal of an interrupted run, to put back what it has left.
+        """Continue the journal of an interrupted run, to restore its changes.
 
         Raises:
             JournalError: It cannot be written.
@@ -215,7 +215,7 @@ class Journal:
         self.changes = self.earlier
         if self.path:
             self._open(self.path, os.O_APPEND)
-            self._unwritten = b"\n"  # what follows a torn line begins a line of its own
+            self._unwritten = b"\n"  # start a new line after an incomplete one
 
     def write(self, event: str, **values: Any) -> None:
         """Write a record, and wait until it is on disk.
@@ -232,9 +232,9 @@ class Journal:
         self.changes.apply(record)
 
     def confirm(self, event: str, **values: Any) -> None:
-        """Write a record of what has happened already; if the disk is full it is written later.
+        """Write a record of something that has happened; if the disk is full, write it later.
 
-        Without it a later run may look for more than there is to put back.
+        Without this record, a later run may try to restore more than necessary.
         """
         self.changes.apply(self._queued(event, values))
         with suppress(JournalError):
@@ -259,7 +259,7 @@ class Journal:
 
     @contextmanager
     def restoring(self) -> Iterator[None]:
-        """Within it, what is put back need not be written down: a full disk stops nothing."""
+        """In this context a failed write is ignored: a full disk must not prevent restoration."""
         before, self._restoring = self._restoring, True
         try:
             yield
@@ -267,7 +267,7 @@ class Journal:
             self._restoring = before
 
     def finish(self) -> None:
-        """End a run that has left nothing behind: the journal is removed.
+        """End a run whose changes are all restored, and remove the journal.
 
         Raises:
             JournalError: It cannot be removed.
@@ -281,7 +281,7 @@ class Journal:
                 raise self._unwritable(error) from None
 
     def close(self) -> None:
-        """Write nothing more; the file stays."""
+        """Close the file and keep it."""
         self._unwritten = b""
         if self._descriptor is not None:
             os.close(self._descriptor)
@@ -310,7 +310,7 @@ class Journal:
 
 
 def _load(path: Path) -> Changes | None:
-    """What an interrupted run has left; None if there is no journal.
+    """Read the changes of an interrupted run; None if there is no journal.
 
     Raises:
         JournalError: It cannot be read.
@@ -330,14 +330,14 @@ def _load(path: Path) -> Changes | None:
         try:
             record = json.loads(line)
         except ValueError:
-            continue  # the run was killed while it wrote this line: what it announces was not sent
+            continue  # the run was killed while it wrote this line: its change was not sent
         try:
             changes.apply(record)
         except (KeyError, TypeError):
             raise JournalError(
                 UserMessage(
                     "line {number} of the journal {path} is of another version of scaraspec: "
-                    "put back by hand what the file names, then delete it",
+                    "restore the values in the file by hand, then delete it",
                     number=number,
                     path=path,
                 )

@@ -1,7 +1,7 @@
 """Run: the suite against one subject, from the first byte to the results.
 
-pytest runs the shipped cases in this process; the findings of the judge that watched are joined to
-their outcomes, so that a requirement's verdict is the gravest of both.
+pytest runs the shipped cases in this process. The judge watches all traffic. Its findings are
+joined to the outcomes of the cases, and a requirement gets the most severe verdict of both.
 """
 
 import os
@@ -27,7 +27,7 @@ from scaraspec.report.evidence import exhibit
 from scaraspec.report.model import Case, ReadingSeen, RequirementResult, Results, Role, Tool
 from scaraspec.report.session import SessionStats
 from scaraspec.suite.engine import case as cases
-from scaraspec.suite.engine.case_runner import CaseRunner, Outcome, unless_disturbed
+from scaraspec.suite.engine.case_runner import Callbacks, CaseRunner, Outcome, unless_disturbed
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.journal import JournalError
@@ -43,112 +43,119 @@ CASES: Final = {
 """Where the shipped cases are."""
 
 METHODS: Final = {Role.CONTROLLER: Method.ACTIVE_CONTROLLER, Role.CLIENT: Method.ACTIVE_CLIENT}
-"""How a subject is tested."""
+"""The test method for each role."""
 
 
 def collect(options: Options, role: Role = Role.CONTROLLER) -> list[cases.Case]:
-    """The cases for subjects of this role that `options` ask for, without any subject.
+    """Return the cases for this role that `options` select; no subject is needed.
 
     Raises:
-        SuiteError: The suite itself is broken.
+        SuiteError: The suite itself is defective.
     """
     return [case for case, _ in _cases_in(CASES[role], role) if wanted(case, options)]
 
 
 class SuiteError(Exception):
-    """The suite cannot be run; the text says what is broken."""
+    """The suite itself is defective; the message states the defect."""
 
 
 P = TypeVar("P", bound=SystemUnderTest)
 
 
 class RoleAdapter(Protocol[P]):
-    """What a run is about."""
+    """The subject of a run, and how a subject of its role is tested."""
 
     @property
     def role(self) -> Role:
-        """What the subject is."""
+        """The role of the subject."""
 
     @property
     def ics(self) -> Ics:
-        """What it claims."""
+        """Its implementation conformance statement."""
 
     @property
     def options(self) -> Options:
-        """What the tester asks for."""
+        """The options of the user."""
 
     @property
     def link(self) -> str:
-        """How to call the way to it, in the results."""
+        """The link to the subject, as the results name it."""
 
     @property
     def capture(self) -> str:
-        """The file in which it is recorded, beside the results; empty for none."""
+        """The file name of the recording beside the results; empty if there is none."""
 
     @property
     def replay(self) -> str:
-        """The command line that runs the suite again, without ``--only``."""
+        """The reproduction command of the run, without ``--only``."""
 
     @property
     def needs_login(self) -> bool:
-        """Whether a login comes first; a serial link needs none (L83)."""
+        """Whether a login is needed first; a serial link needs none (L83)."""
 
     def subject(self, observer: Observer) -> P:
         """The subject."""
 
     def begin(self, subject: P) -> Mapping[str, Any]:
-        """Find out what has to be put back: what this gives is given to `put_back`.
+        """Read the state that must be restored after the run; `put_back` receives it.
 
         Raises:
-            CaseFailed: The subject is not there.
-            CaseInconclusive: It cannot be dealt with.
-            JournalError: What it is like cannot be written down.
+            CaseFailed: The subject cannot be reached.
+            CaseInconclusive: The subject cannot be tested.
+            JournalError: The state cannot be written to the journal.
         """
 
     def probe(self, subject: P) -> None:
-        """Find out how it is to be spoken to.
+        """Find out which readings the subject follows at the open points.
 
         Raises:
-            CaseFailed: It is gone.
-            CaseInconclusive: It cannot be dealt with.
+            CaseFailed: The subject cannot be reached any more.
+            CaseInconclusive: The subject cannot be tested.
         """
 
     def make_ready(self, subject: P) -> None:
-        """Make it ready to move."""
+        """Make the subject ready to move."""
 
     def watch(self, subject: P, for_s: float) -> None:
-        """Watch for so many seconds whether another client has caused the failure of a case."""
+        """Watch for `for_s` seconds whether another client has caused the failure of a case."""
 
     def put_back(self, subject: P, state: Mapping[str, Any]) -> list[str]:
-        """Leave all as it was found; what could not be is told."""
+        """Restore the state from `begin`; return a sentence for each difference that remains."""
 
     def finish(self, subject: P, state: Mapping[str, Any]) -> list[str]:
-        """End the run, after everything was put back; what is still to be done is told."""
+        """End the run after `put_back`; return a sentence for each thing the user must do."""
 
 
 class Run(Generic[P]):
-    """One run of the suite; whoever runs pytest himself calls `begin` before and `end` after it.
+    """One run of the suite.
+
+    `results` does everything. A caller that runs pytest itself calls `begin` before and `end`
+    after it.
 
     Args:
-        setting: What it is about.
-        earlier: What an interrupted run of the same found out, which is not tried again.
-        take: Is given every wire event: a recording.
-        tell: Is told each outcome as it comes, and of how many.
-        loud: Whether pytest reports by itself, too.
+        setting: The subject, and how it is tested.
+        earlier: The results of an interrupted run. Its completed cases do not run again.
+        take: Receives every wire event, for a recording.
+        report: Called with each outcome and the number of cases.
+        announce: Called with each case before it runs.
+        stall_s: Returns for how many seconds this machine stood still since the last call.
+        verbose: Whether pytest prints its own report, too.
 
     Attributes:
-        bracket: Runs the cases.
-        interruption: Ends it before its end.
+        case_runner: Runs the cases.
+        interruption: Ends the run early.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - the collaborators of a run
         self,
         setting: RoleAdapter[P],
         *,
         earlier: Results | None = None,
         take: Take = lambda _: None,
-        tell: Callable[[Outcome, int], None] = lambda _outcome, _count: None,
-        loud: bool = False,
+        report: Callable[[Outcome, int], None] = lambda _outcome, _count: None,
+        announce: Callable[[cases.Case], None] = lambda _case: None,
+        stall_s: Callable[[], float] = lambda: 0.0,
+        verbose: bool = False,
     ) -> None:
         self.setting = setting
         self._stats = SessionStats()
@@ -161,26 +168,36 @@ class Run(Generic[P]):
         )
         self.interruption = self._observer.interruption
         self._subject = setting.subject(self._observer)
-        self.bracket = CaseRunner(self._subject, setting.role, setting.options, tell, loud=loud)
-        self.bracket.before_last = self._put_back
-        self.bracket.before_motion = partial(setting.make_ready, self._subject)
-        self.bracket.watch = partial(setting.watch, self._subject)
         cases_before = earlier.cases if earlier else ()
         self._earlier = {
             c.id: c for c in cases_before if c.verdict is not Verdict.NONE and c.requirements
         }
-        self.bracket.over = frozenset(self._earlier)
+        self.case_runner = CaseRunner(
+            self._subject,
+            setting.role,
+            setting.options,
+            Callbacks(
+                report=report,
+                announce=announce,
+                before_last=self._put_back,
+                before_motion=partial(setting.make_ready, self._subject),
+                watch=partial(setting.watch, self._subject),
+                stall_s=stall_s,
+            ),
+            completed=frozenset(self._earlier),
+            verbose=verbose,
+        )
         self._state: Mapping[str, Any] = {}
         self._problems: list[str] = []
 
     def results(self) -> Results:
-        """Run the shipped cases, and tell what came of it.
+        """Run the shipped cases and return the results.
 
         Raises:
-            SuiteError: The suite itself is broken.
-            JournalError: The subject's state cannot be written down.
-            RecoveryError: What an interrupted run has left on it cannot be put back.
-            KeyboardInterrupt: The tester ended it twice.
+            SuiteError: The suite itself is defective.
+            JournalError: The state of the subject cannot be written to the journal.
+            RecoveryError: Changes of an interrupted run cannot be restored.
+            KeyboardInterrupt: The user interrupted the run twice.
         """
         interrupted = False
         try:
@@ -188,9 +205,7 @@ class Run(Generic[P]):
             self._try_cases()
         except KeyboardInterrupt:
             interrupted = True
-            self.bracket.outcomes.append(
-                _set_up("interrupted", "the tester ended the run before its end")
-            )
+            self.case_runner.outcomes.append(_set_up("interrupted", "the user interrupted the run"))
         finally:
             try:
                 self.end()
@@ -198,21 +213,21 @@ class Run(Generic[P]):
                 if interrupted:
                     raise
                 self._subject.close_lines()
-                self.end()  # nothing is left half put back, unless he insists
+                self.end()  # complete the restoration, unless the user interrupts it again
         return self.build_results()
 
     def _try_cases(self) -> None:
         role, options = self.setting.role, self.setting.options
         files = {file for case, file in _cases_in(CASES[role], role) if wanted(case, options)}
         if files:  # without any, pytest would look for tests elsewhere
-            _pytest(self.bracket, role, options, *sorted(files))
+            _pytest(self.case_runner, role, options, *sorted(files))
 
     def begin(self) -> None:
-        """Write down what the subject is like, and find out how it is to be spoken to.
+        """Write the state of the subject to the journal and probe its open points.
 
         Raises:
-            JournalError: Its state cannot be written down.
-            RecoveryError: What an interrupted run has left on it cannot be put back.
+            JournalError: The state cannot be written to the journal.
+            RecoveryError: Changes of an interrupted run cannot be restored.
         """
         try:
             self._state = self._begun()
@@ -221,27 +236,29 @@ class Run(Generic[P]):
             raise
         except (CaseFailed, CaseInconclusive) as error:
             self._subject.close_lines()
-            self.bracket.give_up(
-                UserMessage("the subject was not there to begin with: {error}", error=error)
+            self.case_runner.give_up(
+                UserMessage(
+                    "the subject could not be used at the start of the run: {error}", error=error
+                )
             )
 
     def _begun(self) -> Mapping[str, Any]:
-        """What the subject is like; a client that is there, and wrong about that, has failed."""
+        """The state of the subject; a client that reports a wrong state has failed."""
         try:
             return self.setting.begin(self._subject)
         except CaseFailed as error:
             if not error.requirement or self.setting.role is not Role.CLIENT:
                 raise
-            self.bracket.outcomes.append(_wrong_from_the_start(error))
+            self.case_runner.outcomes.append(_wrong_from_the_start(error))
             self._subject.close_lines()
             return self.setting.begin(self._subject)
 
     def end(self) -> None:
-        """Put everything back; what could not be is told, and stays written down."""
-        if not self._subject.off:  # else it was done before it was switched off
+        """Restore everything. A difference that remains is reported and stays in the journal."""
+        if not self._subject.off:  # otherwise it was restored before it was switched off
             self._put_back()
         self._problems += self.setting.finish(self._subject, self._state)
-        self.bracket.outcomes += [_set_up("restore", problem) for problem in self._problems]
+        self.case_runner.outcomes += [_set_up("restore", problem) for problem in self._problems]
         self._observer.close()
 
     def _put_back(self) -> None:
@@ -251,9 +268,9 @@ class Run(Generic[P]):
         self._observer.case = case
 
     def build_results(self) -> Results:
-        """What came of it."""
+        """Build the results from the outcomes and from the findings of the judge."""
         reason = self._subject.others.reason
-        ran = (unless_disturbed(o, reason(o.case.id)) for o in self.bracket.outcomes)
+        ran = (unless_disturbed(o, reason(o.case.id)) for o in self.case_runner.outcomes)
         outcomes = (*ran, *self._wrong_claims())
         tried = [self._earlier.get(o.case.id) or self._case(o) for o in outcomes]
         seen_before = [case for key, case in self._earlier.items() if model.SEEN in key]
@@ -299,7 +316,7 @@ class Run(Generic[P]):
     def _dialect(self) -> dict[str, ReadingSeen]:
         """What was found out at the open points: what was seen, and else what a case tolerated."""
         readings = self._readings()
-        told = {*chain.from_iterable(o.readings for o in self.bracket.outcomes)}
+        told = {*chain.from_iterable(o.readings for o in self.case_runner.outcomes)}
         told |= {s.finding.reading for s in self._observer.sightings if s.finding.reading}
         for key, reading in READINGS.items():
             seen = readings.get(key, ReadingSeen((), default=False, mixed=False))
@@ -327,7 +344,7 @@ class Run(Generic[P]):
 
     def _wrong_claims(self) -> Iterator[Outcome]:
         """A claim that is not what was seen, by the judge or by a case, is a failure of its own."""
-        told = {outcome.observed for outcome in self.bracket.outcomes}
+        told = {outcome.observed for outcome in self.case_runner.outcomes}
         for key, seen in self._readings().items():
             if seen.claimed is None:
                 continue
@@ -343,7 +360,7 @@ class Run(Generic[P]):
                 continue  # of 0x0D and 0x13 the one that it does not know is answered so, too
             if READINGS[key].unit is None:
                 message = UserMessage(
-                    "the statement of conformance claims {key} = {claimed}",
+                    "the ICS claims {key} = {claimed}, but the subject behaves differently",
                     key=key,
                     claimed=seen.claimed,
                 )
@@ -363,7 +380,7 @@ class Run(Generic[P]):
         return seen.claimed == "0x0D" and "both" in seen.options
 
     def _case(self, outcome: Outcome) -> Case:
-        """An outcome in the words of the results."""
+        """Convert an outcome to a case of the results."""
         case = outcome.case
         wire = tuple(exhibit(seen) for seen in outcome.frames)
         bad = outcome.verdict is Verdict.FAIL
@@ -385,14 +402,16 @@ class Run(Generic[P]):
         )
 
     def _seen(self, number: int, sightings: list[Sighting]) -> Case:
-        """What the judge saw, in the words of the results."""
+        """Convert equal findings of the judge to a case of the results."""
         reason = self._subject.others.reason
         sightings = [s for s in sightings if not reason(s.case)] or sightings
         first = sightings[0]
         finding, doubt = first.finding, reason(first.case)
         if doubt and finding.verdict is Verdict.FAIL:
             message = UserMessage(
-                "{doubt}. The judge had found: {message}", doubt=doubt, message=finding.message
+                "{doubt}. The judge had found: {message}",
+                doubt=doubt,
+                message=finding.message,
             )
             finding = replace(
                 finding, verdict=Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=message
@@ -425,13 +444,13 @@ _NUMBERED: Final = re.compile(r"\b[a-z]+\d+\b")  # as each of the suite's files 
 
 
 def _set_up(name: str, message: str) -> Outcome:
-    """What kept a run from being whole."""
+    """The outcome of a problem of the run itself, which makes the run incomplete."""
     case = cases.Case(f"run.{name}", (), frozenset({Hazard.READ_ONLY}))
     return Outcome(case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=message)
 
 
 def _wrong_from_the_start(error: CaseFailed) -> Outcome:
-    """A client that says of an idle robot that it is not, or nothing."""
+    """The outcome for a client that reports a wrong state, or none, for an idle robot."""
     case = cases.Case("run.begin", (), frozenset({Hazard.READ_ONLY}))
     wrong = (error.requirement, Cause.SUBJECT, f"{error}", error.expected, error.observed)
     return Outcome(case, Verdict.FAIL, *wrong)
@@ -458,35 +477,37 @@ def _grouped(
 
 @cache
 def _cases_in(folder: Path, role: Role) -> tuple[tuple[cases.Case, Path], ...]:
-    """Every case in a folder, and its file: a run reads no other files than those of its cases.
+    """All cases in a folder and their files. A run imports only the files of its cases.
 
     Raises:
-        SuiteError: The suite itself is broken.
+        SuiteError: The suite itself is defective.
     """
-    bracket = CaseRunner(None, role, Options())
-    _pytest(bracket, role, Options(), folder)
-    return tuple(zip(bracket.cases, (item.path for item in bracket.items), strict=True))
+    case_runner = CaseRunner(None, role, Options())
+    _pytest(case_runner, role, Options(), folder)
+    return tuple(zip(case_runner.cases, (item.path for item in case_runner.items), strict=True))
 
 
-def _pytest(bracket: CaseRunner, role: Role, options: Options, *where: Path) -> None:
-    """Let pytest collect and run shipped cases, silently.
+def _pytest(case_runner: CaseRunner, role: Role, options: Options, *where: Path) -> None:
+    """Collect and run shipped cases with pytest, without output.
 
     Raises:
-        SuiteError: It could not.
-        KeyboardInterrupt: The tester ended it.
+        SuiteError: pytest could not collect or run them.
+        KeyboardInterrupt: The user interrupted the run.
     """
     folder = CASES[role]
     _forget_cases(folder)
     quiet = [f"-pno:{name}" for name in _NOT_NEEDED]
     alone = ("-c", os.devnull, f"--rootdir={folder}", f"--confcutdir={folder}")
     drawn = (f"--hypothesis-seed={options.seed}",)
-    heard = ("--capture=no",) if options.attended else ()  # an operator reads and types
+    heard = (
+        ("--capture=no",) if options.attended else ()
+    )  # an operator reads prompts and types replies
     status = pytest.main(
         [*map(str, where), *alone, *quiet, *drawn, *heard, "--import-mode=importlib"],
-        plugins=[bracket],
+        plugins=[case_runner],
     )
-    if bracket.mistakes:
-        raise SuiteError(bracket.mistakes[0])
+    if case_runner.mistakes:
+        raise SuiteError(case_runner.mistakes[0])
     if status is pytest.ExitCode.INTERRUPTED:
         raise KeyboardInterrupt
     if status not in _FINISHED:
@@ -494,7 +515,7 @@ def _pytest(bracket: CaseRunner, role: Role, options: Options, *where: Path) -> 
 
 
 def _forget_cases(folder: Path) -> None:
-    """Let the cases be imported anew: how they draw is settled when they are."""
+    """Remove the cases from `sys.modules`: their hypothesis settings are fixed at import."""
     cases_here = str(folder / "test_")
     for name, module in list(sys.modules.items()):
         if str(getattr(module, "__file__", None)).startswith(cases_here):

@@ -1,4 +1,4 @@
-"""Party: what the bracket asks of whoever is under test, controller or client."""
+"""System under test: the interface of a controller or client for the case runner."""
 
 from dataclasses import dataclass
 from typing import Protocol

@@ -290,7 +290,9 @@ def bench(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[Be
         try:
             yield made
         finally:
-            with suppress(CaseFailed, CaseInconclusive):  # what cannot be stopped the bracket finds
+            with suppress(
+                CaseFailed, CaseInconclusive
+            ):  # the case runner reports a program that cannot be stopped
                 made.stop()
 
 

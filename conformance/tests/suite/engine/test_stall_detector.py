@@ -63,15 +63,14 @@ def test_a_case_is_tried_anew(  # noqa: PLR0913, PLR0917 - a table
     monkeypatch.setitem(suite.CASES, Role.CONTROLLER, tmp_path)
     access = MemoryAccess(Robot(ControllerCore, DEFAULT).network)
     setting = ControllerAdapter(access, Ics(), PASSWORD, Options(allowed=ALL))
-    run = suite.Run(setting)
-    before_and_behind = chain.from_iterable(zip(repeat(0.0), still_s))
-    run.bracket.stood_still_s = before_and_behind.__next__
+    before_and_after = chain.from_iterable(zip(repeat(0.0), still_s))
+    run = suite.Run(setting, stall_s=before_and_after.__next__)
     (found,) = (case for case in run.results().cases if case.id == "4.8/2")
     assert found.verdict is verdict
-    assert run.bracket.subject.known["tried"] == tried
+    assert run.case_runner.subject.known["tried"] == tried
     said = "this machine stood still for 2.0 s: it is wrong"
     assert (found.message == said) is (verdict is Verdict.INCONCLUSIVE)
-    assert next(before_and_behind, None) is None
+    assert next(before_and_after, None) is None
 
 
 def test_what_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -78,12 +78,12 @@ class ControllerAdapter:
         )
 
     def begin(self, subject: ControllerUnderTest) -> Mapping[str, Any]:
-        """Put back what an interrupted run has left, and write down what the controller is like.
+        """Restore the changes of an interrupted run, then write the settings to the journal.
 
         Raises:
-            CaseFailed: It is not there.
-            RecoveryError: What an interrupted run has left cannot be put back.
-            JournalError: What it is like cannot be written down.
+            CaseFailed: The controller cannot be reached.
+            RecoveryError: Changes of an interrupted run cannot be restored.
+            JournalError: The settings cannot be written to the journal.
         """
         recover(subject)
         line = subject.open()
@@ -98,17 +98,17 @@ class ControllerAdapter:
         return state
 
     def probe(self, subject: ControllerUnderTest) -> None:
-        """Find out how it is to be spoken to; this may change what was written down.
+        """Find out which readings the controller follows at the open points.
 
         Raises:
-            CaseFailed: It is gone.
+            CaseFailed: The controller cannot be reached any more.
         """
         probe_all(subject)
 
     def make_ready(self, subject: ControllerUnderTest) -> None:
-        """Prove the emergency stop, and make a robot ready that will not move.
+        """Prove the emergency stop, then make the robot ready to move.
 
-        What it does wrong besides the cases find.
+        Other defects that appear here are left to the cases.
         """
         prove_stop(subject)
         if subject.stop_failure:
@@ -122,16 +122,16 @@ class ControllerAdapter:
         watch(subject, for_s)
 
     def put_back(self, subject: ControllerUnderTest, state: Mapping[str, Any]) -> list[str]:
-        """Put everything back, and compare with the start; a sentence for what differs."""
-        if not state:  # the run never began
+        """Restore everything and compare with the start; return a sentence for each difference."""
+        if not state:  # the run has not begun
             return []
         left = restore(subject)
         return [*left.ours, *left.others, *come_back(subject)]
 
     def finish(self, subject: ControllerUnderTest, state: Mapping[str, Any]) -> list[str]:
-        """End the run: the journal goes, unless something may be left on the controller.
+        """End the run and remove the journal, unless changes may remain on the controller.
 
-        Of a controller that was shut down nothing moves, and no output is on.
+        After a shutdown of the controller nothing moves and no output is on.
         """
         if not state:
             return []
@@ -143,12 +143,16 @@ class ControllerAdapter:
             self.journal.close()
             subject.notify(
                 UserMessage(
-                    "Something may be left on the controller: the next run puts it back "
-                    "first. The journal {value} says what it is",
-                    value=self.journal.path or "in memory",
+                    "Changes of this run may remain on the controller. The next run restores them "
+                    "first. The journal {journal} lists them",
+                    journal=self.journal.path or "in memory",
                 )
             )
-            shut_down = ["it was shut down before all was put back"] if subject.off else []
+            shut_down = (
+                ["the controller was shut down before everything was restored"]
+                if subject.off
+                else []
+            )
             return [*problems, *shut_down]
         try:
             self.journal.finish()

@@ -1,7 +1,9 @@
-"""Emergency stop: proved before the first motion of a run, and watched on every connection.
+"""Emergency stop monitor: checks on every connection of a run that the emergency stop works.
 
-Once the stop was refused, came late or had no effect, nothing more is sent that can start a
-motion. What the robot still executes is left to the operator: this is no safety function.
+`two_stage.stop_proof` tries the stop before the first motion of a run. After a stop that was
+refused, answered late or without effect, the suite sends no request that can start a motion. The
+suite cannot stop what the robot still executes: the operator must do that. This is not a safety
+function.
 """
 
 from collections import defaultdict, deque
@@ -19,11 +21,11 @@ from scaraspec.traffic.events import FrameSeen
 from scaraspec.user_message import UserMessage
 
 LATE_S: Final = 2.0
-"""A first reply to a stop that comes later is as good as none."""
+"""A first reply to an emergency stop must come within this time."""
 EFFECT_S: Final = 0.5
-"""How long the arm may take to come to rest after the first reply to a stop."""
+"""The time that the arm may take to come to rest after the first reply to a stop."""
 MOMENT_S: Final = 0.1
-"""For how long a status or a result may be of the moment before."""
+"""A status or a result within this time may describe the state before it."""
 
 _STOP, _RESET = BY_NAME["emergency_stop"].opcode, BY_NAME["reset"].opcode
 _STATUS = BY_NAME["get_status"].opcode
@@ -42,12 +44,12 @@ _NS: Final = 1e9
 
 
 class StopFailed(CaseInconclusive):
-    """A request was not sent, because the emergency stop might not end what it starts."""
+    """A request was not sent, because the emergency stop may not end the motion it starts."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Stop:
-    """A stop that was sent, and the opcodes of what executed then."""
+    """A stop that was sent, and the opcodes of the commands that executed at that time."""
 
     sent_ns: int
     during: tuple[int, ...]
@@ -58,20 +60,20 @@ class _Stop:
         return " and ".join(BY_OPCODE[opcode].name for opcode in self.during)
 
     def age_s(self, now_ns: int) -> float:
-        """How long ago it was refused."""
+        """The time in seconds since it was refused."""
         return (now_ns - self.refused_ns) / _NS
 
     def is_old(self, now_ns: int) -> bool:
-        """Whether it was refused so long ago that what executes now did so then."""
+        """Whether it was refused so long ago that a command that executes now executed then."""
         return self.age_s(now_ns) > MOMENT_S
 
 
 class StopMonitor:
-    """Watches on all connections whether the emergency stop works.
+    """Checks on all connections whether the emergency stop works.
 
     Attributes:
-        failure: What is wrong with it; None as long as nothing is.
-        withheld: Why the last request that was withheld was not sent; set to "" by the runner.
+        failure: The first failure of the emergency stop; None while it works.
+        withheld: Why the last withheld request was not sent; the case runner resets it to "".
     """
 
     def __init__(self) -> None:
@@ -88,18 +90,21 @@ class StopMonitor:
     # ------------------------------------------------------------------ requests
 
     def before(self, frame: Frame) -> None:
-        """A request is about to be sent.
+        """Check a request before it is sent.
 
         Raises:
-            StopFailed: It could start a motion that the stop might not end.
+            StopFailed: The request can start a motion, and the emergency stop does not work.
         """
         if self.withholds(frame.opcode):
-            assert self.failure is not None, "nothing is withheld as long as the stop works"
+            assert self.failure is not None, "no request is withheld while the stop works"
             self.withheld = f"the emergency stop does not work: {self.failure.message}"
             raise StopFailed(self.withheld)
 
     def withholds(self, opcode: int) -> bool:
-        """Whether a request of this opcode is not sent: a reset only leaves an error state."""
+        """Whether a request of this opcode must not be sent.
+
+        A reset is sent only to leave an error state.
+        """
         if self.failure is None:
             return False
         if opcode == _RESET:
@@ -107,19 +112,19 @@ class StopMonitor:
         return opcode in _STARTERS or opcode not in BY_OPCODE
 
     def sent(self, connection: str, seen: FrameSeen) -> None:
-        """A request was sent."""
+        """Record a request that was sent."""
         opcode, now_ns = seen.frame.opcode, seen.place.time_ns
         if opcode == _STOP:
             self._stops[connection].append(_Stop(now_ns, tuple(self._executing)))
         elif opcode in (_STATUS, _JOINTS, _POSE):
             self._asked[connection, opcode].append(now_ns)
         elif opcode == _GRIPPER:
-            self._places.pop(_POSE, None)  # the pose of the same joints may be another one
+            self._places.pop(_POSE, None)  # the same joints may now give another pose
         elif opcode not in BY_OPCODE:
-            self.forget()  # it may start anything
+            self.forget()  # an undefined opcode may start any motion
 
     def forget(self) -> None:
-        """The robot may move for another reason than a request: nothing is known of it."""
+        """Discard the known state: the robot may move for another reason than a known request."""
         self._executing.clear()
         self._refused = None
         self._rests_from_ns = self._still_from_ns = 0
@@ -127,7 +132,7 @@ class StopMonitor:
     # ------------------------------------------------------------------ replies
 
     def received(self, connection: str, seen: FrameSeen) -> None:
-        """A reply or a final result came."""
+        """Record a reply or a final result."""
         opcode, now_ns = seen.frame.opcode, seen.place.time_ns
         if opcode == _STOP and seen.frame.tagged:
             self._still_from_ns = min(self._still_from_ns, now_ns)
@@ -154,7 +159,7 @@ class StopMonitor:
         late_s = (now_ns - stop.sent_ns) / _NS
         if stop.during and late_s > LATE_S:
             message = UserMessage(
-                "it was answered {late_s:.1f} s after it was sent, while {names} executed",
+                "the controller answered it only after {late_s:.1f} s, while {names} executed",
                 late_s=late_s,
                 names=stop.names,
             )
@@ -175,7 +180,9 @@ class StopMonitor:
         if self._executing.pop(opcode, None) is None or self._refused is None:
             return
         if opcode in self._refused.during and self._refused.is_old(now_ns):
-            self._fail_refused(f"0, and its result came {self._refused.age_s(now_ns):.1f} s later")
+            self._fail_refused(
+                f"0; the final result of the command came {self._refused.age_s(now_ns):.1f} s later"
+            )
 
     def _status_came(self, status: str, asked_ns: int) -> None:
         self._status = status
@@ -185,21 +192,28 @@ class StopMonitor:
             self._refused = None
         elif self._refused is not None:
             if self._refused.is_old(asked_ns):
-                self._fail_refused(f"0, and the status is {status}")
+                self._fail_refused(f"0; the status is still {status}")
         elif self._rests_from_ns and asked_ns > self._rests_from_ns:
-            self.fail("4.17/4", "the robot goes on executing after it", _IDLE, status)
+            self.fail(
+                "4.17/4", "the robot continues to execute after it was accepted", _IDLE, status
+            )
 
     def _place_came(self, opcode: int, place: Sequence[float]) -> None:
         first = self._places.setdefault(opcode, place)
         if farthest(first, place) > STANDSTILL:
-            message = "the arm goes on moving after it"
+            message = "the arm continues to move after it was accepted"
             self.fail("4.17/7", message, f"{tuple(first)}", f"{tuple(place)}")
 
     def _fail_refused(self, observed: str) -> None:
         assert self._refused is not None, "a stop was refused"
-        self.fail("4.17/6", f"it is refused while {self._refused.names} executes", "1", observed)
+        self.fail(
+            "4.17/6",
+            f"the controller refused it while {self._refused.names} executed",
+            "1",
+            observed,
+        )
 
     def fail(self, requirement: str, message: str, expected: str, observed: str) -> None:
-        """The stop does not work; the first failure stays."""
+        """Record that the emergency stop does not work; only the first failure is kept."""
         if self.failure is None:
             self.failure = StopFailure(requirement, message, expected, observed)

@@ -1,7 +1,8 @@
-"""Guard: every frame that the suite sends to a controller passes here before it is sent.
+"""Guard: checks every frame that the suite sends to a controller, before it is sent.
 
-What the frame may change is written into the journal first. A frame that would touch a file of the
-user, or start a motion that the emergency stop might not end, is not sent.
+The guard writes what the frame may change to the journal first. It rejects a frame that names a
+file of the user. It also rejects a frame that can start a motion if the emergency stop does not
+work.
 """
 
 from collections import defaultdict, deque
@@ -27,7 +28,7 @@ SETTINGS: Final = {
     "set_digital_output": "outputs",
     "set_network": "network",
 }
-"""What each command sets, by the names of `state.restore.ITEMS`."""
+"""The setting that each command changes; the names are those of `state.restore.ITEMS`."""
 
 EVERYTHING: Final = "*"
 """In the journal: any setting may have changed."""
@@ -40,17 +41,17 @@ _NS: Final = 1e9
 
 
 class Guard:
-    """Checks and notes what passes on all connections of a run.
+    """Checks and records the frames on all connections of a run.
 
     Args:
-        journal: What the run may have changed.
-        files: Which files are the suite's own.
-        password: The user's password, which is never written down.
-        reply_s: How long a reply is waited for.
-        others: Follows what is set and read.
+        journal: Records what the run may have changed.
+        files: The files that the suite has created.
+        password: The user's password; it is never written to the journal.
+        reply_s: The reply timeout in seconds.
+        others: Follows the settings to detect other clients.
 
     Attributes:
-        stop: Watches whether the emergency stop works.
+        stop: Checks whether the emergency stop works.
     """
 
     def __init__(
@@ -69,12 +70,12 @@ class Guard:
     # ------------------------------------------------------------------ requests
 
     def before(self, frame: Frame) -> None:
-        """A frame is about to be sent.
+        """Check a frame before it is sent.
 
         Raises:
-            CaseSkipped: It names a file of the user.
-            StopFailed: The emergency stop might not end what it starts.
-            JournalError: What it changes cannot be written down.
+            CaseSkipped: The frame names a file of the user.
+            StopFailed: The frame can start a motion, and the emergency stop does not work.
+            JournalError: The change cannot be written to the journal.
         """
         command = BY_OPCODE.get(frame.opcode)
         if frame.direction is not A2C:
@@ -96,10 +97,10 @@ class Guard:
             self._before_motion()
 
     def may_change(self, setting: str) -> None:
-        """A setting may be about to change.
+        """Record that a setting may change next.
 
         Raises:
-            JournalError: That cannot be written down.
+            JournalError: This cannot be written to the journal.
         """
         if setting not in self._journal.changes.changed:
             self._journal.write("changing", setting=setting)
@@ -114,7 +115,7 @@ class Guard:
         self._journal.write("password", value=self._named(new))
 
     def _named(self, password: bytes) -> str | None:
-        """A password as the journal names it: None where it is, or contains, the user's."""
+        """The password for the journal: None if it is, or contains, the user's password."""
         contains = bool(self._password) and self._password in password
         if password == self._password or (contains and password not in _SUITES):
             return None
@@ -123,7 +124,7 @@ class Guard:
     # ------------------------------------------------------------------ replies
 
     def sent(self, connection: str, seen: FrameSeen) -> None:
-        """A frame was sent, to which a reply is due."""
+        """Record a frame that was sent."""
         self.stop.sent(connection, seen)
         self._others.sent(seen)
         command = BY_OPCODE.get(seen.frame.opcode)
@@ -135,7 +136,7 @@ class Guard:
         pending.append(seen)
 
     def received(self, connection: str, seen: FrameSeen) -> None:
-        """A frame of the controller came."""
+        """Record a frame that the controller sent."""
         self.stop.received(connection, seen)
         command = BY_OPCODE.get(seen.frame.opcode)
         if command is None or seen.frame.tagged:
@@ -158,6 +159,6 @@ class Guard:
 
 
 def _accepts(seen: FrameSeen) -> bool:
-    """Whether a first reply says yes."""
+    """Whether a first reply accepts the request."""
     value = seen.value
     return value.accepted if isinstance(value, Acceptance) else value is True

@@ -75,11 +75,11 @@ class OtherClients(Interference):
     # ------------------------------------------------------------------ what passes
 
     def begin(self) -> None:
-        """A case begins, or is repeated."""
+        """Begin a case, or a repetition of it."""
         self.deviating = {}
 
     def sent(self, seen: FrameSeen) -> None:
-        """A request was sent."""
+        """Record a request that was sent."""
         if name := DEPENDS_ON.get(seen.name):
             self._case.touched.add(name)
         if seen.parsed is None:  # an undefined opcode may change any setting
@@ -89,7 +89,7 @@ class OtherClients(Interference):
             self._uploads.append(seen.frame.data)
 
     def answered(self, request: FrameSeen, *, accepted: bool) -> None:
-        """A request that sets something, or names a file, was answered."""
+        """Record the reply to a request that sets something or names a file."""
         if request.name in _NAMES_A_FILE and not accepted:
             self._case.touched.add(PROGRAMS)
         if name := SET_BY.get(request.name):
@@ -98,7 +98,7 @@ class OtherClients(Interference):
             self.settings[name].asked(value, request.frame.data, at_s, accepted=accepted)
 
     def received(self, connection: str, seen: FrameSeen) -> None:
-        """A reply came."""
+        """Record a reply and compare it with the expected value."""
         name = READ_BY.get(seen.name)
         value = self._reported(connection, seen) if name else None
         if name is None or value is None:
@@ -110,7 +110,7 @@ class OtherClients(Interference):
         self.deviating[name] = suspicious or self.deviating.get(name, False)
         self._case.suspicious |= suspicious
         sentence = UserMessage(
-            "the {name} was {value} in place of {expected}",
+            "the {name} was {value} instead of {expected}",
             name=name,
             value=shown(value),
             expected=shown(expected),
@@ -164,13 +164,13 @@ class OtherClients(Interference):
         return any(self.deviating.values())
 
     def prove(self, name: str, was: Any, now: Any) -> None:
-        """A setting has changed while the suite sent only queries."""
+        """Record that a setting has changed while the suite sent only queries."""
         change = f"from {shown(was)} to {shown(now)}"
         self._proofs[name] = f"the {name} changed {change} while the suite sent only queries"
         self._notify(self._proofs[name])
 
     def passed_again(self) -> None:
-        """The running case has failed and was suspicious, and has passed when it was repeated."""
+        """Record that the running case failed with a suspicious value and passed when repeated."""
         sentence = "; ".join(self._case.deviations.values())
         self._case.reason = f"{REASON}, it seems: {sentence}; the case passed when it was repeated"
         self._notify(sentence)

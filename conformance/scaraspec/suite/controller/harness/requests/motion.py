@@ -98,12 +98,12 @@ def neighbours(subject: ControllerUnderTest, pose: Pose, axis: str) -> list[Pose
 
 
 def part_way(pose: Pose, there: Pose, part: float) -> Pose:
-    """A pose on the way from one to another."""
+    """A pose between two poses."""
     return Pose(*(round(p + way * part, 3) for p, way in zip(pose, ways(there, pose), strict=True)))
 
 
 def in_box(subject: ControllerUnderTest, pose: Pose) -> bool:
-    """Whether the statement of conformance lets the tool be there."""
+    """Whether the pose is in the box that the ICS permits."""
     box_mm = subject.ics.motion.box_mm
     return all(low <= v <= high for v, (low, high) in zip(pose[:3], box_mm, strict=False))
 
@@ -114,7 +114,7 @@ def ask_move(
     pose: Pose,
     speed_percent: int | None = None,
 ) -> ReceivedFrame:
-    """Ask for a move, by default at the speed that the statement of conformance allows."""
+    """Request a move, by default at the speed that the ICS permits."""
     subject.moved = True
     speed = subject.ics.motion.speed_percent if speed_percent is None else speed_percent
     return line.ask(_MOVE, target(pose, speed))
@@ -164,10 +164,10 @@ def is_out_of_reach(answer: ReceivedFrame) -> bool:
 
 @contextmanager
 def arm_returned(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[Pose]:
-    """Give the pose of the tool, and bring it back there afterwards, whatever has happened.
+    """Yield the pose of the tool; stop the robot and move the tool back to it afterwards.
 
     Raises:
-        CaseInconclusive: It could not be brought back.
+        CaseInconclusive: The tool could not be moved back.
     """
     release_latch(subject, line)
     pose = pose_of(line)
@@ -182,7 +182,9 @@ def arm_returned(subject: ControllerUnderTest, line: OutgoingConnection) -> Iter
     except CaseFailed as error:
         raise CaseInconclusive(
             UserMessage(
-                "the arm could not be brought back to {pose}: {error}", pose=pose[:4], error=error
+                "the arm did not return to its start pose {pose}: {error}",
+                pose=pose[:4],
+                error=error,
             )
         ) from None
 
@@ -198,7 +200,11 @@ def _go_back(subject: ControllerUnderTest, line: OutgoingConnection, pose: Pose)
         return
     answer = ask_move(subject, line, pose)
     if not answer.accepted:
-        raise CaseFailed("the way back is refused", expected="1", observed=f"{answer}")
+        raise CaseFailed(
+            "the controller refused the move back to the start pose",
+            expected="1",
+            observed=f"{answer}",
+        )
     wait_for_end(subject, line, _MOVE)
 
 
@@ -206,21 +212,22 @@ def _go_back(subject: ControllerUnderTest, line: OutgoingConnection, pose: Pose)
 
 
 def responsiveness_known(subject: ControllerUnderTest) -> bool:
-    """Whether that has been found out."""
+    """Whether it is known if the robot answers queries while it executes."""
     return DEAF in subject.known
 
 
 def is_responsive(
     subject: ControllerUnderTest, line: OutgoingConnection, *, jogs: bool = False
 ) -> bool:
-    """Whether a robot that executes answers queries (A-4-3); asked while it executes.
+    """Whether the robot answers queries while it executes (A-4-3). Call this while it executes.
 
-    A connection that ends answers nothing, and nothing is found out by it.
+    Nothing is learned if the connection ends.
 
     Args:
-        subject: The subject.
+        subject: The controller under test.
         line: A connection to it.
-        jogs: Whether it jogs: it may be deaf then alone, and goes on while an answer is awaited.
+        jogs: Whether a jog executes. A robot may be unresponsive only while it jogs, and the jog
+            continues during the wait for a reply.
     """
     if jogs and not subject.known.get(DEAF):
         if _DEAF_JOGGING not in subject.known:
@@ -256,23 +263,26 @@ def _timed_status(
 
 
 def require_known_responsive(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Go on only where a robot that executes answers queries; asked while it executes.
+    """Continue only if the robot answers queries while it executes. Call this while it executes.
 
     Raises:
-        CaseSkipped: It does not.
+        CaseSkipped: The robot does not answer.
     """
     if not is_responsive(subject, line):
-        raise CaseSkipped("the robot answers nothing while it executes (A-4-3)")
+        raise CaseSkipped("the robot does not answer queries while it executes (A-4-3)")
 
 
 # ---------------------------------------------------------------------- coming to rest
 
 
 def stop(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFrame:
-    """Stop what executes, to the end, and release its latch; the first reply to the stop.
+    """Send an emergency stop, wait for its result and release the latch.
+
+    Returns:
+        The first reply to the stop.
 
     Raises:
-        NoReply: The stop, or its result, is not answered.
+        NoReply: The stop is not answered.
     """
     answer = halt(subject, line)
     if answer.accepted:
@@ -304,7 +314,7 @@ def _await_own_result(line: OutgoingConnection) -> None:
 
 
 def stop_motion(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """End whatever executes.
+    """Stop every command that executes.
 
     Raises:
         NoReply: The subject does not answer any more.

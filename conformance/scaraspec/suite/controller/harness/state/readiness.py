@@ -67,10 +67,10 @@ def come_back(subject: ControllerUnderTest) -> list[str]:
         line = subject.open()
         if any(_goes_back(subject, line, pose) for pose in stood):
             return []
-        why = "it refuses to go there"
+        why = "the controller refuses the move"
     except (CaseFailed, CaseInconclusive) as error:
         why = str(error)
-    return [f"the arm could not be brought back to {stood[0][:4]}: {why}"]
+    return [f"the arm did not return to its start pose {stood[0][:4]}: {why}"]
 
 
 def _command(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:

@@ -1,4 +1,4 @@
-"""Recovery: what an interrupted run has left on the controller is put back before anything else."""
+"""Recovery: restores what an interrupted run has changed on the controller, before a new run."""
 
 from contextlib import suppress
 
@@ -25,16 +25,17 @@ from scaraspec.user_message import UserMessage
 
 
 class RecoveryError(Exception):
-    """What an interrupted run has left cannot be put back; one sentence for the user."""
+    """Changes of an interrupted run cannot be restored; the message is one sentence."""
 
 
 def recover(subject: ControllerUnderTest) -> None:
-    """Put back what the journal says that an interrupted run has left.
+    """Restore what an interrupted run has changed according to the journal.
 
-    If motion may be under way the robot is stopped first.
+    If the robot may still be moving, an emergency stop is sent first.
 
     Raises:
-        RecoveryError: The allowed hazards do not permit it, or it failed. The journal is kept.
+        RecoveryError: The allowed hazards do not permit the recovery, or it failed. The journal is
+            kept.
         CaseFailed: The controller cannot be reached or does not answer.
         JournalError: The journal cannot be written.
     """
@@ -45,28 +46,28 @@ def recover(subject: ControllerUnderTest) -> None:
         _require(subject, {"the robot may still be moving": Hazard.MOTION})
     subject.journal.resume()
     try:
-        told = _recovered(subject, earlier)
+        done = _recovered(subject, earlier)
     except (PasswordLost, CaseInconclusive) as error:
         raise _failed(subject, f"{error}") from None
     subject.notify(
         UserMessage(
-            "{subject}: {value}",
-            subject=_interrupted(subject),
-            value="; ".join(told) or "nothing was left",
+            "{interruption}: {done}",
+            interruption=_interrupted(subject),
+            done="; ".join(done) or "nothing had to be restored",
         )
     )
 
 
 def _recovered(subject: ControllerUnderTest, earlier: Changes) -> list[str]:
-    """Do it; what was done, in a few words each."""
-    told = []
+    """Restore the changes; return what was done, in a few words each."""
+    done = []
     users = working = subject.password
     may_differ = bool(earlier.passwords) and subject.access.needs_login
     if may_differ:
         subject.password = working = working_password(subject)
     try:
         if earlier.motion:
-            told.append(_stopped(subject))
+            done.append(_stopped(subject))
         left = _left(subject, earlier, users)
         _require(subject, left)
         _put_default_back(subject, earlier)
@@ -82,13 +83,14 @@ def _recovered(subject: ControllerUnderTest, earlier: Changes) -> list[str]:
     differences = restore(subject)
     if differences.ours:
         raise _failed(subject, "; ".join(differences.ours))
-    return [*told, *(f"{what}, put back" for what in left), *differences.others]
+    return [*done, *(f"{what}, restored" for what in left), *differences.others]
 
 
 def _put_default_back(subject: ControllerUnderTest, earlier: Changes) -> None:
-    """Name the default program first: the suite's file in its place may resist deletion (A-4.11-1).
+    """Restore the default program first.
 
-    If that fails, `restore` tries again and reports it.
+    The controller may refuse to delete a file of the suite while it is the default program
+    (A-4.11-1). If this fails, `restore` tries again and reports it.
     """
     default = earlier.settings.get(DEFAULT_PROGRAM)
     if default and DEFAULT_PROGRAM in earlier.changed and Hazard.STATE in subject.allowed:
@@ -100,46 +102,48 @@ def _stopped(subject: ControllerUnderTest) -> str:
     line = subject.open()
     answer = line.ask("emergency_stop")
     if not answer.accepted:
-        return "nothing moved"
+        return "nothing moved (the controller refused the emergency stop)"
     try:
         line.result("emergency_stop", within_s=subject.reply_s)
     except NoReply:
-        return "the emergency stop was accepted, and no final result came"
+        return "the emergency stop was accepted, but its final result did not come"
     return "the robot was stopped"
 
 
 def _left(subject: ControllerUnderTest, earlier: Changes, users: bytes) -> dict[str, Hazard]:
-    """What has to be put back, in a few words each, and the hazard that it needs."""
+    """What must be restored, in a few words each, and the hazard that this needs."""
     left = {}
     if subject.password != users:
         ours = subject.password.decode("latin-1") in earlier.passwords
-        named = show(subject.password) if ours else "an altered one"  # perhaps of the user's
+        named = (
+            show(subject.password) if ours else "an altered one"
+        )  # it may contain the user's password
         left[f"the password was {named}"] = Hazard.DESTRUCTIVE
     if earlier.files:
-        left[f"{', '.join(earlier.files)} was stored"] = Hazard.STATE
+        left[f"{', '.join(earlier.files)} was still stored"] = Hazard.STATE
     now = snapshot(subject, subject.open())
     for item in ITEMS:
         before = earlier.settings.get(item.name)
         changed = item.name in earlier.changed or EVERYTHING in earlier.changed
         if changed and before is not None and item.differs(subject, now.get(item.name), before):
             values = shown(item, now.get(item.name)), shown(item, before)
-            left["the {} was {} in place of {}".format(item.name, *values)] = item.hazard
+            left["the {} was {} instead of {}".format(item.name, *values)] = item.hazard
     return left
 
 
 def _require(subject: ControllerUnderTest, left: dict[str, Hazard]) -> None:
-    """Go on only if everything that is left may be put back.
+    """Continue only if the allowed hazards permit the whole recovery.
 
     Raises:
-        RecoveryError: It may not.
+        RecoveryError: A hazard is not allowed.
     """
     missing = {hazard.value for hazard in left.values() if hazard not in subject.allowed}
     if missing:
         allow = ",".join(sorted(missing | {h.value for h in subject.allowed} - {"read-only"}))
         raise RecoveryError(
             UserMessage(
-                "{subject}, and {left}: allow the recovery with --allow {allow}",
-                subject=_interrupted(subject),
+                "{interruption}, and {left}: allow the recovery with --allow {allow}",
+                interruption=_interrupted(subject),
                 left="; ".join(left),
                 allow=allow,
             )
@@ -149,9 +153,9 @@ def _require(subject: ControllerUnderTest, left: dict[str, Hazard]) -> None:
 def _failed(subject: ControllerUnderTest, why: str) -> RecoveryError:
     return RecoveryError(
         UserMessage(
-            "{subject}, and the controller could not be put back: {why}. Put it back by hand "
-            "as the journal says, then delete the journal {path}",
-            subject=_interrupted(subject),
+            "{interruption}, and the controller could not be restored: {why}. Restore the values "
+            "in the journal {path} by hand, then delete this file",
+            interruption=_interrupted(subject),
             why=why,
             path=subject.journal.path,
         )
@@ -160,5 +164,5 @@ def _failed(subject: ControllerUnderTest, why: str) -> RecoveryError:
 
 def _interrupted(subject: ControllerUnderTest) -> str:
     earlier = subject.journal.earlier
-    assert earlier is not None, "there is something to recover"
+    assert earlier is not None, "a recovery needs an interrupted run"
     return f"the run of {earlier.started} was interrupted"

@@ -139,16 +139,16 @@ def _put_back(
             )
         expect(
             item.hazard in subject.allowed,
-            UserMessage("it needs --allow {hazard_value}", hazard_value=item.hazard.value),
+            UserMessage("restoring it needs --allow {hazard}", hazard=item.hazard.value),
         )
         item.write(subject, line, wanted)
         now = _read(item, subject, line)
         expect(
             not item.differs(subject, now, wanted),
-            UserMessage("it is {shown}", shown=shown(item, now)),
+            UserMessage("it still is {value}", value=shown(item, now)),
         )
     except (CaseFailed, CaseInconclusive) as error:
-        return f"the {item.name} could not be put back to {shown(item, wanted)}: {error}"
+        return f"the {item.name} could not be restored to {shown(item, wanted)}: {error}"
     return ""
 
 

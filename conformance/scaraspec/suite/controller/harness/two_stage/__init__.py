@@ -1,1 +1,1 @@
-"""Two stages: commands that go on behind their first reply, and what holds meanwhile."""
+"""Two-stage commands: how cases begin, observe, stop and finish commands with a final result."""

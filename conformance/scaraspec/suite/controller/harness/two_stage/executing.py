@@ -1,6 +1,6 @@
-"""Executing: what the subject says of itself while a two-stage command executes.
+"""Executing: what the subject reports about itself while a two-stage command executes.
 
-A command may end just before it is asked about: then it is not held against the subject.
+A command may end just before a query. Such a reply is not counted as a failure.
 """
 
 from collections.abc import Iterator
@@ -47,10 +47,10 @@ def store_wait_program(
 def begin_or_skip(
     subject: ControllerUnderTest, line: OutgoingConnection, command: str, value: Any = None
 ) -> None:
-    """Begin a two-stage command.
+    """Begin a two-stage command; a refusal skips the case (see `tasks.begin`).
 
     Raises:
-        CaseSkipped: The subject refuses it.
+        CaseSkipped: The subject refuses the command.
     """
     subject.moved = True
     answer = line.ask(command, value)
@@ -64,16 +64,16 @@ def begin_or_skip(
 def skip_if_other_program_runs(
     subject: ControllerUnderTest, line: OutgoingConnection | None = None
 ) -> Iterator[None]:
-    """Hold nothing against a robot that turns out to run a program of somebody else.
+    """Skip the case instead of failing it if the robot runs a program of another client.
 
-    It has to say so twice, in its status and in what it tells of the program.
+    Both the status and the running program must show this.
 
     Args:
         subject: The subject.
-        line: A connection to it; without one, all are ended for another.
+        line: A connection to it; None closes all connections and opens a new one.
 
     Raises:
-        CaseSkipped: It does.
+        CaseSkipped: The robot runs a program that the suite did not start.
     """
     try:
         yield
@@ -85,7 +85,8 @@ def skip_if_other_program_runs(
             name = _program_of_others(subject, line or subject.open())
         if name:
             message = UserMessage(
-                "the robot runs {name}, which is not the suite's: end it first", name=show(name)
+                "the robot runs the program {name} of another client: stop it and try again",
+                name=show(name),
             )
             raise CaseSkipped(message) from None
         raise
@@ -179,7 +180,7 @@ def require_no_fault(status: ReceivedFrame) -> errors.Code | None:
     if code is not None and code.kind is errors.Kind.FAULT:
         raise CaseInconclusive(
             UserMessage(
-                "the robot reports {code_text}, {meaning}: clear that, and try again",
+                "the robot reports the fault {code_text} ({meaning}): clear it and try again",
                 code_text=code.text,
                 meaning=code.meaning,
             )
@@ -212,4 +213,4 @@ def wait_until_idle(
     """
     within_s = subject.longest_s + lasts_s / subject.ics.time_scale
     line.result(command, within_s=within_s)
-    expect_idle(subject, line, f"the robot is not idle although {command} has ended")
+    expect_idle(subject, line, f"the robot is not idle after the end of {command}")

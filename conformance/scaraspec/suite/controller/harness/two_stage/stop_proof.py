@@ -1,7 +1,8 @@
-"""Stop proof: before the first motion of a run the emergency stop is tried on the smallest one.
+"""Stop proof: tries the emergency stop on the smallest motion before the first motion of a run.
 
-That is a step at the slowest speed; a program that waits where the robot takes no step; a jog
-where it runs no program either. A robot that starts none of them moves for no case.
+The smallest motion is a step at the slowest speed. If the robot accepts no step, it is a program
+that waits; if the robot runs no program, it is a jog. A robot that accepts none of them moves in
+no case.
 """
 
 from collections.abc import Callable
@@ -46,11 +47,11 @@ _LOOK_S: Final = 0.2
 def prove_stop(subject: ControllerUnderTest) -> None:
     """Try the emergency stop, unless it is known not to work.
 
-    What is wrong with it is in `StopMonitor.failure` afterwards.
+    Afterwards `StopMonitor.failure` states what is wrong with the stop, if anything is.
     """
     stop = subject.guard.stop
     if STOP in subject.ics.unsupported:
-        message = "the statement of conformance says that the controller lacks it"
+        message = "the ICS states that the controller does not support it"
         stop.fail("4.17/6", message, "an emergency stop", "none")
     for start in (_leave_error, _step, _step_once_locked, _program, _jog):
         if stop.failure:
@@ -63,14 +64,14 @@ def prove_stop(subject: ControllerUnderTest) -> None:
 
 
 class _Started(NamedTuple):
-    """What was started, and where it ends if it is a step."""
+    """A command that was started, and the target pose if it is a step."""
 
     name: str
     target: Pose | None = None
 
 
 def _stops(subject: ControllerUnderTest, start: "_Start") -> bool:
-    """Start something, and stop it; whether that showed that the stop works."""
+    """Start a command and stop it; return whether this proved that the stop works."""
     line = subject.open()
     with arm_returned(subject, line):
         subject.moved = True
@@ -82,17 +83,21 @@ def _stops(subject: ControllerUnderTest, start: "_Start") -> bool:
 
 
 def _is_stopped(subject: ControllerUnderTest, line: OutgoingConnection, started: _Started) -> bool:
-    """Whether a stop ends it; False where it had ended before."""
+    """Whether the stop ended the command; False if the command ended before the stop."""
     name = started.name
     stop = subject.guard.stop
     try:
         answer = line.ask(STOP, within_s=max(LATE_S, subject.reply_s))
     except NoReply as error:
-        stop.fail("4.17/6", f"it is not answered while {name} executes", "1", error.observed)
+        stop.fail(
+            "4.17/6", f"the controller did not answer it while {name} executed", "1", error.observed
+        )
         return False
     if not answer.accepted:
         if line.ask("get_status").value in BUSY and line.ask("get_status").value in BUSY:
-            stop.fail("4.17/6", f"it is refused while {name} executes", "1", f"{answer}")
+            stop.fail(
+                "4.17/6", f"the controller refused it while {name} executed", "1", f"{answer}"
+            )
         return False
     with suppress(NoReply):
         line.result(STOP, within_s=subject.reply_s)
@@ -100,13 +105,13 @@ def _is_stopped(subject: ControllerUnderTest, line: OutgoingConnection, started:
     places = [_look(line) for _ in range(_LOOKS)]
     if pose_deviation(places[0], places[-1]) > STANDSTILL:
         shown = (f"{tuple(place[:4])}" for place in (places[0], places[-1]))
-        stop.fail("4.17/7", "the arm goes on moving after it", *shown)
+        stop.fail("4.17/7", "the arm continues to move after it was accepted", *shown)
     arrived = started.target is not None and same_place(places[-1], started.target)
     return stop.failure is None and not arrived
 
 
 def _look(line: OutgoingConnection) -> Pose:
-    """Where the tool stands; the monitor compares joints and statuses."""
+    """The pose of the tool. The monitor compares the joint angles and the status by itself."""
     joints_of(line)
     line.ask("get_status")
     line.wait(_LOOK_S)
@@ -114,7 +119,7 @@ def _look(line: OutgoingConnection) -> Pose:
 
 
 def _leave_error(subject: ControllerUnderTest, line: OutgoingConnection) -> _Started | None:
-    """A reset, where nothing else ends an error."""
+    """Reset a robot that is in an error state."""
     if line.ask("get_status").value in (IDLE, *BUSY) or RESET in subject.ics.unsupported:
         return None
     return _Started(RESET) if line.ask(RESET).accepted else None
@@ -128,7 +133,7 @@ def _step(subject: ControllerUnderTest, line: OutgoingConnection) -> _Started | 
 
 
 def _step_once_locked(subject: ControllerUnderTest, line: OutgoingConnection) -> _Started | None:
-    """A step of a robot whose joints may have been loose (A-4.25-1)."""
+    """Start a step after locking the joints, which may have been released (A-4.25-1)."""
     if {LOCK, MOVE} & subject.ics.unsupported or not line.ask(LOCK).accepted:
         return None
     wait_for_end(subject, line, LOCK)

@@ -50,7 +50,7 @@ MOVE, RELEASE, LOCK, JOG = "set_tool_coordinates", "release_joints", "lock_joint
 TWO_STAGE: Final = tuple(command.name for command in COMMANDS if command.two_stage)
 
 STATES: Final[Mapping[str, str]] = {RUN: "01", SIMULATE: "02", RESET: "03", MOVE: "04", JOG: "04"}
-"""The tasks that last, and the status meanwhile (L1018-1021)."""
+"""The long-running commands, and the status while they execute (L1018-1021)."""
 
 ACCEPTANCE: Final[Mapping[str, str]] = {
     RUN: "4.15/4",
@@ -62,7 +62,7 @@ ACCEPTANCE: Final[Mapping[str, str]] = {
     LOCK: "4.26/2",
     JOG: "4.28/4",
 }
-"""Which requirement says that the first reply is "1" where the robot can do it."""
+"""The requirement for each command that the first reply is "1"."""
 
 LASTS_S: Final = 5
 """How long a program waits that is to be interrupted, in seconds of our clock."""
@@ -80,11 +80,14 @@ _NS: Final = 1e9
 def begin(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, value: Any = None
 ) -> ReceivedFrame:
-    """Ask an idle robot for a two-stage command that it can do.
+    """Begin a two-stage command on an idle robot; a refusal fails the case.
+
+    Returns:
+        The first reply.
 
     Raises:
-        CaseFailed: It refuses.
-        CaseSkipped: It does not have this command.
+        CaseFailed: The subject refuses the command.
+        CaseSkipped: The subject does not support the command.
     """
     require_command(subject, name)
     subject.moved = True
@@ -92,30 +95,30 @@ def begin(
 
 
 def require_command(subject: ControllerUnderTest, *names: str) -> None:
-    """Go on only where the subject has these commands.
+    """Continue only if the subject supports these commands.
 
     Raises:
-        CaseSkipped: It says that it lacks one.
+        CaseSkipped: The ICS states that a command is not supported.
     """
     for name in names:
         if name in subject.ics.unsupported:
-            raise CaseSkipped(UserMessage("the subject lacks {name}", name=name))
+            raise CaseSkipped(UserMessage("the subject does not support {name}", name=name))
 
 
 def expect_accepted(name: str, answer: ReceivedFrame) -> ReceivedFrame:
-    """Fail the subject unless it has accepted a command that it can do.
+    """Fail the case unless the first reply accepts the command; return the reply.
 
     Raises:
-        CaseFailed: It has not.
+        CaseFailed: The reply is a refusal.
     """
     if answer.accepted:
         return answer
     busy = answer.code in BUSY
     raise CaseFailed(
         UserMessage(
-            "{name} is refused {value}by a robot that is idle",
+            "the idle robot refuses {name}{reason}",
             name=name,
-            value="as busy " if busy else "",
+            reason=" as busy" if busy else "",
         ),
         expected="1",
         observed=f"{answer}",
@@ -327,9 +330,7 @@ class Task:
         """
         if self.over:
             raise CaseSkipped(
-                UserMessage(
-                    "{self_} was over before anything could be asked of it", self_=self.name
-                )
+                UserMessage("{command} ended before the case could send a query", command=self.name)
             )
 
 
@@ -357,7 +358,7 @@ def executing_task(
             if queries and not is_responsive(subject, line, jogs=name == JOG):
                 stop(subject, line)
                 stop_motion(subject, line)
-                raise CaseSkipped("the robot answers nothing while it executes (A-4-3)")
+                raise CaseSkipped("the robot does not answer queries while it executes (A-4-3)")
             yield task
             stop_motion(subject, line)
 
@@ -427,7 +428,7 @@ def initial_position_at_pose(
     """
     before = line.ask("get_initial_tool_position").value
     if not line.ask("set_initial_tool_position", pose_of(line)).accepted:
-        raise CaseSkipped("the subject does not take the arm's pose for its initial tool position")
+        raise CaseSkipped("the subject refuses the current pose as its initial tool position")
     try:
         yield
     finally:
@@ -475,9 +476,9 @@ def wait_for_result(
     """
     answer = wait_for_end(subject, line, name, within_s=within_s)
     if answer is None:
-        longest = "motion.longest_s of the statement at most"
+        longest = "motion.longest_s of the ICS at most"
         message = UserMessage(
-            "no final result of {name} came while the robot was busy ({longest}), nor behind",
+            "no final result of {name} came while the robot was busy ({longest}) or after it",
             name=name,
             longest=longest,
         )
