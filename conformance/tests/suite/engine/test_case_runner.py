@@ -101,7 +101,7 @@ def test_a_subject_that_a_case_kills(trial: Try) -> None:
     killer, after = only(results, "4.7/2"), only(results)
     assert (killer.verdict, killer.requirements) == (Verdict.FAIL, ("3/31",))
     assert (after.verdict, after.cause) == (Verdict.INCONCLUSIVE, Cause.DEPENDENCY)
-    assert after.message.endswith("since 4.7/2: login was not answered in 5 s")
+    assert after.message.endswith("since the earlier case 4.7/2: login was not answered in 5 s")
     assert results.verdict is Conclusion.NONCONFORMANT
 
 
