@@ -21,7 +21,7 @@ from scaraspec.suite import plugin
 from scaraspec.suite.engine.hooks import HOOKS
 from scaraspec.suite.engine.ics import Motion
 from scaraspec.transports.url import parse
-from scaraspec_recorder.sinks.mcap.mcap_file import McapSink
+from scaraspec_recorder.sinks.mcap.mcap_sink import McapSink
 
 NAMES = json.loads(Path(__file__).with_name("public_names.json").read_text("utf-8"))
 ROOT = Path(__file__).parents[2]

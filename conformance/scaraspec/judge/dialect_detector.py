@@ -9,7 +9,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.traffic.events import Ending, Exchange, FrameSeen, TrafficEvent
 
 
-class Sighting(NamedTuple):
+class ReadingObservation(NamedTuple):
     """A peer, and what it did at one open point."""
 
     peer: Direction
@@ -17,70 +17,70 @@ class Sighting(NamedTuple):
     option: str
 
 
-def sightings(happening: TrafficEvent) -> Iterator[Sighting]:
+def observed_readings(traffic_event: TrafficEvent) -> Iterator[ReadingObservation]:
     """The readings that one happening shows; what a gap may have touched shows none."""
-    if isinstance(happening, FrameSeen):
-        if happening.parsed and happening.certain:
-            for key, option in happening.parsed.decoded.readings:
-                yield Sighting(happening.frame.direction, key, option)
-    elif isinstance(happening, Exchange) and happening.certain:
-        yield from _of_exchange(happening)
+    if isinstance(traffic_event, FrameSeen):
+        if traffic_event.parsed and traffic_event.certain:
+            for key, option in traffic_event.parsed.decoded.readings:
+                yield ReadingObservation(traffic_event.frame.direction, key, option)
+    elif isinstance(traffic_event, Exchange) and traffic_event.certain:
+        yield from _of_exchange(traffic_event)
 
 
-def _of_exchange(x: Exchange) -> Iterator[Sighting]:
+def _of_exchange(x: Exchange) -> Iterator[ReadingObservation]:
     if x.command is None:
         yield from _of_unknown(x)
         return
     if x.name == "get_default_program":
-        yield Sighting(A2C, "op_get_default", f"0x{x.request.frame.opcode:02X}")
+        yield ReadingObservation(A2C, "op_get_default", f"0x{x.request.frame.opcode:02X}")
         if x.reply and x.reply.frame.data != b"0":  # so may an undefined opcode be answered (A-3-9)
-            yield Sighting(C2A, "op_get_default", f"0x{x.reply.frame.opcode:02X}")
+            yield ReadingObservation(C2A, "op_get_default", f"0x{x.reply.frame.opcode:02X}")
     elif x.name == "get_motor_temperatures" and x.reply:
-        yield Sighting(C2A, "op_temp_reply", f"0x{x.reply.frame.opcode:02X}")
+        yield ReadingObservation(C2A, "op_temp_reply", f"0x{x.reply.frame.opcode:02X}")
     elif x.name == "list_programs" and x.reply and x.reply.value and x.reply.value.more:
         pushed = x.parts[-1] is not x.reply
-        yield Sighting(C2A, "list_cont", "push" if pushed else "request")
+        yield ReadingObservation(C2A, "list_cont", "push" if pushed else "request")
     if x.command.two_stage:
         yield from _of_two_stage(x)
     if x.logged_in is False and x.name != "login":
         yield from _of_prelogin(x)
 
 
-def _of_unknown(x: Exchange) -> Iterator[Sighting]:
+def _of_unknown(x: Exchange) -> Iterator[ReadingObservation]:
     """How an undefined opcode was answered (A-3-9)."""
     if x.reply and x.reply.frame.data == b"0":
-        yield Sighting(C2A, "on_unknown", "0")
+        yield ReadingObservation(C2A, "on_unknown", "0")
     elif x.ending is Ending.HUNG_UP:
-        yield Sighting(C2A, "on_unknown", "close")
+        yield ReadingObservation(C2A, "on_unknown", "close")
     elif x.ending is Ending.UNANSWERED:
-        yield Sighting(C2A, "on_unknown", "ignore")
+        yield ReadingObservation(C2A, "on_unknown", "ignore")
 
 
-def _of_prelogin(x: Exchange) -> Iterator[Sighting]:
+def _of_prelogin(x: Exchange) -> Iterator[ReadingObservation]:
     """How a command before the login was answered (A-4-4)."""
     if x.reply:
         assert x.command
         refused = x.accepted is False or x.reply.frame.data == b"0"
         served = "reads" if x.command.hazard is Hazard.READ_ONLY else "all"
-        yield Sighting(C2A, "prelogin", "failure" if refused else served)
+        yield ReadingObservation(C2A, "prelogin", "failure" if refused else served)
     elif x.ending is Ending.HUNG_UP:
-        yield Sighting(C2A, "prelogin", "close")
+        yield ReadingObservation(C2A, "prelogin", "close")
     elif x.ending is Ending.UNANSWERED:
-        yield Sighting(C2A, "prelogin", "ignore")
+        yield ReadingObservation(C2A, "prelogin", "ignore")
 
 
-def _of_two_stage(x: Exchange) -> Iterator[Sighting]:
+def _of_two_stage(x: Exchange) -> Iterator[ReadingObservation]:
     refused = x.accepted is False and x.name != "reset"  # whose refusal is drawn (A-4-2)
     if x.during and refused and x.answer.code:
-        yield Sighting(C2A, "busy_reply", "state")
+        yield ReadingObservation(C2A, "busy_reply", "state")
     elif x.during and x.ending is Ending.UNANSWERED:
-        yield Sighting(C2A, "busy_reply", "silence")
+        yield ReadingObservation(C2A, "busy_reply", "silence")
     if x.interrupted_by and x.interrupted_by.name == "emergency_stop":
         here = x.interrupted_by.request.place.connection == x.request.place.connection
         if x.result and here:  # between connections there is no order
-            yield Sighting(C2A, "estop_interrupted", "after" if x.after_stop else "first")
+            yield ReadingObservation(C2A, "estop_interrupted", "after" if x.after_stop else "first")
         elif x.ending is Ending.UNFINISHED:
-            yield Sighting(C2A, "estop_interrupted", "none")
+            yield ReadingObservation(C2A, "estop_interrupted", "none")
 
 
 _BOTH: Final = frozenset({"op_get_default", "prelogin", "estop_interrupted"})
@@ -95,19 +95,19 @@ class DialectDetector:
     """Counts sightings; says what a peer speaks and where it contradicts itself."""
 
     def __init__(self) -> None:
-        self.counts: Counter[Sighting] = Counter()
+        self.counts: Counter[ReadingObservation] = Counter()
 
-    def add(self, happening: TrafficEvent) -> None:
+    def add(self, traffic_event: TrafficEvent) -> None:
         """Count what one happening shows."""
-        for sighting in sightings(happening):
-            self.counts[sighting] += 1
+        for observation in observed_readings(traffic_event):
+            self.counts[observation] += 1
 
     def of(self, peer: Direction) -> Mapping[str, tuple[str, ...]]:
         """The options seen of one peer, by key; the most frequent first."""
         seen: dict[str, tuple[str, ...]] = {}
-        for sighting, _ in self.counts.most_common():
-            if sighting.peer is peer:
-                seen[sighting.key] = (*seen.get(sighting.key, ()), sighting.option)
+        for observation, _ in self.counts.most_common():
+            if observation.peer is peer:
+                seen[observation.key] = (*seen.get(observation.key, ()), observation.option)
         return dict(sorted(seen.items()))
 
     def mixed(self, peer: Direction) -> Mapping[str, tuple[str, ...]]:

@@ -13,7 +13,7 @@ from itertools import groupby
 from typing import Final
 
 from scaraspec.judge.dialect_detector import DialectDetector
-from scaraspec.judge.program_file_readings import file_sightings
+from scaraspec.judge.program_file_readings import observed_file_readings
 from scaraspec.judge.requirements import REQUIREMENTS, Strength
 from scaraspec.judge.rules import RULES
 from scaraspec.judge.rules.rule import (
@@ -77,7 +77,7 @@ class Judge:
         self.tallies: dict[str, Tally] = defaultdict(Tally)
         """Requirements on which something was found, by id."""
         self.dialect_seen = DialectDetector()
-        self.scenes: OrderedDict[str, RobotState] = OrderedDict()
+        self.robots: OrderedDict[str, RobotState] = OrderedDict()
         """What is known of each controller, by its address; those of no known address are one."""
         self._dialect = dialect
         self._needs_login = needs_login
@@ -86,9 +86,9 @@ class Judge:
     def feed(self, event: WireEvent) -> Iterator[TrafficEvent | Finding]:
         """Take the next event; give what happened, each followed by what is wrong with it."""
         dialogue = self._dialogue(event)
-        for happening in dialogue.feed(event):
-            yield happening
-            yield from self.judge(happening, dialogue.scene)
+        for traffic_event in dialogue.feed(event):
+            yield traffic_event
+            yield from self.judge(traffic_event, dialogue.robot)
         if event.kind in (Kind.CLOSED, Kind.RESET):
             del self._dialogues[event.connection]
         while len(self._dialogues) > _MOST_CONNECTIONS:
@@ -102,18 +102,18 @@ class Judge:
         """The connection's dialogue, moved behind all others."""
         connection = event.connection
         dialogue = self._dialogues.pop(connection, None) or Dialogue(
-            connection, self._scene(event), self._dialect, needs_login=self._needs_login
+            connection, self._robot(event), self._dialect, needs_login=self._needs_login
         )
         self._dialogues[connection] = dialogue
         return dialogue
 
-    def _scene(self, first: WireEvent) -> RobotState:
+    def _robot(self, first: WireEvent) -> RobotState:
         """The scene of the controller that a connection goes to, by the note it begins with."""
         controller = _CONTROLLER.search(first.note)
-        scene = self.scenes.setdefault(controller[1] if controller else "", RobotState())
-        if len(self.scenes) > _MOST_CONTROLLERS:
-            self.scenes.popitem(last=False)
-        return scene
+        robot = self.robots.setdefault(controller[1] if controller else "", RobotState())
+        if len(self.robots) > _MOST_CONTROLLERS:
+            self.robots.popitem(last=False)
+        return robot
 
     def close(self) -> Iterator[TrafficEvent | Finding]:
         """The recording has ended."""
@@ -122,18 +122,18 @@ class Judge:
 
     def _end(self, connection: str) -> Iterator[TrafficEvent | Finding]:
         dialogue = self._dialogues.pop(connection)
-        for happening in dialogue.close():
-            yield happening
-            yield from self.judge(happening, dialogue.scene)
+        for traffic_event in dialogue.close():
+            yield traffic_event
+            yield from self.judge(traffic_event, dialogue.robot)
 
-    def judge(self, happening: TrafficEvent, scene: RobotState) -> Iterator[Finding]:
+    def judge(self, traffic_event: TrafficEvent, robot: RobotState) -> Iterator[Finding]:
         """Ask every rule that looks at this happening; give the findings that are no pass."""
-        self.dialect_seen.add(happening)
-        if isinstance(happening, Transfer):
-            self.dialect_seen.counts.update(file_sightings(happening))
+        self.dialect_seen.add(traffic_event)
+        if isinstance(traffic_event, Transfer):
+            self.dialect_seen.counts.update(observed_file_readings(traffic_event))
         tallies = self.tallies
-        for check, requirements in _checks_for(happening):
-            judged = check(happening, scene)
+        for check, requirements in _checks_for(traffic_event):
+            judged = check(traffic_event, robot)
             if judged is None:
                 continue
             if judged is PASSED:
@@ -141,13 +141,13 @@ class Judge:
                     tallies[requirement].passes += 1
                 continue
             for requirement in requirements:
-                finding = _finding(requirement, judged, happening)
+                finding = _finding(requirement, judged, traffic_event)
                 tally = tallies[requirement]
                 tally.others[finding.verdict] += 1
                 if tally.others[finding.verdict] <= _KEPT_FINDINGS:
                     tally.findings.append(finding)
                 yield finding
-        scene.remember(happening)
+        robot.remember(traffic_event)
 
     @property
     def conclusion(self) -> Conclusion:
@@ -161,25 +161,25 @@ _CHECKS: Final[dict[tuple[object, ...], _Checks]] = {}
 """What was found for each kind of happening: the rules are the same for every judge."""
 
 
-def _checks_for(happening: TrafficEvent) -> _Checks:
+def _checks_for(traffic_event: TrafficEvent) -> _Checks:
     """The checks that look at such a happening, each once, with what they decide."""
-    kind = kind_of(happening)
+    kind = kind_of(traffic_event)
     checks = _CHECKS.get(kind)
     if checks is None:
-        rules = [rule for rule in RULES if rule.looks_at(happening)]
+        rules = [rule for rule in RULES if rule.applies_to(traffic_event)]
         grouped = groupby(rules, key=lambda rule: rule.check)
         checks = tuple((c, tuple(rule.requirement for rule in g)) for c, g in grouped)
         _CHECKS[kind] = checks
     return checks
 
 
-def _finding(requirement: str, judged: RuleResult, happening: TrafficEvent) -> Finding:
+def _finding(requirement: str, judged: RuleResult, traffic_event: TrafficEvent) -> Finding:
     """The finding that a rule's word amounts to.
 
     An observation (INFO) never fails anybody, nor does what a gap or a fault may have touched.
     """
     verdict, message, reading = judged.verdict, judged.message, judged.reading
-    if verdict is Verdict.FAIL and not is_certain(happening):
+    if verdict is Verdict.FAIL and not is_certain(traffic_event):
         verdict, message = Verdict.INCONCLUSIVE, f"{message}; {_DOUBT}"
     elif verdict is Verdict.FAIL and REQUIREMENTS[requirement].strength is Strength.INFO:
         verdict, reading = Verdict.TOLERATED, (requirement, "observed otherwise")
@@ -190,6 +190,6 @@ def _finding(requirement: str, judged: RuleResult, happening: TrafficEvent) -> F
         message,
         judged.expected,
         judged.observed,
-        judged.places or places_of(happening),
+        judged.places or places_of(traffic_event),
         reading,
     )

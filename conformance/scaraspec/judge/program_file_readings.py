@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from scaraspec.judge.dialect_detector import Sighting
+from scaraspec.judge.dialect_detector import ReadingObservation
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.program_files import (
     MAX_FILE_BYTES,
@@ -28,7 +28,7 @@ _BY_CODE = {
 """Findings of the linter that give a reading away."""
 
 
-def file_sightings(transfer: Transfer) -> Iterator[Sighting]:
+def observed_file_readings(transfer: Transfer) -> Iterator[ReadingObservation]:
     """The readings that an uploaded program shows, each once; its author is the client.
 
     A layout counts where no other one fits, or only a mixed one; a loop's count where it tells
@@ -54,7 +54,7 @@ def file_sightings(transfer: Transfer) -> Iterator[Sighting]:
         *_assignments(program),
     }
     for key, option in sorted(readings):
-        yield Sighting(A2C, key, option)
+        yield ReadingObservation(A2C, key, option)
 
 
 def _counts(program: Program) -> Iterator[tuple[str, str]]:

@@ -1,32 +1,48 @@
-"""Places: how far two poses, or the joints twice, are apart, and from when on that is a motion."""
+"""Tolerances: by how much two reported poses or numbers may differ and still be equal."""
 
 from collections.abc import Sequence
 from typing import Final
 
 STANDSTILL: Final = 0.2
-"""mm or degrees by which two readings differ at most where nothing has moved."""
+"""Largest difference, in mm or degrees, between two reported values of an arm at rest."""
 
-_TURN_DEG: Final = 360.0
-_TURNS_FROM: Final = 3
+_FULL_TURN_DEG: Final = 360.0
+_FIRST_ANGLE: Final = 3
+"""Index of the first angle of a pose; the values before it are x, y and z."""
 _SIGNIFICANT: Final = 4
-"""Of the six values of a pose only x, y, z and thetaX say where the arm is (L1006)."""
+"""Of the six values of a pose, only x, y, z and thetaX define the position of the arm (L1006)."""
+_ONE_DECIMAL: Final = 0.051
+"""Deviation of a controller that keeps one decimal only."""
+_SINGLE_PRECISION: Final = 0.0005
+"""Deviation of a controller that stores 32-bit floats and prints all their digits."""
 
 
-def turned(a: float, b: float) -> float:
-    """By how many degrees, and which way, a is turned from b; a whole turn is none (A-7-2)."""
-    return (a - b + _TURN_DEG / 2) % _TURN_DEG - _TURN_DEG / 2
+def angle_difference(a: float, b: float) -> float:
+    """Return the signed difference a - b in degrees, between -180 and 180 (A-7-2)."""
+    return (a - b + _FULL_TURN_DEG / 2) % _FULL_TURN_DEG - _FULL_TURN_DEG / 2
 
 
-def ways(a: Sequence[float], b: Sequence[float]) -> list[float]:
-    """What leads from b to a, value by value, in mm or degrees.
+def differences(a: Sequence[float], b: Sequence[float]) -> list[float]:
+    """Return a - b, value by value, in mm or degrees.
 
-    What stands behind the third value turns without end, and may be told within half a turn of 0:
-    it goes the shorter way round.
+    The values from the fourth on are angles without a limit, which a controller may report modulo
+    360 degrees: for these the result is the shorter rotation.
     """
     numbered = enumerate(zip(a, b, strict=True))
-    return [p - q if at < _TURNS_FROM else turned(p, q) for at, (p, q) in numbered]
+    return [p - q if at < _FIRST_ANGLE else angle_difference(p, q) for at, (p, q) in numbered]
 
 
-def farthest(a: Sequence[float], b: Sequence[float]) -> float:
-    """By how much the two differ where they differ most."""
-    return max(map(abs, ways(a[:_SIGNIFICANT], b[:_SIGNIFICANT])))
+def max_deviation(a: Sequence[float], b: Sequence[float]) -> float:
+    """Return the largest absolute difference between two poses, in mm or degrees."""
+    return max(map(abs, differences(a[:_SIGNIFICANT], b[:_SIGNIFICANT])))
+
+
+def read_back(reported: Sequence[float], values: Sequence[float]) -> bool:
+    """Return whether the reported numbers are the values that were set (A-T-5).
+
+    A value with at most one decimal must be reported exactly; another one may be rounded.
+    """
+    return all(
+        abs(number - value) <= (_SINGLE_PRECISION if round(value, 1) == value else _ONE_DECIMAL)
+        for number, value in zip(reported, values, strict=True)
+    )

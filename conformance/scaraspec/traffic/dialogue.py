@@ -45,13 +45,13 @@ class Dialogue:
     def __init__(
         self,
         connection: str,
-        scene: RobotState,
+        robot: RobotState,
         dialect: Dialect = DEFAULT,
         *,
         needs_login: bool = True,
     ) -> None:
         self.connection = connection
-        self.scene = scene
+        self.robot = robot
         self._dialect = dialect
         self._needs_login = needs_login
         self._now_ns = 0
@@ -62,14 +62,14 @@ class Dialogue:
         self._login_sent = False
         self._refused_login: FrameSeen | None = None
         self._streams = {d: Stream(self.connection, d) for d in Direction}
-        self._waiting = PendingRequests(self._dialect)
-        self._executing = PendingResults(self.connection, self.scene)
-        self._transfers = TransferTracker(self.scene, self._dialect)
+        self._pending_requests = PendingRequests(self._dialect)
+        self._pending_results = PendingResults(self.connection, self.robot)
+        self._transfers = TransferTracker(self.robot, self._dialect)
         self._listing: Exchange | None = None  # a program list of which parts are due
         self._last: dict[str, Exchange] = {}
         self._hung_up: Direction | None = None
         self._begun = False
-        self.scene.connected.add(self.connection)
+        self.robot.connected.add(self.connection)
 
     @property
     def transferring(self) -> bool:
@@ -92,7 +92,7 @@ class Dialogue:
                 yield from self._lose(event.direction, ended=event.length_bytes < 0)
             case Kind.INJECTED:
                 yield Injected(event)
-                yield from self._mistrust(event.direction)
+                yield from self._mark_uncertain(event.direction)
             case Kind.OPENED:
                 yield from self.close()
                 self._begin()
@@ -100,10 +100,10 @@ class Dialogue:
             case _:
                 self._hung_up = self._hung_up or event.direction
                 yield LinkChange(event)
-                self._executing.abandon()
+                self._pending_results.abandon()
                 if event.kind is not Kind.HALF_CLOSED:
                     yield from self.close()
-                    self.scene.hang_up(event.time_ns, self._hung_up)
+                    self.robot.connection_closed(event.time_ns, self._hung_up)
 
     def _begin_midway(self, event: WireEvent) -> Iterator[TrafficEvent]:
         """What passed before its first event is not known."""
@@ -112,9 +112,9 @@ class Dialogue:
             yield from self._lose(direction, ended=True)
 
     def _bytes(self, event: WireEvent) -> Iterator[TrafficEvent]:
-        yield from self._waiting.overdue(self._now_ns)
+        yield from self._pending_requests.overdue(self._now_ns)
         yield from self._transfers.expire(self._now_ns)
-        self.scene.doubt.end_gap(self.connection, event.direction, self._answered_ns)
+        self.robot.gaps.end_gap(self.connection, event.direction, self._answered_ns)
         for run in self._streams[event.direction.opposite].settle():
             yield from self._take(run)
         for item in self._streams[event.direction].feed(event):
@@ -125,43 +125,47 @@ class Dialogue:
         for stream in self._streams.values():
             for item in stream.finish():
                 yield from self._take(item)
-        yield from self._waiting.overdue(self._now_ns)
+        yield from self._pending_requests.overdue(self._now_ns)
         yield from self._transfers.expire(self._now_ns)
         yield from self._end_listing(Ending.CUT_OFF)
-        yield from self._waiting.close(self._now_ns, self._hung_up)
-        yield from self._executing.close(Ending.CUT_OFF, self._now_ns - self._waiting.reply_ns)
+        yield from self._pending_requests.close(self._now_ns, self._hung_up)
+        yield from self._pending_results.close(
+            Ending.CUT_OFF, self._now_ns - self._pending_requests.reply_ns
+        )
         yield from self._transfers.end("the link or the capture ended", self._now_ns)
-        self.scene.connected.discard(self.connection)
-        self.scene.sessions.discard(self.connection)
-        self.scene.doubt.close(self.connection, self._answered_ns)
+        self.robot.connected.discard(self.connection)
+        self.robot.sessions.discard(self.connection)
+        self.robot.gaps.close(self.connection, self._answered_ns)
 
     @property
     def _answered_ns(self) -> int:
         """When everything that has been asked by now is answered, if ever."""
-        return self._now_ns + self._waiting.reply_ns
+        return self._now_ns + self._pending_requests.reply_ns
 
     def _lose(self, direction: Direction, *, ended: bool) -> Iterator[TrafficEvent]:
         """A gap may have hidden requests, replies and results: judge nothing that spans it."""
-        yield from self._mistrust(direction, ended=ended)
-        yield from self._waiting.lose(direction)
+        yield from self._mark_uncertain(direction, ended=ended)
+        yield from self._pending_requests.lose(direction)
         if direction is C2A:
             yield from self._end_listing(Ending.UNSEEN)
-            yield from self._executing.close(Ending.UNSEEN, -1)
+            yield from self._pending_results.close(Ending.UNSEEN, -1)
 
-    def _mistrust(self, direction: Direction, *, ended: bool = True) -> Iterator[TrafficEvent]:
+    def _mark_uncertain(
+        self, direction: Direction, *, ended: bool = True
+    ) -> Iterator[TrafficEvent]:
         """The sides may not agree on what was sent: what is open is not sure, nor what follows."""
-        self.scene.doubt.begin(self.connection, direction, self._answered_ns, ended=ended)
-        self.scene.lose_track()
-        self._waiting.doubt()
+        self.robot.gaps.begin(self.connection, direction, self._answered_ns, ended=ended)
+        self.robot.forget_after_gap()
+        self._pending_requests.mark_uncertain()
         if self._listing:
             self._listing.certain = False
-        yield from self._transfers.doubt(self._now_ns)
+        yield from self._transfers.mark_uncertain(self._now_ns)
         self.logged_in = self.logged_in or None
         self._refused_login = None
 
     def _certain(self, seen: FrameSeen) -> bool:
         """Whether no gap can have hidden what this frame belongs to."""
-        return seen.certain and not self.scene.doubt.covers(self.connection, seen.place.time_ns)
+        return seen.certain and not self.robot.gaps.covers(self.connection, seen.place.time_ns)
 
     def _take(self, item: FrameSeen | InvalidBytes) -> Iterator[TrafficEvent]:
         yield item
@@ -187,48 +191,50 @@ class Dialogue:
             seen,
             seen.command,
             logged_in=self.logged_in,
-            behind_login=self._login_sent,
+            login_sent_before=self._login_sent,
             refused_login=self._refused_login,
             certain=self._certain(seen),
         )
         if self._listing and exchange.name == "list_programs":
             exchange.parts = self._listing.parts.copy()  # the next is fetched (A-4.10-3)
-            self._waiting.owe(exchange.name)  # or on its way
+            self._pending_requests.expect_late_reply(exchange.name)  # or on its way
             yield from self._end_listing(Ending.ANSWERED)
-        yield from self._waiting.add(exchange)
-        self._executing.asked(exchange)
+        yield from self._pending_requests.add(exchange)
+        self._pending_results.asked(exchange)
         if exchange.name == "login":
             self._login_sent = True
         elif exchange.name == "set_password":
-            self.scene.last.pop("login", None)  # which password is right is open again
+            self.robot.last.pop("login", None)  # which password is right is open again
         elif exchange.name == "delete_program":
-            self.scene.forget(exchange.asked or b"")
+            self.robot.forget(exchange.asked or b"")
         yield from self._transfers.request(exchange)
 
     def _reply(self, seen: FrameSeen) -> Iterator[TrafficEvent]:
-        exchange = self._waiting.match(seen)
+        exchange = self._pending_requests.match(seen)
         if seen.name == "download_chunk":
             self._transfers.answered(exchange, seen.place.time_ns)
         if exchange is None:
-            self._transfers.overanswered(seen.name)
+            self._transfers.extra_reply_seen(seen.name)
             if self._listing and seen.name == self._listing.name:
                 yield from self._list_part(self._listing, seen)
             else:
-                yield self._unasked(seen, late=self._waiting.take_owed(seen.name))
-                yield from self._executing.end_untagged(seen)
+                yield self._unsolicited(
+                    seen, late=self._pending_requests.take_late_reply(seen.name)
+                )
+                yield from self._pending_results.end_untagged(seen)
             return
         exchange.reply = seen
         exchange.certain = exchange.certain and self._certain(seen)
-        self._executing.answered(exchange)
+        self._pending_results.answered(exchange)
         self._last[exchange.name] = exchange
         if exchange.name == "list_programs":
             yield from self._list_part(exchange, seen)
         elif exchange.command and exchange.command.two_stage and exchange.accepted:
-            yield from self._executing.accept(exchange)
+            yield from self._pending_results.accept(exchange)
         else:
             self._effects(exchange)
             if exchange.name in NAMES and exchange.accepted:
-                yield from self._waiting.replace(exchange, self._now_ns)
+                yield from self._pending_requests.replace(exchange, self._now_ns)
             yield from self._transfers.reply(exchange)
             yield self._answered(exchange)
 
@@ -253,7 +259,7 @@ class Dialogue:
     def _answered(self, exchange: Exchange) -> Exchange:
         exchange.ending = Ending.ANSWERED
         if exchange.request.certain and exchange.reply and exchange.reply.certain:
-            self.scene.doubt.settle(self.connection, exchange.time_ns)
+            self.robot.gaps.settle(self.connection, exchange.time_ns)
         return exchange
 
     def _effects(self, exchange: Exchange) -> None:
@@ -261,32 +267,32 @@ class Dialogue:
         name, accepted = exchange.name, exchange.accepted
         if name == "login" and accepted:
             self.logged_in, self._refused_login = True, None
-            self.scene.sessions.add(self.connection)
+            self.robot.sessions.add(self.connection)
         elif name == "login" and self.logged_in:
             self.logged_in = None  # it may have logged out (A-4.1-2)
         elif name == "login" and self.logged_in is False:
             self._refused_login = exchange.reply
         elif name in ("shutdown", "set_network") and accepted:
             self.logged_in = None  # the link may be dead
-            self.scene.version += 1
+            self.robot.version += 1
         elif name == "get_status" and exchange.answer == "00" and exchange.certain:
-            self.scene.results_doubtful = False
+            self.robot.results_doubtful = False
 
     def _result(self, seen: FrameSeen) -> Iterator[TrafficEvent]:
-        exchange = self._executing.match(seen)
+        exchange = self._pending_results.match(seen)
         if exchange:
             yield self._answered(exchange)
         else:
-            yield self._unasked(seen, late=self._executing.take_owed(seen.name))
+            yield self._unsolicited(seen, late=self._pending_results.take_late_reply(seen.name))
 
-    def _unasked(self, seen: FrameSeen, *, late: bool) -> UnsolicitedReply:
+    def _unsolicited(self, seen: FrameSeen, *, late: bool) -> UnsolicitedReply:
         tagged = seen.frame.tagged
-        waiting = self._waiting.asked_by(seen.frame.direction.opposite)
+        waiting = self._pending_requests.asked_by(seen.frame.direction.opposite)
         if not late and not tagged:
             for exchange in waiting:
                 exchange.stray = exchange.stray or seen
-        certain = self._certain(seen) and not (tagged and self.scene.results_doubtful)
-        elsewhere = tagged and self.scene.begun_elsewhere(seen.name, self.connection)
+        certain = self._certain(seen) and not (tagged and self.robot.results_doubtful)
+        elsewhere = tagged and self.robot.was_accepted_elsewhere(seen.name, self.connection)
         return UnsolicitedReply(seen, self._last.get(seen.name), waiting, certain, late, elsewhere)
 
     def _malformed(self, found: InvalidBytes) -> Iterator[TrafficEvent]:
@@ -296,12 +302,14 @@ class Dialogue:
         if torn or len(head) < 2:  # noqa: PLR2004 - tag and opcode, or opcode and length
             return
         if direction is C2A and head[0] == TAG:
-            exchange = self._executing.match_malformed(found, head[1])
+            exchange = self._pending_results.match_malformed(found, head[1])
         else:
-            exchange = self._waiting.match_malformed(direction, head[0])
+            exchange = self._pending_requests.match_malformed(direction, head[0])
         if exchange:
             exchange.malformed = found
             self._last[exchange.name] = exchange
             yield self._answered(exchange)
         elif direction is A2C and head[0] in BY_OPCODE:
-            self._waiting.owe(BY_OPCODE[head[0]].name)  # a lenient controller answers it
+            self._pending_requests.expect_late_reply(
+                BY_OPCODE[head[0]].name
+            )  # a lenient controller answers it

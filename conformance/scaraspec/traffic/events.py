@@ -159,12 +159,12 @@ class Exchange:
     malformed: InvalidBytes | None = None
     ending: Ending = Ending.OPEN
     logged_in: bool | None = None
-    behind_login: bool = False
+    login_sent_before: bool = False
     refused_login: FrameSeen | None = None
     certain: bool = True
     during: tuple["Exchange", ...] = ()
     unsettled: bool = False
-    scene_version: int = 0
+    state_version: int = 0
     doubled: bool = False
     pipelined: bool = False
     later_answered: bool = False
@@ -272,7 +272,7 @@ class Transfer:
     received_bytes: int = 0
     whole_content: bool = True
     resumed: bool = False
-    overanswered: bool = False
+    extra_reply_seen: bool = False
     differs_at: int = -1
     differs_in: FrameSeen | None = None
     state: State = State.ACTIVE

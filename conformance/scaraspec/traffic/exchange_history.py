@@ -66,23 +66,23 @@ class ExchangeHistory:
             if begin_ns < x.time_ns:
                 yield x
 
-    def take(self, happening: TrafficEvent, *, busy: bool) -> None:
-        """Remember what a happening says, once it has been judged.
+    def take(self, traffic_event: TrafficEvent, *, busy: bool) -> None:
+        """Add a traffic event that has been judged.
 
         Args:
-            happening: Anything.
+            traffic_event: Any traffic event.
             busy: Whether a two-stage command is executing.
         """
-        if isinstance(happening, FrameSeen):
-            if happening.parsed and happening.parsed.part == "request":
-                self._ask(happening)
-        elif isinstance(happening, Exchange) and happening.reply and happening.certain:
-            if happening.transfer or happening.transfer_before:  # they hold files
+        if isinstance(traffic_event, FrameSeen):
+            if traffic_event.parsed and traffic_event.parsed.part == "request":
+                self._ask(traffic_event)
+        elif isinstance(traffic_event, Exchange) and traffic_event.reply and traffic_event.certain:
+            if traffic_event.transfer or traffic_event.transfer_before:  # they hold files
                 return
-            recent = self.recent.setdefault(happening.name, [])
-            insort(recent, happening, key=answered_ns)
+            recent = self.recent.setdefault(traffic_event.name, [])
+            insort(recent, traffic_event, key=answered_ns)
             del recent[:-KEPT_EXCHANGES]
-            self._learn(happening, busy=busy)
+            self._learn(traffic_event, busy=busy)
 
     def _ask(self, request: FrameSeen) -> None:
         name, before = request.name, self.asked.get(request.name)
@@ -96,7 +96,7 @@ class ExchangeHistory:
             self.asked_before[name] = before
         self.asked[name] = request
 
-    def hang_up(self, time_ns: int) -> None:
+    def connection_closed(self, time_ns: int) -> None:
         """The controller has ended the last of its connections; what survives is open (A-4-6)."""
         self.hung_up_ns = time_ns
         self.passwords.clear()

@@ -10,7 +10,7 @@ from typing import Final
 
 from scaraspec.protocol.direction import Direction
 
-_FOR_EVER_NS: Final = 1 << 63
+_FOREVER_NS: Final = 1 << 63
 
 
 class GapUncertainty:
@@ -31,7 +31,7 @@ class GapUncertainty:
             ended: Nothing passes unseen from now on.
         """
         self._gaps.add((connection, direction))
-        self._until_ns[connection] = _FOR_EVER_NS
+        self._until_ns[connection] = _FOREVER_NS
         if ended:
             self.end_gap(connection, direction, until_ns)
 
@@ -44,7 +44,7 @@ class GapUncertainty:
 
     def settle(self, connection: str, asked_ns: int) -> None:
         """A request of that time has been answered, and both are certain to be frames."""
-        if asked_ns > self._until_ns.get(connection, _FOR_EVER_NS):
+        if asked_ns > self._until_ns.get(connection, _FOREVER_NS):
             del self._until_ns[connection]
 
     def close(self, connection: str, until_ns: int) -> None:

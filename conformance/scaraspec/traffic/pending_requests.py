@@ -40,7 +40,7 @@ class PendingRequests:
         self.reply_ns = int((dialect.seconds("reply_timeout") or 5) * NS_PER_S)
         self._chunk_ns = int((dialect.seconds("xfer_timeout") or 30) * NS_PER_S)
         self._open: list[_Open] = []
-        self._owed: Counter[str] = Counter()
+        self._late_replies_expected: Counter[str] = Counter()
 
     def asked_by(self, direction: Direction) -> tuple[Exchange, ...]:
         """The open requests of one side."""
@@ -113,7 +113,7 @@ class PendingRequests:
         late = [e for e in self._open if e.give_up_ns < now_ns and e.exchange.later_answered]
         return [self._drop(entry, Ending.UNANSWERED) for entry in late]
 
-    def doubt(self) -> None:
+    def mark_uncertain(self) -> None:
         """What is asked may not be what was received, nor the answer."""
         for entry in self._open:
             entry.exchange.certain = False
@@ -146,15 +146,15 @@ class PendingRequests:
     def _drop(self, entry: _Open, ending: Ending) -> Exchange:
         self._open.remove(entry)
         entry.exchange.ending = ending
-        self.owe(entry.name)
+        self.expect_late_reply(entry.name)
         return entry.exchange
 
-    def owe(self, name: str) -> None:
+    def expect_late_reply(self, name: str) -> None:
         """An answer to this command may come that no open request will claim."""
-        self._owed[name] += 1
+        self._late_replies_expected[name] += 1
 
-    def take_owed(self, name: str) -> bool:
+    def take_late_reply(self, name: str) -> bool:
         """Whether a reply that nobody waits for may be such an answer; each is one once."""
-        owed = self._owed[name] > 0
-        self._owed[name] -= owed
+        owed = self._late_replies_expected[name] > 0
+        self._late_replies_expected[name] -= owed
         return owed

@@ -25,32 +25,32 @@ class PendingResults:
         scene: Shared by all connections.
     """
 
-    def __init__(self, connection: str, scene: RobotState) -> None:
+    def __init__(self, connection: str, robot: RobotState) -> None:
         self._connection = connection
-        self._scene = scene
-        self._owed: Counter[str] = Counter()
+        self._robot = robot
+        self._late_replies_expected: Counter[str] = Counter()
 
     def _mine(self) -> list[Exchange]:
-        return [x for x in self._scene.executing if x.request.place.connection == self._connection]
+        return [x for x in self._robot.executing if x.request.place.connection == self._connection]
 
     def asked(self, exchange: Exchange) -> None:
         """A request was sent: note what executes meanwhile."""
-        scene = self._scene
-        exchange.scene_version = scene.version
-        if scene.executing:
-            exchange.during = tuple(x for x in scene.executing if not x.interrupted_by)
-            exchange.unsettled = scene.unsettled
+        robot = self._robot
+        exchange.state_version = robot.version
+        if robot.executing:
+            exchange.during = tuple(x for x in robot.executing if not x.interrupted_by)
+            exchange.unsettled = robot.unsettled
             if exchange.name == _STOP:
-                for other in scene.executing:
+                for other in robot.executing:
                     other.stop_asked = True
 
     def answered(self, exchange: Exchange) -> None:
         """A first reply came: what executed at its request may have ended since."""
-        scene = self._scene
+        robot = self._robot
         if exchange.during:
-            exchange.during = tuple(x for x in exchange.during if x in scene.executing)
-        changed = exchange.scene_version != scene.version
-        unsettled = exchange.name != _STOP and scene.unsettled  # it unsettles the others itself
+            exchange.during = tuple(x for x in exchange.during if x in robot.executing)
+        changed = exchange.state_version != robot.version
+        unsettled = exchange.name != _STOP and robot.unsettled  # it unsettles the others itself
         exchange.unsettled = exchange.unsettled or changed or unsettled
         if exchange.name == "get_status" and exchange.answer == "00" and exchange.certain:
             self._idle(exchange)
@@ -66,21 +66,21 @@ class PendingResults:
 
         A stop proves nothing: it is accepted while others execute (A-4.17-1).
         """
-        scene = self._scene
+        robot = self._robot
         for older in self._mine() if exchange.name != _STOP else ():
             if older.interrupted_by or older.idle or not older.certain:
                 yield self._end(older, Ending.UNFINISHED if older.certain else Ending.UNSEEN)
-        if len(scene.executing) >= _MOST:
-            yield self._end(scene.executing[0], Ending.UNSEEN)
+        if len(robot.executing) >= _MOST:
+            yield self._end(robot.executing[0], Ending.UNSEEN)
         # Snapshots, so that no chain of exchanges grows where commands overlap for ever.
-        executing = (x for x in exchange.during if x in scene.executing)
+        executing = (x for x in exchange.during if x in robot.executing)
         exchange.during = tuple(replace(x, during=()) for x in executing)
         if exchange.name in (_STOP, "jog"):  # a jog may replace another one (A-4.28-5)
             stop = replace(exchange, during=())
-            for older in scene.executing:
+            for older in robot.executing:
                 if exchange.name == _STOP or older.name == "jog":
                     older.stop_asked, older.interrupted_by = True, stop
-        scene.begin(exchange)
+        robot.begin(exchange)
 
     def match(self, result: FrameSeen) -> Exchange | None:
         """Take out the command that this final result ends."""
@@ -90,8 +90,8 @@ class PendingResults:
         exchange = min(mine, key=lambda x: x.interrupted_by is not None)
         exchange.result = result
         exchange.certain = exchange.certain and result.certain
-        exchange.after_stop = not any(x.name == _STOP for x in self._scene.executing)
-        self._scene.end(exchange)
+        exchange.after_stop = not any(x.name == _STOP for x in self._robot.executing)
+        self._robot.end(exchange)
         return exchange
 
     def match_malformed(self, found: InvalidBytes, opcode: int) -> Exchange | None:
@@ -99,7 +99,7 @@ class PendingResults:
         for exchange in self._mine():
             if exchange.request.frame.opcode == opcode:
                 exchange.malformed = found
-                self._scene.end(exchange)
+                self._robot.end(exchange)
                 return exchange
         return None
 
@@ -127,13 +127,13 @@ class PendingResults:
             yield self._end(exchange, Ending.UNFINISHED if missing else ending)
 
     def _end(self, exchange: Exchange, ending: Ending) -> Exchange:
-        self._scene.end(exchange)
-        self._owed[exchange.name] += 1
+        self._robot.end(exchange)
+        self._late_replies_expected[exchange.name] += 1
         exchange.ending = ending
         return exchange
 
-    def take_owed(self, name: str) -> bool:
+    def take_late_reply(self, name: str) -> bool:
         """Whether a final result that nobody waits for may be one that was given up."""
-        owed = self._owed[name] > 0
-        self._owed[name] -= owed
+        owed = self._late_replies_expected[name] > 0
+        self._late_replies_expected[name] -= owed
         return owed

@@ -29,18 +29,18 @@ class RobotState:
         """Rises with every change of what executes: equal numbers mean that nothing changed."""
         self.files: OrderedDict[bytes, Transfer] = OrderedDict()
         """The last completed upload of each name, until it may be gone; oldest dropped first."""
-        self.memory = ExchangeHistory()
+        self.history = ExchangeHistory()
         """What was said before, for rules that hold one value against another."""
         self.connected: set[str] = set()
         """Connections that have not ended."""
         self.sessions: set[str] = set()
         """Those of them that have logged in."""
-        self.doubt = GapUncertainty()
+        self.gaps = GapUncertainty()
         """Which happenings a gap may have touched."""
         self.results_doubtful = False
         """A two-stage command may be executing that was accepted in a gap."""
         self._files_bytes = 0
-        self._askers: dict[str, str] = {}
+        self._initiator_connections: dict[str, str] = {}
 
     @property
     def unsettled(self) -> bool:
@@ -52,46 +52,46 @@ class RobotState:
         """Whether a two-stage command executes that no stop has interrupted."""
         return bool(self.executing) and any(not x.interrupted_by for x in self.executing)
 
-    def remember(self, happening: TrafficEvent) -> None:
+    def remember(self, traffic_event: TrafficEvent) -> None:
         """Keep what was said, once it has been judged."""
-        if isinstance(happening, Exchange) and happening.reply:
-            if happening.certain:
-                self.last[happening.name] = happening
+        if isinstance(traffic_event, Exchange) and traffic_event.reply:
+            if traffic_event.certain:
+                self.last[traffic_event.name] = traffic_event
             else:
-                self.last.pop(happening.name, None)
-        self.memory.take(happening, busy=self.busy)
+                self.last.pop(traffic_event.name, None)
+        self.history.take(traffic_event, busy=self.busy)
 
     def begin(self, exchange: Exchange) -> None:
         """A two-stage command was accepted."""
         self.executing.append(exchange)
-        self.memory.begun(exchange)
+        self.history.begun(exchange)
         self.version += 1
         connection = exchange.request.place.connection
-        first = self._askers.setdefault(exchange.name, connection)
+        first = self._initiator_connections.setdefault(exchange.name, connection)
         if first != connection:
-            self._askers[exchange.name] = ""
+            self._initiator_connections[exchange.name] = ""
 
     def end(self, exchange: Exchange) -> None:
         """A two-stage command ended, or nobody can say any longer that it executes."""
         if exchange in self.executing:
             self.executing.remove(exchange)
-        self.memory.ended(exchange, busy=self.busy)
+        self.history.ended(exchange, busy=self.busy)
         self.version += 1
 
-    def hang_up(self, time_ns: int, hung_up: Direction) -> None:
+    def connection_closed(self, time_ns: int, hung_up: Direction) -> None:
         """A connection has ended, `hung_up` having ended it first."""
         if hung_up is C2A and not self.connected:
-            self.memory.hang_up(time_ns)
+            self.history.connection_closed(time_ns)
             self.last.pop("login", None)
 
-    def begun_elsewhere(self, name: str, connection: str) -> bool:
+    def was_accepted_elsewhere(self, name: str, connection: str) -> bool:
         """Whether a two-stage command was ever accepted on another connection than this."""
-        return self._askers.get(name, connection) != connection
+        return self._initiator_connections.get(name, connection) != connection
 
-    def lose_track(self) -> None:
+    def forget_after_gap(self) -> None:
         """Bytes passed unseen: nothing of what was known is sure."""
         self.results_doubtful = True
-        self.memory = ExchangeHistory()
+        self.history = ExchangeHistory()
         self.last.clear()
         self.files.clear()
         self._files_bytes = 0

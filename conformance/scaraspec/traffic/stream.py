@@ -43,7 +43,7 @@ class Stream:
             end_bytes = self._framer.offset_bytes + self._framer.held_bytes
             self._pieces.append((end_bytes, event.time_ns))
             at = self._framer.offset_bytes
-            yield from self._tell(at, self._framer.feed(event.data), certain=self._in_step)
+            yield from self._emit(at, self._framer.feed(event.data), certain=self._in_step)
 
     def _resume(self, event: WireEvent) -> Iterator[FrameSeen | InvalidBytes]:
         """Wait no longer for the rest of a frame where after a long silence another one stands.
@@ -60,7 +60,7 @@ class Stream:
                 item if isinstance(item, Frame) else item._replace(why=SkipReason.BAD_END)
                 for item in framer.abandon(held_bytes)
             ]
-            yield from self._tell(at, wrong, certain=False)
+            yield from self._emit(at, wrong, certain=False)
             yield from self.flush()
 
     @property
@@ -85,7 +85,7 @@ class Stream:
         found = self._framer.skip_gap(max(length_bytes, 0), commands.is_known_opcode)
         torn = b"".join(i.encode() if isinstance(i, Frame) else i.data for i in found)
         if torn:
-            yield from self._tell(at, [Skipped(torn, SkipReason.TRUNCATED)], certain=False)
+            yield from self._emit(at, [Skipped(torn, SkipReason.TRUNCATED)], certain=False)
         if self._run:
             self._run = replace(self._run, touches_gap=True)
         yield from self.flush()
@@ -94,7 +94,7 @@ class Stream:
     def finish(self) -> Iterator[FrameSeen | InvalidBytes]:
         """No more bytes come; frames within an unfinished one are a guess."""
         at = self._framer.offset_bytes
-        yield from self._tell(at, self._framer.finish(), certain=False)
+        yield from self._emit(at, self._framer.finish(), certain=False)
         yield from self.flush()
 
     def flush(self) -> Iterator[InvalidBytes]:
@@ -103,7 +103,7 @@ class Stream:
         if run:
             yield run
 
-    def _tell(
+    def _emit(
         self, at: int, found: list[StreamItem], *, certain: bool
     ) -> Iterator[FrameSeen | InvalidBytes]:
         pieces = self._pieces

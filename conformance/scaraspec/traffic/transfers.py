@@ -40,7 +40,7 @@ def refuses_an_answer(frame: Frame) -> bool:
 
 
 @dataclass(eq=False, slots=True)
-class _Course:
+class _TransferProgress:
     """A transfer, and where its next chunk is due."""
 
     transfer: Transfer
@@ -66,23 +66,23 @@ class TransferTracker:
         dialect: The transfer time-out; a transfer ends after twice that silence (A-5-13).
     """
 
-    def __init__(self, scene: RobotState, dialect: Dialect) -> None:
-        self._scene = scene
+    def __init__(self, robot: RobotState, dialect: Dialect) -> None:
+        self._robot = robot
         timeout_s = dialect.seconds("xfer_timeout")
         self._timeout_ns = 2 * int((timeout_s if timeout_s is not None else 1e9) * _NS)
         self._survived_ns = int(_SURVIVED * self._timeout_ns / 2)
         self._strays = 0  # answers to no chunk, each of which may be refused
-        self._named: dict[bool, _Course] = {}  # by whether it is an upload; not answered yet
-        self._active: _Course | None = None
-        self._before: dict[bool, _Course] = {}
-        self._orders: dict[bool, str] = {}
+        self._opened: dict[bool, _TransferProgress] = {}  # key: is upload
+        self._active: _TransferProgress | None = None
+        self._previous: dict[bool, _TransferProgress] = {}
+        self._byte_orders: dict[bool, str] = {}
         self._broken_off = False  # the last one that was under way
-        self._heard_ns = 0
+        self._last_activity_ns = 0
 
     @property
     def unfinished(self) -> bool:
         """Whether one may be under way: one that broke off may go on for its other end."""
-        return bool(self._active or self._named or self._broken_off)
+        return bool(self._active or self._opened or self._broken_off)
 
     def request(self, exchange: Exchange) -> Iterator[Transfer]:
         """A name or a chunk was sent: place it."""
@@ -90,24 +90,24 @@ class TransferTracker:
         if exchange.name in NAMES:
             name = exchange.asked if isinstance(exchange.asked, bytes) else b""
             transfer = Transfer(upload, name, exchange.time_ns, exchange, certain=exchange.certain)
-            self._named[upload] = _Course(transfer)
+            self._opened[upload] = _TransferProgress(transfer)
         elif exchange.name in CHUNKS:
-            silence_ns = exchange.time_ns - self._heard_ns
+            silence_ns = exchange.time_ns - self._last_activity_ns
             exchange.late = self._active is not None and silence_ns > self._survived_ns
-            self._heard_ns = exchange.time_ns
+            self._last_activity_ns = exchange.time_ns
             yield from self._place(exchange, upload)
 
     def _place(self, exchange: Exchange, upload: bool) -> Iterator[Transfer]:  # noqa: FBT001 - the key of all tables here
         active = self._active if self._active and self._active.transfer.upload is upload else None
-        course, before = self._named.get(upload) or active, self._before.get(upload)
+        course, before = self._opened.get(upload) or active, self._previous.get(upload)
         chunk = exchange.chunk = self._read(exchange, upload)
-        if course is None and before and chunk and _resumes(before, chunk):
-            course = self._active = _resumed(before)
+        if course is None and before and chunk and _is_resumption(before, chunk):
+            course = self._active = _resume_transfer(before)
         if course is None:
             exchange.transfer_before = before.transfer if before else None
             return
         transfer = exchange.transfer = course.transfer
-        transfer.order = transfer.order or self._orders.get(upload, "")
+        transfer.order = transfer.order or self._byte_orders.get(upload, "")
         exchange.expected_position = course.due
         if chunk and (chunk.length or not chunk.file_size):
             course.advance(chunk)
@@ -121,9 +121,9 @@ class TransferTracker:
             return None
         proved = dict(parsed.decoded.readings).get("endian", "")
         if proved:
-            self._orders.setdefault(upload, proved)
+            self._byte_orders.setdefault(upload, proved)
             return chunk
-        data, order = exchange.request.frame.data, self._orders.get(upload)
+        data, order = exchange.request.frame.data, self._byte_orders.get(upload)
         return read_as(data, order) if order and len(data) >= HEAD_BYTES else chunk
 
     def reply(self, exchange: Exchange) -> Iterator[Transfer]:
@@ -135,7 +135,7 @@ class TransferTracker:
         if exchange.name in NAMES:
             yield from self._named_answered(exchange, time_ns)
         elif active and exchange.transfer is active.transfer:
-            self._heard_ns = time_ns
+            self._last_activity_ns = time_ns
             active.transfer.certain = active.transfer.certain and exchange.certain
             if not exchange.accepted:
                 yield from self.end(REFUSED_CHUNK, time_ns)
@@ -149,10 +149,10 @@ class TransferTracker:
         if exchange is None or time_ns - exchange.time_ns > self._survived_ns:
             self._strays += 1
 
-    def overanswered(self, name: str) -> None:
+    def extra_reply_seen(self, name: str) -> None:
         """An answer came that no chunk of this transfer awaits."""
         if self._active and name == CHUNKS[not self._active.transfer.upload]:
-            self._active.transfer.overanswered = True
+            self._active.transfer.extra_reply_seen = True
 
     def refused(self) -> bool:
         """An answer was refused: whether one was sent that nobody need have awaited."""
@@ -162,7 +162,7 @@ class TransferTracker:
 
     def _compare(self, transfer: Transfer, seen: FrameSeen, chunk: Chunk) -> None:
         """Hold a chunk of a download against what was uploaded under its name."""
-        stored, data, at = self._scene.files.get(transfer.name), chunk.data, chunk.position
+        stored, data, at = self._robot.files.get(transfer.name), chunk.data, chunk.position
         if stored is None or not stored.whole_content:
             return
         sent = bytes(stored.content[at : at + len(data)])
@@ -173,25 +173,25 @@ class TransferTracker:
 
     def _named_answered(self, exchange: Exchange, time_ns: int) -> Iterator[Transfer]:
         upload = exchange.name == "upload_name"
-        course = self._named.get(upload)
+        course = self._opened.get(upload)
         if course is None or course.transfer.opening is not exchange:
             return
-        del self._named[upload]
+        del self._opened[upload]
         transfer = course.transfer
         if exchange.accepted:
             yield from self.end("another transfer began", time_ns)
             exchange.transfer, transfer.begun_ns = transfer, time_ns
             transfer.certain = exchange.certain
-            self._active, self._heard_ns = course, time_ns
+            self._active, self._last_activity_ns = course, time_ns
         else:
             transfer.state, transfer.reason = State.FAILED, REFUSED_NAME
-            self._before[upload] = course
+            self._previous[upload] = course
 
     def _acknowledged(self, transfer: Transfer, chunk: Chunk, time_ns: int) -> Iterator[Transfer]:
         if transfer.size_bytes < 0:
             transfer.size_bytes = chunk.file_size
             if transfer.upload:
-                self._scene.forget(transfer.name)
+                self._robot.forget(transfer.name)
         if chunk.position == transfer.received_bytes:
             transfer.received_bytes += len(chunk.data)
             if len(transfer.content) + len(chunk.data) <= _CONTENT_LIMIT_BYTES:
@@ -205,25 +205,25 @@ class TransferTracker:
             return
         transfer.state = State.DONE
         if transfer.upload and transfer.certain:
-            self._scene.stored(transfer)
+            self._robot.stored(transfer)
         yield self._ended(transfer, time_ns)
 
     def expire(self, now_ns: int) -> Iterator[Transfer]:
         """End the transfer after more silence than any reading allows (L763, L795)."""
-        if self._active and now_ns - self._heard_ns > self._timeout_ns:
+        if self._active and now_ns - self._last_activity_ns > self._timeout_ns:
             yield from self.end(SILENCE, now_ns)
 
-    def doubt(self, now_ns: int) -> Iterator[Transfer]:
+    def mark_uncertain(self, now_ns: int) -> Iterator[Transfer]:
         """Chunks and names may have been hidden or changed: how it ends cannot be known."""
         if self._active:
             self._active.transfer.certain = False
         yield from self.end(_DOUBT, now_ns)
-        self._named.clear()
+        self._opened.clear()
         for upload in (True, False):
             unknown = Transfer(
                 upload, b"", now_ns, state=State.FAILED, reason=_DOUBT, certain=False
             )
-            self._before[upload] = _Course(unknown)
+            self._previous[upload] = _TransferProgress(unknown)
 
     def end(self, reason: str, now_ns: int) -> Iterator[Transfer]:
         """End the transfer that is under way, if one is, without success."""
@@ -235,13 +235,13 @@ class TransferTracker:
     def _ended(self, transfer: Transfer, now_ns: int) -> Transfer:
         course, self._active = self._active, None
         if course:
-            self._before[transfer.upload] = course
+            self._previous[transfer.upload] = course
         transfer.ended_ns = now_ns
         self._broken_off = transfer.state is not State.DONE and transfer.reason != SILENCE
         return transfer
 
 
-def _resumes(before: _Course, chunk: Chunk) -> bool:
+def _is_resumption(before: _TransferProgress, chunk: Chunk) -> bool:
     """Whether a chunk goes on with a transfer of which one was refused (A-5-14)."""
     return (
         before.transfer.reason == REFUSED_CHUNK
@@ -251,10 +251,10 @@ def _resumes(before: _Course, chunk: Chunk) -> bool:
     )
 
 
-def _resumed(before: _Course) -> _Course:
+def _resume_transfer(before: _TransferProgress) -> _TransferProgress:
     """A transfer that goes on where it was refused; the one handed out stays as it is."""
     old = before.transfer
     transfer = replace(
         old, state=State.ACTIVE, reason="", content=bytearray(old.content), resumed=True
     )
-    return _Course(transfer, old.received_bytes, resumptions=before.resumptions + 1)
+    return _TransferProgress(transfer, old.received_bytes, resumptions=before.resumptions + 1)

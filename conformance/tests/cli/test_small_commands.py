@@ -60,7 +60,7 @@ def test_unknown_clause(
     [
         ("call --timeout nan tcp://127.0.0.1:1 get_status", "is not a number"),
         ("controller --time-scale nan", "is not a number"),
-        ("replay CAPTURE nowhere", "no link"),
+        ("replay CAPTURE nowhere", "is not a link URL"),
         ("audit CAPTURE --html CAPTURE", "is the capture"),
         ("audit CAPTURE --json FOLDER", "FOLDER cannot be written"),
         ("demo --out CAPTURE", "is not a folder"),

@@ -57,7 +57,7 @@ def test_arguments_are_parsed_to_the_types_of_the_table(
         ("set_digital_output", ["8", "on"], "value 'on' is not an integer"),
         ("set_gripper_center", ["1", "1e3", "0"], "y '1e3' is not a plain decimal number"),
         ("set_gripper_center", ["1", "nan", "0"], "y 'nan' is not a plain decimal number"),
-        ("jog", ["up"], r"direction 'up' is none of \+y, -y, \+x, -x"),
+        ("jog", ["up"], r"direction 'up' is not one of \+y, -y, \+x, -x"),
         ("set_time", ["noon"], "time 'noon' is not 14 digits"),
         ("set_time", ["20141332143000"], "not a valid date and time"),
         ("set_network", ["999.1.1.1", "255.0.0.0", "1.1.1.1"], "ip '999.1.1.1' is not a dotted"),

@@ -95,7 +95,7 @@ def test_a_conforming_capture_conforms(capture: Callable[[str], Any], name: str)
     assert len(frames) == CONFORMING[name]
     assert all(seen.parsed and not seen.parsed.decoded.issues for seen in frames)
     assert not record.undecodable
-    assert not record.unasked
+    assert not record.unsolicited
     assert broken(record) == []
     assert record.judge.conclusion is Conclusion.CONFORMANT
 
@@ -133,7 +133,7 @@ def test_a_torn_capture_fails_nobody(capture: Callable[[str], Any]) -> None:
     record = capture("plant-a-torn")
     assert broken(record) == []
     assert record.judge.conclusion is Conclusion.INCONCLUSIVE
-    assert {u.certain for u in record.unasked} == {False}
+    assert {u.certain for u in record.unsolicited} == {False}
     judged = {r for r, tally in record.judge.tallies.items() if tally.verdict is Verdict.PASS}
     assert len(judged) > 40
 

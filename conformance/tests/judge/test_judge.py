@@ -54,9 +54,9 @@ def words(script: Script) -> dict[str, set[Verdict]]:
         for item in (item for item in items if not isinstance(item, Finding)):
             kind = kind_of(item)
             if kind not in rules:
-                rules[kind] = [rule for rule in RULES if rule.looks_at(item)]
+                rules[kind] = [rule for rule in RULES if rule.applies_to(item)]
             for rule in rules[kind]:
-                if word := rule.check(item, next(iter(judge.scenes.values()))):
+                if word := rule.check(item, next(iter(judge.robots.values()))):
                     words[label(rule)].add(word.verdict)
     return words
 
@@ -311,14 +311,14 @@ def test_two_controllers_are_told_apart(
 def test_controllers_beyond_count_are_forgotten(judged: Judged) -> None:
     """A recording of a thousand robots keeps a bounded number of them in mind."""
     lines = (f"{n}> open 10.0.0.9:4 → 10.0.{n // 256}.{n % 256}:8877" for n in range(1000))
-    assert len(judged("\n".join(lines)).judge.scenes) < 100
+    assert len(judged("\n".join(lines)).judge.robots) < 100
 
 
 def test_connections_beyond_count_are_forgotten(judged: Judged) -> None:
     """Nor does a scene keep in mind those that were given up for others, or have ended."""
     lines = (f"{n}> open 10.0.0.9:{n} → 10.0.0.1:8877" for n in range(5000))
-    assert not judged("\n".join(lines)).scene.connected
-    assert not judged("login\n> close\n2> open\n2< rst\n2> open").scene.connected
+    assert not judged("\n".join(lines)).robot.connected
+    assert not judged("login\n> close\n2> open\n2< rst\n2> open").robot.connected
 
 
 @settings(max_examples=80)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from scaraspec.judge.program_file_readings import file_sightings
+from scaraspec.judge.program_file_readings import observed_file_readings
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.program_files import (
     LAYOUTS,
@@ -30,7 +30,7 @@ def uploaded(content: bytes, *, upload: bool = True, state: State = State.DONE) 
 
 def seen(*nodes: Node) -> dict[str, str]:
     """What a program of these nodes shows besides its layout."""
-    found = {s.key: s.option for s in file_sightings(uploaded(build(Program(nodes=nodes))))}
+    found = {s.key: s.option for s in observed_file_readings(uploaded(build(Program(nodes=nodes))))}
     return {key: option for key, option in found.items() if LITTLE.get(key) != option}
 
 
@@ -52,7 +52,7 @@ def test_the_layout_shows(name: str) -> None:
     """The size and the counts leave one layout."""
     layout = LAYOUTS[name]
     content = build(Program(nodes=loop(1) * 3), layout)
-    found = set(file_sightings(uploaded(content)))
+    found = set(observed_file_readings(uploaded(content)))
     assert (A2C, "prog_layout", layout.reading) in found
     assert (A2C, "endian", str(layout.byte_order)) in found
 
@@ -77,24 +77,24 @@ def test_an_unscaled_wait_shows() -> None:
     """A digital input that is compared with a stored 1."""
     wait = Node(b"", NodeType.WAIT_INPUT, data=WaitInput(1, 1, 3))
     content = build(Program(ports=(2, *[0] * 39), nodes=(wait,)))
-    assert (A2C, "wait_scale", "analog") in set(file_sightings(uploaded(content)))
+    assert (A2C, "wait_scale", "analog") in set(observed_file_readings(uploaded(content)))
 
 
 def test_only_whole_uploads_of_programs_show_anything() -> None:
     """A download is what somebody had uploaded; half a file may be anything."""
     content = build(Program(nodes=loop(1)))
-    assert list(file_sightings(uploaded(content)))
-    assert not list(file_sightings(uploaded(content, upload=False)))
-    assert not list(file_sightings(uploaded(content, state=State.FAILED)))
-    assert not list(file_sightings(uploaded(content[:-1])))
-    assert not list(file_sightings(uploaded(b"text")))
+    assert list(observed_file_readings(uploaded(content)))
+    assert not list(observed_file_readings(uploaded(content, upload=False)))
+    assert not list(observed_file_readings(uploaded(content, state=State.FAILED)))
+    assert not list(observed_file_readings(uploaded(content[:-1])))
+    assert not list(observed_file_readings(uploaded(b"text")))
     cut = uploaded(content)
     cut.received_bytes += 1
-    assert not list(file_sightings(cut))
+    assert not list(observed_file_readings(cut))
 
 
 def test_all_are_readings() -> None:
     """Every key and option is in the table of readings."""
     nodes = (*loop(1), compute(3, 1, 1, 5), *when(1, 1, 1, 1, 1, 1, 5))
-    for sighting in file_sightings(uploaded(build(Program(nodes=nodes)))):
-        assert sighting.option in {o.name for o in READINGS[sighting.key].options}
+    for observation in observed_file_readings(uploaded(build(Program(nodes=nodes)))):
+        assert observation.option in {o.name for o in READINGS[observation.key].options}

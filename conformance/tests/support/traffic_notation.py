@@ -159,10 +159,10 @@ class Record:
     findings: list[Finding]
 
     @property
-    def scene(self) -> RobotState:
+    def robot(self) -> RobotState:
         """What is known of the only controller."""
-        (scene,) = self.judge.scenes.values()
-        return scene
+        (robot,) = self.judge.robots.values()
+        return robot
 
     @property
     def exchanges(self) -> list[Exchange]:
@@ -175,7 +175,7 @@ class Record:
         return [h for h in self.happenings if isinstance(h, Transfer)]
 
     @property
-    def unasked(self) -> list[UnsolicitedReply]:
+    def unsolicited(self) -> list[UnsolicitedReply]:
         """What answered nothing."""
         return [h for h in self.happenings if isinstance(h, UnsolicitedReply)]
 
@@ -203,38 +203,60 @@ class Record:
     def told(self) -> list[tuple[Any, ...]]:
         """All happenings and findings, but for their times."""
         return [
-            *(_untimed(happening) for happening in self.happenings),
+            *(_untimed(what) for what in self.happenings),
             *((f.requirement, f.verdict, f.observed, f.reading) for f in self.findings),
         ]
 
 
-def _untimed(happening: TrafficEvent) -> tuple[Any, ...]:
-    match happening:
+def _untimed(what: TrafficEvent) -> tuple[Any, ...]:
+    match what:
         case FrameSeen():
-            return ("frame", happening.frame, happening.place.offset_bytes, happening.certain)
+            return (
+                "frame",
+                what.frame,
+                what.place.offset_bytes,
+                what.certain,
+            )
         case InvalidBytes():
-            place = happening.place
-            return ("bytes", happening.data, happening.why, place.offset_bytes, place.length_bytes)
+            place = what.place
+            return (
+                "bytes",
+                what.data,
+                what.why,
+                place.offset_bytes,
+                place.length_bytes,
+            )
         case LinkChange() | CaptureGap() | Injected():
-            return (happening.event.kind, happening.event.direction)
+            return (what.event.kind, what.event.direction)
         case Exchange():
-            frames = [seen.frame for seen in happening.frames]
-            malformed = happening.malformed.data if happening.malformed else None
+            frames = [seen.frame for seen in what.frames]
+            malformed = what.malformed.data if what.malformed else None
             return (
                 "exchange",
                 *frames,
                 malformed,
-                happening.ending,
-                happening.logged_in,
-                happening.certain,
-                [x.name for x in happening.during],
-                happening.expected_position,
+                what.ending,
+                what.logged_in,
+                what.certain,
+                [x.name for x in what.during],
+                what.expected_position,
             )
         case Transfer():
-            return (happening.name, happening.state, happening.reason, bytes(happening.content))
+            return (
+                what.name,
+                what.state,
+                what.reason,
+                bytes(what.content),
+            )
         case UnsolicitedReply():
-            waiting = [x.name for x in happening.waiting]
-            return ("unasked", happening.seen.frame, waiting, happening.certain, happening.late)
+            waiting = [x.name for x in what.waiting]
+            return (
+                "unasked",
+                what.seen.frame,
+                waiting,
+                what.certain,
+                what.late,
+            )
 
 
 def _judged(

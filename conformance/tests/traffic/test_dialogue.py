@@ -73,7 +73,7 @@ def test_a_repeated_request_and_two_late_replies(judged: Judged) -> None:
         "login\n> get_status\n+6\n> get_status\n< get_status 01\n+1\n< get_status 02\n> close"
     )
     assert endings(record) == [("get_status", ANSWERED)] * 2
-    assert not record.unasked
+    assert not record.unsolicited
 
 
 def test_a_reply_to_what_was_given_up_is_late(judged: Judged) -> None:
@@ -83,7 +83,7 @@ def test_a_reply_to_what_was_given_up_is_late(judged: Judged) -> None:
         f"< get_time {TIME}\n< get_time {TIME}"
     )
     assert ("get_time", UNANSWERED) in endings(record)
-    assert [unasked.late for unasked in record.unasked] == [True, False]
+    assert [unsolicited.late for unsolicited in record.unsolicited] == [True, False]
 
 
 def test_the_reply_time_may_be_claimed(judged: Judged) -> None:
@@ -122,9 +122,9 @@ def test_temperatures_under_0x0e_while_a_default_is_set(judged: Judged) -> None:
 def test_a_reply_of_another_opcode_belongs_to_nobody(judged: Judged) -> None:
     """What waits keeps waiting, and knows that a stray frame came."""
     record = judged(f"login\n> get_status\n< get_time {TIME}\n< get_status 00")
-    (unasked,) = record.unasked
-    assert [x.name for x in unasked.waiting] == ["get_status"]
-    assert record.exchange("get_status").stray is unasked.seen
+    (unsolicited,) = record.unsolicited
+    assert [x.name for x in unsolicited.waiting] == ["get_status"]
+    assert record.exchange("get_status").stray is unsolicited.seen
 
 
 def test_an_undefined_opcode_is_an_exchange_without_a_command(judged: Judged) -> None:
@@ -152,13 +152,13 @@ def test_a_malformed_final_result_ends_the_command(judged: Judged) -> None:
         "login\n> reset\n< reset 1\n< = CC 90 33 04 30 30 7C 31 31 AA\n> reset\n< reset 1"
     )
     assert endings(record) == [("reset", ANSWERED), ("reset", Ending.CUT_OFF)]
-    assert len(record.scene.executing) == 0
+    assert len(record.robot.executing) == 0
 
 
 def test_a_malformed_request_explains_its_answer(judged: Judged) -> None:
     """A lenient controller answers it; that frame is late, not unsolicited."""
     record = judged("login\n> = AA 09 00 30 CC\n< get_status 00")
-    assert [unasked.late for unasked in record.unasked] == [True]
+    assert [unsolicited.late for unsolicited in record.unsolicited] == [True]
 
 
 # Program lists
@@ -190,7 +190,7 @@ def test_a_list_asked_for_again_may_come_twice(judged: Judged) -> None:
         "login\n> list_programs\n< list_programs 1|a\n> list_programs\n"
         "< list_programs 0|b\n< list_programs 0|a|b"
     )
-    assert [unasked.late for unasked in record.unasked] == [True]
+    assert [unsolicited.late for unsolicited in record.unsolicited] == [True]
 
 
 def test_a_list_without_its_end_is_cut_off(judged: Judged) -> None:
@@ -217,16 +217,16 @@ def test_a_result_in_the_segment_of_the_first_reply(judged: Judged, script: Call
 def test_a_result_before_the_first_reply_is_unasked(judged: Judged) -> None:
     """It ends nothing; what comes as the first reply then begins something."""
     record = judged("login\n> reset\n<90 reset 11\n< reset 1")
-    assert [u.seen.frame.tagged for u in record.unasked] == [True]
+    assert [u.seen.frame.tagged for u in record.unsolicited] == [True]
     assert record.exchange("reset").ending is Ending.CUT_OFF
 
 
 def test_a_second_result_is_unasked(judged: Judged) -> None:
     """It comes after the exchange that it repeats."""
     record = judged("login\n> reset\n< reset 1\n<90 reset 11\n<90 reset 11")
-    (unasked,) = record.unasked
-    assert unasked.after is record.exchange("reset")
-    assert unasked.certain
+    (unsolicited,) = record.unsolicited
+    assert unsolicited.after is record.exchange("reset")
+    assert unsolicited.certain
 
 
 JOG_AND_STOP = "login\n> jog 1\n< jog 1\n> emergency_stop\n< emergency_stop 1\n"
@@ -250,7 +250,7 @@ def test_a_stopped_command_ends_in_three_ways(
     assert (x.ending, x.after_stop) == (ending, after_stop)
     assert record.exchange("emergency_stop").ending is ANSWERED
     assert not record.failed
-    assert not record.unasked
+    assert not record.unsolicited
 
 
 def test_a_stopped_command_may_end_late(judged: Judged) -> None:
@@ -258,7 +258,7 @@ def test_a_stopped_command_may_end_late(judged: Judged) -> None:
     record = judged(
         JOG_AND_STOP + "<90 emergency_stop 11\n> reset\n< reset 1\n<90 jog 11\n<90 reset 11"
     )
-    assert [unasked.late for unasked in record.unasked] == [True]
+    assert [unsolicited.late for unsolicited in record.unsolicited] == [True]
     assert not record.failed
 
 
@@ -304,7 +304,7 @@ def test_the_end_of_the_link_cuts_off(judged: Judged, line: str) -> None:
     record = judged(f"login\n> reset\n< reset 1\n> get_status\n{line}")
     assert {ending for _, ending in endings(record)} <= {Ending.CUT_OFF, Ending.HUNG_UP}
     assert not record.failed
-    assert not record.scene.executing
+    assert not record.robot.executing
 
 
 def test_who_hangs_up_is_known(judged: Judged) -> None:
@@ -515,9 +515,9 @@ def test_what_never_ends_takes_no_memory(opcode: int) -> None:
         dialogue, kept = Dialogue("1", RobotState()), {}
         tracemalloc.start()
         for event in exchanges_without_end(request, Frame(C2A, opcode, b"1").encode(), times):
-            for happening in dialogue.feed(event):
-                if isinstance(happening, Exchange):
-                    kept[happening.name] = happening  # as the scene does
+            for traffic_event in dialogue.feed(event):
+                if isinstance(traffic_event, Exchange):
+                    kept[traffic_event.name] = traffic_event  # as the scene does
         gc.collect()
         held.append(tracemalloc.get_traced_memory()[0])
         tracemalloc.stop()

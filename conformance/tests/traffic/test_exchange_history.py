@@ -13,49 +13,49 @@ MOVE = "> reset\n< reset 1\n<90 reset 11\n"
 @pytest.fixture
 def memory_of(judged: Callable) -> Callable[[str], ExchangeHistory]:
     """What is remembered behind a session."""
-    return lambda session: judged("login\n" + session).scene.memory
+    return lambda session: judged("login\n" + session).robot.history
 
 
 def test_exchanges_are_found_by_time(judged: Callable) -> None:
     """The last one before a time, and those between two."""
     record = judged("login\n" + STATUS.format("00") * 3)
-    memory = record.scene.memory
+    history = record.robot.history
     first, second, third = (x for x in record.exchanges if x.name == "get_status")
-    assert memory.last("get_status") is third
-    assert memory.last("get_status", before_ns=third.time_ns) is second
-    assert memory.last("get_status", before_ns=first.time_ns) is None
-    assert list(memory.between("get_status", first.time_ns, third.time_ns)) == [second]
-    assert memory.last("get_time") is None
+    assert history.last("get_status") is third
+    assert history.last("get_status", before_ns=third.time_ns) is second
+    assert history.last("get_status", before_ns=first.time_ns) is None
+    assert list(history.between("get_status", first.time_ns, third.time_ns)) == [second]
+    assert history.last("get_time") is None
 
 
 def test_memory_is_bounded(memory_of: Callable[[str], ExchangeHistory]) -> None:
     """However long a recording is."""
     logins = "".join(f"> login {i}\n< login 1\n" for i in range(9))
-    memory = memory_of(
+    history = memory_of(
         STATUS.format("00") * (KEPT_EXCHANGES + 9) + MOVE * (KEPT_EXCHANGES + 9) + logins
     )
-    assert len(memory.recent["get_status"]) == KEPT_EXCHANGES
-    assert len(memory.accepted) == KEPT_EXCHANGES
-    assert len(memory.passwords) == 2
+    assert len(history.recent["get_status"]) == KEPT_EXCHANGES
+    assert len(history.accepted) == KEPT_EXCHANGES
+    assert len(history.passwords) == 2
 
 
 def test_no_file_is_kept(memory_of: Callable[[str], ExchangeHistory]) -> None:
     """Exchanges of transfers hold their content; the scene keeps files, in bounds of its own."""
-    memory = memory_of("> upload_name a\n< upload_name 1\n> chunk 0/9\n< upload_chunk 1\n")
-    assert set(memory.recent) == {"login"}
-    assert set(memory.asked) == {"login", "upload_name", "upload_chunk"}
+    history = memory_of("> upload_name a\n< upload_name 1\n> chunk 0/9\n< upload_chunk 1\n")
+    assert set(history.recent) == {"login"}
+    assert set(history.asked) == {"login", "upload_name", "upload_chunk"}
 
 
 def test_a_gap_empties_it(memory_of: Callable[[str], ExchangeHistory]) -> None:
     """Nothing that was said before it is sure behind it."""
-    memory = memory_of(
+    history = memory_of(
         STATUS.format("00") + MOVE + "> delete_program a\n< delete_program 1\n> gap 5"
     )
-    assert not memory.recent
-    assert not memory.accepted
-    assert not memory.deleted
-    assert not memory.passwords
-    assert memory.idle_since_ns is None
+    assert not history.recent
+    assert not history.accepted
+    assert not history.deleted
+    assert not history.passwords
+    assert history.idle_since_ns is None
 
 
 @pytest.mark.parametrize(

@@ -21,15 +21,15 @@ def test_files_are_kept_in_bounded_memory(monkeypatch: pytest.MonkeyPatch) -> No
     """The oldest give way, by bytes and by number; a name is there once."""
     monkeypatch.setattr(scene_module, "FILES_LIMIT_BYTES", 100)
     monkeypatch.setattr(scene_module, "FILES_LIMIT", 3)
-    scene = RobotState()
+    robot = RobotState()
     for name, size in ((b"a", 60), (b"b", 30), (b"a", 50), (b"c", 30)):
-        scene.stored(stored(name, size))
-    assert list(scene.files) == [b"a", b"c"]
-    scene.forget(b"a")
-    scene.forget(b"a")
+        robot.stored(stored(name, size))
+    assert list(robot.files) == [b"a", b"c"]
+    robot.forget(b"a")
+    robot.forget(b"a")
     for name in (b"d", b"e", b"f"):
-        scene.stored(stored(name, 1))
-    assert list(scene.files) == [b"d", b"e", b"f"]
+        robot.stored(stored(name, 1))
+    assert list(robot.files) == [b"d", b"e", b"f"]
 
 
 def test_the_last_exchange_of_each_command_is_kept(judged: Judged) -> None:
@@ -38,29 +38,29 @@ def test_the_last_exchange_of_each_command_is_kept(judged: Judged) -> None:
         "login\n2> login password\n2< login 1\n> get_status\n< get_status 00\n"
         "2> get_status\n2< get_status 01\n> get_status"
     )
-    assert record.scene.last["get_status"].answer == "01"
-    assert record.scene.last["get_status"].request.place.connection == "2"
+    assert record.robot.last["get_status"].answer == "01"
+    assert record.robot.last["get_status"].request.place.connection == "2"
 
 
 def test_what_is_not_certain_is_not_kept(judged: Judged) -> None:
     """A gap empties the scene, and as long as it lasts nothing is added."""
     asked = "> get_version\n< get_version 1.0.0\n"
-    assert "get_version" not in judged(f"login\n{asked}> gap 3").scene.last
-    assert "get_version" not in judged(f"login\n> gap 3\n{asked}").scene.last
-    assert "get_version" in judged(f"login\n> gap 3\n{asked}+6\n{asked * 2}").scene.last
+    assert "get_version" not in judged(f"login\n{asked}> gap 3").robot.last
+    assert "get_version" not in judged(f"login\n> gap 3\n{asked}").robot.last
+    assert "get_version" in judged(f"login\n> gap 3\n{asked}+6\n{asked * 2}").robot.last
 
 
 def test_a_password_is_open_again_when_another_is_set(judged: Judged) -> None:
     """Even where the answer is not there to say whether it was."""
     record = judged("login\n> set_password a|b")
-    assert "login" not in record.scene.last
+    assert "login" not in record.robot.last
 
 
 def test_a_file_is_open_again_when_its_deletion_is_asked_for(judged: Judged) -> None:
     """Whatever the answer."""
     upload = "login\n> upload_name a\n< upload_name 1\n> chunk 0/9\n< upload_chunk 1\n"
-    assert list(judged(upload).scene.files) == [b"a"]
-    assert not judged(upload + "> delete_program a\n< delete_program 0").scene.files
+    assert list(judged(upload).robot.files) == [b"a"]
+    assert not judged(upload + "> delete_program a\n< delete_program 0").robot.files
 
 
 def test_sessions_are_those_that_are_logged_in(judged: Judged, script: Callable) -> None:
@@ -68,4 +68,4 @@ def test_sessions_are_those_that_are_logged_in(judged: Judged, script: Callable)
     record = judged([])
     for event in script("login\n2> login a\n2< login 1\n3> login b\n3< login 0\n> close"):
         list(record.judge.feed(event))
-    assert record.scene.sessions == {"2"}
+    assert record.robot.sessions == {"2"}

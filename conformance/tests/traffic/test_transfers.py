@@ -173,15 +173,15 @@ def test_a_transfer_in_doubt_is_not_certain_to_be_stored(judged: Judged) -> None
     record = judged(session)
     assert transfer_of(record).state is State.DONE
     assert not transfer_of(record).certain
-    assert not record.scene.files
+    assert not record.robot.files
 
 
 def test_a_file_that_is_replaced_is_open_until_it_is_complete(judged: Judged) -> None:
     """From the first chunk on, which a faulty controller may have taken."""
     whole = NAME + "> chunk 0/9" + ACK
     again = NAME.removeprefix("login\n") + "> chunk 0/300" + ACK
-    assert list(judged(whole).scene.files) == [b"a.bin"]
-    assert not judged(whole + again).scene.files
+    assert list(judged(whole).robot.files) == [b"a.bin"]
+    assert not judged(whole + again).robot.files
 
 
 def test_content_is_kept_up_to_a_limit(judged: Judged, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -255,7 +255,7 @@ def test_a_port_in_use_is_an_error_of_one_sentence(run: Run) -> None:
         (["--listen", "192.0.2.1:0"], "cannot listen on 192.0.2.1:0: Cannot assign requested"),
         (["--listen", f"{'a' * 70}:0"], "the host name is unknown"),
         (["--reading", "endian=middle"], "endian cannot be 'middle'"),
-        (["--reading", "nonsense"], "is no setting"),
+        (["--reading", "nonsense"], "is not a setting"),
         (["--password", "a|b"], "--password takes 1 to 127 bytes without '|'"),
         (["--password", ""], "--password takes"),
         (["--programs", "/nowhere"], "the programs in /nowhere cannot be read"),

@@ -28,32 +28,32 @@ def ended_ns(y: Exchange) -> int:
     return y.result.place.time_ns if y.result else -1
 
 
-def last_motion(x: Exchange, scene: RobotState) -> Exchange | None:
+def last_motion(x: Exchange, robot: RobotState) -> Exchange | None:
     """The last two-stage command, if it succeeded and the robot has been idle since."""
-    motion = scene.memory.accepted[-1] if scene.memory.accepted else None
+    motion = robot.history.accepted[-1] if robot.history.accepted else None
     done = motion is not None and motion.outcome is not None and motion.outcome.done
-    idle = scene.memory.idle_since_ns is not None and not scene.busy
+    idle = robot.history.idle_since_ns is not None and not robot.busy
     return motion if motion and done and idle and x.time_ns > ended_ns(motion) else None
 
 
-def reading_before(motion: Exchange, name: str, scene: RobotState) -> Exchange | None:
+def reading_before(motion: Exchange, name: str, robot: RobotState) -> Exchange | None:
     """The last reading before a two-stage command, behind the end of the one before it."""
-    earlier = [y for y in scene.memory.accepted if y.time_ns < motion.time_ns]
-    found = scene.memory.last(name, before_ns=motion.time_ns)
+    earlier = [y for y in robot.history.accepted if y.time_ns < motion.time_ns]
+    found = robot.history.last(name, before_ns=motion.time_ns)
     if found is None or not found.answer or motion.time_ns - found.time_ns > _SOON_NS:
         return None
     return found if all(0 < ended_ns(y) < found.time_ns for y in earlier) else None
 
 
-def gripper_asked_since(time_ns: int, scene: RobotState) -> bool:
+def gripper_set_since(time_ns: int, robot: RobotState) -> bool:
     """Whether the gripper centre may have changed, which may be part of the pose (A-4.23-1)."""
-    asked = scene.memory.asked.get("set_gripper_center")
+    asked = robot.history.asked.get("set_gripper_center")
     return asked is not None and asked.place.time_ns > time_ns
 
 
-def locked(scene: RobotState) -> bool | None:
+def locked(robot: RobotState) -> bool | None:
     """Whether the joints are locked, by the last lock, release or motion; None if not known."""
-    about = (y for y in reversed(scene.memory.accepted) if y.name in (LOCK, RELEASE, *MOTIONS))
+    about = (y for y in reversed(robot.history.accepted) if y.name in (LOCK, RELEASE, *MOTIONS))
     return next((y.name != RELEASE for y in about if y.outcome and y.outcome.done), None)
 
 

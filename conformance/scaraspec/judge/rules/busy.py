@@ -35,7 +35,7 @@ _SWAPPED_NS: Final = 50_000_000
 """By so much packets of two connections are swapped in a capture at most."""
 
 
-def surely_executes(y: Exchange, x: Exchange, scene: RobotState) -> bool:
+def surely_executes(y: Exchange, x: Exchange, robot: RobotState) -> bool:
     """Whether a command of `x.during` executed when `x` was answered, not only by its place.
 
     On one connection the order of frames is sure; on two the end must come clearly later, and one
@@ -46,18 +46,18 @@ def surely_executes(y: Exchange, x: Exchange, scene: RobotState) -> bool:
         return False
     if y.request.place.connection == x.request.place.connection:
         return True
-    now = next((z for z in scene.memory.accepted if z.request is y.request), y)
+    now = next((z for z in robot.history.accepted if z.request is y.request), y)
     if now.result is None:
         late_ns = x.result.begun_ns - answered_ns(x) if x.result else _SWAPPED_NS
-        return now in scene.executing and late_ns >= _SWAPPED_NS
+        return now in robot.executing and late_ns >= _SWAPPED_NS
     return now.result.begun_ns - answered_ns(x) > _SECOND_NS
 
 
 # Further requests
 
 
-def _not_accepted(x: Exchange, scene: RobotState, during: Iterable[Exchange]) -> RuleResult | None:
-    executing = [y for y in during if surely_executes(y, x, scene)]
+def _not_accepted(x: Exchange, robot: RobotState, during: Iterable[Exchange]) -> RuleResult | None:
+    executing = [y for y in during if surely_executes(y, x, robot)]
     if not executing or x.unsettled:
         return None
     if x.accepted is False:
@@ -82,26 +82,26 @@ def _not_accepted(x: Exchange, scene: RobotState, during: Iterable[Exchange]) ->
 
 
 @rule("4/6", on=Exchange, names=NOT_STOP)
-def no_second_command(x: Exchange, scene: RobotState) -> RuleResult | None:
+def no_second_command(x: Exchange, robot: RobotState) -> RuleResult | None:
     """While one two-stage command executes no other is answered "1" (L399; A-4-2)."""
-    return _not_accepted(x, scene, x.during)
+    return _not_accepted(x, robot, x.during)
 
 
 @rule("4.15/8", on=Exchange, names=("run_program",))
-def no_second_run(x: Exchange, scene: RobotState) -> RuleResult | None:
+def no_second_run(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A second run during a run is not answered "1" (L1018)."""
-    return _not_accepted(x, scene, (y for y in x.during if y.name == "run_program"))
+    return _not_accepted(x, robot, (y for y in x.during if y.name == "run_program"))
 
 
 @rule("4.25/5", on=Exchange, names=("release_joints",))
-def no_release_in_motion(x: Exchange, scene: RobotState) -> RuleResult | None:
+def no_release_in_motion(x: Exchange, robot: RobotState) -> RuleResult | None:
     """Release is not answered "1" while a program or a move executes (A-4.25-1)."""
-    return _not_accepted(x, scene, (y for y in x.during if y.name in STATE_OF))
+    return _not_accepted(x, robot, (y for y in x.during if y.name in STATE_OF))
 
 
 @rule("4.18/2", on=Exchange, names=("reset",))
 @rule("4.35/4", on=Exchange, names=("shutdown",))
-def refused_during_a_program(x: Exchange, scene: RobotState) -> RuleResult | None:
+def refused_during_a_program(x: Exchange, robot: RobotState) -> RuleResult | None:
     """While a program runs the refusal is "0|01" (L394-399, L706); a fault may win (A-4.8-2)."""
     if [y.name for y in x.during] != ["run_program"] or x.unsettled or not x.reply:
         return None
@@ -109,7 +109,7 @@ def refused_during_a_program(x: Exchange, scene: RobotState) -> RuleResult | Non
     code = errors.lookup(x.answer.code) if x.answer and x.answer.code else None
     if said == b"0|01" or (code and code.kind is errors.Kind.FAULT):
         return PASSED
-    if not surely_executes(x.during[0], x, scene):
+    if not surely_executes(x.during[0], x, robot):
         return None
     return failed(
         UserMessage("{x} was not refused with 01 while a program ran", x=x.name),
@@ -120,7 +120,7 @@ def refused_during_a_program(x: Exchange, scene: RobotState) -> RuleResult | Non
 
 
 @rule("4/15", on=Exchange, names=(*NOT_STOP, "shutdown"))
-def busy_code_is_the_state(x: Exchange, scene: RobotState) -> RuleResult | None:
+def busy_code_is_the_state(x: Exchange, robot: RobotState) -> RuleResult | None:
     """The code of a busy refusal is the state that 0x09 reports then (A-4-2)."""
     code = x.answer.code if x.accepted is False else None
     if code not in BUSY or len(x.during) != 1 or x.unsettled:
@@ -129,7 +129,7 @@ def busy_code_is_the_state(x: Exchange, scene: RobotState) -> RuleResult | None:
     expected = STATE_OF.get(executing.name)
     if code == expected:
         return PASSED
-    if expected is None or not surely_executes(executing, x, scene):
+    if expected is None or not surely_executes(executing, x, robot):
         return None
     return failed(
         UserMessage(
@@ -145,14 +145,14 @@ def busy_code_is_the_state(x: Exchange, scene: RobotState) -> RuleResult | None:
 
 
 @rule("4/15", on=Exchange, names=_STATUS)
-def idle_robot_is_not_busy(x: Exchange, scene: RobotState) -> RuleResult | None:
+def idle_robot_is_not_busy(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A robot whose status is 00 before and after is not refused as busy between (L1017-1021)."""
-    begin_ns = scene.memory.idle_seen_ns
-    idle = scene.memory.idle_since_ns is not None and not scene.busy and x.answer == "00"
+    begin_ns = robot.history.idle_seen_ns
+    idle = robot.history.idle_since_ns is not None and not robot.busy and x.answer == "00"
     if not idle or x.time_ns - begin_ns > _SECOND_NS:
         return None
     for name in (*NOT_STOP, "shutdown"):
-        for y in scene.memory.between(name, begin_ns, x.time_ns):
+        for y in robot.history.between(name, begin_ns, x.time_ns):
             if y.accepted is False and y.answer.code in BUSY:
                 return failed(
                     UserMessage(
@@ -193,24 +193,24 @@ def never_idle_while_executing(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("4/7", on=Exchange, names=_STATUS)
-def idle_after_success(x: Exchange, scene: RobotState) -> RuleResult | None:
+def idle_after_success(x: Exchange, robot: RobotState) -> RuleResult | None:
     """After a successful final result the status returns to 00 (L318).
 
     At what moment is not said: not every robot changes both at once, and on another connection they
     may have been captured in another order. What another client asked for may have begun, its "1"
     being on the way.
     """
-    ended = scene.memory.accepted[-1] if scene.memory.accepted else None
+    ended = robot.history.accepted[-1] if robot.history.accepted else None
     if ended is None or not ended.result or not ended.outcome or not ended.outcome.done:
         return None
     since_ns = x.time_ns - ended.result.place.time_ns
-    if scene.executing or x.unsettled or not 0 < since_ns <= _SECOND_NS:
+    if robot.executing or x.unsettled or not 0 < since_ns <= _SECOND_NS:
         return None
     if x.answer == "00":
         return PASSED
     if since_ns < _MOMENT_NS:
         return None
-    begun = any(scene.memory.awaits(name, x.time_ns - _REPLY_NS) for name in STATE_OF)
+    begun = any(robot.history.awaits(name, x.time_ns - _REPLY_NS) for name in STATE_OF)
     if begun or x.answer not in BUSY:
         return None
     return failed(
@@ -226,9 +226,9 @@ def idle_after_success(x: Exchange, scene: RobotState) -> RuleResult | None:
 
 
 @rule("4.18/6", on=Exchange, names=("reset",))
-def reset_from_error(x: Exchange, scene: RobotState) -> RuleResult | None:
+def reset_from_error(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A robot in error can be reset (A-4.18-2)."""
-    status = scene.memory.last("get_status", before_ns=x.time_ns)
+    status = robot.history.last("get_status", before_ns=x.time_ns)
     code = errors.lookup(status.answer) if status and status.answer else None
     if code is None or code.kind is not errors.Kind.FAULT or x.accepted is None or x.during:
         return None

@@ -65,7 +65,7 @@ def login_first(x: Exchange, _: RobotState) -> RuleResult | None:
     """The client logs in before any other command (L79, L104); a stop is forgiven."""
     if x.name == "login" or x.logged_in is None or x.refused_login:
         return None  # behind a refused login 4.1/5 says it
-    if x.logged_in or x.behind_login:  # only the answer was not there
+    if x.logged_in or x.login_sent_before:  # only the answer was not there
         return PASSED
     if x.name == _STOP:
         return None
@@ -79,7 +79,7 @@ def nothing_done_without_login(x: Exchange, _: RobotState) -> RuleResult | None:
     """A connection that has not logged in gets nothing changed, moved or destroyed (L83, L104)."""
     if x.logged_in is not False or x.command is None or x.name == "login":
         return None
-    if not x.refused_login and x.behind_login:
+    if not x.refused_login and x.login_sent_before:
         return None  # it may have been accepted by then
     if not x.reply:
         return PASSED if x.ending in (Ending.UNANSWERED, Ending.HUNG_UP) else None

@@ -57,7 +57,7 @@ def _blame(found: InvalidBytes, fault: Fault, what: str) -> RuleResult | None:
 @rule("3/1", on=InvalidBytes)
 def layout(found: InvalidBytes, _: RobotState) -> RuleResult | None:
     """Bytes that begin like a frame and do not end like one (L89-90)."""
-    return _blame(found, Fault.UNCLEAR, "bytes that begin like a frame are none")
+    return _blame(found, Fault.UNCLEAR, "the bytes start like a frame but are not a valid frame")
 
 
 @rule("3/2", on=InvalidBytes, sender=A2C)
@@ -91,9 +91,9 @@ def length(found: InvalidBytes, _: RobotState) -> RuleResult | None:
 
 
 @rule("3/8", on=InvalidBytes)
-def no_data_behind_zero(found: InvalidBytes, scene: RobotState) -> RuleResult | None:
+def no_data_behind_zero(found: InvalidBytes, robot: RobotState) -> RuleResult | None:
     """With length 0x00 no data byte is present (L98)."""
-    return length(found, scene) if diagnose(found).observed == "0" else None
+    return length(found, robot) if diagnose(found).observed == "0" else None
 
 
 @rule("3/28", on=InvalidBytes, sender=A2C)
@@ -112,7 +112,7 @@ def one_byte_length(found: InvalidBytes, _: RobotState) -> RuleResult | None:
 @rule("3/32", on=InvalidBytes)
 def nothing_between(found: InvalidBytes, _: RobotState) -> RuleResult | None:
     """A sender sends nothing between frames."""
-    return _blame(found, Fault.STRAY, "bytes between frames that belong to none")
+    return _blame(found, Fault.STRAY, "there are bytes between frames that belong to no frame")
 
 
 @rule("3/10", on=FrameSeen)
@@ -139,9 +139,9 @@ def tagged_layout(seen: FrameSeen, _: RobotState) -> RuleResult | None:
 
 
 @rule("3/12", on=UnsolicitedReply, sender=C2A)
-def untagged_result(unasked: UnsolicitedReply, _: RobotState) -> RuleResult | None:
+def untagged_result(unsolicited: UnsolicitedReply, _: RobotState) -> RuleResult | None:
     """A final result that lacks its tag (L320-321)."""
-    seen, after = unasked.seen, unasked.after
+    seen, after = unsolicited.seen, unsolicited.after
     if seen.frame.tagged or not after or not after.command or not after.command.two_stage:
         return None
     looks_like_one = FinalResult().decode(seen.frame.data).value is not None
@@ -166,7 +166,7 @@ def tag_only_on_two_stage(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     return tolerated(
         "A-3-6",
         f"90 {opcode}",
-        UserMessage("the tag 90 stands before the opcode {opcode}", opcode=opcode),
+        UserMessage("the tag 90 precedes the opcode {opcode}", opcode=opcode),
     )
 
 
@@ -175,13 +175,13 @@ def client_never_tags(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """The tag is the controller's."""
     if seen.frame.opcode != TAG:
         return PASSED
-    return failed("a client frame bears the tag 90", expected="no tag", observed="90")
+    return failed("a client frame contains the tag 90", expected="no tag", observed="90")
 
 
 @rule("3/15", on=InvalidBytes, sender=A2C)
 def client_tagged(found: InvalidBytes, _: RobotState) -> RuleResult | None:
     """A frame that would be one but for its tag."""
-    return _blame(found, Fault.TAG, "a client frame bears the tag 90")
+    return _blame(found, Fault.TAG, "a client frame contains the tag 90")
 
 
 # Which reply belongs to which request
@@ -213,17 +213,19 @@ def asked_for(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("3/26", on=UnsolicitedReply, sender=C2A)
-def nothing_unsolicited(unasked: UnsolicitedReply, scene: RobotState) -> RuleResult | None:
+def nothing_unsolicited(unsolicited: UnsolicitedReply, robot: RobotState) -> RuleResult | None:
     """Only replies, final results, list parts and chunks come from the controller (A-3-16)."""
-    frame = unasked.seen.frame
-    if frame.tagged or unasked.late or untagged_result(unasked, scene):
+    frame = unsolicited.seen.frame
+    if frame.tagged or unsolicited.late or untagged_result(unsolicited, robot):
         return None
-    if not unasked.certain:
+    if not unsolicited.certain:
         return inconclusive("a gap may hide the request that this answers")
     return tolerated(
         "A-3-16",
         "unsolicited frame",
-        UserMessage("an unsolicited frame with opcode {opcode:02X} came", opcode=frame.opcode),
+        UserMessage(
+            "the controller sent an unsolicited frame with opcode {opcode:02X}", opcode=frame.opcode
+        ),
     )
 
 
@@ -237,7 +239,7 @@ def replies_in_order(x: Exchange, _: RobotState) -> RuleResult | None:
     return tolerated(
         "pipelining",
         "any-order",
-        UserMessage("the reply to {x} was overtaken by a later request's", x=x.name),
+        UserMessage("the reply to a later request came before the reply to {x}", x=x.name),
     )
 
 
@@ -249,7 +251,7 @@ def one_open_request(x: Exchange, _: RobotState) -> RuleResult | None:
     return tolerated(
         "A-3-14",
         "two open requests",
-        UserMessage("{x} was asked again before its answer", x=x.name),
+        UserMessage("{x} was requested again before its reply", x=x.name),
     )
 
 
@@ -263,7 +265,7 @@ def _due(x: Exchange) -> bool:
 
 
 @rule("3/31", on=Exchange, sender=A2C)
-def answered(x: Exchange, scene: RobotState) -> RuleResult | None:
+def answered(x: Exchange, robot: RobotState) -> RuleResult | None:
     """Every valid request is answered, and in the reply time (A-3-15)."""
     if x.command is None or not _due(x):
         return None
@@ -287,25 +289,25 @@ def answered(x: Exchange, scene: RobotState) -> RuleResult | None:
         )
     if x.ending is not Ending.UNANSWERED or x.stray:
         return None
-    return _silence(x, scene) or failed(
+    return _silence(x, robot) or failed(
         UserMessage("{x} was never answered, though a later request was", x=x.name),
         expected="a reply",
         observed="none",
     )
 
 
-def _silence(x: Exchange, scene: RobotState) -> RuleResult | None:
+def _silence(x: Exchange, robot: RobotState) -> RuleResult | None:
     """The readings that allow silence, and what looks like a dead link."""
     if not x.certain:
         return inconclusive(
             UserMessage("the answer to {x} may be in a gap of the recording", x=x.name)
         )
-    if x.during or _may_be_busy(x, scene):
+    if x.during or _may_be_busy(x, robot):
         two_stage = x.command is not None and x.command.two_stage
         reading = ("busy_reply", "silence") if two_stage else ("A-4-3", "not served")
         return tolerated(*reading, f"{x.name} was not answered by the busy robot")
     if x.name == "get_default_program":
-        opcode, other = x.request.frame.opcode, scene.last.get(x.name)
+        opcode, other = x.request.frame.opcode, robot.last.get(x.name)
         if other and other.request.frame.opcode != opcode:
             option = f"0x{other.request.frame.opcode:02X}"
             return tolerated(
@@ -314,19 +316,23 @@ def _silence(x: Exchange, scene: RobotState) -> RuleResult | None:
                 UserMessage("0x{opcode:02X} was not answered", opcode=opcode),
             )
         return tolerated("default_none", "silence", UserMessage("{x} was not answered", x=x.name))
-    if x.name == "jog" and not _is_in_its_notation(x, scene):
+    if x.name == "jog" and not _is_in_its_notation(x, robot):
         option = "binary" if _is_text(x) else "ascii"
-        message = "a jog was not answered, perhaps because it understands the other notation"
+        message = "the jog was not answered; the controller may expect the other notation"
         return tolerated("jog_byte", option, message)
     if x.name == "set_digital_output" and x.request.value.port > OUTPUTS:
-        return tolerated("A-3-9", "ignored", "what is perhaps no output was not set")
+        return tolerated("A-3-9", "ignored", "the request to set a port above 16 was not answered")
     if not x.later_answered:
         return inconclusive(
-            UserMessage("no answers from {x} on: the connection may have been lost", x=x.name)
+            UserMessage("no replies from {x} on; the connection may have been lost", x=x.name)
         )
     if x.pipelined:
         return tolerated(
-            "pipelining", "one", UserMessage("{x} behind another request was not served", x=x.name)
+            "pipelining",
+            "one",
+            UserMessage(
+                "{x} was not answered; it was sent while another request was pending", x=x.name
+            ),
         )
     return None
 
@@ -335,30 +341,30 @@ def _is_text(jog: Exchange) -> bool:
     return jog.request.frame.data >= b"0"
 
 
-def _is_in_its_notation(jog: Exchange, scene: RobotState) -> bool:
+def _is_in_its_notation(jog: Exchange, robot: RobotState) -> bool:
     """Whether the last jog that was answered was written in the same notation (A-4.28-1)."""
-    last = scene.last.get(jog.name)
+    last = robot.last.get(jog.name)
     return last is not None and _is_text(last) == _is_text(jog)
 
 
-def _may_be_busy(x: Exchange, scene: RobotState) -> bool:
+def _may_be_busy(x: Exchange, robot: RobotState) -> bool:
     """Whether the robot may have been executing although no frame before `x` says so.
 
     The "1" of what was asked before was still on its way, or the end of what was accepted last was
     not seen: its client may have hung up. Or the robot says that it executes what nobody here had
     asked for: a program may be begun by another signal (A-4.12-3).
     """
-    statuses = scene.memory.between("get_status", x.time_ns, x.time_ns + _SOON_NS)
-    for y in (scene.memory.last("get_status", before_ns=x.time_ns), *statuses):
+    statuses = robot.history.between("get_status", x.time_ns, x.time_ns + _SOON_NS)
+    for y in (robot.history.last("get_status", before_ns=x.time_ns), *statuses):
         if y and y.answer in BUSY and not y.during:
             return True
-    accepted = reversed(scene.memory.accepted)
+    accepted = reversed(robot.history.accepted)
     last = next((y for y in accepted if y.time_ns < x.time_ns), None)
     if last and answered_ns(last) > x.time_ns:
         return True
     if last is None or last.result:
         return False
-    return not answered_ns(last) < scene.memory.idle_seen_ns < x.time_ns
+    return not answered_ns(last) < robot.history.idle_seen_ns < x.time_ns
 
 
 # Final results
@@ -370,50 +376,50 @@ def result_after_reply(x: Exchange, _: RobotState) -> RuleResult | None:
     return PASSED if x.result else None
 
 
-def _misplaced(unasked: UnsolicitedReply) -> bool:
+def _misplaced(unsolicited: UnsolicitedReply) -> bool:
     """Whether this is a final result that nothing explains: no delay, no other connection."""
-    known = unasked.seen.frame.tagged and unasked.seen.command is not None
-    return known and not unasked.late and not unasked.elsewhere
+    known = unsolicited.seen.frame.tagged and unsolicited.seen.command is not None
+    return known and not unsolicited.late and not unsolicited.elsewhere
 
 
-def _asked_elsewhere(unasked: UnsolicitedReply, scene: RobotState) -> bool:
+def _requested_elsewhere(unsolicited: UnsolicitedReply, robot: RobotState) -> bool:
     """Whether another connection has asked for it, be it that its reply is still on the way."""
-    asked = scene.memory.asked.get(unasked.seen.name)
-    here = unasked.seen.place.connection
-    return unasked.elsewhere or (asked is not None and asked.place.connection != here)
+    asked = robot.history.asked.get(unsolicited.seen.name)
+    here = unsolicited.seen.place.connection
+    return unsolicited.elsewhere or (asked is not None and asked.place.connection != here)
 
 
 @rule("3/16", on=UnsolicitedReply, sender=C2A)
-def result_out_of_the_blue(unasked: UnsolicitedReply, scene: RobotState) -> RuleResult | None:
+def result_without_request(unsolicited: UnsolicitedReply, robot: RobotState) -> RuleResult | None:
     """A final result without an accepted request before it."""
-    if _asked_elsewhere(unasked, scene) and not unasked.late:
-        what = "a final result of" if unasked.seen.frame.tagged else "a reply to"
+    if _requested_elsewhere(unsolicited, robot) and not unsolicited.late:
+        what = "a final result of" if unsolicited.seen.frame.tagged else "a reply to"
         return tolerated(
             "A-2-9",
             "elsewhere",
             UserMessage(
                 "{what} {seen} came on a connection that had not asked for it",
                 what=what,
-                seen=unasked.seen.name,
+                seen=unsolicited.seen.name,
             ),
         )
-    if not _misplaced(unasked):
+    if not _misplaced(unsolicited):
         return None
-    name = unasked.seen.name
-    waiting = next((x for x in unasked.waiting if x.name == name), None)
+    name = unsolicited.seen.name
+    waiting = next((x for x in unsolicited.waiting if x.name == name), None)
     if waiting:
         return failed(
             UserMessage("the final result of {name} came before its first reply", name=name),
             expected="the first reply first",
             observed="the final result first",
-            at=(waiting.request.place, unasked.seen.place),
+            at=(waiting.request.place, unsolicited.seen.place),
         )
-    if unasked.after:
+    if unsolicited.after:
         return None  # 3/17 and 3/18 tell these apart
     return failed(
-        UserMessage("a final result of {name} came, which nobody had asked for", name=name),
+        UserMessage("the controller sent a final result of {name} without a request", name=name),
         expected="no final result",
-        observed=show(unasked.seen.frame.data),
+        observed=show(unsolicited.seen.frame.data),
     )
 
 
@@ -425,16 +431,18 @@ def no_result_after_refusal(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("3/17", on=UnsolicitedReply, sender=C2A)
-def result_after_refusal(unasked: UnsolicitedReply, _: RobotState) -> RuleResult | None:
+def result_after_refusal(unsolicited: UnsolicitedReply, _: RobotState) -> RuleResult | None:
     """After a first reply beginning with "0" no final result is sent."""
-    after = unasked.after
-    if not _misplaced(unasked) or not after or after.accepted is not False:
+    after = unsolicited.after
+    if not _misplaced(unsolicited) or not after or after.accepted is not False:
         return None
     return failed(
-        UserMessage("a final result came although {after} had been refused", after=after.name),
+        UserMessage(
+            "the controller sent a final result although {after} was refused", after=after.name
+        ),
         expected="no final result",
-        observed=show(unasked.seen.frame.data),
-        at=(*(seen.place for seen in after.frames), unasked.seen.place),
+        observed=show(unsolicited.seen.frame.data),
+        at=(*(seen.place for seen in after.frames), unsolicited.seen.place),
     )
 
 
@@ -470,14 +478,14 @@ def one_result(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("3/18", on=UnsolicitedReply, sender=C2A)
-def second_result(unasked: UnsolicitedReply, _: RobotState) -> RuleResult | None:
+def second_result(unsolicited: UnsolicitedReply, _: RobotState) -> RuleResult | None:
     """A second final result of the same command."""
-    after = unasked.after
-    if not _misplaced(unasked) or not after or not after.result:
+    after = unsolicited.after
+    if not _misplaced(unsolicited) or not after or not after.result:
         return None
     return failed(
-        UserMessage("{after} ended a second time", after=after.name),
+        UserMessage("the controller sent a second final result of {after}", after=after.name),
         expected="one final result",
         observed="a second one",
-        at=(*(seen.place for seen in after.frames), unasked.seen.place),
+        at=(*(seen.place for seen in after.frames), unsolicited.seen.place),
     )

@@ -19,12 +19,12 @@ def request_holds_a_password(seen: FrameSeen, _: RobotState) -> RuleResult | Non
     return failed("the login carries no password", expected="a password", observed="no data")
 
 
-def _right_before(x: Exchange, scene: RobotState) -> bool | None:
+def _right_before(x: Exchange, robot: RobotState) -> bool | None:
     """Whether this password is the one last accepted, which nobody has changed; None if unknown.
 
     Quotation marks or a NUL may make another password of it, and may not (A-0-3, A-T-3).
     """
-    before = scene.last.get("login")
+    before = robot.last.get("login")
     if before is None or not before.accepted:
         return None
     if before.request.frame.data == x.request.frame.data:
@@ -33,7 +33,7 @@ def _right_before(x: Exchange, scene: RobotState) -> bool | None:
 
 
 @rule("4.1/2", on=Exchange, names=_LOGIN)
-def right_password_accepted(x: Exchange, scene: RobotState) -> RuleResult | None:
+def right_password_accepted(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A correct password is answered "1" (L111-114): right is what was right before.
 
     A controller may refuse further clients while one is logged in (A-2-2).
@@ -42,11 +42,11 @@ def right_password_accepted(x: Exchange, scene: RobotState) -> RuleResult | None
         return None
     if x.accepted:
         return PASSED
-    before = scene.last.get("login")
+    before = robot.last.get("login")
     if before is None or x.time_ns - before.time_ns > UNSEEN_NS:
         return None
-    others = scene.sessions - {x.request.place.connection}
-    if others or not _right_before(x, scene):
+    others = robot.sessions - {x.request.place.connection}
+    if others or not _right_before(x, robot):
         return None
     return failed(
         "a password that had been accepted was refused, though it was not changed",
@@ -56,13 +56,13 @@ def right_password_accepted(x: Exchange, scene: RobotState) -> RuleResult | None
 
 
 @rule("4.1/3", on=Exchange, names=_LOGIN)
-def wrong_password_refused(x: Exchange, scene: RobotState) -> RuleResult | None:
+def wrong_password_refused(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A wrong password is answered "0" (L116-119): wrong is what differs from the right one."""
     if x.accepted is None:
         return None
     if not x.accepted:
         return PASSED
-    if _right_before(x, scene) is not False:
+    if _right_before(x, robot) is not False:
         return None
     return failed(
         "two different passwords were accepted, though none was set between them",

@@ -35,13 +35,13 @@ def one_code(x: Exchange, _: RobotState) -> RuleResult | None:
     if x.answer is not None:
         return PASSED
     text = show(x.reply.frame.data)
-    return failed("the status is no code of table 8-1", expected="two characters", observed=text)
+    return failed("the status is not a code of table 8-1", expected="two characters", observed=text)
 
 
 @rule("4.8/3", on=Exchange, names=_STATUS)
-def idle(x: Exchange, scene: RobotState) -> RuleResult | None:
+def idle(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A robot that does nothing reports 00 (L1017); a capture shows only what was asked of it."""
-    return PASSED if x.answer == "00" and not scene.executing else None
+    return PASSED if x.answer == "00" and not robot.executing else None
 
 
 def _state(x: Exchange, _: RobotState, *, name: str) -> RuleResult | None:
@@ -91,7 +91,7 @@ def a_state(x: Exchange, _: RobotState) -> RuleResult | None:
     return tolerated(
         "A-8-3",
         code.text,
-        UserMessage("the status is {code_text}, which is no state", code_text=code.text),
+        UserMessage("the status is {code_text}, which is not a robot state", code_text=code.text),
     )
 
 

@@ -35,7 +35,7 @@ def structure(x: Exchange, _: RobotState) -> RuleResult | None:
     size = len(x.request.frame.data)
     if x.chunk is None or (size != FILE_DATA_BYTES and size != HEAD_BYTES + x.chunk.length):
         return failed(
-            "the data of a chunk is no fileData structure",
+            "the data of a chunk is not a fileData structure",
             expected=f"{FILE_DATA_BYTES} bytes",
             observed=f"{size} bytes",
             at=(x.request.place,),
@@ -55,7 +55,7 @@ def structure_size(x: Exchange, _: RobotState) -> RuleResult | None:
         return tolerated(
             "chunk_trunc",
             "truncated",
-            UserMessage("a chunk of {size} bytes is cut to its data", size=size),
+            UserMessage("a chunk is truncated to its data ({size} bytes)", size=size),
         )
     return None
 
@@ -216,24 +216,26 @@ rule("5.3/5", on=Exchange, names=_DOWNLOAD_CHUNK)(one_flag)
 
 
 @rule("5.1/10", "5.2/3", "5.4/2", on=Exchange, names=("upload_name",))
-def existing_file_refused(x: Exchange, scene: RobotState) -> RuleResult | None:
+def existing_file_refused(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A name that exists is answered "0" (L739, L748, L791)."""
-    stored = scene.files.get(x.asked) if isinstance(x.asked, bytes) else None
+    stored = robot.files.get(x.asked) if isinstance(x.asked, bytes) else None
     if stored is None or x.accepted is None:
         return None
     if not x.accepted:
         return PASSED
     return failed(
-        UserMessage("the file {asked} exists, and was accepted again", asked=show(x.asked)),
+        UserMessage(
+            "the upload of {asked} was accepted although the file exists", asked=show(x.asked)
+        ),
         expected="0",
         observed="1",
     )
 
 
 @rule("5.4/1", on=Exchange, names=("upload_name",))
-def absent_file_created(x: Exchange, scene: RobotState) -> RuleResult | None:
+def absent_file_created(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A name that does not exist is answered "1" (L791); a refusal may have other reasons."""
-    return PASSED if x.accepted and x.asked not in scene.files else None
+    return PASSED if x.accepted and x.asked not in robot.files else None
 
 
 # 5.2 and 5.3: the course of a transfer
@@ -267,7 +269,7 @@ def stop_and_wait(x: Exchange, _: RobotState) -> RuleResult | None:
     """
     if not x.doubled:
         return PASSED
-    if x.error_signal or (x.transfer and x.transfer.overanswered):
+    if x.error_signal or (x.transfer and x.transfer.extra_reply_seen):
         return None
     return failed(
         "a chunk was sent before the one before it was answered",
@@ -278,12 +280,14 @@ def stop_and_wait(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("5.3/5", on=UnsolicitedReply, names=_DOWNLOAD_CHUNK, sender=A2C)
-def one_answer_a_chunk(unasked: UnsolicitedReply, _: RobotState) -> RuleResult | None:
+def one_answer_a_chunk(unsolicited: UnsolicitedReply, _: RobotState) -> RuleResult | None:
     """The client answers each chunk exactly once (L782-785)."""
-    if unasked.late:
+    if unsolicited.late:
         return None
     return failed(
-        "an answer to a chunk that nobody sent", expected="one answer a chunk", observed="two"
+        "the client sent a reply without a pending chunk",
+        expected="one answer a chunk",
+        observed="two",
     )
 
 
@@ -318,17 +322,17 @@ def nothing_after_the_end(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("5.2/13", on=UnsolicitedReply, names=_UPLOAD_CHUNK, sender=C2A)
-def no_second_last_answer(unasked: UnsolicitedReply, _: RobotState) -> RuleResult | None:
+def no_second_last_answer(unsolicited: UnsolicitedReply, _: RobotState) -> RuleResult | None:
     """Nor is the last chunk answered twice (L737; A-5-15)."""
-    last = unasked.after
+    last = unsolicited.after
     complete = last and last.transfer and last.transfer.state is State.DONE
-    if not last or not complete or unasked.late or not unasked.certain:
+    if not last or not complete or unsolicited.late or not unsolicited.certain:
         return None
     return failed(
         "an upload was answered once more although it was complete",
         expected="nothing",
         observed="a second answer",
-        at=(*places_of(last), unasked.seen.place),
+        at=(*places_of(last), unsolicited.seen.place),
     )
 
 
@@ -343,9 +347,9 @@ def no_empty_chunk(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("5.2/12", on=Transfer)
-def reads_back(transfer: Transfer, scene: RobotState) -> RuleResult | None:
+def reads_back(transfer: Transfer, robot: RobotState) -> RuleResult | None:
     """A file that was uploaded completely is downloaded with identical content (L737)."""
-    stored = scene.files.get(transfer.name)
+    stored = robot.files.get(transfer.name)
     if transfer.upload or transfer.state is not State.DONE or stored is None:
         return None
     first, size, due = transfer.differs_at, transfer.received_bytes, stored.received_bytes
@@ -375,7 +379,7 @@ def content_behind_the_answer(x: Exchange, _: RobotState) -> RuleResult | None:
     if opening.reply.place.offset_bytes < x.request.place.offset_bytes:
         return PASSED
     return failed(
-        "content came before the name was answered",
+        "content was sent before the reply to the file name",
         expected="1, then the first chunk",
         observed="a chunk, then 1",
         at=(x.request.place, opening.reply.place),
@@ -383,11 +387,11 @@ def content_behind_the_answer(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("5.3/4", on=Transfer)
-def content_follows(transfer: Transfer, scene: RobotState) -> RuleResult | None:
+def content_follows(transfer: Transfer, robot: RobotState) -> RuleResult | None:
     """After "1" the controller sends the content (L777-780); an empty file has none (A-5-10)."""
     if transfer.upload or transfer.chunks or transfer.reason != SILENCE:
         return None
-    stored = scene.files.get(transfer.name)
+    stored = robot.files.get(transfer.name)
     if stored is None or not stored.received_bytes:
         return inconclusive(
             UserMessage(

@@ -69,9 +69,9 @@ def contradicted(
 
 
 @rule("4.5/4", on=Exchange, names=("get_time",))
-def clock_as_set(x: Exchange, scene: RobotState) -> RuleResult | None:
+def clock_as_set(x: Exchange, robot: RobotState) -> RuleResult | None:
     """After "1" 0x07 gives the set time and what has passed since, within 2 s (L169, L186)."""
-    setting = in_force("set_time", x, scene)
+    setting = in_force("set_time", x, robot)
     if setting is None or x.answer is None or x.time_ns - setting.time_ns > _SOON_NS:
         return None
     advance_s = (x.answer - setting.asked).total_seconds()
@@ -86,9 +86,9 @@ def clock_as_set(x: Exchange, scene: RobotState) -> RuleResult | None:
 
 
 @rule("4.6/4", on=Exchange, names=("get_time",))
-def clock_runs(x: Exchange, scene: RobotState) -> RuleResult | None:
+def clock_runs(x: Exchange, robot: RobotState) -> RuleResult | None:
     """Readings on one connection do not go back and gain a second a second (L186)."""
-    earlier = [y for y in scene.memory.recent.get("get_time", ()) if _comparable(y, x, scene)]
+    earlier = [y for y in robot.history.recent.get("get_time", ()) if _comparable(y, x, robot)]
     if not earlier or x.answer is None:
         return None
     found = contradicted(earlier, x, lambda y, z: (z.answer - y.answer).total_seconds())
@@ -127,9 +127,9 @@ def _is_summer_time(y: Exchange, x: Exchange) -> bool:
     return bool(y.answer - midnight < night_ends)  # a sum could leave the calendar
 
 
-def _comparable(y: Exchange, x: Exchange, scene: RobotState) -> bool:
+def _comparable(y: Exchange, x: Exchange, robot: RobotState) -> bool:
     """Whether the clock must have run from one reading to the other."""
-    changes = (scene.memory.asked.get(name) for name in ("set_time", "shutdown"))
+    changes = (robot.history.asked.get(name) for name in ("set_time", "shutdown"))
     return (
         y.answer is not None
         and y.request.place.connection == x.request.place.connection

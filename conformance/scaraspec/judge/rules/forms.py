@@ -141,9 +141,9 @@ def _form(
 
 
 @rule("4.24/1", on=FrameSeen, names=_MOVE, sender=A2C)
-def seven_numbers(seen: FrameSeen, scene: RobotState) -> RuleResult | None:
+def seven_numbers(seen: FrameSeen, robot: RobotState) -> RuleResult | None:
     """The request holds seven numbers (L483-486); that the first is an integer is said next."""
-    judged = _form(seen, scene, part="request", wrongs=_COUNT)
+    judged = _form(seen, robot, part="request", wrongs=_COUNT)
     notes = Diagnostics()
     texts = normalize(seen.frame.data, Diagnostics()).removesuffix(b"|").split(b"|")  # A-T-4
     for text in texts if judged is PASSED else ():
@@ -154,9 +154,9 @@ def seven_numbers(seen: FrameSeen, scene: RobotState) -> RuleResult | None:
 
 
 @rule("4.24/2", on=FrameSeen, names=_MOVE, sender=A2C)
-def speed_in_percent(seen: FrameSeen, scene: RobotState) -> RuleResult | None:
+def speed_in_percent(seen: FrameSeen, robot: RobotState) -> RuleResult | None:
     """Speed is an integer percentage, 1 to 100 (L488; A-4.24-4)."""
-    if _form(seen, scene, part="request", wrongs=_COUNT) is not PASSED:
+    if _form(seen, robot, part="request", wrongs=_COUNT) is not PASSED:
         return None
     text = normalize(seen.frame.data, Diagnostics()).split(b"|")[0]
     if text.isdigit() and len(text) <= _SPEED_DIGITS and 1 <= int(text) <= 100:  # noqa: PLR2004 - percent

@@ -13,7 +13,7 @@ from scaraspec.judge.rules.arm import (
     STOP,
     changed,
     ended_ns,
-    gripper_asked_since,
+    gripper_set_since,
     last_motion,
     reading_before,
 )
@@ -21,7 +21,7 @@ from scaraspec.judge.rules.busy import STATE_OF
 from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule, tolerated
 from scaraspec.judge.rules.settings import PROGRAMS, executed_since, in_force
 from scaraspec.judge.rules.text import observed
-from scaraspec.judge.tolerances import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.payloads import JogDirection
@@ -49,19 +49,19 @@ _BEYOND_ALL_REACH_MM: Final = 1_000_000
 
 
 @rule("4.24/8", on=Exchange, names=(POSE,))
-def pose_is_reached(x: Exchange, scene: RobotState) -> RuleResult | None:
+def pose_is_reached(x: Exchange, robot: RobotState) -> RuleResult | None:
     """After "11" 0x38 gives the commanded pose within 1 mm and 1 degree (L504, L476)."""
-    move = last_motion(x, scene)
+    move = last_motion(x, robot)
     if move is None or move.name != MOVE or not move.asked or not x.answer:
         return None
-    if x.time_ns - ended_ns(move) > MOMENT_NS or gripper_asked_since(move.time_ns, scene):
+    if x.time_ns - ended_ns(move) > MOMENT_NS or gripper_set_since(move.time_ns, robot):
         return None
     target = move.asked[1:5]
     if max(abs(value) for value in target[:3]) >= _BEYOND_ALL_REACH_MM:
         return None  # 4.24/9 says it
-    if farthest(target, x.answer[:4]) <= _REACHED:
+    if max_deviation(target, x.answer[:4]) <= _REACHED:
         return PASSED
-    gripper = _gripper(x, scene)
+    gripper = _gripper(x, robot)
     if gripper is None or any(gripper):
         return tolerated(
             "A-4.23-1",
@@ -76,17 +76,17 @@ def pose_is_reached(x: Exchange, scene: RobotState) -> RuleResult | None:
     )
 
 
-def _gripper(x: Exchange, scene: RobotState) -> Sequence[float] | None:
+def _gripper(x: Exchange, robot: RobotState) -> Sequence[float] | None:
     """The gripper centre, where it is known."""
-    setting = in_force("set_gripper_center", x, scene)
-    read = scene.memory.last("get_gripper_center", before_ns=x.time_ns)
+    setting = in_force("set_gripper_center", x, robot)
+    read = robot.history.last("get_gripper_center", before_ns=x.time_ns)
     if setting:
         known, value = setting, setting.asked
-    elif read and not gripper_asked_since(read.time_ns, scene):
+    elif read and not gripper_set_since(read.time_ns, robot):
         known, value = read, read.answer
     else:
         return None
-    return None if executed_since(known.time_ns, scene, PROGRAMS) else value
+    return None if executed_since(known.time_ns, robot, PROGRAMS) else value
 
 
 @rule("4.24/9", on=Exchange, names=(MOVE,))
@@ -107,49 +107,49 @@ def out_of_reach(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("4.27/6", on=Exchange, names=(JOINTS, POSE))
-def joints_follow_the_pose(x: Exchange, scene: RobotState) -> RuleResult | None:
+def joints_follow_the_pose(x: Exchange, robot: RobotState) -> RuleResult | None:
     """What changed the tool coordinates changed the joint angles too (L591, L1004)."""
-    motion = last_motion(x, scene)
-    return _consistent(motion, x, scene) if motion and motion.name != _RUN else None
+    motion = last_motion(x, robot)
+    return _consistent(motion, x, robot) if motion and motion.name != _RUN else None
 
 
 @rule("7/5", on=Exchange, names=(JOINTS, POSE))
-def one_geometry(x: Exchange, scene: RobotState) -> RuleResult | None:
+def one_geometry(x: Exchange, robot: RobotState) -> RuleResult | None:
     """One arm has one pose for one set of joint angles; a program may set another tool."""
-    motion = last_motion(x, scene)
-    return _consistent(motion, x, scene) if motion else None
+    motion = last_motion(x, robot)
+    return _consistent(motion, x, robot) if motion else None
 
 
-def _consistent(motion: Exchange, x: Exchange, scene: RobotState) -> RuleResult | None:
+def _consistent(motion: Exchange, x: Exchange, robot: RobotState) -> RuleResult | None:
     """Whether the joint angles tell apart two poses, before and after a motion."""
     if motion.name not in MOTIONS:
         return None
-    pair = _around(motion, x, scene)
+    pair = _around(motion, x, robot)
     if pair is None:
         return None
     joints, poses = pair
-    if farthest(poses[0].answer[:4], poses[1].answer[:4]) <= _VISIBLE:
+    if max_deviation(poses[0].answer[:4], poses[1].answer[:4]) <= _VISIBLE:
         return None
-    if farthest(joints[0].answer, joints[1].answer) > 0:
+    if max_deviation(joints[0].answer, joints[1].answer) > 0:
         return PASSED
-    return changed(joints[0], joints[1], "the pose has changed and the joint angles have not")
+    return changed(joints[0], joints[1], "the pose changed but the joint angles did not")
 
 
 _Two = tuple[Exchange, Exchange]
 
 
-def _around(motion: Exchange, x: Exchange, scene: RobotState) -> tuple[_Two, _Two] | None:
+def _around(motion: Exchange, x: Exchange, robot: RobotState) -> tuple[_Two, _Two] | None:
     """Joints and pose before and after a motion; `x` is one of the two after it."""
     if answered_ns(x) - ended_ns(motion) > MOMENT_NS:
         return None
     other = POSE if x.name == JOINTS else JOINTS
-    then = next(scene.memory.between(other, ended_ns(motion), x.time_ns), None)
-    before, other_before = (reading_before(motion, name, scene) for name in (x.name, other))
+    then = next(robot.history.between(other, ended_ns(motion), x.time_ns), None)
+    before, other_before = (reading_before(motion, name, robot) for name in (x.name, other))
     if not then or not then.answer or not x.answer or not before or not other_before:
         return None
     first_ns = min(before.time_ns, other_before.time_ns)
     apart_ns = max(before.time_ns, other_before.time_ns) - first_ns
-    if apart_ns > MOMENT_NS or gripper_asked_since(first_ns, scene):
+    if apart_ns > MOMENT_NS or gripper_set_since(first_ns, robot):
         return None
     mine, theirs = (before, x), (other_before, then)
     return (mine, theirs) if x.name == JOINTS else (theirs, mine)
@@ -159,13 +159,13 @@ def _around(motion: Exchange, x: Exchange, scene: RobotState) -> tuple[_Two, _Tw
 
 
 @rule("4.28/3", on=Exchange, names=(JOINTS, POSE))
-def jog_direction(x: Exchange, scene: RobotState) -> RuleResult | None:
+def jog_direction(x: Exchange, robot: RobotState) -> RuleResult | None:
     """1, 2, 3, 4 mean +Y, -Y, +X, -X (L605-608); a jog of single joints has none (A-4.28-2)."""
-    if last_motion(x, scene) is None:
+    if last_motion(x, robot) is None:
         return None
-    motions = [y for y in scene.memory.accepted if y.name != STOP]
+    motions = [y for y in robot.history.accepted if y.name != STOP]
     jog = motions[-1] if motions else None
-    pair = _around(jog, x, scene) if jog and jog.name == JOG and jog.result else None
+    pair = _around(jog, x, robot) if jog and jog.name == JOG and jog.result else None
     if jog is None or pair is None or jog.asked not in _AXES:
         return None
     (joints, joints_then), (pose, pose_then) = pair
@@ -176,7 +176,9 @@ def jog_direction(x: Exchange, scene: RobotState) -> RuleResult | None:
     across = abs(pose_then.answer[1 - axis] - pose.answer[1 - axis])
     if max(abs(along), across) < _REACHED or along > across:
         return PASSED if along > across else None
-    return changed(pose, pose_then, f"a jog towards {jog.asked} moved the arm another way")
+    return changed(
+        pose, pose_then, f"a jog in direction {jog.asked} moved the arm in another direction"
+    )
 
 
 @rule("4.28/8", on=Exchange, names=(JOG,))
@@ -186,16 +188,16 @@ def jog_ends(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("4.28/8", on=Exchange, names=("get_status",))
-def jog_goes_on(x: Exchange, scene: RobotState) -> RuleResult | None:
+def jog_goes_on(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A robot that still moves behind a stop that had succeeded was not stopped."""
-    if len(scene.memory.accepted) < 2 or x.answer != STATE_OF[JOG]:  # noqa: PLR2004 - jog and stop
+    if len(robot.history.accepted) < 2 or x.answer != STATE_OF[JOG]:  # noqa: PLR2004 - jog and stop
         return None
-    jog, stop = list(scene.memory.accepted)[-2:]
+    jog, stop = list(robot.history.accepted)[-2:]
     stopped = stop.name == STOP and stop.outcome is not None and stop.outcome.done
     if jog.name != JOG or not stopped or not 0 < x.time_ns - ended_ns(stop) < MOMENT_NS:
         return None
     return failed(
-        "the jog went on behind the emergency stop",
+        "the jog continued after the emergency stop",
         expected="00",
         observed=show(x.reply.frame.data) if x.reply else "",
         at=(*places_of(stop), *places_of(x)),

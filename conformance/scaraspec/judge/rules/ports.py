@@ -29,7 +29,11 @@ def zero_or_one(seen: FrameSeen, _: RobotState) -> RuleResult | None:
         return None
     if seen.value.value in (0, 1):
         return PASSED
-    return failed("an output has no such value", expected="0 or 1", observed=str(seen.value.value))
+    return failed(
+        "the value for the digital output is not valid",
+        expected="0 or 1",
+        observed=str(seen.value.value),
+    )
 
 
 @rule("4.32/3", on=FrameSeen, names=(_SET,), sender=A2C)
@@ -44,19 +48,19 @@ def only_outputs(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     )
 
 
-def _setting(x: Exchange, scene: RobotState) -> Exchange | None:
+def _setting(x: Exchange, robot: RobotState) -> Exchange | None:
     """The setting of an output that 0x49 must show, where that is sure."""
-    setting = in_force(_SET, x, scene)
+    setting = in_force(_SET, x, robot)
     if setting is None or x.answer is None or setting.asked.port > OUTPUTS:
         return None
-    return None if _may_be_off(setting.time_ns, scene) else setting
+    return None if _may_be_off(setting.time_ns, robot) else setting
 
 
-def _may_be_off(since_ns: int, scene: RobotState) -> bool:
+def _may_be_off(since_ns: int, robot: RobotState) -> bool:
     """Whether outputs may have been switched off since then; a stop that is refused may do so."""
-    stop = scene.memory.asked.get("emergency_stop")
+    stop = robot.history.asked.get("emergency_stop")
     stopped = stop is not None and stop.place.time_ns >= since_ns
-    return stopped or executed_since(since_ns, scene, _CHANGERS)
+    return stopped or executed_since(since_ns, robot, _CHANGERS)
 
 
 def _with(bits: str, port: int, value: int) -> str:
@@ -65,25 +69,25 @@ def _with(bits: str, port: int, value: int) -> str:
     return f"{bits[:at]}{value}{bits[at + 1 :]}"
 
 
-def _before(x: Exchange, scene: RobotState) -> Exchange | None:
+def _before(x: Exchange, robot: RobotState) -> Exchange | None:
     """The reading before this one, where only settings can have changed the outputs since."""
-    before = scene.memory.last(x.name, before_ns=x.time_ns)
+    before = robot.history.last(x.name, before_ns=x.time_ns)
     if before is None or before.answer is None or x.time_ns - before.time_ns > UNSEEN_NS:
         return None
-    if switched_off_since(before, scene):
+    if switched_off_since(before, robot):
         return None
-    return None if _may_be_off(before.time_ns, scene) else before
+    return None if _may_be_off(before.time_ns, robot) else before
 
 
-def _due(x: Exchange, scene: RobotState) -> str | None:
+def _due(x: Exchange, robot: RobotState) -> str | None:
     """All that 0x49 must show, by the reading before and what was set since."""
-    before = _before(x, scene)
+    before = _before(x, robot)
     if before is None:
         return None
-    settings = list(scene.memory.between(_SET, answered_ns(before), x.time_ns))
+    settings = list(robot.history.between(_SET, answered_ns(before), x.time_ns))
     if len(settings) == KEPT_EXCHANGES:  # there may have been more
         return None
-    if any(_overlap(setting, y) for setting in scene.memory.recent[_SET] for y in (before, x)):
+    if any(_overlap(setting, y) for setting in robot.history.recent[_SET] for y in (before, x)):
         return None
     due: str = before.answer
     for setting in settings:
@@ -99,9 +103,9 @@ def _overlap(x: Exchange, y: Exchange) -> bool:
     return x.time_ns <= answered_ns(y) and y.time_ns <= answered_ns(x)
 
 
-def _shows_mirrored(x: Exchange, setting: Exchange, scene: RobotState) -> bool:
+def _shows_mirrored(x: Exchange, setting: Exchange, robot: RobotState) -> bool:
     """Whether what was set shows as if the leftmost digit were port 1."""
-    before, (port, value) = _before(x, scene), setting.asked
+    before, (port, value) = _before(x, robot), setting.asked
     mirrored = OUTPUTS + 1 - port
     if before is None:
         return bool(value == 1 and x.answer[-mirrored] == "1")
@@ -110,19 +114,19 @@ def _shows_mirrored(x: Exchange, setting: Exchange, scene: RobotState) -> bool:
 
 
 @rule("4.32/6", on=Exchange, names=_GET)
-def output_shows(x: Exchange, scene: RobotState) -> RuleResult | None:
+def output_shows(x: Exchange, robot: RobotState) -> RuleResult | None:
     """After "1" 0x49 shows the value at that port, and no other digit has changed (L655, L684)."""
-    setting = _setting(x, scene)
+    setting = _setting(x, robot)
     if setting is None:
         return None
     port, value = setting.asked
-    expected = _due(x, scene)
+    expected = _due(x, robot)
     if x.answer[-port] != str(value):
-        if _shows_mirrored(x, setting, scene):
+        if _shows_mirrored(x, setting, robot):
             return None  # 4.34/3 says it
         wrong = f"output {port} does not show the value that was set"
     elif expected not in (None, x.answer):
-        wrong = "an output has changed that was not set"
+        wrong = "an output changed that was not set"
     else:
         return PASSED
     return failed(
@@ -134,23 +138,23 @@ def output_shows(x: Exchange, scene: RobotState) -> RuleResult | None:
 
 
 @rule("4.34/3", on=Exchange, names=_GET)
-def high_port_first(x: Exchange, scene: RobotState) -> RuleResult | None:
+def high_port_first(x: Exchange, robot: RobotState) -> RuleResult | None:
     """Ports run from 16, leftmost, to 1 (L684; A-4.34-2): a port that is set shows its digit."""
-    setting = _setting(x, scene)
+    setting = _setting(x, robot)
     if setting is None:
         return None
     port, value = setting.asked
     if x.answer[-port] == str(value):
         return PASSED if x.answer[port - 1] != str(value) else None
-    if not _shows_mirrored(x, setting, scene):
+    if not _shows_mirrored(x, setting, robot):
         return None
     return failed(
         UserMessage(
-            "output {port} shows where port {outputs} is due: the order is reversed",
+            "output {port} is reported at the position of port {outputs}: the order is reversed",
             port=port,
             outputs=OUTPUTS + 1 - port,
         ),
-        expected=_due(x, scene) or f"{value} at port {port}",
+        expected=_due(x, robot) or f"{value} at port {port}",
         observed=x.answer,
         at=(*places_of(setting), *places_of(x)),
     )

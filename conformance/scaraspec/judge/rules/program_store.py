@@ -45,16 +45,16 @@ def _was_due(x: Exchange) -> bool:
     return x.reply is not None and x.reply.begun_ns - since_ns >= _PUSHED_NS
 
 
-def _is_sure(x: Exchange, scene: RobotState) -> bool:
+def _is_sure(x: Exchange, robot: RobotState) -> bool:
     """Whether its parts are its own: lists that are asked for at the same time may mix."""
-    last = scene.memory.asked.get(x.name, x.request)
+    last = robot.history.asked.get(x.name, x.request)
     elsewhere = last.place.connection != x.request.place.connection
     return not x.doubled and (last is x.request or elsewhere)
 
 
-def _is_complete(x: Exchange, scene: RobotState) -> bool:
+def _is_complete(x: Exchange, robot: RobotState) -> bool:
     whole = bool(x.parts) and x.parts[-1].value is not None and not x.parts[-1].value.more
-    return whole and _is_sure(x, scene)
+    return whole and _is_sure(x, robot)
 
 
 def _begun_ns(x: Exchange) -> int:
@@ -67,14 +67,14 @@ def _begun_ns(x: Exchange) -> int:
 
 
 @rule("4.10/4", on=Exchange, names=_LIST)
-def last_part_says_so(x: Exchange, scene: RobotState) -> RuleResult | None:
+def last_part_says_so(x: Exchange, robot: RobotState) -> RuleResult | None:
     """The last part of a list begins with "0" (L251): behind a "1" another one is due."""
-    if _is_complete(x, scene):
+    if _is_complete(x, robot):
         return PASSED
-    if not (_begins_anew(x) and _was_due(x) and _is_sure(x, scene)):
+    if not (_begins_anew(x) and _was_due(x) and _is_sure(x, robot)):
         return None
     return failed(
-        "a list whose last part had announced another began anew",
+        "a list started again although its last part announced another part",
         expected="0 in the last part",
         observed="1",
     )
@@ -91,7 +91,7 @@ def next_part_comes(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("4.10/6", on=Exchange, names=_LIST)
-def no_divided_name(x: Exchange, scene: RobotState) -> RuleResult | None:
+def no_divided_name(x: Exchange, robot: RobotState) -> RuleResult | None:
     """No name is divided between two parts (L246): names that are known show it."""
     seams = [
         (a.value.names[-1], b.value.names[0])
@@ -99,7 +99,7 @@ def no_divided_name(x: Exchange, scene: RobotState) -> RuleResult | None:
         if a.value and b.value and a.value.names and b.value.names
     ]
     for head, tail in seams:
-        if _is_known(head + tail, scene) and _is_sure(x, scene):
+        if _is_known(head + tail, robot) and _is_sure(x, robot):
             return failed(
                 "a name is divided between two parts of the list",
                 expected=show(head + tail),
@@ -108,16 +108,16 @@ def no_divided_name(x: Exchange, scene: RobotState) -> RuleResult | None:
     return PASSED if seams else None
 
 
-def _is_known(name: bytes, scene: RobotState) -> bool:
+def _is_known(name: bytes, robot: RobotState) -> bool:
     """Whether a program of this name was uploaded, run, or made the default one."""
-    accepted = (y for kind in _NAMING for y in scene.memory.recent.get(kind, ()) if y.accepted)
-    return name in scene.files or any(y.asked == name for y in accepted)
+    accepted = (y for kind in _NAMING for y in robot.history.recent.get(kind, ()) if y.accepted)
+    return name in robot.files or any(y.asked == name for y in accepted)
 
 
 @rule("4.10/7", on=Exchange, names=_LIST)
-def no_odd_name(x: Exchange, scene: RobotState) -> RuleResult | None:
+def no_odd_name(x: Exchange, robot: RobotState) -> RuleResult | None:
     """No name is empty or repeated in one list (L246)."""
-    if not x.parts or _begins_anew(x) or not _is_sure(x, scene):
+    if not x.parts or _begins_anew(x) or not _is_sure(x, robot):
         return None
     names = _names(x)
     for part in x.parts:
@@ -128,7 +128,7 @@ def no_odd_name(x: Exchange, scene: RobotState) -> RuleResult | None:
     if count <= 1:
         return PASSED
     return failed(
-        UserMessage("{name} stands {count} times in the list", name=show(name), count=count),
+        UserMessage("the list contains {name} {count} times", name=show(name), count=count),
         expected="once",
         observed=f"{count} times",
     )
@@ -149,18 +149,18 @@ def _has_no_finding(transfer: Transfer) -> bool:
 
 
 @rule("4.10/11", on=Exchange, names=_LIST)
-def uploaded_is_listed(x: Exchange, scene: RobotState) -> RuleResult | None:
+def uploaded_is_listed(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A valid program is listed from the end of its upload on (L246); other files need not be.
 
     What becomes of names that are too long or hold a bar is open (A-5-20, A-T-6).
     """
-    if not _is_complete(x, scene):
+    if not _is_complete(x, robot):
         return None
     listed = set(_names(x))
     before_ns = _begun_ns(x)
     due = [
         t
-        for t in scene.files.values()
+        for t in robot.files.values()
         if t.ended_ns < before_ns and len(t.name) <= NAME_MAX_BYTES and b"|" not in t.name
     ]
     missing = [t for t in due if t.name not in listed]
@@ -168,7 +168,7 @@ def uploaded_is_listed(x: Exchange, scene: RobotState) -> RuleResult | None:
         if is_valid_program(transfer):
             return failed(
                 UserMessage(
-                    "{transfer} was uploaded and is not listed", transfer=show(transfer.name)
+                    "{transfer} was uploaded but is not listed", transfer=show(transfer.name)
                 ),
                 expected="in the list",
                 observed=f"{len(listed)} other names",
@@ -178,11 +178,11 @@ def uploaded_is_listed(x: Exchange, scene: RobotState) -> RuleResult | None:
 
 
 @rule("4.10/11", "4.11/3", on=Exchange, names=_LIST)
-def deleted_is_not_listed(x: Exchange, scene: RobotState) -> RuleResult | None:
+def deleted_is_not_listed(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A program that was deleted is not in the list (L246, L260)."""
-    if not _is_complete(x, scene) or not scene.memory.deleted:
+    if not _is_complete(x, robot) or not robot.history.deleted:
         return None
-    deletions = list(_deletions(_names(x), _begun_ns(x), scene))
+    deletions = list(_deletions(_names(x), _begun_ns(x), robot))
     if not deletions:
         return PASSED
     return failed(
@@ -196,18 +196,18 @@ def deleted_is_not_listed(x: Exchange, scene: RobotState) -> RuleResult | None:
     )
 
 
-def _deletions(names: list[bytes], before_ns: int, scene: RobotState) -> Iterator[Exchange]:
+def _deletions(names: list[bytes], before_ns: int, robot: RobotState) -> Iterator[Exchange]:
     """Those of these names that had been deleted by then, and not uploaded again."""
     for name in names:
-        deletion = scene.memory.deleted.get(name)
+        deletion = robot.history.deleted.get(name)
         if deletion and answered_ns(deletion) < before_ns:
             yield deletion
 
 
 @rule("4.11/3", on=Exchange, names=("download_name", *_RUNS))
-def deleted_is_gone(x: Exchange, scene: RobotState) -> RuleResult | None:
+def deleted_is_gone(x: Exchange, robot: RobotState) -> RuleResult | None:
     """What was deleted can be neither downloaded nor run (L260); it may fail late (A-4.15-1)."""
-    deletion = next(_deletions([x.request.text], x.time_ns, scene), None)
+    deletion = next(_deletions([x.request.text], x.time_ns, robot), None)
     if deletion is None or x.accepted is None:
         return None
     failed_late = x.outcome is not None and not x.outcome.done
@@ -217,7 +217,7 @@ def deleted_is_gone(x: Exchange, scene: RobotState) -> RuleResult | None:
         return None
     return failed(
         UserMessage(
-            "{request_text} was deleted, and {x} still found it",
+            "{request_text} was deleted, but {x} was accepted for it",
             request_text=show(x.request.text),
             x=x.name,
         ),
@@ -246,37 +246,45 @@ def running_is_not_deleted(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("8/5", on=Exchange, names=(*TWO_STAGE, "shutdown"))
-def code_20(x: Exchange, scene: RobotState) -> RuleResult | None:
+def code_20(x: Exchange, robot: RobotState) -> RuleResult | None:
     """Code 20 means that the program file does not exist (L1044)."""
     said = x.answer if x.accepted is False else x.outcome
     if said is None or said.code != _MISSING:
         return None
     if x.name not in _RUNS:
         return failed(
-            UserMessage("{x} names no program and met with code 20", x=x.name),
+            UserMessage("{x} names no program but was refused or failed with code 20", x=x.name),
             expected="another code",
             observed="20",
         )
     name = x.request.text
-    stored = scene.files.get(name)
+    stored = robot.files.get(name)
     if stored and is_valid_program(stored):
         return failed(
-            UserMessage("{name} met with code 20 although it had been uploaded", name=show(name)),
+            UserMessage(
+                "{name} was refused or failed with code 20 although it was uploaded",
+                name=show(name),
+            ),
             expected="1, or another code",
             observed="20",
             at=(*places_of(stored), *places_of(x)),
         )
-    if stored or _is_listed(name, x, scene):
+    if stored or _is_listed(name, x, robot):
         return tolerated(
-            "A-4.15-2", "20", UserMessage("{name} exists: it may be damaged", name=show(name))
+            "A-4.15-2",
+            "20",
+            UserMessage(
+                "code 20 was sent for {name}, which exists; the file may be damaged",
+                name=show(name),
+            ),
         )
     return PASSED
 
 
-def _is_listed(name: bytes, x: Exchange, scene: RobotState) -> bool:
+def _is_listed(name: bytes, x: Exchange, robot: RobotState) -> bool:
     """Whether the last list had it, and nothing was deleted since."""
-    programs = scene.memory.last("list_programs", before_ns=x.time_ns)
-    deletion = scene.memory.asked.get("delete_program")
+    programs = robot.history.last("list_programs", before_ns=x.time_ns)
+    deletion = robot.history.asked.get("delete_program")
     if programs is None or (deletion and deletion.place.time_ns >= programs.time_ns):
         return False
     return name in _names(programs)

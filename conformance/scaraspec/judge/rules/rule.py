@@ -90,17 +90,17 @@ class Rule:
     payload: Callable[[Payload], bool] | None
     check: Check
 
-    def looks_at(self, happening: TrafficEvent) -> bool:
+    def applies_to(self, traffic_event: TrafficEvent) -> bool:
         """Whether it concerns such a happening: one of this `kind_of`."""
         return (
-            self.on is type(happening)
-            and (not self.names or name_of(happening) in self.names)
-            and self.sender in (None, sender_of(happening))
-            and (self.payload is None or self._holds_payload(happening))
+            self.on is type(traffic_event)
+            and (not self.names or name_of(traffic_event) in self.names)
+            and self.sender in (None, sender_of(traffic_event))
+            and (self.payload is None or self._holds_payload(traffic_event))
         )
 
-    def _holds_payload(self, happening: TrafficEvent) -> bool:
-        payload = payload_of(happening) if isinstance(happening, FrameSeen) else None
+    def _holds_payload(self, traffic_event: TrafficEvent) -> bool:
+        payload = payload_of(traffic_event) if isinstance(traffic_event, FrameSeen) else None
         return self.payload is not None and payload is not None and self.payload(payload)
 
 
@@ -124,12 +124,12 @@ def rule(
     return enter
 
 
-def kind_of(happening: TrafficEvent) -> tuple[object, ...]:
+def kind_of(traffic_event: TrafficEvent) -> tuple[object, ...]:
     """What decides which rules look at a happening: equal kinds have equal rules."""
-    if isinstance(happening, FrameSeen):
-        frame = happening.frame
-        return (FrameSeen, happening.name, frame.direction, frame.tagged)
-    return (type(happening), name_of(happening), sender_of(happening))
+    if isinstance(traffic_event, FrameSeen):
+        frame = traffic_event.frame
+        return (FrameSeen, traffic_event.name, frame.direction, frame.tagged)
+    return (type(traffic_event), name_of(traffic_event), sender_of(traffic_event))
 
 
 def payload_of(seen: FrameSeen) -> Payload | None:
@@ -137,51 +137,51 @@ def payload_of(seen: FrameSeen) -> Payload | None:
     return seen.command.payload(seen.frame) if seen.command else None
 
 
-def places_of(happening: TrafficEvent) -> tuple[WireRange, ...]:
+def places_of(traffic_event: TrafficEvent) -> tuple[WireRange, ...]:
     """Where on the wire a happening is."""
-    match happening:
+    match traffic_event:
         case FrameSeen() | InvalidBytes():
-            return (happening.place,)
+            return (traffic_event.place,)
         case UnsolicitedReply():
-            return (happening.seen.place,)
+            return (traffic_event.seen.place,)
         case Exchange():
-            return tuple(seen.place for seen in happening.frames)
+            return tuple(seen.place for seen in traffic_event.frames)
         case Transfer():
-            return places_of(happening.opening) if happening.opening else ()
+            return places_of(traffic_event.opening) if traffic_event.opening else ()
         case LinkChange(event) | CaptureGap(event) | Injected(event):
             length_bytes = max(event.length_bytes, 0)
             where = (event.connection, event.direction, event.offset_bytes)
             return (WireRange(*where, length_bytes, event.time_ns),)
 
 
-def name_of(happening: TrafficEvent) -> str:
+def name_of(traffic_event: TrafficEvent) -> str:
     """The command that a happening belongs to, empty where there is none."""
-    match happening:
+    match traffic_event:
         case FrameSeen() | Exchange():
-            return happening.name
+            return traffic_event.name
         case UnsolicitedReply():
-            return happening.seen.name
+            return traffic_event.seen.name
         case _:
             return ""
 
 
-def sender_of(happening: TrafficEvent) -> Direction | None:
+def sender_of(traffic_event: TrafficEvent) -> Direction | None:
     """Who sent the frame or the bytes, or asked; None where that is nobody."""
-    match happening:
+    match traffic_event:
         case FrameSeen():
-            return happening.frame.direction
+            return traffic_event.frame.direction
         case Exchange():
-            return happening.request.frame.direction
+            return traffic_event.request.frame.direction
         case UnsolicitedReply():
-            return happening.seen.frame.direction
+            return traffic_event.seen.frame.direction
         case InvalidBytes():
-            return happening.place.direction
+            return traffic_event.place.direction
         case _:
             return None
 
 
-def is_certain(happening: TrafficEvent) -> bool:
+def is_certain(traffic_event: TrafficEvent) -> bool:
     """Whether no gap or fault can have touched it; a change of the link is seen or it is not."""
-    if isinstance(happening, LinkChange | CaptureGap | Injected):
-        return isinstance(happening, LinkChange)
-    return happening.certain
+    if isinstance(traffic_event, LinkChange | CaptureGap | Injected):
+        return isinstance(traffic_event, LinkChange)
+    return traffic_event.certain

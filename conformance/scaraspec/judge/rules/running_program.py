@@ -39,7 +39,7 @@ def _says_none(x: Exchange) -> bool:
 
 
 @rule("4.9/2", on=Exchange, names=_INFO)
-def program_is_told(x: Exchange, _: RobotState) -> RuleResult | None:
+def program_is_reported(x: Exchange, _: RobotState) -> RuleResult | None:
     """While a program runs the reply is "1", its name and its run time (L226-232).
 
     Whether a simulation counts is open (A-4.9-4).
@@ -51,7 +51,10 @@ def program_is_told(x: Exchange, _: RobotState) -> RuleResult | None:
         if program is None or program.name != _RUN:
             return None
         return failed(
-            UserMessage("no program is told while {value} runs", value=show(program.asked or b"")),
+            UserMessage(
+                "the reply reports no running program while {value} runs",
+                value=show(program.asked or b""),
+            ),
             expected="1|name|DDHHMMSS",
             observed=observed(x.reply),
             at=(program.request.place, *places_of(x)),
@@ -73,7 +76,7 @@ def name_of_the_program(x: Exchange, _: RobotState) -> RuleResult | None:
     if len(program.asked) > NAME_MAX_BYTES and x.answer.name == program.asked[:NAME_MAX_BYTES]:
         return tolerated("A-4.9-5", "cut", "the name of the running program is cut to 30 bytes")
     return failed(
-        "another program is told than the one that runs",
+        "the reply names a program that is not the running one",
         expected=show(program.asked),
         observed=show(x.answer.name),
         at=(program.request.place, *places_of(x)),
@@ -81,14 +84,14 @@ def name_of_the_program(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("4.9/5", on=Exchange, names=_INFO)
-def run_time_runs(x: Exchange, scene: RobotState) -> RuleResult | None:
+def run_time_runs(x: Exchange, robot: RobotState) -> RuleResult | None:
     """The run time gains a second a second (L226); a simulation may have a time of its own."""
     program = _program(x)
     if program is None or program.name != _RUN or x.answer is None:
         return None
     earlier = [
         y
-        for y in scene.memory.recent.get(x.name, ())
+        for y in robot.history.recent.get(x.name, ())
         if y.answer and y.during == x.during and answered_ns(y) < x.time_ns
     ]
     if not earlier:
@@ -108,7 +111,7 @@ def run_time_runs(x: Exchange, scene: RobotState) -> RuleResult | None:
 
 
 @rule("4.9/6", on=Exchange, names=_INFO)
-def nothing_behind_none(x: Exchange, scene: RobotState) -> RuleResult | None:
+def nothing_behind_none(x: Exchange, robot: RobotState) -> RuleResult | None:
     """Without a program the reply begins with "0" and gives no name and no time (L226, L237)."""
     if not x.reply or not x.reply.parsed or not _says_none(x):
         return None
@@ -116,21 +119,22 @@ def nothing_behind_none(x: Exchange, scene: RobotState) -> RuleResult | None:
     surplus = next((c.text for c in complaints if c.defect is Defect.FLAG), "")
     if surplus:
         return failed(surplus, expected="0", observed=observed(x.reply))
-    return PASSED if not scene.busy else None
+    return PASSED if not robot.busy else None
 
 
 @rule("4.9/6", on=Exchange, names=_STATUS)
-def no_program_when_idle(x: Exchange, scene: RobotState) -> RuleResult | None:
+def no_program_when_idle(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A robot that was idle before and is idle behind has told no program between."""
-    begin_ns = scene.memory.idle_seen_ns
-    idle = scene.memory.idle_since_ns is not None and not scene.busy and x.answer == "00"
+    begin_ns = robot.history.idle_seen_ns
+    idle = robot.history.idle_since_ns is not None and not robot.busy and x.answer == "00"
     if not idle or x.time_ns - begin_ns > _SECOND_NS:
         return None
-    for y in scene.memory.between("get_running_program", begin_ns, x.time_ns):
+    for y in robot.history.between("get_running_program", begin_ns, x.time_ns):
         if y.answer:
             return failed(
                 UserMessage(
-                    "{answer} is told to run although the robot is idle", answer=show(y.answer.name)
+                    "the reply reports {answer} as running although the robot is idle",
+                    answer=show(y.answer.name),
                 ),
                 expected="0",
                 observed=observed(y.reply) if y.reply else "",
@@ -145,7 +149,11 @@ def none_in_one_character(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     form = dict(seen.parsed.decoded.readings).get("runinfo_none") if seen.parsed else None
     if form is None:
         return None
-    return PASSED if form == "0" else tolerated("runinfo_none", form, "no program is told as 0||")
+    return (
+        PASSED
+        if form == "0"
+        else tolerated("runinfo_none", form, "the reply 0|| is used for no running program")
+    )
 
 
 @rule("4.9/8", on=Exchange, names=_INFO)
@@ -163,26 +171,28 @@ def short_name(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("4.9/10", on=Exchange, names=_STATUS)
-def flag_agrees_with_status(x: Exchange, scene: RobotState) -> RuleResult | None:
+def flag_agrees_with_status(x: Exchange, robot: RobotState) -> RuleResult | None:
     """The flag is "1" while the status is 01, or 02 where a simulation counts (A-4.9-4).
 
     Held against statuses before and behind that are the same, with nothing begun between them.
     """
-    before = scene.memory.last("get_status", before_ns=x.time_ns)
+    before = robot.history.last("get_status", before_ns=x.time_ns)
     near = before is not None and x.time_ns - before.time_ns <= _SECOND_NS
     if before is None or not near or before.answer != x.answer or x.answer not in ("01", "02"):
         return None
-    if any(answered_ns(y) > before.time_ns for y in scene.memory.accepted):
+    if any(answered_ns(y) > before.time_ns for y in robot.history.accepted):
         return None
-    for y in scene.memory.between("get_running_program", answered_ns(before), x.time_ns):
+    for y in robot.history.between("get_running_program", answered_ns(before), x.time_ns):
         if y.answer:
             return PASSED
         if not _says_none(y) or _program(y):  # of a program on record 4.9/2 says it
             continue
         if x.answer == "02":
-            return tolerated("A-4.9-4", "no", "a simulated program is not told as running")
+            return tolerated(
+                "A-4.9-4", "no", "the reply does not report a simulated program as running"
+            )
         return failed(
-            "no program is told although the status is 01",
+            "the reply reports no running program although the status is 01",
             expected="1|name|DDHHMMSS",
             observed=observed(y.reply) if y.reply else "",
             at=(*places_of(y), *places_of(x)),

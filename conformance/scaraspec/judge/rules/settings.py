@@ -6,9 +6,9 @@ A value is held against the last setting only where nothing else was asked that 
 from collections.abc import Callable, Collection
 from typing import Any, Final
 
-from scaraspec.judge.rounding import read_back
 from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule, tolerated
 from scaraspec.judge.rules.text import observed
+from scaraspec.judge.tolerances import read_back
 from scaraspec.traffic.events import Ending, Exchange
 from scaraspec.traffic.exchange_history import answered_ns
 from scaraspec.traffic.robot_state import RobotState
@@ -24,47 +24,45 @@ PROGRAMS: Final = ("run_program", "simulate_program")
 """A program's file holds positions of its own (A-6.3-3)."""
 
 
-def in_force(setter: str, x: Exchange, scene: RobotState) -> Exchange | None:
+def in_force(setter: str, x: Exchange, robot: RobotState) -> Exchange | None:
     """The accepted setting that is in force while `x` is answered, where that is sure.
 
     It was accepted not long before `x` was asked, it was the last that was asked, and the robot
     was not switched off since: what survives that is open (A-4-6).
     """
-    found = scene.memory.last(setter, before_ns=x.time_ns)
-    if found is None or not found.accepted or scene.memory.asked.get(setter) is not found.request:
+    found = robot.history.last(setter, before_ns=x.time_ns)
+    if found is None or not found.accepted or robot.history.asked.get(setter) is not found.request:
         return None
     if found.request.parsed and found.request.parsed.decoded.issues:
         return None
     same = found.request.place.connection == x.request.place.connection
     if x.time_ns - found.time_ns > (_UNSEEN_HERE_NS if same else UNSEEN_NS):
         return None
-    return None if switched_off_since(found, scene) else found
+    return None if switched_off_since(found, robot) else found
 
 
-def switched_off_since(x: Exchange, scene: RobotState) -> bool:
+def switched_off_since(x: Exchange, robot: RobotState) -> bool:
     """Whether the robot may have been switched off since `x`: asked to, or without a word.
 
     A new address ends the connections, too (A-4.4-1).
     """
-    shutdown = scene.memory.asked.get("shutdown")
+    shutdown = robot.history.asked.get("shutdown")
     if shutdown and shutdown.place.time_ns > x.time_ns:
         return True
-    return x.name != "set_network" and scene.memory.hung_up_ns > x.time_ns
+    return x.name != "set_network" and robot.history.hung_up_ns > x.time_ns
 
 
-def executed_since(time_ns: int, scene: RobotState, names: Collection[str]) -> bool:
+def executed_since(time_ns: int, robot: RobotState, names: Collection[str]) -> bool:
     """Whether one of these two-stage commands executed, or may have, since then."""
     return any(
         y.name in names and (y.result is None or y.result.place.time_ns > time_ns)
-        for y in scene.memory.accepted
+        for y in robot.history.accepted
     )
 
 
 def _other_value(setting: Exchange, x: Exchange) -> RuleResult:
     return failed(
-        UserMessage(
-            "{x} gives another value than {setting} had set", x=x.name, setting=setting.name
-        ),
+        UserMessage("{x} reports another value than {setting} set", x=x.name, setting=setting.name),
         expected=observed(setting.request),
         observed=observed(x.reply) if x.reply else "",
         at=(*places_of(setting), *places_of(x)),
@@ -72,9 +70,9 @@ def _other_value(setting: Exchange, x: Exchange) -> RuleResult:
 
 
 def _read_back(
-    setter: str, x: Exchange, scene: RobotState, same: Callable[[Exchange, Any], bool]
+    setter: str, x: Exchange, robot: RobotState, same: Callable[[Exchange, Any], bool]
 ) -> RuleResult | None:
-    setting = in_force(setter, x, scene)
+    setting = in_force(setter, x, robot)
     if setting is None or x.answer is None:
         return None
     return PASSED if same(setting, x.answer) else _other_value(setting, x)
@@ -84,45 +82,45 @@ def _read_back(
 
 
 @rule("4.4/2", on=Exchange, names=("get_network",))
-def refused_network(x: Exchange, scene: RobotState) -> RuleResult | None:
+def refused_network(x: Exchange, robot: RobotState) -> RuleResult | None:
     """After "0" 0x04 gives what it gave before (L162)."""
-    return _unchanged("set_network", x, scene, 3)
+    return _unchanged("set_network", x, robot, 3)
 
 
 @rule("4.13/2", on=Exchange, names=("get_default_program",))
-def refused_default(x: Exchange, scene: RobotState) -> RuleResult | None:
+def refused_default(x: Exchange, robot: RobotState) -> RuleResult | None:
     """After "0" the default program is the one that it was (L284-L287)."""
-    return _unchanged("set_default_program", x, scene, 1)
+    return _unchanged("set_default_program", x, robot, 1)
 
 
 @rule("4.20/2", on=Exchange, names=("get_gripper_center",))
-def refused_gripper(x: Exchange, scene: RobotState) -> RuleResult | None:
+def refused_gripper(x: Exchange, robot: RobotState) -> RuleResult | None:
     """After "0" 0x34 gives what it gave before (L440-L443)."""
-    return _unchanged("set_gripper_center", x, scene, 3)
+    return _unchanged("set_gripper_center", x, robot, 3)
 
 
 @rule("4.21/2", on=Exchange, names=("get_initial_tool_position",))
-def refused_position(x: Exchange, scene: RobotState) -> RuleResult | None:
+def refused_position(x: Exchange, robot: RobotState) -> RuleResult | None:
     """After "0" 0x37 gives what it gave before (L452-L455)."""
-    return _unchanged("set_initial_tool_position", x, scene, 4)
+    return _unchanged("set_initial_tool_position", x, robot, 4)
 
 
-def _unchanged(setter: str, x: Exchange, scene: RobotState, count: int) -> RuleResult | None:
+def _unchanged(setter: str, x: Exchange, robot: RobotState, count: int) -> RuleResult | None:
     """Nothing that was asked for, and refused, is told behind that, if it was not told before."""
-    refused = scene.memory.last(setter, before_ns=x.time_ns)
+    refused = robot.history.last(setter, before_ns=x.time_ns)
     if refused is None or refused.accepted is not False or refused.asked is None:
         return None
-    before = scene.memory.last(x.name, before_ns=refused.time_ns)
+    before = robot.history.last(x.name, before_ns=refused.time_ns)
     if before is None or before.answer is None or x.answer is None:
         return None
-    since_ns, other = answered_ns(before), scene.memory.asked_before.get(setter)
-    if scene.memory.asked.get(setter) is not refused.request:
+    since_ns, other = answered_ns(before), robot.history.asked_before.get(setter)
+    if robot.history.asked.get(setter) is not refused.request:
         return None
     if other and other.place.time_ns > before.time_ns:
         return None
-    if x.time_ns - since_ns > UNSEEN_NS or switched_off_since(before, scene):
+    if x.time_ns - since_ns > UNSEEN_NS or switched_off_since(before, robot):
         return None
-    if executed_since(since_ns, scene, PROGRAMS):
+    if executed_since(since_ns, robot, PROGRAMS):
         return None
     now, former, asked = (_fields(y)[:count] for y in (x.answer, before.answer, refused.asked))
     changed = [pair for *pair, was in zip(now, asked, former, strict=True) if pair[0] != was]
@@ -132,7 +130,7 @@ def _unchanged(setter: str, x: Exchange, scene: RobotState, count: int) -> RuleR
         return None  # it may have been set unseen
     return failed(
         UserMessage(
-            "{setter} was refused, and {x} gives what it had asked for", setter=setter, x=x.name
+            "{setter} was refused, but {x} reports the requested value", setter=setter, x=x.name
         ),
         expected=observed(before.reply) if before.reply else "",
         observed=observed(x.reply) if x.reply else "",
@@ -148,9 +146,9 @@ def _fields(value: Any) -> tuple[Any, ...]:
 
 
 @rule("4.2/3", on=Exchange, names=("set_password",))
-def wrong_old_password(x: Exchange, scene: RobotState) -> RuleResult | None:
+def wrong_old_password(x: Exchange, robot: RobotState) -> RuleResult | None:
     """With a wrong old password the change is answered "0" (L140; A-4.2-1)."""
-    known = scene.memory.passwords
+    known = robot.history.passwords
     if x.accepted is None or x.asked is None or len(known) != 1 or x.asked.old in known:
         return None
     if not x.accepted:
@@ -169,43 +167,43 @@ def reply_before_the_change(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("4.4/4", on=Exchange, names=("get_network",))
-def network_reads_back(x: Exchange, scene: RobotState) -> RuleResult | None:
+def network_reads_back(x: Exchange, robot: RobotState) -> RuleResult | None:
     """After "1" 0x04 gives the new values (L157); padding with zeros changes none (A-4.3-2)."""
-    return _read_back("set_network", x, scene, lambda setting, answer: setting.asked == answer)
+    return _read_back("set_network", x, robot, lambda setting, answer: setting.asked == answer)
 
 
 # 4.13
 
 
 @rule("4.13/3", on=Exchange, names=("get_default_program",))
-def default_reads_back(x: Exchange, scene: RobotState) -> RuleResult | None:
+def default_reads_back(x: Exchange, robot: RobotState) -> RuleResult | None:
     """After "1" the default program is the one that was named (L279, L272).
 
     Where it was deleted since, there may be none.
     """
-    setting = in_force("set_default_program", x, scene)
-    deletion = scene.memory.asked.get("delete_program")
+    setting = in_force("set_default_program", x, robot)
+    deletion = robot.history.asked.get("delete_program")
     if setting is None or (deletion and deletion.place.time_ns >= setting.time_ns):
         return None
-    if _may_be_an_unknown_opcode(x, scene, since_ns=setting.time_ns):
+    if _may_be_unknown_opcode(x, robot, since_ns=setting.time_ns):
         message = UserMessage(
             "0x{opcode:02X} is answered 0, perhaps because it is not known",
             opcode=x.request.frame.opcode,
         )
         return tolerated("on_unknown", "0", message)
     return _read_back(
-        "set_default_program", x, scene, lambda setting, answer: setting.asked == answer
+        "set_default_program", x, robot, lambda setting, answer: setting.asked == answer
     )
 
 
-def _may_be_an_unknown_opcode(x: Exchange, scene: RobotState, since_ns: int) -> bool:
+def _may_be_unknown_opcode(x: Exchange, robot: RobotState, since_ns: int) -> bool:
     """Whether this is "0" to that of the two opcodes which never named a program (A-4.12-1).
 
     One of them is known: where the other was answered "0", too, since then, it is not.
     """
     if x.reply is None or x.reply.frame.data != b"0":
         return False
-    answered = [y for y in scene.memory.recent.get(x.name, ()) if y.reply]
+    answered = [y for y in robot.history.recent.get(x.name, ()) if y.reply]
     same = [y for y in answered if y.request.frame.opcode == x.request.frame.opcode]
     others = [y for y in answered if y not in same and y.time_ns > since_ns]
     named = any(y.reply and y.reply.frame.data != b"0" for y in same)
@@ -220,36 +218,36 @@ def _same_numbers(setting: Exchange, answer: Any, count: int) -> bool:
 
 
 @rule("4.20/3", on=Exchange, names=("get_gripper_center",))
-def gripper_reads_back(x: Exchange, scene: RobotState) -> RuleResult | None:
+def gripper_reads_back(x: Exchange, robot: RobotState) -> RuleResult | None:
     """After "1" 0x34 gives the same numbers (L428, L440; A-4.19-2)."""
-    setting = in_force("set_gripper_center", x, scene)
-    if setting is None or executed_since(setting.time_ns, scene, PROGRAMS):
+    setting = in_force("set_gripper_center", x, robot)
+    if setting is None or executed_since(setting.time_ns, robot, PROGRAMS):
         return None
-    return _read_back("set_gripper_center", x, scene, lambda s, answer: _same_numbers(s, answer, 3))
+    return _read_back("set_gripper_center", x, robot, lambda s, answer: _same_numbers(s, answer, 3))
 
 
 @rule("4.21/3", on=Exchange, names=("get_initial_tool_position",))
-def position_reads_back(x: Exchange, scene: RobotState) -> RuleResult | None:
+def position_reads_back(x: Exchange, robot: RobotState) -> RuleResult | None:
     """After "1" 0x37 gives the same x, y, z and thetaX (L452, L464); the other two are open."""
-    setting = in_force("set_initial_tool_position", x, scene)
-    if setting is None or executed_since(setting.time_ns, scene, PROGRAMS):
+    setting = in_force("set_initial_tool_position", x, robot)
+    if setting is None or executed_since(setting.time_ns, robot, PROGRAMS):
         return None
     return _read_back(
-        "set_initial_tool_position", x, scene, lambda s, answer: _same_numbers(s, answer, 4)
+        "set_initial_tool_position", x, robot, lambda s, answer: _same_numbers(s, answer, 4)
     )
 
 
 @rule("4.21/3", on=Exchange, names=("get_gripper_center",))
-def gripper_stays(x: Exchange, scene: RobotState) -> RuleResult | None:
+def gripper_stays(x: Exchange, robot: RobotState) -> RuleResult | None:
     """Setting the initial position leaves 0x34 as it was."""
-    setting = in_force("set_initial_tool_position", x, scene)
+    setting = in_force("set_initial_tool_position", x, robot)
     if setting is None or x.answer is None:
         return None
-    before = scene.memory.last("get_gripper_center", before_ns=setting.time_ns)
-    changed = scene.memory.asked.get("set_gripper_center")
+    before = robot.history.last("get_gripper_center", before_ns=setting.time_ns)
+    changed = robot.history.asked.get("set_gripper_center")
     if before is None or (changed and changed.place.time_ns >= before.time_ns):
         return None
-    if executed_since(before.time_ns, scene, PROGRAMS) or switched_off_since(before, scene):
+    if executed_since(before.time_ns, robot, PROGRAMS) or switched_off_since(before, robot):
         return None
     if before.answer == x.answer:
         return PASSED

@@ -13,13 +13,13 @@ from scaraspec.judge.rules.arm import (
     STOP,
     changed,
     ended_ns,
-    gripper_asked_since,
+    gripper_set_since,
     last_motion,
     locked,
     reading_before,
 )
 from scaraspec.judge.rules.rule import PASSED, RuleResult, rule, tolerated
-from scaraspec.judge.tolerances import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.traffic.events import Exchange
 from scaraspec.traffic.exchange_history import answered_ns
 from scaraspec.traffic.robot_state import RobotState
@@ -41,64 +41,64 @@ _BLINK_NS: Final = 1_000_000_000
 
 
 @rule("4.17/7", on=Exchange, names=(JOINTS,))
-def still_after_a_stop(x: Exchange, scene: RobotState) -> RuleResult | None:
+def still_after_a_stop(x: Exchange, robot: RobotState) -> RuleResult | None:
     """After the stop's result "11" the joint angles no longer change (L373)."""
-    return _still_after((STOP,), x, scene)
+    return _still_after((STOP,), x, robot)
 
 
 @rule("4.26/5", on=Exchange, names=(JOINTS,))
-def still_after_a_lock(x: Exchange, scene: RobotState) -> RuleResult | None:
+def still_after_a_lock(x: Exchange, robot: RobotState) -> RuleResult | None:
     """After a successful lock the joint angles stay constant (L553)."""
-    return _still_after((LOCK,), x, scene)
+    return _still_after((LOCK,), x, robot)
 
 
 @rule("4.27/4", on=Exchange, names=(JOINTS,))
 @rule("4.23/5", on=Exchange, names=(POSE,))
-def still_after_a_motion(x: Exchange, scene: RobotState) -> RuleResult | None:
+def still_after_a_motion(x: Exchange, robot: RobotState) -> RuleResult | None:
     """Idle and locked, the robot gives the same values (L476, L591): a motion proves the lock."""
-    return _still_after(MOTIONS, x, scene)
+    return _still_after(MOTIONS, x, robot)
 
 
-def _still_after(names: Sequence[str], x: Exchange, scene: RobotState) -> RuleResult | None:
-    motion = last_motion(x, scene)
+def _still_after(names: Sequence[str], x: Exchange, robot: RobotState) -> RuleResult | None:
+    motion = last_motion(x, robot)
     if motion is None or motion.name not in names or not x.answer:
         return None
     if answered_ns(x) - ended_ns(motion) > MOMENT_NS:
         return None
-    first = next(scene.memory.between(x.name, ended_ns(motion), x.time_ns), None)
+    first = next(robot.history.between(x.name, ended_ns(motion), x.time_ns), None)
     if first is None or not first.answer:
         return None
-    if farthest(first.answer, x.answer) <= STANDSTILL:
+    if max_deviation(first.answer, x.answer) <= STANDSTILL:
         return PASSED
-    if x.name == POSE and gripper_asked_since(first.time_ns, scene):
+    if x.name == POSE and gripper_set_since(first.time_ns, robot):
         return None
     return changed(first, x, f"the arm went on moving although {motion.name} had ended")
 
 
 @rule("4.27/4", on=Exchange, names=("get_status",))
-def joints_still_when_idle(x: Exchange, scene: RobotState) -> RuleResult | None:
+def joints_still_when_idle(x: Exchange, robot: RobotState) -> RuleResult | None:
     """Between two statuses 00 the joint angles do not change (L591)."""
-    return _still_between_statuses(JOINTS, x, scene)
+    return _still_between_statuses(JOINTS, x, robot)
 
 
 @rule("4.23/5", on=Exchange, names=("get_status",))
-def pose_still_when_idle(x: Exchange, scene: RobotState) -> RuleResult | None:
+def pose_still_when_idle(x: Exchange, robot: RobotState) -> RuleResult | None:
     """Between two statuses 00 the tool coordinates do not change (L476)."""
-    return _still_between_statuses(POSE, x, scene)
+    return _still_between_statuses(POSE, x, robot)
 
 
-def _still_between_statuses(name: str, x: Exchange, scene: RobotState) -> RuleResult | None:
-    before = scene.memory.last("get_status", before_ns=x.time_ns)
-    if before is None or before.answer != "00" or x.answer != "00" or locked(scene) is not True:
+def _still_between_statuses(name: str, x: Exchange, robot: RobotState) -> RuleResult | None:
+    before = robot.history.last("get_status", before_ns=x.time_ns)
+    if before is None or before.answer != "00" or x.answer != "00" or locked(robot) is not True:
         return None
     begin_ns = answered_ns(before)
-    since_ns = scene.memory.idle_since_ns
+    since_ns = robot.history.idle_since_ns
     if since_ns is None or since_ns > begin_ns or x.time_ns - begin_ns > _BLINK_NS:
         return None
-    readings = [y for y in scene.memory.between(name, begin_ns, x.time_ns) if y.answer]
+    readings = [y for y in robot.history.between(name, begin_ns, x.time_ns) if y.answer]
     for y in readings[1:]:
-        if farthest(readings[0].answer, y.answer) > STANDSTILL:
-            if name == POSE and gripper_asked_since(before.time_ns, scene):
+        if max_deviation(readings[0].answer, y.answer) > STANDSTILL:
+            if name == POSE and gripper_set_since(before.time_ns, robot):
                 return None
             return changed(readings[0], y, "the values changed although the robot was idle")
     return PASSED if len(readings) > 1 else None
@@ -107,27 +107,27 @@ def _still_between_statuses(name: str, x: Exchange, scene: RobotState) -> RuleRe
 # Commands that move nothing
 
 
-def _moves_nothing(x: Exchange, scene: RobotState, *, setter: str) -> RuleResult | None:
+def _moves_nothing(x: Exchange, robot: RobotState, *, setter: str) -> RuleResult | None:
     """A setting between two readings of the joints moves none of them."""
-    if setter not in scene.memory.recent:
+    if setter not in robot.history.recent:
         return None
-    before = scene.memory.last(JOINTS, before_ns=x.time_ns)
-    since_ns = scene.memory.idle_since_ns
+    before = robot.history.last(JOINTS, before_ns=x.time_ns)
+    since_ns = robot.history.idle_since_ns
     if before is None or not before.answer or not x.answer or since_ns is None:
         return None
     if since_ns > before.time_ns or answered_ns(x) - before.time_ns > MOMENT_NS:
         return None
-    if locked(scene) is False:
+    if locked(robot) is False:
         return None
     settings = [
         y
         for name in _SETTERS
-        for y in scene.memory.between(name, answered_ns(before), x.time_ns)
+        for y in robot.history.between(name, answered_ns(before), x.time_ns)
         if y.accepted
     ]
     if len(settings) != 1 or settings[0].name != setter:
         return None
-    if farthest(before.answer, x.answer) <= STANDSTILL:
+    if max_deviation(before.answer, x.answer) <= STANDSTILL:
         return PASSED
     if setter != "set_gripper_center":
         return tolerated(
@@ -141,18 +141,18 @@ for _setter, (_requirement, _) in _SETTERS.items():
 
 
 @rule("4.16/5", on=Exchange, names=(JOINTS, _OUTPUTS))
-def simulation_does_nothing(x: Exchange, scene: RobotState) -> RuleResult | None:
+def simulation_does_nothing(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A simulated run moves no joint and sets no output (A-4.16-1)."""
-    simulation = scene.memory.accepted[-1] if scene.memory.accepted else None
+    simulation = robot.history.accepted[-1] if robot.history.accepted else None
     if simulation is None or simulation.name != _SIMULATE or not x.answer:
         return None
-    before = reading_before(simulation, x.name, scene)
+    before = reading_before(simulation, x.name, robot)
     if before is None or x.unsettled or x.time_ns < answered_ns(simulation):
         return None
-    asked = scene.memory.asked.get("set_digital_output")
+    asked = robot.history.asked.get("set_digital_output")
     if x.name == _OUTPUTS and asked and asked.place.time_ns > before.time_ns:
         return None
     same = x.answer == before.answer or (
-        x.name == JOINTS and farthest(before.answer, x.answer) <= STANDSTILL
+        x.name == JOINTS and max_deviation(before.answer, x.answer) <= STANDSTILL
     )
     return PASSED if same else changed(before, x, "the values changed during a simulation")

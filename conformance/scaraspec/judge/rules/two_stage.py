@@ -59,7 +59,7 @@ def first_reply(x: Exchange, _: RobotState) -> RuleResult | None:
     stop_refused = x.name == "emergency_stop" and x.accepted is False  # 4.17/2 judges its rest
     if _misses_its_form(x.reply) and not stop_refused:
         return failed(
-            UserMessage("the first reply to {x} is neither yes nor no", x=x.name),
+            UserMessage("the first reply to {x} is neither an acceptance nor a refusal", x=x.name),
             expected=x.command.reply.form,
             observed=show(x.reply.frame.data),
         )
@@ -105,7 +105,9 @@ def acceptance(x: Exchange, _: RobotState) -> RuleResult | None:
         return None
     if x.reply.text == b"1":
         return PASSED
-    return failed("more than the flag 1", expected="1", observed=show(x.reply.frame.data))
+    return failed(
+        "the reply contains more than the flag 1", expected="1", observed=show(x.reply.frame.data)
+    )
 
 
 @rule("4.15/2", on=Exchange, names=("run_program",))
@@ -117,7 +119,7 @@ def checked_before_replying(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("4/14", on=Exchange, names=_TAKING_TIME)
-def reply_before_execution(x: Exchange, scene: RobotState) -> RuleResult | None:
+def reply_before_execution(x: Exchange, robot: RobotState) -> RuleResult | None:
     """The first reply comes before the execution, not at its end (L311, L363, L392, L490).
 
     It came at the end where it took long, the final result was with it, and queries take less.
@@ -127,18 +129,20 @@ def reply_before_execution(x: Exchange, scene: RobotState) -> RuleResult | None:
     """
     if not x.result or x.latency_ns is None or x.duration_ns is None or x.unsettled:
         return None  # what began or ended meanwhile may have kept it waiting (A-4-2)
-    if scene.memory.asked.get(x.name) is not x.request:
+    if robot.history.asked.get(x.name) is not x.request:
         return None
     if not _comes_at_its_end(x):
         return PASSED
-    queries = [y for name in _ASKING if (y := scene.memory.last(name)) and y.latency_ns is not None]
+    queries = [
+        y for name in _ASKING if (y := robot.history.last(name)) and y.latency_ns is not None
+    ]
     if not any((y.latency_ns or 0) * _TIMES < x.latency_ns for y in queries):
         return None
     said = (
         f"the first reply to {x.name} came after {x.latency_ns / 1e9:.1f} s, "
         "together with its final result"
     )
-    before = [y for y in reversed(scene.memory.recent.get(x.name, [])) if _took_long(y)]
+    before = [y for y in reversed(robot.history.recent.get(x.name, [])) if _took_long(y)]
     begun = (y for y in before if not _comes_at_its_end(y))
     if any((y.latency_ns or 0) * 2 > x.latency_ns for y in begun):
         return None  # it takes as long to begin what lasts
@@ -201,7 +205,7 @@ def failure(x: Exchange, _: RobotState) -> RuleResult | None:
     if x.outcome and x.outcome.code:
         return PASSED
     return failed(
-        UserMessage("the failure of {x} has no code of table 8-1 behind 00", x=x.name),
+        UserMessage("the failure of {x} has no code of table 8-1 after 00", x=x.name),
         expected="00|code",
         observed=show(x.result.frame.data),
     )
@@ -263,12 +267,14 @@ def not_repeated(x: Exchange, _: RobotState) -> RuleResult | None:
     if all(y.name != x.name or y.asked != x.asked for y in x.during):
         return PASSED
     return tolerated(
-        "A-4-2", "asked again", UserMessage("{x} was asked again before it had ended", x=x.name)
+        "A-4-2",
+        "asked again",
+        UserMessage("{x} was requested again before its final result", x=x.name),
     )
 
 
 @rule("4.28/2", on=FrameSeen, names=("jog",), sender=A2C)
-def jog_byte(seen: FrameSeen, _scene: RobotState) -> RuleResult | None:
+def jog_byte(seen: FrameSeen, _robot: RobotState) -> RuleResult | None:
     """The byte is 1 to 4, ASCII or binary (L605-608; A-4.28-1)."""
     if not seen.parsed or len(seen.frame.data) != 1:
         return None
@@ -293,11 +299,13 @@ def shutdown_has_no_result(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("4.35/5", on=UnsolicitedReply)
-def result_of_a_shutdown(unasked: UnsolicitedReply, _: RobotState) -> RuleResult | None:
+def result_of_a_shutdown(unsolicited: UnsolicitedReply, _: RobotState) -> RuleResult | None:
     """A tagged result of 0x60 (L696; A-4.35-2)."""
-    frame = unasked.seen.frame
+    frame = unsolicited.seen.frame
     if not frame.tagged or frame.opcode != BY_NAME["shutdown"].opcode:
         return None
     return failed(
-        "a final result of the shutdown came", expected="no tagged frame", observed=show(frame.data)
+        "the controller sent a final result for the shutdown",
+        expected="no tagged frame",
+        observed=show(frame.data),
     )

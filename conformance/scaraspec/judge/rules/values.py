@@ -30,9 +30,9 @@ def dotted_version(seen: FrameSeen, _: RobotState) -> RuleResult | None:
 
 
 @rule("4.7/4", on=Exchange, names=_VERSION)
-def constant_version(x: Exchange, scene: RobotState) -> RuleResult | None:
+def constant_version(x: Exchange, robot: RobotState) -> RuleResult | None:
     """The version does not change within a session (L203)."""
-    before = scene.memory.last(x.name, before_ns=x.time_ns)
+    before = robot.history.last(x.name, before_ns=x.time_ns)
     if before is None or before.answer is None or x.answer is None:
         return None
     if before.request.place.connection != x.request.place.connection:
@@ -66,7 +66,7 @@ def default_has_its_opcode(x: Exchange, _: RobotState) -> RuleResult | None:
     if asked == answered:
         return PASSED
     return failed(
-        "the reply bears the other opcode of the command",
+        "the reply has the alternate opcode of the command",
         expected=f"{asked:02X}",
         observed=f"{answered:02X}",
     )
@@ -78,7 +78,11 @@ def no_default(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     form = dict(seen.parsed.decoded.readings).get("default_none") if seen.parsed else None
     if form is None:
         return None
-    return PASSED if form == "empty" else tolerated("default_none", form, "no default is told as 0")
+    return (
+        PASSED
+        if form == "empty"
+        else tolerated("default_none", form, "the reply 0 is used for no default program")
+    )
 
 
 @rule("4.14/3", on=Exchange, names=_TEMPERATURES)

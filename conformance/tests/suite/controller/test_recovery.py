@@ -203,7 +203,7 @@ def test_five_passwords(bench: Bench) -> None:
     """Without --allow destructive five passwords are tried, the last one that was set first."""
     bench.interrupted(*(password(f"zs{number}") for number in range(8)))
     bench.set(password=b"lost")
-    with pytest.raises(RecoveryError, match=r"the last one that the suite has set is zs7\. Put"):
+    with pytest.raises(RecoveryError, match=r"the suite has set is zs7\. Restore"):
         bench.run(STATE)
     assert bench.passwords == [b"zs7", PASSWORD, b"zs6", b"zs5", b"zs4"]
 

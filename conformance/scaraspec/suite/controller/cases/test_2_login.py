@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any, Final
 
-from scaraspec.judge.tolerances import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.commands import PasswordChange, Point, PortValue
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance, JogDirection
@@ -263,7 +263,7 @@ def test_motion(subject: ControllerUnderTest) -> None:
     )
     line = subject.open()
     status = line.ask("get_status").value
-    deviation = farthest(joints_of(line), joints)
+    deviation = max_deviation(joints_of(line), joints)
     with outputs_kept(line) as after:
         line.send("set_digital_output", PortValue(port, int(before[-1])))
         line.sync()

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable
 from typing import Any, Final
 
-from scaraspec.judge.tolerances import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.commands import BY_OPCODE, Point
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import MAX_DATA_BYTES, TAG, Frame
@@ -217,7 +217,7 @@ def _expect_unchanged(subject: ControllerUnderTest, before: dict[str, Any]) -> N
     subject.pause(MOMENT_S)
     after = _state(subject)
     joints = before.pop("joints")
-    deviation = farthest(after.pop("joints"), joints)
+    deviation = max_deviation(after.pop("joints"), joints)
     message = "an undefined opcode moved the arm"
     expect(deviation <= STANDSTILL, message, observed=f"by {deviation:.2f}")
     for name, data in before.items():

@@ -1,6 +1,6 @@
 """Clause 4.13: set the default program (0x0E, L277-287)."""
 
-from scaraspec.judge.tolerances import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
@@ -110,7 +110,7 @@ def test_moves_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -
             if any(status != IDLE for status in statuses):
                 message = "the program that was set as default program was started"
                 raise CaseFailed(message, expected=IDLE, observed=", ".join(map(str, statuses)))
-            if farthest(joints_of(line), before) > STANDSTILL:
+            if max_deviation(joints_of(line), before) > STANDSTILL:
                 message = "the arm moved after set_default_program"
                 subject.tolerate("4.13/6", "A-4.12-3", "moves", message)
             if RUN not in subject.ics.unsupported:

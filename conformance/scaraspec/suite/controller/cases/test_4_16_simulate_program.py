@@ -1,6 +1,6 @@
 """Clause 4.16: simulate a program (0x31, L330-354)."""
 
-from scaraspec.judge.tolerances import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
@@ -94,11 +94,11 @@ def test_simulation_touches_nothing(subject: ControllerUnderTest, line: Outgoing
             observed=f"{status}",
             requirement="4.8/5",
         )
-        outputs_during, moved_during = outputs(line), farthest(joints_of(line), joints)
+        outputs_during, moved_during = outputs(line), max_deviation(joints_of(line), joints)
         stop_motion(subject, line)
         if outputs_during != before or outputs(line) != before:
             message = "a simulation changed an output"
             subject.tolerate("4.16/5", "A-4.16-1", "outputs", message)
-        if max(moved_during, farthest(joints_of(line), joints)) > STANDSTILL:
+        if max(moved_during, max_deviation(joints_of(line), joints)) > STANDSTILL:
             message = "a simulation moved the arm"
             subject.tolerate("4.16/5", "A-4.16-1", "motion", message)

@@ -4,7 +4,7 @@ from typing import Final
 
 import pytest
 
-from scaraspec.judge.tolerances import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.commands import MoveTarget
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import chunks_of
@@ -307,7 +307,8 @@ def test_standstill(subject: ControllerUnderTest, line: OutgoingConnection, name
             line.wait(pause_s)
             joints, pose = joints_of(line), pose_of(line)
             expect(
-                farthest(stopped_joints, joints) <= STANDSTILL and same_place(stopped_pose, pose),
+                max_deviation(stopped_joints, joints) <= STANDSTILL
+                and same_place(stopped_pose, pose),
                 "the arm continues to move after the emergency stop",
                 expected=f"{tuple(stopped_joints)} at {tuple(stopped_pose)}",
                 observed=f"{tuple(joints)} at {tuple(pose)}",

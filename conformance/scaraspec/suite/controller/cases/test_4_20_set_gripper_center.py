@@ -5,7 +5,7 @@ from typing import Final
 from hypothesis import example
 from hypothesis import strategies as st
 
-from scaraspec.judge.tolerances import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
@@ -175,7 +175,7 @@ def test_moves_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -
             line.wait(_WAIT_S)
             after = joints_of(line)
             expect(
-                farthest(before, after) <= STANDSTILL,
+                max_deviation(before, after) <= STANDSTILL,
                 "the arm moved when the gripper center was set",
                 expected=f"{tuple(before)}",
                 observed=f"{tuple(after)}",

@@ -7,7 +7,7 @@ from typing import Final
 
 from hypothesis import strategies as st
 
-from scaraspec.judge.tolerances import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.commands import Point, Pose
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
@@ -155,6 +155,6 @@ def test_moves_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -
         if not _set(line, current._replace(z=current.z + step)).accepted:
             _set(line, current._replace(z=current.z - step))
         line.wait(_WAIT_S)
-        if farthest(joints_of(line), before) > STANDSTILL:
+        if max_deviation(joints_of(line), before) > STANDSTILL:
             message = "the arm moved after set_initial_tool_position"
             subject.tolerate("4.21/5", "A-4.21-2", "moves", message)

@@ -3,7 +3,7 @@
 import math
 from typing import Final
 
-from scaraspec.judge.tolerances import STANDSTILL, farthest, turned
+from scaraspec.judge.tolerances import STANDSTILL, angle_difference, max_deviation
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
@@ -43,7 +43,7 @@ def test_coordinates(subject: ControllerUnderTest, line: OutgoingConnection) -> 
         if line.ask("get_status").value != "00":
             raise CaseSkipped("the robot is not idle")
         expect(
-            farthest(first, current) <= STANDSTILL,
+            max_deviation(first, current) <= STANDSTILL,
             "the coordinates changed although the robot was idle",
             expected=f"{tuple(first)}",
             observed=f"{tuple(current)}",
@@ -51,7 +51,7 @@ def test_coordinates(subject: ControllerUnderTest, line: OutgoingConnection) -> 
         )
     line.close()
     expect(
-        farthest(first, pose_of(subject.open())) <= STANDSTILL,
+        max_deviation(first, pose_of(subject.open())) <= STANDSTILL,
         "another connection returned other coordinates",
         requirement="4.23/5",
     )
@@ -88,7 +88,7 @@ def test_screw_end(subject: ControllerUnderTest, line: OutgoingConnection) -> No
                 distance_mm = 0
             expect(
                 distance_mm <= STANDSTILL
-                and abs(turned(reported.theta_x, screw_end.theta_x)) <= STANDSTILL,
+                and abs(angle_difference(reported.theta_x, screw_end.theta_x)) <= STANDSTILL,
                 "the coordinates are neither those of the screw end nor of the gripper center",
                 expected=f"{tuple(screw_end)}, or a distance of {offset_mm:g} mm",
                 observed=f"{tuple(reported)}",

@@ -5,7 +5,7 @@ from typing import Final
 import pytest
 from hypothesis import strategies as st
 
-from scaraspec.judge.tolerances import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.commands import Pose
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, ControllerUnderTest
@@ -118,7 +118,7 @@ def test_beyond_all_reach(subject: ControllerUnderTest, line: OutgoingConnection
             )
         current = pose_of(line)
         expect(
-            farthest(current[:3], pose[:3]) < _UNREACHABLE_MM / 2,
+            max_deviation(current[:3], pose[:3]) < _UNREACHABLE_MM / 2,
             "the arm reports an impossible position",
             expected=f"{pose}",
             observed=f"{current}",
@@ -163,7 +163,7 @@ def test_there_and_back(subject: ControllerUnderTest, line: OutgoingConnection, 
         _expect_reached(subject, line, target_pose, gripper)
         after = joints_of(line)
         expect(
-            farthest(before, after) > 0 or pose_deviation(pose_of(line), pose) <= STANDSTILL,
+            max_deviation(before, after) > 0 or pose_deviation(pose_of(line), pose) <= STANDSTILL,
             "the tool moved but no joint did",
             expected="other joint angles",
             observed=f"{after}",

@@ -1,6 +1,6 @@
 """Clause 4.26: lock the joints (0x3B, L551-582)."""
 
-from scaraspec.judge.tolerances import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
@@ -72,7 +72,7 @@ def test_locked_joints_stay(subject: ControllerUnderTest, line: OutgoingConnecti
         line.wait(pause_s)
         current = joints_of(line)
         expect(
-            farthest(first, current) <= STANDSTILL,
+            max_deviation(first, current) <= STANDSTILL,
             "the joint angles changed although the joints are locked",
             expected=f"{first}",
             observed=f"{current}",

@@ -1,6 +1,6 @@
 """Clause 4.27: the joint angles (0x3C, L584-594)."""
 
-from scaraspec.judge.tolerances import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.commands import JointValues
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
@@ -75,14 +75,14 @@ def test_idle_joints_stay(subject: ControllerUnderTest, line: OutgoingConnection
         if line.ask("get_status").value != "00":
             return
         expect(
-            farthest(first, current) <= STANDSTILL,
+            max_deviation(first, current) <= STANDSTILL,
             "the joint angles changed although the robot was idle",
             expected=f"{first}",
             observed=f"{current}",
         )
     other = joints_of(subject.open()) if subject.takes_several else first
     expect(
-        farthest(first, other) <= STANDSTILL,
+        max_deviation(first, other) <= STANDSTILL,
         "another connection returned other joint angles",
         expected=f"{first}",
         observed=f"{other}",
@@ -100,7 +100,7 @@ def test_motion_shows(subject: ControllerUnderTest, line: OutgoingConnection) ->
         expect_success(subject, line, MOVE)
         after, current = joints_of(line), pose_of(line)
         expect(
-            same_place(current, pose) or farthest(before, after) > 0,
+            same_place(current, pose) or max_deviation(before, after) > 0,
             "the tool coordinates changed but the joint angles did not",
             expected="other joint angles",
             observed=f"{after}",

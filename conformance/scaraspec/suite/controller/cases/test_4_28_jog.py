@@ -4,7 +4,7 @@ from typing import Final
 
 import pytest
 
-from scaraspec.judge.tolerances import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import JogDirection
@@ -85,7 +85,7 @@ def _wait_for_motion(subject: ControllerUnderTest, line: OutgoingConnection) -> 
         line.wait(remaining_s)
         return
     first = current = pose_of(line)
-    while farthest(current[:2], first[:2]) < _MIN_MOTION_MM and remaining_s > 0:
+    while max_deviation(current[:2], first[:2]) < _MIN_MOTION_MM and remaining_s > 0:
         line.wait(_POLL_S)
         remaining_s -= _POLL_S
         current = pose_of(line)
@@ -221,7 +221,7 @@ def test_to_the_limit(subject: ControllerUnderTest, line: OutgoingConnection) ->
             line.wait(0.2)
             remaining_s -= 0.2
             current = pose_of(line)
-            standstill_s = standstill_s + 0.2 if farthest(current, previous) == 0 else 0.0
+            standstill_s = standstill_s + 0.2 if max_deviation(current, previous) == 0 else 0.0
             previous = current
         if line.ask("get_status").value in BUSY:
             subject.tolerate("4.28/5", "A-4.28-3", "0x32", "a jog does not end at the limit")
@@ -270,7 +270,7 @@ def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> No
         other.wait(0.2)
         current = pose_of(other)
         expect(
-            farthest(current[:3], previous[:3]) <= STANDSTILL,
+            max_deviation(current[:3], previous[:3]) <= STANDSTILL,
             "the arm continues to move although the robot reports that nothing executes",
             expected=f"{previous}",
             observed=f"{current}",
@@ -299,7 +299,7 @@ def test_no_direction(subject: ControllerUnderTest, line: OutgoingConnection) ->
         line.wait(0.1)
         status, after = line.ask("get_status"), joints_of(line)
         expect(
-            status.value not in BUSY and farthest(before, after) <= STANDSTILL,
+            status.value not in BUSY and max_deviation(before, after) <= STANDSTILL,
             "the arm moves after a jog that was not accepted",
             expected=f"00, {before}",
             observed=f"{status.value}, {after}",
@@ -332,7 +332,7 @@ def test_notations(subject: ControllerUnderTest, line: OutgoingConnection) -> No
                     stop(subject, line)
                 stop_motion(subject, line)
                 current = pose_of(line)
-                if farthest(current[:2], before[:2]) >= _MIN_MOTION_MM:
+                if max_deviation(current[:2], before[:2]) >= _MIN_MOTION_MM:
                     move = current.x - before.x, current.y - before.y
                     _expect_same_direction(direction, first_moves.setdefault(direction, move), move)
         expect(

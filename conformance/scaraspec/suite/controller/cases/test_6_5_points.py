@@ -6,7 +6,7 @@ All moves are steps of one value from the current pose, and back.
 from itertools import product
 from typing import Final
 
-from scaraspec.judge.tolerances import turned
+from scaraspec.judge.tolerances import angle_difference
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.two_stage.arm import Arm, arm, near
@@ -108,7 +108,7 @@ def test_straight_move(subject: ControllerUnderTest, line: OutgoingConnection) -
                 observed=f"{len(observed)} observations",
             )
             return
-        angles = [turned(values[3], home[3]) for values in observed]
+        angles = [angle_difference(values[3], home[3]) for values in observed]
         step = first_target[3] - home[3]
         peak = next((index for index, angle in enumerate(angles) if angle > step / 2), None)
         expect(

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-from scaraspec.judge.tolerances import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
@@ -57,7 +57,7 @@ def test_tool_point(subject: ControllerUnderTest, line: OutgoingConnection) -> N
         without_gripper = pose_of(line)
         line.ask("set_gripper_center", _OFFSET)
         with_gripper = pose_of(line)
-    deviation = farthest(without_gripper[:3], with_gripper[:3])
+    deviation = max_deviation(without_gripper[:3], with_gripper[:3])
     if deviation <= STANDSTILL:
         return
     length = sum(value**2 for value in _OFFSET) ** 0.5
@@ -126,7 +126,7 @@ def test_one_geometry(subject: ControllerUnderTest, line: OutgoingConnection) ->
         expect_success(subject, line, MOVE)
         second_joints, current = joints_of(line), pose_of(line)
         expect(
-            farthest(joints, second_joints) > 0 or pose_deviation(current, pose) <= STANDSTILL,
+            max_deviation(joints, second_joints) > 0 or pose_deviation(current, pose) <= STANDSTILL,
             "two poses have the same joint angles",
             expected=f"other joint angles at {second_pose}",
             observed=f"{second_joints}",
@@ -135,6 +135,6 @@ def test_one_geometry(subject: ControllerUnderTest, line: OutgoingConnection) ->
         expect_accepted(MOVE, ask_move(subject, line, pose))
         expect_success(subject, line, MOVE)
         returned_joints = joints_of(line)
-        if farthest(joints, returned_joints) > REACHED:
+        if max_deviation(joints, returned_joints) > REACHED:
             message = "the same pose has other joint angles than before"
             subject.tolerate("7/5", "A-4.24-5", "another elbow", message)

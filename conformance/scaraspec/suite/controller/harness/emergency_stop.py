@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from scaraspec.judge.tolerances import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
@@ -200,7 +200,7 @@ class StopMonitor:
 
     def _place_came(self, opcode: int, place: Sequence[float]) -> None:
         first = self._places.setdefault(opcode, place)
-        if farthest(first, place) > STANDSTILL:
+        if max_deviation(first, place) > STANDSTILL:
             message = "the arm continues to move after it was accepted"
             self.fail("4.17/7", message, f"{tuple(first)}", f"{tuple(place)}")
 

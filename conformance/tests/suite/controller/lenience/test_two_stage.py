@@ -13,7 +13,7 @@ import pytest
 
 from scaraspec.judge.requirements import REQUIREMENTS
 from scaraspec.judge.rules.busy import STATE_OF
-from scaraspec.judge.tolerances import farthest, ways
+from scaraspec.judge.tolerances import differences, max_deviation
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.commands import JointValues, Pose
 from scaraspec.protocol.direction import C2A
@@ -425,7 +425,7 @@ def test_who_steps_aside_comes_back(tried: Try) -> None:
             return answer
 
     assert not tried(Watched, "4.24/5").wrong
-    steps = [ways(there, here) for here, there in pairwise(went)]
-    assert max(map(farthest, went, itertools.repeat(went[0]))) > _VISIBLE
-    assert farthest(went[-1], went[0]) < _VISIBLE
+    steps = [differences(there, here) for here, there in pairwise(went)]
+    assert max(map(max_deviation, went, itertools.repeat(went[0]))) > _VISIBLE
+    assert max_deviation(went[-1], went[0]) < _VISIBLE
     assert all(sum(abs(way) > _VISIBLE for way in step) <= 1 for step in steps)

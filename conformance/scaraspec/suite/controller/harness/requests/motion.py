@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Final
 
-from scaraspec.judge.tolerances import STANDSTILL, farthest, ways
+from scaraspec.judge.tolerances import STANDSTILL, differences, max_deviation
 from scaraspec.protocol.commands import BY_NAME, JointValues, MoveTarget, Pose
 from scaraspec.suite.controller.harness.controller_under_test import (
     DEAF,
@@ -62,7 +62,7 @@ def joints_of(line: OutgoingConnection) -> JointValues:
 
 def pose_deviation(pose: Pose, wanted: Pose) -> float:
     """By how many mm or degrees a pose misses another, as far as it has a meaning."""
-    return farthest(pose[:4], wanted[:4])
+    return max_deviation(pose[:4], wanted[:4])
 
 
 def same_place(a: Pose, b: Pose) -> bool:
@@ -99,7 +99,9 @@ def neighbours(subject: ControllerUnderTest, pose: Pose, axis: str) -> list[Pose
 
 def part_way(pose: Pose, there: Pose, part: float) -> Pose:
     """A pose between two poses."""
-    return Pose(*(round(p + way * part, 3) for p, way in zip(pose, ways(there, pose), strict=True)))
+    return Pose(
+        *(round(p + way * part, 3) for p, way in zip(pose, differences(there, pose), strict=True))
+    )
 
 
 def in_box(subject: ControllerUnderTest, pose: Pose) -> bool:

@@ -5,7 +5,7 @@ Where the arm stands at the moment is a thing of motion.
 
 from typing import TypeVar
 
-from scaraspec.judge.rounding import read_back
+from scaraspec.judge.tolerances import read_back
 from scaraspec.protocol.commands import JointValues, Point, Pose
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.engine.expectations import CaseFailed, expect

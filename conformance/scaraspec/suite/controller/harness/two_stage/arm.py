@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
-from scaraspec.judge.tolerances import farthest, turned
+from scaraspec.judge.tolerances import angle_difference, max_deviation
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.program_files import Node
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
@@ -125,7 +125,7 @@ class Arm:
 
 def near(a: Values, b: Values) -> bool:
     """Whether two places are the same, as far as can be told."""
-    return farthest(a, b) <= REACHED
+    return max_deviation(a, b) <= REACHED
 
 
 @contextmanager
@@ -222,7 +222,7 @@ def _turns(made: Arm, share: float) -> bool:
             while (result := robot.ended(command)) is None:
                 *others, gripper = _place(line, Meaning.JOINTS)
                 moved = max(abs(a - b) for a, b in zip(still, others, strict=True))
-                far = abs(turned(gripper, gripper_before)) > _FAR_DEG
+                far = abs(angle_difference(gripper, gripper_before)) > _FAR_DEG
                 if left_s <= 0 or moved > REACHED or far:
                     robot.stop()
                     return False

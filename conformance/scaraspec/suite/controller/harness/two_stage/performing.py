@@ -6,7 +6,7 @@ And behind its end, where the arm stays.
 from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
-from scaraspec.judge.tolerances import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.commands import Pose
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
@@ -176,5 +176,5 @@ def expect_standstill(
     first = pose or pose_of(line)
     line.wait(for_s)
     now = pose_of(line)
-    stays = farthest(first, now) <= STANDSTILL
+    stays = max_deviation(first, now) <= STANDSTILL
     expect(stays, message, expected=f"{tuple(first)}", observed=f"{tuple(now)}")
