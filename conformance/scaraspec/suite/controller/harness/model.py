@@ -446,7 +446,7 @@ class Model:
         name = self._name(step)
         self._settle_transfer(line)
         answer, there = line.ask("delete_program", data=name), name in self._files
-        if there and not answer.accepted and name == self._named:  # A-4.11-1
+        if there and not answer.accepted and self._is_default(name, line):  # A-4.11-1
             return f"delete {show(name)}, refused"
         expect(
             answer.accepted is there,
@@ -465,6 +465,14 @@ class Model:
         if there and name == self._named:
             self._named = self._default = None
         return f"delete {show(name)}"
+
+    def _is_default(self, name: bytes, line: OutgoingConnection) -> bool:
+        """Whether this is the default program, perhaps since an earlier sequence (A-4.13-1)."""
+        if name == self._named:
+            return True
+        with suppress(CaseFailed):  # without a default program there may be no reply (A-4.12-2)
+            return bool(line.ask("get_default_program").value == name)
+        return False
 
     def _settle_transfer(self, line: OutgoingConnection) -> None:
         """Let a download be over for the subject, too, before another connection is used for files.
