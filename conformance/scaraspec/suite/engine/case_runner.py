@@ -390,18 +390,20 @@ class CaseRunner:
             case None:
                 pass
             case CaseSkipped():
-                return Outcome(case, Verdict.NONE, cause=Cause.SET_UP, message=f"{raised}")
+                return Outcome(case, Verdict.NONE, cause=Cause.SET_UP, message=_message(raised))
             case CaseInconclusive():
                 if isinstance(raised, JournalError):
                     self.give_up(str(raised))
-                return Outcome(case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=f"{raised}")
+                return Outcome(
+                    case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=_message(raised)
+                )
             case CaseFailed():
                 return Outcome(
                     case,
                     Verdict.FAIL,
                     raised.requirement or case.requirements[0],
                     Cause.SUBJECT,
-                    f"{raised}",
+                    _message(raised),
                     raised.expected,
                     raised.observed,
                 )
@@ -495,7 +497,7 @@ class CaseRunner:
                 self._revive(case)
             if outcome.verdict in (Verdict.FAIL, Verdict.ERROR):
                 return outcome
-            return Outcome(case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=f"{error}")
+            return Outcome(case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=_message(error))
         return outcome
 
     def give_up(self, why: str) -> None:
@@ -538,8 +540,16 @@ def unless_disturbed(outcome: Outcome, reason: str) -> Outcome:
         verdict=Verdict.INCONCLUSIVE,
         requirement="",
         cause=Cause.SET_UP,
-        message=f"{reason}. The case had found: {outcome.message}",
+        message=UserMessage(
+            "{reason}. The case had found: {message}", reason=reason, message=outcome.message
+        ),
     )
+
+
+def _message(error: BaseException) -> str:
+    """The message of an exception, with its template if it has one."""
+    message = error.args[0] if error.args else ""
+    return message if isinstance(message, str) else f"{error}"
 
 
 def _was_ended(raised: BaseException | None) -> bool:
