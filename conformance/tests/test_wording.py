@@ -68,13 +68,17 @@ def test_docstrings_and_comments() -> None:
 
 def test_messages_are_templates() -> None:
     """A message with values is a `UserMessage`, never an f-string."""
-    found = []
-    for package in ("conformance/scaraspec", "recorder/scaraspec_recorder"):
-        for file in (ROOT / package).rglob("*.py"):
-            for node in ast.walk(ast.parse(file.read_text("utf-8"))):
-                if isinstance(node, ast.Call) and _takes_f_string(node):
-                    found.append(f"{file.relative_to(ROOT)}:{node.lineno}")
-    assert not found
+    packages = ("conformance/scaraspec", "recorder/scaraspec_recorder")
+    files = (file for package in packages for file in (ROOT / package).rglob("*.py"))
+    assert [place for file in files for place in _f_strings(file)] == []
+
+
+def _f_strings(file: Path) -> list[str]:
+    return [
+        f"{file.relative_to(ROOT)}:{node.lineno}"
+        for node in ast.walk(ast.parse(file.read_text("utf-8")))
+        if isinstance(node, ast.Call) and _takes_f_string(node)
+    ]
 
 
 def _takes_f_string(call: ast.Call) -> bool:

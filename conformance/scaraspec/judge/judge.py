@@ -2,7 +2,7 @@
 
 One judge for live recordings, captures from the field and every case of the suite. It joins the
 dialogues of all connections of a controller over one scene, asks the rules, and keeps count. What
-is right stands in `rules`; here stands that a gap fails nobody.
+is right is in `rules`. The judge ensures that a gap never causes a failure.
 """
 
 import re
@@ -99,7 +99,7 @@ class Judge:
         return connection in self._dialogues and self._dialogues[connection].transferring
 
     def _dialogue(self, event: WireEvent) -> Dialogue:
-        """The connection's dialogue, moved behind all others."""
+        """The connection's dialogue, moved to the end."""
         connection = event.connection
         dialogue = self._dialogues.pop(connection, None) or Dialogue(
             connection, self._robot(event), self._dialect, needs_login=self._needs_login
@@ -176,7 +176,7 @@ def _checks_for(traffic_event: TrafficEvent) -> _Checks:
 def _finding(requirement: str, judged: RuleResult, traffic_event: TrafficEvent) -> Finding:
     """The finding that a rule's word amounts to.
 
-    An observation (INFO) never fails anybody, nor does what a gap or a fault may have touched.
+    An INFO requirement never fails, nor does what a gap or an injected fault may have affected.
     """
     verdict, message, reading = judged.verdict, judged.message, judged.reading
     if verdict is Verdict.FAIL and not is_certain(traffic_event):

@@ -22,7 +22,7 @@ class Verdict(Enum):
     TOLERATED = "tolerated"
     """The document contradicts itself or is silent, and the subject follows a listed reading."""
     INCONCLUSIVE = "inconclusive"
-    """The evidence does not suffice, for example behind a gap in a recording."""
+    """The evidence does not suffice, for example after a gap in a recording."""
     FAIL = "fail"
     """The subject violates the requirement."""
     ERROR = "error"
@@ -53,7 +53,7 @@ class ExitStatus(IntEnum):
 
 
 class Conclusion(Enum):
-    """What a whole run says of its subject."""
+    """The conclusion of a whole run."""
 
     CONFORMANT = "conformant"
     NONCONFORMANT = "nonconformant"

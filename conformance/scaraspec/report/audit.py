@@ -105,7 +105,7 @@ def _cases(requirement: str, tally: Tally, exhibits: Exhibits, replay: str) -> I
 
 
 def _how_often(count: int, *, unkept: bool) -> str:
-    """A count behind the message; `unkept` findings of its verdict may say the same."""
+    """A count after the message; `unkept` findings of its verdict may be equal."""
     if unkept:
         return f" (at least {_times(count)})"
     return f" ({_times(count)})" if count > 1 else ""

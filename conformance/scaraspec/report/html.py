@@ -39,7 +39,7 @@ _SIGNS: Final = {
     Verdict.PASS: "✓",
     Verdict.NONE: "·",
 }
-"""So that no verdict is told by its colour alone."""
+"""A verdict is never shown by its colour alone."""
 
 _NS: Final = 1_000_000_000
 _FIRST: Final = 5
@@ -84,7 +84,7 @@ def _first(cases: list[Case]) -> list[tuple[int, Case, int]]:
 
 
 def _by_opcode(session: Session) -> list[CommandSeen]:
-    """The commands in the order of the document, undefined opcodes behind them."""
+    """The commands in the order of the document, undefined opcodes after them."""
     order = {name: at for at, name in enumerate(BY_NAME)}
     return sorted(session.exchanges, key=lambda command: order.get(command.name, len(order)))
 

@@ -33,7 +33,7 @@ _MOST_PARTS: Final = 256  # of one program list; of a longer one the last are ke
 
 
 class Dialogue:
-    """Follows one connection. When it is opened again under its name, everything begins anew.
+    """Follows one connection. If it is opened again under its name, all state is reset.
 
     Args:
         connection: Its name in the recording.

@@ -2,7 +2,7 @@
 
 A `Dialogue` makes them from wire events, in order of time; rules and sinks take them. An object
 that has been handed out is not changed again. Each says whether it is `certain`: what is not may
-be the work of a gap in the recording or of a fault injected on purpose, and fails nobody.
+result from a gap in the recording or an injected fault, and is never a failure.
 """
 
 from dataclasses import dataclass, field
@@ -145,7 +145,7 @@ class Exchange:
         transfer: The file transfer that it begins or belongs to.
         transfer_before: For a chunk outside a transfer: the last one of its kind on this
             connection, refused ones included.
-        late: It is a chunk behind a silence in which its transfer may have been given up (A-5-13).
+        late: It is a chunk after a silence in which its transfer may have been given up (A-5-13).
         chunk: For a chunk: the structure as its transfer's byte order reads it.
         expected_position: For a chunk: where the chunks before it had got to.
     """

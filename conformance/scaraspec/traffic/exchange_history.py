@@ -50,7 +50,7 @@ class ExchangeHistory:
         return recent[after - 1] if after else None
 
     def awaits(self, name: str, since_ns: int) -> bool:
-        """Whether the last request of a command was sent behind this time and is not answered."""
+        """Whether the last request of a command was sent after this time and is not answered."""
         asked, last = self.asked.get(name), self.last(name)
         if asked is None or asked.place.time_ns < since_ns:
             return False
@@ -61,7 +61,7 @@ class ExchangeHistory:
         recent = self.recent.get(name, [])
         first = bisect_right(recent, begin_ns, key=answered_ns)
         for x in islice(recent, first, None):
-            if answered_ns(x) >= end_ns:  # and so are all behind it
+            if answered_ns(x) >= end_ns:  # and so are all after it
                 break
             if begin_ns < x.time_ns:
                 yield x
@@ -91,7 +91,7 @@ class ExchangeHistory:
         elif name == "set_password" and before:
             answered = self.last(name)
             if answered is None or answered.request is not before:
-                self.passwords.clear()  # nobody knows whether the one before was set
+                self.passwords.clear()  # whether the previous one was set is unknown
         if before:
             self.asked_before[name] = before
         self.asked[name] = request

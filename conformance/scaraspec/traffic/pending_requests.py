@@ -154,7 +154,7 @@ class PendingRequests:
         self._late_replies_expected[name] += 1
 
     def take_late_reply(self, name: str) -> bool:
-        """Whether a reply that nobody waits for may be such an answer; each is one once."""
+        """Whether an unexpected reply may be such a late reply; each counts once."""
         owed = self._late_replies_expected[name] > 0
         self._late_replies_expected[name] -= owed
         return owed

@@ -34,7 +34,7 @@ class PendingResults:
         return [x for x in self._robot.executing if x.request.place.connection == self._connection]
 
     def asked(self, exchange: Exchange) -> None:
-        """A request was sent: note what executes meanwhile."""
+        """A request was sent: note what executes at that time."""
         robot = self._robot
         exchange.state_version = robot.version
         if robot.executing:
@@ -72,7 +72,7 @@ class PendingResults:
                 yield self._end(older, Ending.UNFINISHED if older.certain else Ending.UNSEEN)
         if len(robot.executing) >= _MOST:
             yield self._end(robot.executing[0], Ending.UNSEEN)
-        # Snapshots, so that no chain of exchanges grows where commands overlap for ever.
+        # Snapshots, so that no chain of exchanges grows where commands overlap forever.
         executing = (x for x in exchange.during if x in robot.executing)
         exchange.during = tuple(replace(x, during=()) for x in executing)
         if exchange.name in (_STOP, "jog"):  # a jog may replace another one (A-4.28-5)
@@ -133,7 +133,7 @@ class PendingResults:
         return exchange
 
     def take_late_reply(self, name: str) -> bool:
-        """Whether a final result that nobody waits for may be one that was given up."""
+        """Whether an unexpected final result may be one that was given up."""
         owed = self._late_replies_expected[name] > 0
         self._late_replies_expected[name] -= owed
         return owed

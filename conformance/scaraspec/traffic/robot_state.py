@@ -72,7 +72,7 @@ class RobotState:
             self._initiator_connections[exchange.name] = ""
 
     def end(self, exchange: Exchange) -> None:
-        """A two-stage command ended, or nobody can say any longer that it executes."""
+        """A two-stage command ended, or it is no longer known that it executes."""
         if exchange in self.executing:
             self.executing.remove(exchange)
         self.history.ended(exchange, busy=self.busy)

@@ -1,7 +1,7 @@
 """Stream: one direction's bytes made into frames, and into runs of bytes that are none.
 
-Lives here: what passed when, and how far the framing can be trusted behind a gap. What a frame is
-stands in `scaraspec.protocol.frames`, what it is for in `dialogue`.
+Records what passed when, and how far the framing can be trusted after a gap. What a frame is
+is defined in `scaraspec.protocol.frames`, what it means in `dialogue`.
 """
 
 from collections import deque
@@ -18,7 +18,7 @@ from scaraspec.traffic.wire import WireEvent, WireRange
 
 _KEPT_UNDECODABLE_BYTES: Final = 4096
 _SILENCE_NS: Final = 2_000_000_000
-"""For how long a frame may stop in its middle before another one behind it ends it (A-3-11)."""
+"""For how long a frame may stop in its middle before another one after it ends it (A-3-11)."""
 
 
 class Stream:
@@ -72,7 +72,7 @@ class Stream:
         """The other side speaks: what is no frame is over.
 
         Where the bytes end with a frame just then, they are in step again after a gap: a frame
-        that was misread out of the middle of another one would have left bytes behind it.
+        that was misread out of the middle of another one would have left bytes after it.
         """
         if self._run:
             yield from self.flush()

@@ -19,7 +19,7 @@ NAMES: Final = ("upload_name", "download_name")
 CHUNKS: Final = ("upload_chunk", "download_chunk")
 
 _NS: Final = 1_000_000_000
-_SURVIVED: Final = 25 / 30  # of the time-out: behind a longer silence it may be over (A-5-13)
+_SURVIVED: Final = 25 / 30  # of the time-out: after a longer silence it may be over (A-5-13)
 _CONTENT_LIMIT_BYTES: Final = 16 * 2**20
 _MOST_RESUMPTIONS: Final = 16  # each copies the content
 
@@ -49,7 +49,7 @@ class _TransferProgress:
     resumptions: int = 0
 
     def advance(self, chunk: Chunk) -> None:
-        """A chunk was sent: the next is due behind it, unless it was sent before."""
+        """A chunk was sent: the next is due after it, unless it was sent before."""
         self.transfer.chunks += 1
         if chunk.position >= self.due:
             self.due = chunk.position + chunk.length
@@ -155,7 +155,7 @@ class TransferTracker:
             self._active.transfer.extra_reply_seen = True
 
     def refused(self) -> bool:
-        """An answer was refused: whether one was sent that nobody need have awaited."""
+        """A reply was refused: whether one was sent that was not due."""
         stray = self._strays > 0
         self._strays -= stray
         return stray

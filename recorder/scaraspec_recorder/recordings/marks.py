@@ -62,7 +62,7 @@ class TriggerMarks:
     def __init__(self, outputs: Sequence[Output], watchers: Mapping[str, Trigger]) -> None:
         self._outputs = tuple(outputs)
         self._watchers = watchers
-        self._now_ns = 0  # by the clock of the events, which may lag behind that of the ticks
+        self._now_ns = 0  # by the clock of the events, which may be later than that of the ticks
         self._had_event = False  # an event came since the last tick
         self._logged_ns = {trigger: deque[int](maxlen=LOGGED_A_MINUTE) for trigger in watchers}
         self._unlogged: Counter[str] = Counter()

@@ -37,7 +37,7 @@ from scaraspec.traffic.events import (
 )
 from scaraspec.traffic.wire import WireRange
 
-SECRET: Final = "(password)"  # noqa: S105 - what stands in a password's place
+SECRET: Final = "(password)"  # noqa: S105 - the replacement of a password
 _TEXT_LIMIT: Final = 200
 _HEX_BYTES: Final = 24
 _SECOND_NS: Final = 1_000_000_000

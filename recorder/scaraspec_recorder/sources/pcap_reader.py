@@ -37,7 +37,7 @@ _TIME_OFFSET: Final = 14
 _PCAPNG_PACKET_BLOCKS: Final = {2, 3, 6}
 _GZIP_MAGIC: Final = b"\x1f\x8b"
 _MAX_RECORD_BYTES: Final = 16 << 20  # a length beyond it is damage, not a packet
-_LINK_TYPE_MASK: Final = 0xFFFF  # the upper half of pcap's field tells the length of a checksum
+_LINK_TYPE_MASK: Final = 0xFFFF  # the upper half of pcap's field has the length of a checksum
 _MAX_REASONS: Final = 8
 _MAX_TIME_NS: Final = (1 << 63) - 1
 _READING_ERRORS: Final = (EOFError, OSError, ValueError, OverflowError, struct.error, zlib.error)
@@ -146,7 +146,7 @@ class _Record(NamedTuple):
 
 
 class _Source:
-    """The file as scapy reads it: tells how far it got, and refuses a length no record has."""
+    """The file as scapy reads it: it knows its position and refuses an invalid length."""
 
     def __init__(self, file: BinaryIO | gzip.GzipFile) -> None:
         self.position = 0
@@ -186,7 +186,7 @@ def _records(path: Path, notes: list[str]) -> Iterator[_Record]:
 
 
 class _Clock(int):
-    """Ticks a second of an interface; the seconds that are to be added to its times."""
+    """Ticks a second of an interface; the seconds to add to its times."""
 
     offset_s = 0
 

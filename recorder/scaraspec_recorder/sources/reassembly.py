@@ -273,7 +273,7 @@ class Reassembler:
         if hole is None:
             hole = self._holes[stream] = _Hole(connection, stream, stream.offset_bytes, now)
             self._schedule(hole)
-        elif now < hole.since:  # an older packet tells of it later
+        elif now < hole.since:  # an older packet reports it later
             hole.since = now
             self._schedule(hole)
         if stream not in self._proven:

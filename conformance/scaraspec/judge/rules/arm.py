@@ -18,9 +18,9 @@ MOVE, JOG = "set_tool_coordinates", "jog"
 MOTIONS: Final = ("run_program", "reset", MOVE, JOG)
 
 MOMENT_NS: Final = 2_000_000_000
-"""So soon after a motion nobody else has begun another one."""
+"""Within this time after a motion no other client has begun another one."""
 _SOON_NS: Final = 60_000_000_000
-"""How old a reading may be that tells how things were before a command."""
+"""Maximum age of a reading that shows the state before a command."""
 
 
 def ended_ns(y: Exchange) -> int:
@@ -37,7 +37,7 @@ def last_motion(x: Exchange, robot: RobotState) -> Exchange | None:
 
 
 def reading_before(motion: Exchange, name: str, robot: RobotState) -> Exchange | None:
-    """The last reading before a two-stage command, behind the end of the one before it."""
+    """The last reading before a two-stage command, after the end of the previous one."""
     earlier = [y for y in robot.history.accepted if y.time_ns < motion.time_ns]
     found = robot.history.last(name, before_ns=motion.time_ns)
     if found is None or not found.answer or motion.time_ns - found.time_ns > _SOON_NS:

@@ -1,4 +1,4 @@
-"""A robot that executes one two-stage command: what it says of itself, and to further requests."""
+"""A robot that executes one two-stage command: its status, and its replies to further requests."""
 
 from collections.abc import Iterable
 from typing import Final
@@ -25,12 +25,12 @@ BUSY: Final = frozenset(STATE_OF.values())
 
 _STATUS: Final = ("get_status",)
 _SECOND_NS: Final = 1_000_000_000
-"""Within it nobody whom the recording does not show begins and ends something unnoticed; and by
+"""Within it no unrecorded client can begin and end something unnoticed; and by
 it the frames of two connections may be in another order than they were sent in."""
 _REPLY_NS: Final = 5_000_000_000
 """So long the answer to a request may be on its way (A-3-15)."""
 _MOMENT_NS: Final = 100_000_000
-"""For how long behind its end a status may be that of a command."""
+"""How long after its end a status may still be that of a command."""
 _SWAPPED_NS: Final = 50_000_000
 """By so much packets of two connections are swapped in a capture at most."""
 
@@ -39,8 +39,8 @@ def surely_executes(y: Exchange, x: Exchange, robot: RobotState) -> bool:
     """Whether a command of `x.during` executed when `x` was answered, not only by its place.
 
     On one connection the order of frames is sure; on two the end must come clearly later, and one
-    that has not come when `x` is over so soon may be on its way. Where a status 00 came meanwhile,
-    it has ended or that status is wrong, which is told for itself.
+    that has not come when `x` is over so soon may be on its way. If a status 00 came in between,
+    it has ended or that status is wrong, which is reported separately.
     """
     if y.idle:
         return False

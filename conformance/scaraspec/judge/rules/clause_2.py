@@ -64,7 +64,7 @@ def readable_bytes(found: InvalidBytes, _: RobotState) -> RuleResult | None:
 def login_first(x: Exchange, _: RobotState) -> RuleResult | None:
     """The client logs in before any other command (L79, L104); a stop is forgiven."""
     if x.name == "login" or x.logged_in is None or x.refused_login:
-        return None  # behind a refused login 4.1/5 says it
+        return None  # after a refused login 4.1/5 judges it
     if x.logged_in or x.login_sent_before:  # only the answer was not there
         return PASSED
     if x.name == _STOP:

@@ -17,7 +17,7 @@ from scaraspec.traffic.robot_state import RobotState
 from scaraspec.user_message import UserMessage
 
 _SOON_NS: Final = 1_000_000_000
-"""Within it a status tells how things were."""
+"""Within it a status shows the state."""
 
 # Frames, and bytes that are none
 
@@ -256,7 +256,7 @@ def one_open_request(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 def _due(x: Exchange) -> bool:
-    """Whether an answer is due: to a valid request, behind a login, in its place."""
+    """Whether an answer is due: to a valid request, after a login, in its place."""
     valid = x.request.parsed is not None and not x.request.parsed.decoded.issues
     served = x.logged_in or x.name == "login"
     out_of_place = x.name == "upload_chunk" and (x.transfer is None or x.late)  # A-5-16
@@ -351,7 +351,7 @@ def _may_be_busy(x: Exchange, robot: RobotState) -> bool:
     """Whether the robot may have been executing although no frame before `x` says so.
 
     The "1" of what was asked before was still on its way, or the end of what was accepted last was
-    not seen: its client may have hung up. Or the robot says that it executes what nobody here had
+    not seen: its client may have disconnected. Or the robot reports executing what no client here
     asked for: a program may be begun by another signal (A-4.12-3).
     """
     statuses = robot.history.between("get_status", x.time_ns, x.time_ns + _SOON_NS)

@@ -20,7 +20,7 @@ def request_holds_a_password(seen: FrameSeen, _: RobotState) -> RuleResult | Non
 
 
 def _right_before(x: Exchange, robot: RobotState) -> bool | None:
-    """Whether this password is the one last accepted, which nobody has changed; None if unknown.
+    """Whether this password was accepted last and not changed since; None if unknown.
 
     Quotation marks or a NUL may make another password of it, and may not (A-0-3, A-T-3).
     """

@@ -1,4 +1,4 @@
-"""Clause 4.8: the robot's status, held against what executes."""
+"""Clause 4.8: the robot's status, compared with what executes."""
 
 from functools import partial
 from typing import Final

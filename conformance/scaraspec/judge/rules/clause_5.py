@@ -265,7 +265,7 @@ def no_content_after_refusal(x: Exchange, _: RobotState) -> RuleResult | None:
 def stop_and_wait(x: Exchange, _: RobotState) -> RuleResult | None:
     """The next chunk is sent only after the answer to the previous one (A-5-9).
 
-    Whoever is answered once too often may take that for the answer: no answer has a number.
+    A client that gets an extra reply may take it for the reply: replies have no number.
     """
     if not x.doubled:
         return PASSED
@@ -372,7 +372,7 @@ def reads_back(transfer: Transfer, robot: RobotState) -> RuleResult | None:
 
 @rule("5.3/4", on=Exchange, names=_DOWNLOAD_CHUNK)
 def content_behind_the_answer(x: Exchange, _: RobotState) -> RuleResult | None:
-    """The first chunk comes behind the answer to the name, not ahead of it (L777; A-5-23)."""
+    """The first chunk comes after the reply to the name, not ahead of it (L777; A-5-23)."""
     opening = x.transfer.opening if x.transfer else None
     if opening is None or opening.reply is None:
         return None

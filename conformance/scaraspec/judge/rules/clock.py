@@ -1,4 +1,4 @@
-"""Clauses 4.5 and 4.6: the robot's clock, held against the time of the recording."""
+"""Clauses 4.5 and 4.6: the robot's clock, compared with the time of the recording."""
 
 from collections.abc import Callable, Sequence
 from datetime import timedelta
@@ -23,7 +23,7 @@ from scaraspec.user_message import UserMessage
 _TOLERANCE_S: Final = 2.0
 _DRIFT: Final = 0.01
 _SOON_NS: Final = 60_000_000_000
-"""Behind it a wrong rate of the clock shows, which 4.6/4 judges."""
+"""After it a wrong rate of the clock shows, which 4.6/4 judges."""
 
 _NIGHT: Final = timedelta(hours=4)
 
@@ -48,8 +48,8 @@ def contradicted(
 ) -> tuple[Exchange, bool] | None:
     """The earlier reading that `x` contradicts, and whether a single step explains it.
 
-    Held against are the one before and, for slow errors, the first. That a clock which runs lags
-    behind at once may be because the recording's own was set ahead; it is told once. Where that was
+    It is compared with the previous one and, for slow errors, with the first. A clock that lags
+    suddenly may mean that the recorder's clock was set ahead; it is reported once. If that was
     set back the recording says so.
     """
     for y in (earlier[-1], earlier[0]):

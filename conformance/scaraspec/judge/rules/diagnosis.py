@@ -66,7 +66,7 @@ def diagnose(found: InvalidBytes) -> Diagnosis:
         return Diagnosis(Fault.END, f"{direction.end:02X}", observed)
     if data[-1] == direction.end:
         return _length(found, head)
-    if len(data) == head + declared:  # the end byte begins a frame, so that it is told with that
+    if len(data) == head + declared:  # the end byte begins a frame, so it is reported with that
         return Diagnosis(
             Fault.END, f"{direction.end:02X}", UserMessage("{start:02X}", start=direction.start)
         )

@@ -189,7 +189,7 @@ def jog_ends(x: Exchange, _: RobotState) -> RuleResult | None:
 
 @rule("4.28/8", on=Exchange, names=("get_status",))
 def jog_goes_on(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """A robot that still moves behind a stop that had succeeded was not stopped."""
+    """A robot that still moves after a successful stop was not stopped."""
     if len(robot.history.accepted) < 2 or x.answer != STATE_OF[JOG]:  # noqa: PLR2004 - jog and stop
         return None
     jog, stop = list(robot.history.accepted)[-2:]

@@ -99,7 +99,7 @@ def _due(x: Exchange, robot: RobotState) -> str | None:
 
 
 def _overlap(x: Exchange, y: Exchange) -> bool:
-    """Whether two exchanges lie so close that nobody can tell which was carried out first."""
+    """Whether two exchanges are so close that their order of execution is unknown."""
     return x.time_ns <= answered_ns(y) and y.time_ns <= answered_ns(x)
 
 

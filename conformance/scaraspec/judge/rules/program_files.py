@@ -21,7 +21,7 @@ _UNREADABLE: Final = {fault.code for fault in ProgramDefect} - {
     ProgramDefect.SURPLUS.code,
     ProgramDefect.SECOND.code,
 }
-"""Faults behind which nothing else of the file can be judged."""
+"""Defects after which nothing else of the file can be judged."""
 
 
 @lru_cache(maxsize=1)
@@ -38,7 +38,7 @@ def _worst(transfer: Transfer) -> tuple[Mapping[str, LintFinding], bool]:
 
 
 def _check(transfer: Transfer, _: RobotState, *, requirement: str) -> RuleResult | None:
-    """What the linter says of one requirement: an error fails it, a warning is tolerated.
+    """The linter's result for one requirement: an error fails it, a warning is tolerated.
 
     What is only worth knowing is reported where the requirement leaves a choice.
     """

@@ -68,7 +68,7 @@ def _begun_ns(x: Exchange) -> int:
 
 @rule("4.10/4", on=Exchange, names=_LIST)
 def last_part_says_so(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """The last part of a list begins with "0" (L251): behind a "1" another one is due."""
+    """The last part of a list begins with "0" (L251): after a "1" another one is due."""
     if _is_complete(x, robot):
         return PASSED
     if not (_begins_anew(x) and _was_due(x) and _is_sure(x, robot)):
@@ -82,7 +82,7 @@ def last_part_says_so(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 @rule("4.10/5", on=Exchange, names=_LIST)
 def next_part_comes(x: Exchange, _: RobotState) -> RuleResult | None:
-    """Behind a part with "1" the next one comes, unasked or when asked (L251; A-4.10-3)."""
+    """After a part with "1" the next one comes, unsolicited or on request (L251; A-4.10-3)."""
     if len(x.parts) < 2 or _begins_anew(x):  # noqa: PLR2004 - a part and the next
         return None
     if x.parts[-1] is not x.reply:

@@ -166,7 +166,7 @@ def name_of(traffic_event: TrafficEvent) -> str:
 
 
 def sender_of(traffic_event: TrafficEvent) -> Direction | None:
-    """Who sent the frame or the bytes, or asked; None where that is nobody."""
+    """Who sent the frame or the bytes, or asked; None if there is no sender."""
     match traffic_event:
         case FrameSeen():
             return traffic_event.frame.direction

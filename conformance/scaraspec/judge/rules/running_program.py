@@ -1,4 +1,4 @@
-"""Clause 4.9: what the robot says of the program that runs."""
+"""Clause 4.9: the running program as the robot reports it."""
 
 from typing import Final
 
@@ -124,7 +124,7 @@ def nothing_behind_none(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 @rule("4.9/6", on=Exchange, names=_STATUS)
 def no_program_when_idle(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """A robot that was idle before and is idle behind has told no program between."""
+    """A robot that was idle before and after has reported no program in between."""
     begin_ns = robot.history.idle_seen_ns
     idle = robot.history.idle_since_ns is not None and not robot.busy and x.answer == "00"
     if not idle or x.time_ns - begin_ns > _SECOND_NS:
@@ -174,7 +174,7 @@ def short_name(x: Exchange, _: RobotState) -> RuleResult | None:
 def flag_agrees_with_status(x: Exchange, robot: RobotState) -> RuleResult | None:
     """The flag is "1" while the status is 01, or 02 where a simulation counts (A-4.9-4).
 
-    Held against statuses before and behind that are the same, with nothing begun between them.
+    Compared with equal statuses before and after, with nothing begun between them.
     """
     before = robot.history.last("get_status", before_ns=x.time_ns)
     near = before is not None and x.time_ns - before.time_ns <= _SECOND_NS

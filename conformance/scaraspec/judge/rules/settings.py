@@ -1,6 +1,6 @@
 """What was set is what is read: passwords, network, default program, gripper and home position.
 
-A value is held against the last setting only where nothing else was asked that could change it.
+A value is compared with the last setting only if no later request could change it.
 """
 
 from collections.abc import Callable, Collection
@@ -15,7 +15,7 @@ from scaraspec.traffic.robot_state import RobotState
 from scaraspec.user_message import UserMessage
 
 UNSEEN_NS: Final = 60_000_000_000
-"""Later the robot may have been switched off, or somebody whom the recording does not show may be
+"""Later the robot may have been switched off, or a client outside the recording may be
 logged in or have set something else."""
 _UNSEEN_HERE_NS: Final = 10 * UNSEEN_NS
 """The same on one connection: only a serial line survives that a robot is switched off."""
@@ -106,7 +106,7 @@ def refused_position(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 
 def _unchanged(setter: str, x: Exchange, robot: RobotState, count: int) -> RuleResult | None:
-    """Nothing that was asked for, and refused, is told behind that, if it was not told before."""
+    """A refused value is not reported afterwards, unless it was reported before."""
     refused = robot.history.last(setter, before_ns=x.time_ns)
     if refused is None or refused.accepted is not False or refused.asked is None:
         return None

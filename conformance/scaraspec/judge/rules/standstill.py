@@ -1,4 +1,4 @@
-"""The arm stands still: behind a stop, a lock or a motion, while idle, when nothing moves it."""
+"""The arm stands still: after a stop, a lock or a motion, while idle, when nothing moves it."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -34,7 +34,7 @@ _SETTERS: Final = {
 }
 """Settings that cause no motion: the requirement that says so, and the register's entry."""
 _BLINK_NS: Final = 1_000_000_000
-"""Between two statuses 00 so close to each other nobody has moved the arm."""
+"""Between two statuses 00 so close to each other the arm has not been moved."""
 
 
 # Standing still

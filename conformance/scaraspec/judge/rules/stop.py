@@ -12,7 +12,7 @@ from scaraspec.user_message import UserMessage
 
 _STOP: Final = "emergency_stop"
 _CLEARLY_NS: Final = 500_000_000
-"""A command that goes on for so long behind a refused stop had not just ended by itself."""
+"""A command that continues for so long after a refused stop had not just ended."""
 
 
 @rule("4.17/2", on=Exchange, names=(_STOP,))
@@ -48,7 +48,7 @@ def stop_was_needed(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 @rule("4.17/3", "4.17/6", on=Exchange, names=("get_status",))
 def stop_is_still_needed(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """So did one that the robot says it executes behind the refused stop."""
+    """The same holds for one that the robot reports after the refused stop."""
     if x.answer not in BUSY:
         return None
     for y in x.during:

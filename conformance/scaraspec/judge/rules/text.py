@@ -45,7 +45,7 @@ def _is_opaque(payload: Payload) -> bool:
 
 
 def has_codes(payload: Payload) -> bool:
-    """Whether a code of table 8-1 may stand in it."""
+    """Whether it may contain a code of table 8-1."""
     status = any(isinstance(field, StatusCode) for field in payload.fields)
     return status or isinstance(payload, FirstReply | FinalResult)
 

@@ -1,6 +1,6 @@
 """Two-stage commands (4/… and 4.15 to 4.18, 4.24 to 4.28, 4.35): replies and results.
 
-What a busy robot answers stands in `busy`; how an emergency stop goes in `stop`.
+`busy` has the replies of a busy robot, `stop` the emergency stop.
 """
 
 from typing import Final
@@ -128,7 +128,7 @@ def reply_before_execution(x: Exchange, robot: RobotState) -> RuleResult | None:
     in it, says nothing of them.
     """
     if not x.result or x.latency_ns is None or x.duration_ns is None or x.unsettled:
-        return None  # what began or ended meanwhile may have kept it waiting (A-4-2)
+        return None  # what began or ended in between may have delayed it (A-4-2)
     if robot.history.asked.get(x.name) is not x.request:
         return None
     if not _comes_at_its_end(x):

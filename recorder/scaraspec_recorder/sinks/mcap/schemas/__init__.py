@@ -28,7 +28,7 @@ class RawChunk(NamedTuple):
 
     The message's time is when they came in: by the kernel's clock of receipt where `kernel_time` is
     true, else when the recorder read them. `forwarded_ns` is when it had passed them on; absent
-    where nobody knows.
+    if it is unknown.
     """
 
     connection: str
