@@ -1,4 +1,4 @@
-"""Case: what a test of the suite says of itself, so that a plan can be made before anything runs.
+"""Case: the properties of a test of the suite, so that a plan can be made before anything runs.
 
 A case names the requirements that it judges, the worst that it can do to a real robot, and what it
 needs beyond a link. Nothing is run here.
@@ -31,7 +31,7 @@ class Case:
         hazards: What it may do to a real robot; each of them has to be allowed.
         needs: Hooks of the statement of conformance without which it cannot run.
         sentence: What it tries, in one line.
-        undefined: It sends opcodes that nobody defined.
+        undefined: It sends undefined opcodes.
         last: The subject may be gone afterwards.
         slow: It takes long, and other cases judge all of its requirements, too.
         attended: It is on the checklist of an operator, too.
@@ -51,9 +51,9 @@ class Case:
 
     @property
     def turn(self) -> int:
-        """When it is tried: what is about connections and frames behind all that clients ask.
+        """The order of execution: cases about connections and frames come last.
 
-        A subject may die of that; what it does when it is asked properly has to be seen before.
+        They may crash the device; its normal behaviour must be tested before.
         """
         return 2 if self.last else int(self.requirements[0].startswith(("2/", "3/")))
 
@@ -82,7 +82,7 @@ def client_case(*requirements: str, name: str = "", attended: bool = False) -> C
     return _marked(made)
 
 
-def case(  # noqa: PLR0913 - one for each thing that a case says of itself
+def case(  # noqa: PLR0913 - one for each property of a case
     *requirements: str,
     name: str = "",
     hazards: tuple[Hazard, ...] = (),

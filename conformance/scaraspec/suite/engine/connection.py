@@ -1,6 +1,6 @@
 """Wire: one connection to the subject, whichever end of it the suite plays.
 
-Bytes go out as a case wants them. What comes is framed, timed and kept until somebody asks for it,
+Bytes are sent as a case gives them. Received bytes are framed, timed and kept until they are read,
 so that nothing that a subject sends goes unseen; all of it is observed. What a frame means, and
 which is due, is not known here.
 """
@@ -24,11 +24,11 @@ from scaraspec.user_message import UserMessage
 _NS: Final = 1_000_000_000
 _FLOOD_BYTES: Final = 2**16
 _FLOOD_RATIO: Final = 64
-"""A subject that sends more than this, and so many times what it was sent last, sends for ever."""
+"""A subject that sends more than this, and so many times what it was sent last, sends forever."""
 
 
 class Holder(Protocol):
-    """Whoever holds the wires of a run."""
+    """The owner of the connections of a run."""
 
     observer: Observer
 
@@ -88,12 +88,12 @@ class Connection:
     Args:
         name: Its name in the recording.
         link: What carries it.
-        holder: Whoever holds it.
+        holder: Its owner.
         ours: The direction in which the suite sends.
         judged: Whether the judge watches it.
 
     Attributes:
-        inbox: Frames that came and that nobody has taken yet, in order.
+        inbox: Received frames that were not read yet, in order.
         invalid_bytes: What came and was no frame.
         ending: How the subject ended it; None while it is open.
         closed: It was ended by the suite.
@@ -171,7 +171,7 @@ class Connection:
                 raise self.no_answer(f"{message}{when}")
 
     def hears(self, within_s: float) -> bool:
-        """Wait for a frame, and leave it to whoever wants it; whether one is there."""
+        """Wait for a frame and leave it in the inbox; return whether one is there."""
         deadline_s = self.link.now_s + within_s
         while not self.inbox and self.link.now_s <= deadline_s and self._more(deadline_s):
             pass
@@ -277,7 +277,7 @@ class Connection:
                 self.invalid_bytes.append(item)
 
     def _sent(self, seen: FrameSeen) -> None:
-        """A frame of ours is whole: whoever answers by itself may want to know."""
+        """A sent frame is complete; automatic responders override this."""
 
     def _received(self, seen: FrameSeen) -> None:
         """A frame of the subject is whole."""

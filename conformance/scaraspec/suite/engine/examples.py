@@ -30,7 +30,7 @@ _TALLY: Final[ContextVar[Tally]] = ContextVar("tally")
 
 @contextmanager
 def counted() -> Iterator[Tally]:
-    """Count the examples that are tried meanwhile."""
+    """Count the examples tried inside."""
     tally = Tally()
     token = _TALLY.set(tally)
     try:
@@ -61,7 +61,7 @@ def given(*strategies: SearchStrategy[Any], **named: SearchStrategy[Any]) -> Cal
 
 
 def _count() -> None:
-    """Count one; a case that a team's own test calls is counted by nobody."""
+    """Count one; a case that a team's own test calls is not counted."""
     tally = _TALLY.get(None)
     if tally is not None:
         tally.examples += 1

@@ -30,7 +30,7 @@ class NoReply(CaseFailed):
     """A request that a living subject left unanswered, or answered by ending the link (3/31).
 
     Attributes:
-        owed: The requirement that says of every such answer that it comes; empty if none does.
+        owed: The requirement that every such reply comes; empty if there is none.
     """
 
     owed = ""
@@ -49,12 +49,12 @@ class OperationRefused(CaseFailed):
     after_s = 0.0
 
 
-class CaseInconclusive(Exception):  # noqa: N818 - it is no error of anybody
+class CaseInconclusive(Exception):  # noqa: N818 - it is not an error
     """The case could not find out; the text says why."""
 
 
 class Unreadable(CaseInconclusive):
-    """What the subject says of its state is nothing: whether it rests, nobody can tell.
+    """The subject reports no valid status: whether it is at rest is unknown.
 
     Nothing that may move it is tried any more.
     """

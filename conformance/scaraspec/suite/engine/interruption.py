@@ -9,10 +9,10 @@ from types import TracebackType
 
 
 class Interruption:
-    """Whether a run is to end; used as a context, it makes a step of what stands in it.
+    """Whether a run must end; as a context manager it makes its body one step.
 
     Attributes:
-        asked: Somebody wants it to end.
+        asked: Its end was requested.
     """
 
     def __init__(self) -> None:
@@ -20,7 +20,7 @@ class Interruption:
         self._steps = 0
 
     def ask(self) -> None:
-        """End the run now, or behind the running step.
+        """End the run now, or after the running step.
 
         Raises:
             KeyboardInterrupt: Now.

@@ -1,7 +1,7 @@
 """Observer: all that passes between the suite and its subject, judged and kept as evidence.
 
 Every case is watched by the judge that also reads captures from the field. What the suite itself
-sends is often wrong on purpose: only what the subject did is held against it.
+sends is often wrong on purpose: only what the subject did counts.
 """
 
 from collections import deque
@@ -107,7 +107,7 @@ class Observer:
 
     @contextmanager
     def overlooking(self, requirement: str) -> Iterator[None]:
-        """Hold nothing against the subject that the judge finds of this requirement meanwhile.
+        """Ignore findings of the judge about this requirement in the body.
 
         For what the judge cannot know: that a file which it takes for right need not be right for
         a subject whose readings are not found out yet.
@@ -142,7 +142,7 @@ def speaks(role: Role) -> Direction:
 
 
 def blamed(finding: Finding, happening: TrafficEvent) -> Role | None:
-    """Whose finding it is, who may be the suite that plays the other end; None for nobody's."""
+    """Whose finding it is, which may be the suite as the other end; None if unknown."""
     binds = REQUIREMENTS[finding.requirement].binds
     if binds is not Binds.BOTH:
         return Role.CONTROLLER if binds is Binds.CONTROLLER else Role.CLIENT

@@ -26,7 +26,7 @@ class Options:
     Attributes:
         only: The ids of the requirements in question; None for all.
         allowed: The hazards permitted; read-only is always.
-        undefined: Opcodes that nobody defined may be sent.
+        undefined: Undefined opcodes may be sent.
         seed: Of everything that is drawn at random.
         examples: How many values a drawn case tries.
         exhaustive: Go on with a requirement that has failed.

@@ -98,7 +98,7 @@ class SystemUnderTest(Protocol):
         """The present instant in nanoseconds since the Unix epoch."""
 
     def open(self) -> Connection:
-        """A connection on which somebody is logged in.
+        """A connection with a login.
 
         Raises:
             CaseFailed: There is none to be had.
@@ -116,7 +116,7 @@ class SystemUnderTest(Protocol):
         """
 
     def revive(self) -> None:
-        """Start it anew, where that can be done.
+        """Restart it, if possible.
 
         Raises:
             CaseInconclusive: It failed.

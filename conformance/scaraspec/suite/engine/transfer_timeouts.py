@@ -1,7 +1,7 @@
 """Limits: after what silence a transfer may and must have ended (A-5-13), and how long one was.
 
 A transfer survives 25 s of silence and has ended after 60 s; where it ends before 27 s or lives on
-after 35 s, that is told. A limit that the subject claims scales all four.
+after 35 s, that is reported. A limit that the subject claims scales all four.
 """
 
 from typing import Final, NamedTuple
@@ -42,7 +42,7 @@ class Silence:
         return (self._subject.now_ns - self._since_ns) / _NS
 
     def in_time(self, limit_s: float) -> None:
-        """Go on only while it is no longer than it may be: a slow machine must fail nobody.
+        """Continue only while it is within the limit: a slow machine must cause no failure.
 
         Raises:
             CaseInconclusive: It is longer.

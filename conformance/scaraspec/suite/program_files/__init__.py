@@ -1,1 +1,1 @@
-"""User programs (clause 6): written, put on the subject, run, and held against a model."""
+"""User programs (clause 6): written, put on the subject, run, and compared with a model."""

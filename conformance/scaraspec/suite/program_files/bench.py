@@ -219,7 +219,7 @@ class Bench:
 
     @contextmanager
     def _told(self) -> Iterator[None]:
-        """Tell with what fails of which program it did: nobody sees it in its bytes."""
+        """Add a listing of the program to a failure, because its bytes are not readable."""
         try:
             yield
         except CaseFailed as error:
@@ -303,7 +303,7 @@ def running(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[
     Raises:
         CaseFailed: The subject runs no programs.
         CaseInconclusive: It cannot now.
-        CaseSkipped: It answers nothing meanwhile (A-4-3).
+        CaseSkipped: It answers nothing during execution (A-4-3).
     """
     with bench(subject, line) as robot:
         robot.start(wait(robot.theirs_s(_RUNS_S)))

@@ -16,7 +16,7 @@ from scaraspec.suite.program_files.layout import short_program
 from scaraspec.user_message import UserMessage
 
 INHERITED: Final = b"__proto__"
-"""A name that is in every object of some language, and that nobody gives to a file."""
+"""A name that every object of some language has, and that no user gives to a file."""
 _PUSHED_S: Final = 1.0
 _MOST_PARTS: Final = 500
 

@@ -1,6 +1,6 @@
 """Access: how the suite gets to its subject, and the clock that goes with it.
 
-A real subject is reached by a URL and lives in real time; a machine in memory has a clock that
+A real subject is reached by a URL and runs in real time; a machine in memory has a clock that
 jumps. Which of the two it is, nothing else in the suite knows.
 """
 

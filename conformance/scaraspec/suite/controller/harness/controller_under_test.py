@@ -42,7 +42,7 @@ MOMENT_S: Final = 0.1
 _READY: Final = "00"  # L209: idle
 _RECONNECTS: Final = 20
 _RECONNECT_S: Final = 0.1  # within which it may not have seen yet that the last one left
-_RETURN_S: Final = 30.0  # within which one may start anew by itself that has died
+_RETURN_S: Final = 30.0  # within which a crashed subject may restart by itself
 _RETURN_POLL_S: Final = 1.0
 _REFUSAL_S: Final = 0.05  # within which one that is not served is ended (A-2-2)
 _FEW: Final = 2  # clients, beyond which a robot may serve no more
@@ -198,7 +198,7 @@ class ControllerUnderTest:
                     self.log_in(line)
                 except CaseFailed as error:
                     refused = isinstance(error, NoReply) and line.ending is not None
-                    line.close()  # who is not served takes nobody's place
+                    line.close()  # a connection that is not served takes no place
                     if not refused or not attempts:
                         raise
                     self.known.setdefault(_NOTICES_LATE, True)
@@ -230,7 +230,7 @@ class ControllerUnderTest:
 
     @property
     def _may_serve_one(self) -> bool:
-        """Whether it serves one client at a time, or nobody knows yet (A-2-2)."""
+        """Whether it serves one client at a time, or this is not known yet (A-2-2)."""
         known = {*self.found, *self.ics.claimed}
         return self.dialect["max_clients"] == "one" or "max_clients" not in known
 
@@ -386,7 +386,7 @@ class ControllerUnderTest:
         self.known.setdefault(LATCHED, True)
 
     def may_mistake(self) -> bool:
-        """Whether a sequence may try a wrong password: few do, so that nobody is locked out.
+        """Whether a sequence may try a wrong password: few do, so that the suite is not locked out.
 
         One in a run that may only change state, five where things may be lost (A-4.1-2).
         """
@@ -398,7 +398,7 @@ class ControllerUnderTest:
         """A file name that is not in use.
 
         Args:
-            stem: Stands behind its number.
+            stem: Follows its number.
             lead: Stands before its number, and ends with a letter: what many names begin with.
         """
         extension = {".txt": ".txt"}.get(self.dialect["prog_ext"], ".rob")
@@ -434,7 +434,7 @@ class ControllerUnderTest:
         Raises:
             NoReply: It does not answer any more.
             CaseFailed: It refuses a login.
-            Unreadable: Nobody can tell whether it has come to rest; it is not moved again.
+            Unreadable: Whether it has come to rest is unknown; it is not moved again.
             CaseInconclusive: It does not come to rest.
         """
         self.close_lines()
@@ -492,7 +492,7 @@ class ControllerUnderTest:
         return False
 
     def revive(self) -> None:
-        """Start it anew, where a hook can; else it may come back by itself, if it is watched over.
+        """Restart it with the hook; without it, a watchdog of the device may restart it.
 
         Raises:
             CaseInconclusive: The hook failed.

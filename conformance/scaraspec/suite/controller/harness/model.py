@@ -1,6 +1,6 @@
 """Model: what a subject has to be like after all that it was asked, step by step.
 
-What it was told is remembered: files, settings, outputs, what executes. A step that has no meaning
+It remembers the requests: files, settings, outputs, what executes. A step that has no meaning
 where it stands, as asking for a default program before one was named, is passed over, so that
 whatever is left of a sequence is a sequence again. What may be refused for a listed reason is taken
 from the reply, and nothing is expected where the document leaves the outcome open.
@@ -94,7 +94,7 @@ _SWITCHED_OFF_BY: Final = [
 ]
 """What switches all outputs off: each controller does it at some of these events (A-4.32-3)."""
 _TOLD: Final = 8
-"""How many of the steps behind which a long sequence fails are told."""
+"""How many of the last steps of a failing sequence the message has."""
 _MEANWHILE: Final = frozenset(
     {"look", "query", "get_clock", "get_outputs", "run", "simulate", "stop"}
 )
@@ -161,7 +161,7 @@ class Model:
         """Do a step, and check what follows from it.
 
         Raises:
-            CaseFailed: The subject is not as it has to be; the message tells the steps before.
+            CaseFailed: The subject is not as it has to be; the message has the steps before.
         """
         act: Callable[[Step, OutgoingConnection], str | None] = getattr(self, f"_{step.act}")
         line = self._lines[step.line % len(self._lines)]
@@ -180,7 +180,7 @@ class Model:
         """Look at all that is known.
 
         Raises:
-            CaseFailed: The subject is not as it has to be; the message tells the steps before.
+            CaseFailed: The subject is not as it has to be; the message has the steps before.
         """
         for act in dict.fromkeys(self._acts):
             if act == "download":
@@ -314,7 +314,7 @@ class Model:
         return "mistake the old password"
 
     def _all_anew(self, requirement: str, message: str) -> None:
-        """Connect anew: who was logged in need not stay so (A-4.2-2)."""
+        """Connect again: the login may be lost (A-4.2-2)."""
         for line in self._lines:
             line.close()
         try:
@@ -346,7 +346,7 @@ class Model:
 
     @property
     def _deaf(self) -> bool:
-        """Whether a command executes and the robot answers nothing meanwhile (A-4-3)."""
+        """Whether a command executes and the robot answers nothing until it ends (A-4-3)."""
         return self._running is not None and not is_responsive(self._subject, self._running[2])
 
     def _look(self, _: Step, line: OutgoingConnection) -> str | None:
@@ -356,7 +356,7 @@ class Model:
         return "look"
 
     def _expect_executing(self, line: OutgoingConnection) -> None:
-        """The status and the program that is told are those of what executes."""
+        """The status and the reported program are those of what executes."""
         if self._is_over(within_s=0):
             return
         command, name = self._running[:2] if self._running else ("", b"")
@@ -685,7 +685,7 @@ class Model:
         return "move"
 
     def _is_over(self, *, within_s: float) -> bool:
-        """Whether a simulation has ended by itself: who simulates takes what time he likes."""
+        """Whether a simulation has ended by itself: a simulation may take any time."""
         if not self._running or self._running[0] != SIMULATE:
             return False
         try:
@@ -696,7 +696,7 @@ class Model:
         return True
 
     def _stop(self, _step: Step, line: OutgoingConnection) -> str | None:
-        """On the connection that began it: the others are told of no result."""
+        """On the connection that began it: the others get no result."""
         self._may_switch_off(STOP if self._running else _IDLE_STOP)
         if not self._running:
             stop_while_idle(self._subject, line)

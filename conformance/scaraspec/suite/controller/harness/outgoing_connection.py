@@ -1,7 +1,7 @@
 """Line: one connection to the subject, on which the suite plays the client.
 
-Requests are made from the command table, or are whatever bytes a case wants. What comes is framed,
-timed and kept until somebody asks for it, so that nothing that a subject sends goes unseen. Where a
+Requests are made from the command table, or are any bytes of a case. Received bytes are framed,
+timed and kept until a case reads them, so that nothing that a subject sends is missed. Where a
 subject does not notice that it ends, nothing is left half done on it. Which answer is right is not
 known here.
 """
@@ -36,7 +36,7 @@ class OutgoingConnection(Connection):
     """One connection, on which the suite sends requests; made by `ControllerUnderTest.open`.
 
     Attributes:
-        listing: The last part of a list that was told announces another one.
+        listing: The last received part of a list announces another one.
     """
 
     def __init__(

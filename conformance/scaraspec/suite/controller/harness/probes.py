@@ -1,7 +1,7 @@
 """Probes: finding out which readings a subject follows, before the cases depend on them.
 
 Only what is safe under the hazards that were allowed is asked. A probe that finds nothing leaves
-the claim, or the default, as it is; what is seen later is told by the judge.
+the claim, or the default, as it is; what is seen later is reported by the judge.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Sequences: requests in any order, each held against all that was asked before it.
+"""Sequences: requests in any order, each compared with all requests before it.
 
 They are drawn, taken step by step by a `Model` of the subject, and shrink to the few steps that
 matter, because each step may be left out.
@@ -100,7 +100,7 @@ def sequences(acts: list[str], groups: int) -> st.SearchStrategy[list[Step]]:
 
 def endless(acts: list[str]) -> Iterator[Step]:
     """A sequence that does not end, always the same."""
-    drawn = random.Random(0)  # noqa: S311 - it is to be drawn again
+    drawn = random.Random(0)  # noqa: S311 - it must be reproducible
     while True:
         numbers = (drawn.randrange(VALUES) for _ in range(3))
         yield Step(drawn.choice(acts), *numbers)

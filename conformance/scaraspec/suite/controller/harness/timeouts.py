@@ -22,7 +22,7 @@ SUCCESS: Final[Mapping[str, str]] = {
     "lock_joints": "4.26/3",
     "jog": "4.28/5",
 }
-"""Which requirement says that success is told by the tagged result "11"."""
+"""The requirement that success is reported by the tagged result "11"."""
 
 _TWICE: Final = 2
 _REPLY_S: Final = 1.0
@@ -67,16 +67,16 @@ class TimeoutPolicy:
         return min(full_s, short_s) if self.given_up(due) else full_s
 
     def rest_s(self, full_s: float) -> float:
-        """For how long to wait until the robot rests: shorter where waiting has been in vain."""
+        """For how long to wait until the robot rests: shorter if waiting had no result before."""
         return min(full_s, _RESULT_S) if self._restless >= _TWICE else full_s
 
     def waited(self, for_s: float, *, rests: bool) -> None:
-        """So long it was waited for, in vain or not; one long wait that was not is worth others."""
+        """The waits so far, with or without result; one successful long wait justifies others."""
         if not rests:
             self._restless += 1
         elif for_s > _RESULT_S:
             self._restless = 0
 
     def unanswered(self) -> frozenset[str]:
-        """The commands whose first reply is awaited in vain."""
+        """The commands whose first reply never comes."""
         return frozenset(due.name for due in self._missed if not due.result and self.given_up(due))

@@ -17,11 +17,11 @@ SLOWEST_S: Final = 0.9
 """Of 1 s inside a frame, which has to be survived (A-3-11), less what a link adds to a pause."""
 
 some_cuts = st.lists(st.integers(1, 60), max_size=12)
-"""How many bytes the segments have, one after the other; what is left over is the last."""
+"""How many bytes the segments have, one after the other; the rest is the last."""
 
 
 def pieces(data: bytes, sizes: Iterable[int]) -> list[bytes]:
-    """Cut into pieces of these sizes, and what is left."""
+    """Cut into pieces of these sizes; the rest is the last."""
     ends = itertools.accumulate(sizes, initial=0)
     cuts = [*[end for end in ends if end < len(data)], len(data)]
     return [data[begin:end] for begin, end in itertools.pairwise(cuts)]

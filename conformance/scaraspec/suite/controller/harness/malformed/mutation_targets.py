@@ -33,7 +33,7 @@ _START: Final = bytes((A2C.start,))
 
 
 class Recovery(Enum):
-    """Where a subject serves again behind bytes that are no frame."""
+    """Where a subject serves again after bytes that are no frame."""
 
     AT_ONCE = "the next request was served"
     LATER = "the next requests were lost, later ones were served"
@@ -115,7 +115,7 @@ def survives(
         opcodes: Under which it may answer.
 
     Raises:
-        CaseFailed: It serves no more, or sends what nobody asked for.
+        CaseFailed: It no longer serves, or sends an unsolicited reply.
     """
     assert harmless(data + FLOOD), "damaged bytes may be executed"
     line = subject.open(judged=False)
@@ -127,10 +127,10 @@ def survives(
 
 
 def recovers(subject: ControllerUnderTest, line: OutgoingConnection) -> Recovery:
-    """See that a subject serves again behind bytes that are no frame.
+    """Check that a subject serves again after bytes that are no frame.
 
     However it looks for the next frame (A-3-10) and however long it waits for the rest of one
-    (A-3-11), behind 260 bytes of requests it has to find one, unless it closes.
+    (A-3-11), after 260 bytes of requests it must find one, unless it closes.
 
     Raises:
         NoReply: It does not serve new connections.

@@ -2,7 +2,7 @@
 
 Frames around them are good. What is spoilt stays as near as it can to the valid value that the
 case gives, so that a subject which takes it does little. What a subject may make of them is for
-the cases to say; `firm` tells where no reading of the document lets it act.
+the cases to say; `firm`: no reading of the document permits it to act.
 """
 
 from collections.abc import Callable, Iterator
@@ -103,7 +103,7 @@ def offer(
 def _late(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str
 ) -> ReceivedFrame | None:
-    """What comes behind the reply to a later request, which may overtake it (3/24).
+    """What comes after the reply to a later request, which may overtake it (3/24).
 
     A subject that has once stayed silent is not waited for again.
     """
@@ -190,7 +190,7 @@ _NUMBER: Final = (
     _Class("huge", _by(b"9" * 40), firm=False),
     _Class("over-long", _zeros, firm=False),
 )
-"""A plain decimal number (A-T-5); what C's strtod takes beyond that is not held against anyone."""
+"""A plain decimal number (A-T-5); the further forms of C's strtod are not failures."""
 
 _INTEGER: Final = (
     *(c for c in _NUMBER if c.kind != "two-points"),
@@ -281,7 +281,7 @@ _NAME: Final = (
     _Class("directory", _before(b"programs/"), firm=False),
     _Class("placeholders", _before(b"%s%n"), firm=False),
 )
-"""A file name; what may stand in it is open (A-5-20), what becomes of such files is not."""
+"""A file name; which characters it may have is open (A-5-20), what becomes of such files is not."""
 
 
 @singledispatch

@@ -1,7 +1,7 @@
-"""Clock: the subject's calendar clock, held against the time that passes for us (4.5, 4.6).
+"""Clock: the subject's calendar clock, compared with the time of this machine (4.5, 4.6).
 
 A reading lies between two moments of ours, when it was asked for and when it was answered: a slow
-link makes nobody's clock wrong.
+link makes no clock wrong.
 """
 
 from datetime import datetime, timedelta
@@ -49,7 +49,7 @@ def _has_form(answer: ReceivedFrame) -> bool:
 
 
 def shifted(time: datetime, by: timedelta) -> datetime:
-    """Another time, so much later than what a clock tells.
+    """Another time, so much later than the time of a clock.
 
     Raises:
         CaseInconclusive: The calendar has no such time.

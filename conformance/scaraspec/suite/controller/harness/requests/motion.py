@@ -308,7 +308,7 @@ def halt(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFram
 
 
 def _await_own_result(line: OutgoingConnection) -> None:
-    """Let the result of what was stopped come, where it comes behind the stop's (A-4.17-4)."""
+    """Wait for the result of what was stopped, if it comes after the stop's (A-4.17-4)."""
     left_s = SILENCE_S
     while left_s > 0 and not any(seen.frame.tagged for seen in line.inbox):
         line.wait(_POLL_S)
@@ -331,7 +331,7 @@ def stop_motion(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 
 def status_behind(line: OutgoingConnection) -> ReceivedFrame:
-    """The status behind a final result, a moment later where it still tells of what has ended.
+    """The status after a final result; asked again if it still reports what has ended.
 
     It returns to 00 (L318), at what moment is not said: not every robot changes both at once.
     """
@@ -343,7 +343,7 @@ def status_behind(line: OutgoingConnection) -> ReceivedFrame:
 
 
 def status_at_rest(line: OutgoingConnection) -> ReceivedFrame:
-    """The status a moment behind a final result: so long it may be that of what has ended."""
+    """The status shortly after a final result: until then it may be that of what has ended."""
     line.wait(MOMENT_S)
     return line.ask("get_status")
 
@@ -364,7 +364,7 @@ def status_of(subject: ControllerUnderTest, line: OutgoingConnection) -> str | N
 
 
 def _drop_late_replies(line: OutgoingConnection) -> None:
-    """Drop what was answered only when the robot had ended: it tells of then, not of now."""
+    """Drop what was answered only after the end: it shows the state then, not now."""
     opcode = BY_NAME["get_status"].opcode
     line.pump()
     line.inbox[:] = [s for s in line.inbox if s.frame.tagged or s.frame.opcode != opcode]
@@ -392,7 +392,7 @@ def wait_for_end(
 ) -> ReceivedFrame | None:
     """Wait for a final result until the subject is idle, and a moment longer; None if none came.
 
-    At fault it may still be busy: the status tells of one of the two (A-4.8-2).
+    At fault it may still be busy: the status shows one of the two (A-4.8-2).
     """
     due = Due(name, result=True)
     left_s = subject.patience.within_s(due, subject.longest_s if within_s is None else within_s)

@@ -1,4 +1,4 @@
-"""Passwords: what opens the subject, changed by whoever knows it, and what must not open it."""
+"""Passwords: what opens the subject, how it is changed, and what must not open it."""
 
 from scaraspec.protocol.commands import PasswordChange
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest

@@ -164,10 +164,10 @@ def still_inputs(line: OutgoingConnection, ports: Iterable[int]) -> list[int]:
 
 @contextmanager
 def inputs_steady(line: OutgoingConnection, ports: Iterable[int] = ALL_INPUTS) -> Iterator[Bits]:
-    """Give the states of the inputs; what fails while these change is held against nobody.
+    """Give the states of the inputs; what fails while these change is not a failure.
 
     Raises:
-        CaseInconclusive: They have changed meanwhile.
+        CaseInconclusive: They have changed in between.
     """
     before = inputs(line)
 

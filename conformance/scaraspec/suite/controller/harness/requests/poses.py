@@ -1,4 +1,4 @@
-"""Poses: what is told in several numbers, and how what was set is held against it (4.19-4.22).
+"""Poses: values of several numbers, and how they are compared with what was set (4.19-4.22).
 
 Where the arm stands at the moment is a thing of motion.
 """
@@ -17,10 +17,10 @@ _Numbers = TypeVar("_Numbers", JointValues, Point, Pose)
 def numbers_of(
     line: OutgoingConnection, command: str, kind: type[_Numbers], requirement: str
 ) -> _Numbers:
-    """What a query tells that has so many numbers.
+    """The value of a query with so many numbers.
 
     Raises:
-        CaseFailed: It tells something else.
+        CaseFailed: It reports something else.
     """
     answer = line.ask(command)
     if not isinstance(answer.value, kind):

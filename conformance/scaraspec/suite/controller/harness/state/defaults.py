@@ -76,7 +76,7 @@ def says_nothing(reply: FrameSeen) -> bool:
 def _by_the_other_opcode(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> FrameSeen | None:
-    """The default program, where the other opcode than was asked with is the one that tells it."""
+    """The default program, if the opcode of the reply is not that of the request."""
     asked = line.request("get_default_program").opcode
     other = next(opcode for opcode in OPCODES if opcode != asked)
     told = ask_default(subject, line, other)

@@ -1,6 +1,6 @@
 """Keeping: what a case changes of the subject's state, and puts back, whatever happens in between.
 
-The connection may be lost meanwhile; then another one is opened. What cannot be put back even so
+The connection may be lost; then another one is opened. What cannot be put back even so
 is left to the end of the run.
 """
 

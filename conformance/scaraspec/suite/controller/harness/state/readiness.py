@@ -1,6 +1,6 @@
 """Readiness: a robot that will not move where it stands is made ready to, and brought back.
 
-All by small moves, one axis at a time. What the robot does wrong meanwhile is for the cases to
+All by small moves, one axis at a time. Faults of the robot during these moves are for the cases to
 find.
 """
 

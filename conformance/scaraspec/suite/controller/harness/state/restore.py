@@ -55,7 +55,7 @@ class Item:
 
 
 def snapshot(subject: ControllerUnderTest, line: OutgoingConnection) -> dict[str, Any]:
-    """The settings and the program list, by the names of `ITEMS`; None where nothing is told.
+    """The settings and the program list, by the names of `ITEMS`; None if there is no value.
 
     Outputs are left out where the suite switches none: a program of the user may switch them.
     """
@@ -99,7 +99,7 @@ def restore(subject: ControllerUnderTest) -> Differences:
     """Bring the controller to rest, put back what the run has changed, and compare with the start.
 
     Returns:
-        What is left.
+        What remains.
     """
     before, changed = subject.journal.changes.settings, subject.journal.changes.changed
     left = Differences([], [])
@@ -278,7 +278,7 @@ def _read_default(_: ControllerUnderTest, line: OutgoingConnection) -> str | Non
 
 
 def write_default(_: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
-    """Set it by the bytes that were told, be they a name or not."""
+    """Set it by the reported bytes, whether they are a name or not."""
     set_value(line, "set_default_program", data=name.encode("latin-1"))
 
 

@@ -72,7 +72,7 @@ class Arm:
 
     @property
     def slow_percent(self) -> int:
-        """How fast it goes where it is to be seen on its way."""
+        """The speed at which it can be observed on its way."""
         return max(1, self.speed_percent // _SLOWER)
 
     def place(self) -> Values:
@@ -95,7 +95,7 @@ class Arm:
         return self.watched(nodes) is not None
 
     def watched(self, nodes: Sequence[Node]) -> list[Values] | None:
-        """Run a program that moves, and tell the places seen meanwhile; None as for `goes`.
+        """Run a program that moves, and return the places seen on the way; None as for `goes`.
 
         The status is asked for, too: the judge knows what it has to be.
 

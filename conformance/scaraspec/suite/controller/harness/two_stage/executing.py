@@ -23,7 +23,7 @@ from scaraspec.user_message import UserMessage
 
 _IDLE: Final = "00"
 _RUNNING: Final = ("01", "02")  # L1018-1019
-_LAG_S: Final = 0.1  # for how long a result may come behind the status that tells of its end
+_LAG_S: Final = 0.1  # how long after the status of the end a result may come
 _REST_S: Final = 1.0  # within which the status has to follow a result
 
 
@@ -153,8 +153,8 @@ def expect_status(
 
     Raises:
         CaseFailed: The status is another one.
-        CaseSkipped: It is not told meanwhile.
-        CaseInconclusive: It tells of a fault.
+        CaseSkipped: It is not reported during execution.
+        CaseInconclusive: It reports a fault.
     """
     answer = ask_while_executing(subject, line, "get_status", command)
     if answer.value == wanted:
@@ -171,10 +171,10 @@ def expect_status(
 
 
 def require_no_fault(status: ReceivedFrame) -> errors.Code | None:
-    """The code of table 8-1 that a status tells, if it is one.
+    """The code of table 8-1 in a status, if it is one.
 
     Raises:
-        CaseInconclusive: It tells of a fault of the robot, which is not the suite's to judge.
+        CaseInconclusive: It reports a fault of the robot, which the suite does not judge.
     """
     code = errors.lookup(status.value) if isinstance(status.value, str) else None
     if code is not None and code.kind is errors.Kind.FAULT:

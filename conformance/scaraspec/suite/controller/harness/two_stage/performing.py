@@ -1,6 +1,6 @@
 """Performing: a two-stage command from its request to its end, with the least that it can do.
 
-And behind its end, where the arm stays.
+And after its end, where the arm stays.
 """
 
 from collections.abc import Callable, Mapping
@@ -48,7 +48,7 @@ class Performed(NamedTuple):
     Attributes:
         first: The first reply.
         result: The final result; None where an emergency stop has ended it without one (A-4.17-4).
-        status: The status behind the result.
+        status: The status after the result.
     """
 
     first: ReceivedFrame

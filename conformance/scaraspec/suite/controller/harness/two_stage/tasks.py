@@ -65,11 +65,11 @@ ACCEPTANCE: Final[Mapping[str, str]] = {
 """The requirement for each command that the first reply is "1"."""
 
 LASTS_S: Final = 5
-"""How long a program waits that is to be interrupted, in seconds of our clock."""
+"""The wait of a program that will be interrupted, in seconds of our clock."""
 BRIEFLY_S: Final = 0.5
 """As long as one whose end is awaited: a second, unless the robot's are shorter than ours."""
 _ASKED: Final = 20
-"""How many requests, one behind the other, such a program outlasts."""
+"""How many consecutive requests such a program outlasts."""
 
 _NS: Final = 1e9
 
@@ -134,7 +134,7 @@ def upload_wait_program(
 ) -> bytes:
     """Upload a program that waits for at least so many seconds, by our clock; its name.
 
-    Without a number it waits for longer than is asked meanwhile, however slow the replies are;
+    Without a number it outlasts all requests, however slow the replies are;
     without a name it gets a new one.
     """
     if seconds is None:
@@ -286,7 +286,7 @@ class Task:
 
     Attributes:
         name: The command.
-        state: The status meanwhile.
+        state: The status during it.
         program: The program that it runs, if it runs one.
     """
 
@@ -296,7 +296,7 @@ class Task:
 
     @property
     def state(self) -> str:
-        """The status meanwhile."""
+        """The status during it."""
         return STATES[self.name]
 
     @property
@@ -344,7 +344,7 @@ def executing_task(
         subject: The subject.
         line: The connection that asks for it.
         name: The command.
-        queries: Whether something is to be asked meanwhile.
+        queries: Whether the caller sends queries during it.
 
     Raises:
         CaseFailed: The idle robot refuses it.
@@ -424,7 +424,7 @@ def initial_position_at_pose(
     So that a reset goes no farther than back to it (A-4.18-3).
 
     Raises:
-        CaseSkipped: The subject does not take it, so that nobody knows how far a reset would go.
+        CaseSkipped: The subject does not take it, so that the travel of a reset is unknown.
     """
     before = line.ask("get_initial_tool_position").value
     if not line.ask("set_initial_tool_position", pose_of(line)).accepted:
