@@ -293,7 +293,7 @@ class DeafAfterATimeOut(_Breaks):
 
     def broken(self, session: Session, name: bytes, receiver: Receiver) -> None:  # noqa: ARG002 - whoever it was
         """Hear no more."""
-        self.deaf = self.deaf or "nothing heard" in receiver.reason
+        self.deaf = self.deaf or "no frame for" in receiver.reason
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
         """Hear nothing."""
