@@ -5,6 +5,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from scaraspec.client.base import LINK_LOST_REASONS
 from scaraspec.client.core import DOWNLOAD_LIMIT_BYTES, ClientCore, Event
 from scaraspec.client.errors import ClientError, LinkLost, TransferFailed
 from scaraspec.client.operations import Text
@@ -34,6 +35,7 @@ from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import NAME_MAX_BYTES, PayloadError
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, HEAD_BYTES, Chunk, Sender
+from scaraspec.transports.link import Ending
 
 # The name
 
@@ -593,7 +595,7 @@ class LostUploadsAreDone(UploadsOtherwise):
 
 
 class _CutOff(_Optimistic):
-    lost = staticmethod(lambda error: "cut" in str(error))
+    lost = staticmethod(lambda error: LINK_LOST_REASONS[Ending.RESET] in str(error))
 
 
 @mutant("uploads-cut-off-are-done", "5.2/19", subtle=True)
