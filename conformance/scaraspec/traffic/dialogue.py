@@ -37,7 +37,7 @@ class Dialogue:
 
     Args:
         connection: Its name in the recording.
-        scene: What is known of the robot over all connections; read and written.
+        robot: What is known of the robot over all connections; read and written.
         dialect: Claims of the subject: reply and transfer time-outs.
         needs_login: False for links that serve without a login (L83).
     """

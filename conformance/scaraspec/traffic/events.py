@@ -125,13 +125,13 @@ class Exchange:
         ending: How it ended.
         logged_in: Whether the connection had logged in when it asked; None where the capture
             does not show.
-        behind_login: Whether a login had been sent before it on its connection.
+        login_sent_before: Whether a login had been sent before it on its connection.
         refused_login: The reply that had refused the last login, where none had succeeded.
         certain: No gap could have touched it.
         during: The two-stage commands that were executing when this was asked and, where it was
             answered, still were then. Of a two-stage command: as they stood when it was accepted.
         unsettled: That is not sure, or something changed between the two.
-        scene_version: The scene's when it was asked.
+        state_version: The scene's when it was asked.
         doubled: A request of the same opcode was unanswered when this one was sent.
         pipelined: A request of any opcode was, in an earlier segment, and still had time for its
             answer.

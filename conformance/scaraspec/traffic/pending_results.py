@@ -22,7 +22,7 @@ class PendingResults:
 
     Args:
         connection: Its name.
-        scene: Shared by all connections.
+        robot: Shared by all connections.
     """
 
     def __init__(self, connection: str, robot: RobotState) -> None:

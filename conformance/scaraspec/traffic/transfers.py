@@ -62,7 +62,7 @@ class TransferTracker:
     """Holds the transfer that is under way on one connection.
 
     Args:
-        scene: Told of every completed upload.
+        robot: Told of every completed upload.
         dialect: The transfer time-out; a transfer ends after twice that silence (A-5-13).
     """
 
