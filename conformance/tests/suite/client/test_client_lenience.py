@@ -382,8 +382,8 @@ def test_values_that_a_client_refuses(certified: Certified) -> None:
     """A client may refuse values that the document does not require; this is reported."""
     only = frozenset({"4.2/1", "4.4/1", "4.11/1", "4.24/1", "5.2/1", "7/2"})
     cases = {case.id: case for case in certified(Careful, only)}
-    # A case has no verdict when the client refuses each of the few values that are drawn.
-    assert not [case.id for case in cases.values() if case.verdict not in (*GOOD, Verdict.NONE)]
+    rest = {case.id: case.verdict for case in cases.values() if case.verdict not in GOOD}
+    assert rest == {"4.21/1.numbers": Verdict.NONE}  # each drawn pose is out of its reach
     refused = cases["4.11/1.names"]
     assert refused.verdict is Verdict.TOLERATED
     assert refused.message == "the client refuses delete_program without sending a request"

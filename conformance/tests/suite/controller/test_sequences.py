@@ -57,7 +57,7 @@ def test_shrunk(
     tried: Try, fault: str, requirement: str, case: str, steps: tuple[str, ...]
 ) -> None:
     """A fault that lies between commands is found, and told with the few steps that it takes."""
-    found = tried(mutants()[fault].wrong, requirement, examples=40)[case]
+    found = tried(mutants()[fault].wrong, requirement, examples=20)[case]
     assert found.verdict is Verdict.FAIL
     assert found.requirements == (requirement,)
     told = found.message.partition(" behind: ")[2].split("; ")
