@@ -81,7 +81,7 @@ def test_pytest_options() -> None:
 def test_mcap_topics() -> None:
     """Programs that read recordings use these topics."""
     file = io.BytesIO()
-    file.close = lambda: None  # type: ignore[method-assign]
+    file.close = lambda: None  # type: ignore[method-assign] # read after the sink closed it
     sink = McapSink(file, {})
     sink.close({})
     file.seek(0)
