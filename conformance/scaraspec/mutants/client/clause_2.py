@@ -9,7 +9,7 @@ from scaraspec.client.core import ClientCore, Event
 from scaraspec.client.errors import ClientError, LinkLost
 from scaraspec.client.pending_operation import Login, PendingOperation
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.process import memory
+from scaraspec.mutants.operators.client.process_memory import memory
 from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, Framer, StreamItem

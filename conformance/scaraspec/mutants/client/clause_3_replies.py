@@ -8,8 +8,8 @@ from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import ClientCore, Event, UnexpectedFrame
 from scaraspec.client.pending_operation import PendingOperation, Stage, TwoStage
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.process import memory
-from scaraspec.mutants.client.spoiling import GoesDeaf
+from scaraspec.mutants.operators.client.frames import GoesDeaf
+from scaraspec.mutants.operators.client.process_memory import memory
 from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import TAG, Frame, Framer, Skipped, SkipReason, StreamItem

@@ -7,7 +7,7 @@ from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import ClientCore, Event
 from scaraspec.client.pending_operation import PendingOperation
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.spoiling import SpoilsFrames
+from scaraspec.mutants.operators.client.frames import SpoilsFrames
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame

@@ -5,7 +5,7 @@ from scaraspec.client.core import ClientCore, Event
 from scaraspec.client.errors import LinkLost
 from scaraspec.client.pending_operation import Login, PendingOperation
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.altering import AltersReplies, AltersRequests
+from scaraspec.mutants.operators.client.messages import AltersReplies, AltersRequests
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame

@@ -7,7 +7,7 @@ from typing import Any
 from scaraspec.client.core import ClientCore
 from scaraspec.client.pending_operation import PendingOperation
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.altering import AltersFields
+from scaraspec.mutants.operators.client.messages import AltersFields
 from scaraspec.protocol.commands import BY_NAME, PasswordChange
 from scaraspec.protocol.frames import Frame
 

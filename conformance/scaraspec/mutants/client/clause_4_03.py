@@ -3,7 +3,7 @@
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.errors import LinkLost
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.altering import (
+from scaraspec.mutants.operators.client.messages import (
     AltersFields,
     AltersReplies,
     AltersRequests,

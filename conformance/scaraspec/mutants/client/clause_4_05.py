@@ -4,7 +4,7 @@ from datetime import datetime
 
 from scaraspec.client.aio import AsyncClient
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.altering import AltersRequests
+from scaraspec.mutants.operators.client.messages import AltersRequests
 
 # 4.5
 

@@ -4,8 +4,8 @@ from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import Event
 from scaraspec.client.results import Status
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.altering import AltersReplies, AltersRequests
-from scaraspec.mutants.client.spoiling import GoesDeaf
+from scaraspec.mutants.operators.client.frames import GoesDeaf
+from scaraspec.mutants.operators.client.messages import AltersReplies, AltersRequests
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.errors import lookup
 from scaraspec.protocol.fields import show

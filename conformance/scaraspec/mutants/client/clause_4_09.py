@@ -6,7 +6,7 @@ from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import ClientCore
 from scaraspec.client.pending_operation import PendingOperation, ProgramListing
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.altering import AltersReplies, AltersRequests
+from scaraspec.mutants.operators.client.messages import AltersReplies, AltersRequests
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import NameListPart

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 from scaraspec.client.core import ClientCore, Event
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.altering import AltersRequests
+from scaraspec.mutants.operators.client.messages import AltersRequests
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 

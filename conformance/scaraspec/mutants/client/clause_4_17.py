@@ -6,7 +6,7 @@ from typing import ClassVar, Final
 from scaraspec.client.core import ClientCore, Event
 from scaraspec.client.pending_operation import PendingOperation, Stage, TwoStage
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.altering import AltersRequests
+from scaraspec.mutants.operators.client.messages import AltersRequests
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 

@@ -3,7 +3,7 @@
 from typing import Final
 
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.altering import AltersRequests, ReplacesRequests
+from scaraspec.mutants.operators.client.messages import AltersRequests, ReplacesRequests
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 

@@ -7,7 +7,7 @@ from typing import Final
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import ClientCore
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.altering import AltersFields, AltersReplies
+from scaraspec.mutants.operators.client.messages import AltersFields, AltersReplies
 from scaraspec.protocol.commands import BY_NAME, Point, Pose
 from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.frames import Frame

@@ -3,7 +3,7 @@
 from typing import Final
 
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.altering import AltersFields, SendsUnchecked
+from scaraspec.mutants.operators.client.messages import AltersFields, SendsUnchecked
 
 _MOVE: Final = "set_tool_coordinates"
 _FULL_PERCENT: Final = 100

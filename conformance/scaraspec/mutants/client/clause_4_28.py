@@ -3,7 +3,7 @@
 from typing import Final
 
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.altering import AltersRequests
+from scaraspec.mutants.operators.client.messages import AltersRequests
 
 _JOG: Final = "jog"
 

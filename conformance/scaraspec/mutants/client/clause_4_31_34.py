@@ -5,7 +5,7 @@ from typing import Final
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.errors import Refused
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.altering import (
+from scaraspec.mutants.operators.client.messages import (
     AltersFields,
     AltersReplies,
     AltersRequests,

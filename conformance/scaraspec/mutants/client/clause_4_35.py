@@ -5,7 +5,7 @@ from typing import Any, Final
 from scaraspec.client.core import ClientCore, Event
 from scaraspec.client.pending_operation import PendingOperation, TwoStage
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.altering import AltersRequests, TakesLossForSuccess
+from scaraspec.mutants.operators.client.messages import AltersRequests, TakesLossForSuccess
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 

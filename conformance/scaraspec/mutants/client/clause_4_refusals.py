@@ -7,7 +7,7 @@ from scaraspec.client.core import ClientCore, Event
 from scaraspec.client.errors import ClientError, Failed, Refused
 from scaraspec.client.pending_operation import PendingOperation, TwoStage
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.altering import AltersReplies, AltersResults, OtherTwoStage
+from scaraspec.mutants.operators.client.messages import AltersReplies, AltersResults, OtherTwoStage
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.frames import Frame

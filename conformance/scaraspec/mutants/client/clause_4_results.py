@@ -7,7 +7,7 @@ from scaraspec.client.core import ClientCore, Event, FrameAccepted, OperationSet
 from scaraspec.client.errors import ReplyTimeout
 from scaraspec.client.pending_operation import PendingOperation, Stage, TwoStage
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.altering import AltersResults, OtherTwoStage
+from scaraspec.mutants.operators.client.messages import AltersResults, OtherTwoStage
 from scaraspec.protocol.commands import BY_OPCODE, Parsed
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame, Framer, StreamItem

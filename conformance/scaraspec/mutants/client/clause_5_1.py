@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from scaraspec.client.transfer import Download, Upload
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.transferring import (
+from scaraspec.mutants.operators.client.transfers import (
     UPLOAD_CHUNK,
     AltersChunkData,
     AltersChunks,

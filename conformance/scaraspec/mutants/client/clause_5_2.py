@@ -12,7 +12,7 @@ from scaraspec.client.operations import Text
 from scaraspec.client.pending_operation import Stage
 from scaraspec.client.transfer import Download, Upload
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.transferring import (
+from scaraspec.mutants.operators.client.transfers import (
     DOWNLOAD_NAME,
     UPLOAD_CHUNK,
     UPLOAD_NAME,

@@ -10,7 +10,7 @@ from scaraspec.client.operations import Text
 from scaraspec.client.pending_operation import Progress
 from scaraspec.client.transfer import Download, chunk_reply
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.transferring import (
+from scaraspec.mutants.operators.client.transfers import (
     DOWNLOAD_CHUNK,
     DOWNLOAD_NAME,
     AltersFrames,

@@ -4,7 +4,7 @@ from scaraspec.client.core import ClientCore, Event
 from scaraspec.client.pending_operation import PendingOperation, Stage
 from scaraspec.client.transfer import Download, FileTransfer, Upload, chunk_reply
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.transferring import (
+from scaraspec.mutants.operators.client.transfers import (
     UPLOAD_CHUNK,
     DownloadsOtherwise,
     Forever,

@@ -8,7 +8,11 @@ from scaraspec.client.errors import ClientError, ProtocolError, Refused
 from scaraspec.client.pending_operation import PendingOperation
 from scaraspec.client.results import RunningProgram
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.altering import AltersReplies, AltersResults, TakesLossForSuccess
+from scaraspec.mutants.operators.client.messages import (
+    AltersReplies,
+    AltersResults,
+    TakesLossForSuccess,
+)
 from scaraspec.protocol.commands import BY_OPCODE, JointValues, PortValue
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import FLAG

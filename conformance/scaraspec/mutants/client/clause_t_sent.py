@@ -9,7 +9,7 @@ from scaraspec.client.core import ClientCore
 from scaraspec.client.pending_operation import PendingOperation
 from scaraspec.client.transfer import Download, Upload
 from scaraspec.mutants.client import mutant
-from scaraspec.mutants.client.altering import AltersRequests
+from scaraspec.mutants.operators.client.messages import AltersRequests
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.breaking import OtherFramer
+from scaraspec.mutants.operators.controller.connections import OtherFramer
 from scaraspec.protocol.commands import Command
 from scaraspec.protocol.frames import Frame, StreamItem
 from scaraspec.protocol.hazard import Hazard

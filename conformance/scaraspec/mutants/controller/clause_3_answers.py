@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.breaking import Mortal, SendsLater
+from scaraspec.mutants.operators.controller.connections import Mortal, SendsLater
 from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame, StreamItem

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.breaking import AltersBytes, OtherFramer, SendsLater
+from scaraspec.mutants.operators.controller.connections import AltersBytes, OtherFramer, SendsLater
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, StreamItem
 from scaraspec.virtual_controller.core import ControllerCore

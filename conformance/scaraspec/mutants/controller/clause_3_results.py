@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.breaking import AltersBytes, SendsLater
+from scaraspec.mutants.operators.controller.connections import AltersBytes, SendsLater
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Outcome

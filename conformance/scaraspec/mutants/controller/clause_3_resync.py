@@ -3,7 +3,7 @@
 from typing import Any
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.breaking import Mortal, OtherFramer, Skips
+from scaraspec.mutants.operators.controller.connections import Mortal, OtherFramer, Skips
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame, Skipped, SkipReason, StreamItem
 from scaraspec.protocol.readings import Dialect

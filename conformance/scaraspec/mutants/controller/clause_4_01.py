@@ -3,7 +3,7 @@
 from typing import Any, Final
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.replying import AltersReplies
+from scaraspec.mutants.operators.controller.replies import AltersReplies
 from scaraspec.protocol.commands import Command
 from scaraspec.protocol.frames import Frame
 from scaraspec.virtual_controller.behaviour import SILENCE, Silence

@@ -1,7 +1,7 @@
 """Faults of clause 4.3: the network settings as they are told."""
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.replying import AltersLengths, AltersReplies
+from scaraspec.mutants.operators.controller.replies import AltersLengths, AltersReplies
 
 _GET_NETWORK = 0x04
 

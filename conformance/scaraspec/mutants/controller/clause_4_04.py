@@ -3,7 +3,7 @@
 from typing import Any
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.replying import AltersReplies, Mends
+from scaraspec.mutants.operators.controller.replies import AltersReplies, Mends
 from scaraspec.protocol.commands import Command, Network
 from scaraspec.protocol.fields import Address, Diagnostics
 from scaraspec.protocol.frames import Frame

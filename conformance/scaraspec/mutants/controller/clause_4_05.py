@@ -5,7 +5,7 @@ from datetime import datetime, timedelta
 from typing import Any, Final
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.replying import AltersReplies, Mends
+from scaraspec.mutants.operators.controller.replies import AltersReplies, Mends
 from scaraspec.protocol.commands import Command
 from scaraspec.protocol.frames import Frame
 from scaraspec.virtual_controller.core import ControllerCore

@@ -5,7 +5,7 @@ from datetime import datetime, timedelta
 from typing import Any, Final
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.replying import AltersReplies
+from scaraspec.mutants.operators.controller.replies import AltersReplies
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request
 

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from typing import Any, Final
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.replying import AltersReplies
+from scaraspec.mutants.operators.controller.replies import AltersReplies
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.robot import IDLE, MOVING, RUNNING

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from typing import Final
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.replying import AltersLengths, AltersReplies
+from scaraspec.mutants.operators.controller.replies import AltersLengths, AltersReplies
 from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.virtual_controller.core import ControllerCore

@@ -5,7 +5,7 @@ from fnmatch import fnmatchcase
 from typing import Final
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.replying import AltersReplies, Mends
+from scaraspec.mutants.operators.controller.replies import AltersReplies, Mends
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.replying import AltersReplies
+from scaraspec.mutants.operators.controller.replies import AltersReplies
 from scaraspec.protocol.commands import BY_NAME, Command
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance

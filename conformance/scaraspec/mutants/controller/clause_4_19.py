@@ -3,7 +3,7 @@
 from typing import Final
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.replying import AltersReplies
+from scaraspec.mutants.operators.controller.replies import AltersReplies
 
 _GET_GRIPPER: Final = 0x34
 

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from typing import Any, Final
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.replying import AltersReplies, Mends
+from scaraspec.mutants.operators.controller.replies import AltersReplies, Mends
 from scaraspec.protocol.commands import Command, Point
 from scaraspec.protocol.fields import Diagnostics, Number
 from scaraspec.protocol.frames import Frame

@@ -3,7 +3,7 @@
 from typing import Final
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.replying import AltersLengths, AltersReplies
+from scaraspec.mutants.operators.controller.replies import AltersLengths, AltersReplies
 
 _GET_POSITION: Final = 0x37
 

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from typing import Final
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.replying import AltersReplies
+from scaraspec.mutants.operators.controller.replies import AltersReplies
 from scaraspec.protocol.commands import Pose
 from scaraspec.protocol.frames import Frame
 from scaraspec.virtual_controller.core import ControllerCore

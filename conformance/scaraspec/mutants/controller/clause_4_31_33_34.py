@@ -1,7 +1,7 @@
 """Faults of clauses 4.31, 4.33 and 4.34: what inputs and outputs are told to be."""
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.replying import AltersLengths, AltersReplies
+from scaraspec.mutants.operators.controller.replies import AltersLengths, AltersReplies
 from scaraspec.protocol.frames import Frame
 from scaraspec.virtual_controller.behaviour import SILENCE
 from scaraspec.virtual_controller.behaviour.base import Silence

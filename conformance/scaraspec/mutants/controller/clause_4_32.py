@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.replying import AltersReplies
+from scaraspec.mutants.operators.controller.replies import AltersReplies
 from scaraspec.protocol.commands import Command, PortValue
 from scaraspec.protocol.frames import Frame
 from scaraspec.virtual_controller.core import ControllerCore

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.transferring import (
+from scaraspec.mutants.operators.controller.transfers import (
     AltersChunkData,
     AltersChunks,
     JudgesChunks,

@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import cached_property
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.transferring import CHUNK, AltersChunks
+from scaraspec.mutants.operators.controller.transfers import CHUNK, AltersChunks
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, Chunk, Receiver, Sender, chunks_of

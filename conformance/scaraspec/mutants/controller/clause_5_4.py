@@ -5,7 +5,7 @@ from functools import cached_property
 from typing import ClassVar
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.transferring import JudgesChunks, SendsAfterTheEnd
+from scaraspec.mutants.operators.controller.transfers import JudgesChunks, SendsAfterTheEnd
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import NameListPart
 from scaraspec.protocol.transfer import (

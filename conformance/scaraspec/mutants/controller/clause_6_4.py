@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from scaraspec.mutants.controller.interpreting import misrun
+from scaraspec.mutants.operators.controller.programs import misrun
 from scaraspec.virtual_controller.interpreter import Run
 
 

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any, ClassVar
 
-from scaraspec.mutants.controller.interpreting import misrun
+from scaraspec.mutants.operators.controller.programs import misrun
 from scaraspec.protocol.payloads import Outcome
 from scaraspec.protocol.program_files import (
     Node,

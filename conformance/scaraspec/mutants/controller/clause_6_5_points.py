@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 
-from scaraspec.mutants.controller.interpreting import misrun
+from scaraspec.mutants.operators.controller.programs import misrun
 from scaraspec.protocol.program_files import Node, Point
 from scaraspec.virtual_controller.arm import Joints
 from scaraspec.virtual_controller.interpreter import Run

@@ -6,7 +6,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, ClassVar
 
-from scaraspec.mutants.controller.interpreting import misrun
+from scaraspec.mutants.operators.controller.programs import misrun
 from scaraspec.protocol.program_files import (
     Condition,
     Node,

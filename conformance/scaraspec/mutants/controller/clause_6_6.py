@@ -6,7 +6,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import ClassVar
 
-from scaraspec.mutants.controller.interpreting import misrun
+from scaraspec.mutants.operators.controller.programs import misrun
 from scaraspec.protocol.program_files import Operation, Opt, ResultType, ValueType
 from scaraspec.virtual_controller.interpreter import Run
 

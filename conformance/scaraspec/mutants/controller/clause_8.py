@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.replying import AltersReplies
+from scaraspec.mutants.operators.controller.replies import AltersReplies
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.virtual_controller.behaviour.base import refused

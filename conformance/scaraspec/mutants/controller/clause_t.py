@@ -1,8 +1,8 @@
 """Faults of the text conventions: separators, marks, digits, ends, numbers, codes, characters."""
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.breaking import Mortal
-from scaraspec.mutants.controller.replying import AltersReplies
+from scaraspec.mutants.operators.controller.connections import Mortal
+from scaraspec.mutants.operators.controller.replies import AltersReplies
 from scaraspec.protocol.frames import Frame
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session

@@ -16,8 +16,8 @@ from scaraspec.client.pending_operation import PendingOperation, Progress
 from scaraspec.client.transfer import Upload
 from scaraspec.judge.requirements import select
 from scaraspec.judge.verdicts import Verdict
-from scaraspec.mutants.client.transferring import CutsOtherwise, JudgesChunks
 from scaraspec.mutants.client_run import MemoryClient
+from scaraspec.mutants.operators.client.transfers import CutsOtherwise, JudgesChunks
 from scaraspec.protocol.commands import Parsed
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame

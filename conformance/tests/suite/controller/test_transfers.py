@@ -11,8 +11,8 @@ import pytest
 
 from scaraspec.judge.requirements import select
 from scaraspec.judge.verdicts import Verdict
-from scaraspec.mutants.controller.transferring import AltersChunkData, JudgesChunks
 from scaraspec.mutants.controller_run import PASSWORD, Robot
+from scaraspec.mutants.operators.controller.transfers import AltersChunkData, JudgesChunks
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, State

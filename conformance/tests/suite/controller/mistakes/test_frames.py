@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from scaraspec.mutants.controller.breaking import OtherFramer
+from scaraspec.mutants.operators.controller.connections import OtherFramer
 from scaraspec.protocol.frames import Frame, StreamItem
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.request_framer import RequestFramer

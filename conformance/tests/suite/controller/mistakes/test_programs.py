@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import pytest
 
 from scaraspec.mutants.controller.clause_6_5_damaged import TakesShortCurves
-from scaraspec.mutants.controller.transferring import SendsAfterTheEnd
+from scaraspec.mutants.operators.controller.transfers import SendsAfterTheEnd
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.protocol.program_files import (
     Node,

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from scaraspec.judge.verdicts import Verdict
-from scaraspec.mutants.controller.transferring import SendsAfterTheEnd
+from scaraspec.mutants.operators.controller.transfers import SendsAfterTheEnd
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from scaraspec.mutants.controller.transferring import SendsAfterTheEnd
+from scaraspec.mutants.operators.controller.transfers import SendsAfterTheEnd
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.virtual_controller.behaviour.base import Silence

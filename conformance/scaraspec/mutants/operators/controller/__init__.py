@@ -1,0 +1,1 @@
+"""Operators for mutants of the virtual controller."""
