@@ -1,7 +1,6 @@
 """`scaraspec requirements`: the catalogue, the register, and what tests each requirement."""
 
 import ast
-import inspect
 import json
 from collections import Counter
 from collections.abc import Iterator
@@ -217,6 +216,4 @@ def _mutant_locations(requirement_id: str) -> Iterator[str]:
     for package in (controller_mutants, client_mutants):
         for mutant in package.mutants().values():
             if requirement_id in mutant.requirements:
-                _, line = inspect.findsource(mutant.wrong)
-                file = str(inspect.getsourcefile(mutant.wrong))
-                yield f"{_location(file, line + 1)}: {mutant.name}"
+                yield f"{_location(*mutant.location)}: {mutant.name}"

@@ -1,4 +1,4 @@
-"""Registry of mutants: deliberately faulty controllers or clients, registered by a decorator.
+"""Registry of mutants: deliberately faulty controllers or clients, one row or class for each.
 
 A case of a requirement that the mutant violates must fail because of it. A mutant changes one
 behaviour and leaves the rest as it is. The mutants are in `mutants.controller` and
@@ -8,6 +8,7 @@ behaviour and leaves the rest as it is. The mutants are in `mutants.controller` 
 import importlib
 import inspect
 import pkgutil
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType, ModuleType
@@ -30,6 +31,7 @@ class Mutant(Generic[T]):
             default readings.
         subtle: Whether the fault shows only late, sometimes, at a limit, in one state, or to one
             of several connections.
+        location: File and line of its registration.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Mutant(Generic[T]):
     wrong: T
     reading: tuple[str, ...] = ()
     subtle: bool = False
+    location: tuple[str, int] = ("", 0)
 
 
 class MutantRegistry(Generic[T]):
@@ -51,6 +54,34 @@ class MutantRegistry(Generic[T]):
         self._finish = finish
         self._mutants: dict[str, Mutant[T]] = {}
 
+    def row(
+        self,
+        mutant_id: str,
+        requirements: str,
+        sentence: str,
+        *changes: type[Any],
+        reading: tuple[str, ...] = (),
+        subtle: bool = False,
+    ) -> None:
+        """Register a mutant that operators describe; whatever keeps state is a class instead.
+
+        Args:
+            mutant_id: The id, in lower case with hyphens; it is public and never changes.
+            requirements: The ids of the requirements that the mutant violates, with blanks between.
+            sentence: What the faulty device does.
+            changes: The classes that `mutants.operators` returns; the first one acts first.
+            reading: Readings under which the fault is observable, as ``key=option``.
+            subtle: Whether the fault shows only in few situations; see `Mutant`.
+
+        Raises:
+            ValueError: Another mutant has this id.
+        """
+        wrong = changes[0] if len(changes) == 1 else type("Mutant", changes, {})
+        violated = tuple(requirements.split())
+        self._add(
+            Mutant(mutant_id, violated, sentence, self._finish(wrong), reading, subtle, _caller())
+        )
+
     def mutant(
         self,
         mutant_id: str,
@@ -58,38 +89,35 @@ class MutantRegistry(Generic[T]):
         reading: tuple[str, ...] = (),
         subtle: bool = False,
     ) -> Callable[[C], C]:
-        """Register the decorated class as a mutant that violates these requirements.
+        """Register the decorated class; the first line of its docstring is the sentence.
 
-        The first line of the docstring of the class is the sentence that ``prove --list`` prints.
-
-        Args:
-            mutant_id: The id, in lower case with hyphens; it is public and never changes.
-            requirements: The requirements that the mutant violates.
-            reading: Readings under which the fault is observable, as ``key=option``.
-            subtle: Whether the fault shows only in few situations; see `Mutant`.
-
-        Raises:
-            ValueError: Another mutant has this id.
-            TypeError: The class is abstract.
+        Args and exceptions are those of `row`. An abstract class raises TypeError.
         """
 
         def register(wrong: C) -> C:
-            if mutant_id in self._mutants:
-                raise ValueError(f"the mutant id {mutant_id} is already registered")
             if inspect.isabstract(wrong):
                 missing = ", ".join(sorted(wrong.__abstractmethods__))
                 raise TypeError(f"the mutant {mutant_id} does not implement {missing}")
             sentence = (wrong.__doc__ or "").strip().partition("\n")[0]
             made = self._finish(wrong)
-            self._mutants[mutant_id] = Mutant(
-                mutant_id, requirements, sentence, made, reading, subtle
-            )
+            self._add(Mutant(mutant_id, requirements, sentence, made, reading, subtle, _caller()))
             return wrong
 
         return register
+
+    def _add(self, mutant: Mutant[T]) -> None:
+        if mutant.name in self._mutants:
+            raise ValueError(f"the mutant id {mutant.name} is already registered")
+        self._mutants[mutant.name] = mutant
 
     def all(self, package: ModuleType) -> Mapping[str, Mutant[T]]:
         """Import all modules of a package in the order of their names and return their mutants."""
         for module in sorted(pkgutil.iter_modules(package.__path__), key=lambda found: found.name):
             importlib.import_module(f"{package.__name__}.{module.name}")
         return MappingProxyType(self._mutants)
+
+
+def _caller() -> tuple[str, int]:
+    """Return file and line of the row or decorator that registers a mutant."""
+    frame = sys._getframe(2)  # noqa: SLF001 - inspect.stack() takes 1 s for all mutants
+    return frame.f_code.co_filename, frame.f_lineno

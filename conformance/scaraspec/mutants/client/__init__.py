@@ -26,6 +26,7 @@ def _client(wrong: type[Any]) -> type[AsyncClient]:
 
 _MUTANTS: Final = registry.MutantRegistry[type[AsyncClient]](_client)
 mutant = _MUTANTS.mutant
+row = _MUTANTS.row
 
 
 @cache

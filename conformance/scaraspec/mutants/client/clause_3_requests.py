@@ -89,7 +89,7 @@ class TwoBytesOfLength(SpoilsFrames):
 
     def spoiled(self, frame: bytes) -> bytes:
         """Split it."""
-        if frame[2] <= 127:  # noqa: PLR2004 - seven bits
+        if frame[2] <= 127:
             return frame
         return frame[:2] + bytes((frame[2] | 0x80, frame[2] >> 7)) + frame[3:]
 
@@ -146,7 +146,7 @@ class LengthModulo256(ClientCore):
 
     def command(self, name: str, value: Any = None) -> PendingOperation:
         """Take it as if it were short."""
-        if name == "delete_program" and len(value) > 255:  # noqa: PLR2004 - one byte
+        if name == "delete_program" and len(value) > 255:
             self._whole, value = value, value[:1]
         return super().command(name, value)
 

@@ -83,4 +83,4 @@ class CutsLongPairs(_SendsAnyPair):
     def passes(self, pair: PasswordChange) -> bytes:
         """Cut it."""
         whole = b"|".join(pair)
-        return whole[:255] if len(whole) > 255 else b""  # noqa: PLR2004 - one length byte
+        return whole[:255] if len(whole) > 255 else b""

@@ -95,7 +95,7 @@ class SixteenParts(_OtherListing):
         """Ends there."""
 
         def _accept(self, value: NameListPart, now_s: float) -> list[Frame]:
-            more = value.more and self._parts_received < 15  # noqa: PLR2004 - it is the sixteenth
+            more = value.more and self._parts_received < 15
             return super()._accept(value._replace(more=more), now_s)
 
 
@@ -214,7 +214,7 @@ class FailsAtLongNames(AltersReplies):
 
     def altered(self, data: bytes) -> bytes:
         """Read it, or not."""
-        return b"?" if max(map(len, data.split(b"|"))) > 100 else data  # noqa: PLR2004 - a buffer
+        return b"?" if max(map(len, data.split(b"|"))) > 100 else data
 
 
 # 4.11

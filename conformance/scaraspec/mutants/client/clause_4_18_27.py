@@ -172,4 +172,4 @@ class AnglesAreAskedForAsTheyWere(AltersRequests):
     def altered(self, data: bytes) -> bytes:
         """Count."""
         self._count += 1
-        return data + b"%d" % self._count if self._count > 2 else data  # noqa: PLR2004 - the third time
+        return data + b"%d" % self._count if self._count > 2 else data

@@ -118,7 +118,7 @@ class SpeedOfByteSizeIsSent(SendsUnchecked):
 
     def passes(self, value: float) -> bool:
         """Let it pass."""
-        return value == int(value) and _FULL_PERCENT < value < 256  # noqa: PLR2004 - a byte
+        return value == int(value) and _FULL_PERCENT < value < 256
 
 
 @mutant("half-percents-are-sent", "4.24/2", subtle=True)

@@ -75,7 +75,7 @@ class JogInTwoForms(AltersRequests):
     def altered(self, data: bytes) -> bytes:
         """Change over."""
         self._count += 1
-        return bytes([int(data)]) if self._count > 4 else data  # noqa: PLR2004 - once in each direction
+        return bytes([int(data)]) if self._count > 4 else data
 
 
 @mutant("jog-begins-with-x", "4.28/3")

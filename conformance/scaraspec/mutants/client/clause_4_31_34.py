@@ -221,7 +221,7 @@ class AnalogPortBeyondTwoDigits(SendsUnchecked):
 
     def passes(self, value: float) -> bool:
         """Let it pass."""
-        return value > 99  # noqa: PLR2004 - two digits
+        return value > 99
 
 
 @mutant("zero-is-an-error", "4.33/4")

@@ -322,7 +322,7 @@ class _Gapped(Sender):
     def __init__(self, content: bytes, now_s: float, dialect: Dialect = DEFAULT) -> None:
         super().__init__(content, now_s, dialect)
         every = enumerate(chunks_of(content))
-        self._chunks = (chunk for number, chunk in every if number != 3 or chunk.last)  # noqa: PLR2004 - the fourth
+        self._chunks = (chunk for number, chunk in every if number != 3 or chunk.last)
 
 
 @mutant("skips-the-fourth-chunk", "5.1/8", "5.2/20", subtle=True)

@@ -450,7 +450,7 @@ class CutsLargeFiles(AltersContent):
 
 class _CountsToByte(Sender):
     def next_chunk(self) -> Chunk | None:
-        if self.acknowledged_bytes // BUFFER_BYTES >= 255:  # noqa: PLR2004 - what one byte counts
+        if self.acknowledged_bytes // BUFFER_BYTES >= 255:
             return None
         return super().next_chunk()
 

@@ -128,7 +128,7 @@ class ForgetsDays(AltersReplies):
 
     def altered(self, data: bytes) -> bytes:
         """Forget the days."""
-        return data[:-8] + b"00" + data[-6:] if len(data) > 8 else data  # noqa: PLR2004 - DDHHMMSS
+        return data[:-8] + b"00" + data[-6:] if len(data) > 8 else data
 
 
 @mutant("windows-years", "T/9", subtle=True)
@@ -337,7 +337,7 @@ class CodesAreDecimal(ClientCore):
 
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
         head, bar, code = frame.data.rpartition(b"|")
-        if head in (b"0", b"00") and len(code) == 2 and not code.isdigit():  # noqa: PLR2004 - a code
+        if head in (b"0", b"00") and len(code) == 2 and not code.isdigit():
             frame = frame._replace(data=head + bar + code[:1] + b"0")
         return super()._dispatch(frame, now_s)
 
@@ -353,7 +353,7 @@ class QuestionMarks(AltersReplies):
 
     def altered(self, data: bytes) -> bytes:
         """Put them in."""
-        return bytes(byte if byte < 0x80 else ord("?") for byte in data)  # noqa: PLR2004 - beyond ASCII
+        return bytes(byte if byte < 0x80 else ord("?") for byte in data)
 
 
 @mutant("leaves-out-the-foreign", "T/8", subtle=True)
@@ -364,4 +364,4 @@ class LeavesOutTheForeign(AltersReplies):
 
     def altered(self, data: bytes) -> bytes:
         """Leave it out."""
-        return bytes(byte for byte in data if byte < 0x80)  # noqa: PLR2004 - beyond ASCII
+        return bytes(byte for byte in data if byte < 0x80)

@@ -179,7 +179,7 @@ class Exponents(_Numbers):
 
     def written(self, number: float) -> str:
         """Write it as many a language does; Java begins the latest with large ones."""
-        return f"{number}" if 1e-3 <= abs(number) < 1e7 or not number else f"{number:e}"  # noqa: PLR2004 - as these do
+        return f"{number}" if 1e-3 <= abs(number) < 1e7 or not number else f"{number:e}"
 
 
 @mutant("commas-for-points", "T/5")

@@ -8,10 +8,12 @@ from typing import Final
 from scaraspec.mutants import registry
 from scaraspec.virtual_controller.core import ControllerCore
 
-ControllerMutant = registry.Mutant[type[ControllerCore]]
+Core = type[ControllerCore]
+ControllerMutant = registry.Mutant[Core]
 
-_MUTANTS: Final = registry.MutantRegistry[type[ControllerCore]](lambda core: core)
+_MUTANTS: Final = registry.MutantRegistry[Core](lambda core: core)
 mutant = _MUTANTS.mutant
+row = _MUTANTS.row
 
 
 @cache

@@ -1,13 +1,77 @@
-"""What faults share: what goes out or comes in is altered on its way; other two-stage commands."""
+"""Operators that change one message of the reference client, or the value that it returns.
+
+`command` is the name of a row of the command table. A change is a function of the data, or a
+table of data and what is sent or read in its place.
+"""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar
 
+from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import ClientCore, Event
 from scaraspec.client.pending_operation import PendingOperation, TwoStage
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
+
+Change = Callable[[bytes], bytes] | Mapping[bytes, bytes]
+
+
+def request_data(command: str, change: Change) -> type[ClientCore]:
+    """The data of requests of one command are changed before they are sent."""
+
+    class RequestData(ClientCore):
+        def _send(self, frames: Iterable[Frame]) -> None:
+            super()._send(_changed(frame, command, change) for frame in frames)
+
+    return RequestData
+
+
+def request_fields(command: str, change: Callable[[list[bytes]], list[bytes]]) -> type[ClientCore]:
+    """The fields of requests of one command are changed before they are sent."""
+    return request_data(command, lambda data: b"|".join(change(data.split(b"|"))))
+
+
+def reply_data(command: str, change: Change) -> type[ClientCore]:
+    """The data of first replies to one command are changed before they are decoded."""
+
+    class ReplyData(ClientCore):
+        def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+            return super()._dispatch(_changed(frame, command, change), now_s)
+
+    return ReplyData
+
+
+def result_data(change: Change) -> type[ClientCore]:
+    """The data of all final results are changed before they are decoded."""
+
+    class ResultData(ClientCore):
+        def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+            if frame.tagged:
+                frame = frame._replace(data=_change_data(change, frame.data))
+            return super()._dispatch(frame, now_s)
+
+    return ResultData
+
+
+def returned(method: str, change: Callable[[Any], Any]) -> type[AsyncClient]:
+    """A method of the client returns a changed value."""
+
+    async def call(client: AsyncClient, *args: Any) -> Any:
+        return change(await getattr(super(changed, client), method)(*args))
+
+    changed: type[AsyncClient] = type("Returned", (AsyncClient,), {method: call})
+    return changed
+
+
+def _changed(frame: Frame, command: str, change: Change) -> Frame:
+    if frame.tagged or frame.opcode != BY_NAME[command].opcode:
+        return frame
+    return frame._replace(data=_change_data(change, frame.data))
+
+
+def _change_data(change: Change, data: bytes) -> bytes:
+    return change.get(data, data) if isinstance(change, Mapping) else change(data)
 
 
 class ReplacesRequests(ClientCore, ABC):

@@ -1,15 +1,76 @@
-"""What faulty controllers of clause 4 have in common: they answer or read one command otherwise.
+"""Operators that change sent frames: first replies, final results, length bytes, all bytes.
 
-No fault stands here.
+`command` is the name of a row of the command table. A change is a function of the data, or a
+table of data and what is sent in its place.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
-from scaraspec.protocol.commands import Command
+from scaraspec.protocol.commands import BY_NAME, BY_OPCODE, Command
 from scaraspec.protocol.frames import Frame
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Session
+
+Change = Callable[[bytes], bytes] | Mapping[bytes, bytes]
+Core = type[ControllerCore]
+
+TWO_STAGE = tuple(command.name for command in BY_OPCODE.values() if command.two_stage)
+
+
+def first_reply(command: str | tuple[str, ...], change: Change) -> Core:
+    """The data of first replies to one or several commands are changed."""
+    return _frame_data(command, change, tagged=False)
+
+
+def final_result(command: str | tuple[str, ...], change: Change) -> Core:
+    """The data of final results of one or several commands are changed."""
+    return _frame_data(command, change, tagged=True)
+
+
+def _frame_data(command: str | tuple[str, ...], change: Change, *, tagged: bool) -> Core:
+    opcodes = _opcodes(command)
+
+    class FrameData(ControllerCore):
+        def emit(self, session: Session, frame: Frame) -> None:
+            if frame.opcode in opcodes and frame.tagged is tagged:
+                frame = frame._replace(data=_changed(change, frame.data))
+            super().emit(session, frame)
+
+    return FrameData
+
+
+def length_byte(command: str, change: Callable[[int], int]) -> Core:
+    """The length byte of first replies to a command is a function of the number of data bytes."""
+    opcode = BY_NAME[command].opcode
+
+    class LengthByte(ControllerCore):
+        def transmit(self, session: Session, data: bytes) -> None:
+            if data[1] == opcode:
+                data = data[:2] + bytes((change(data[2]) % 256,)) + data[3:]
+            super().transmit(session, data)
+
+    return LengthByte
+
+
+def frame_bytes(change: Callable[[bytes], bytes]) -> Core:
+    """The bytes of every sent frame are changed."""
+
+    class FrameBytes(ControllerCore):
+        def transmit(self, session: Session, data: bytes) -> None:
+            super().transmit(session, change(data))
+
+    return FrameBytes
+
+
+def _opcodes(command: str | tuple[str, ...]) -> frozenset[int]:
+    names = (command,) if isinstance(command, str) else command
+    return frozenset(BY_NAME[name].opcode for name in names)
+
+
+def _changed(change: Change, data: bytes) -> bytes:
+    return change.get(data, data) if isinstance(change, Mapping) else change(data)
 
 
 class AltersReplies(ControllerCore, ABC):
