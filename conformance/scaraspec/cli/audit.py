@@ -1,11 +1,14 @@
 """`scaraspec audit`: judge a capture."""
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import click
 from rich.console import Console
+from rich.progress import Progress, TextColumn, TimeElapsedColumn
 
-from scaraspec.cli.auditing import audit
+from scaraspec.api.auditing import audit
 from scaraspec.cli.options import capture_port
 from scaraspec.cli.problems import Problem
 from scaraspec.protocol.readings import Dialect, ReadingError
@@ -62,7 +65,10 @@ def command(  # noqa: PLR0913 - one for each option
             )
     try:
         dialect = Dialect.parse(readings)
-        results, notes = audit(file, dialect=dialect, port=port, serial=serial)
+        with _shown_progress() as progress:
+            results, notes = audit(
+                file, dialect=dialect, port=port, serial=serial, progress=progress
+            )
         if json_file:
             results.write(json_file)
         if html_file:
@@ -81,3 +87,14 @@ def command(  # noqa: PLR0913 - one for each option
         click.echo(visible(f"{file}: {note}"), err=True)
     terminal.show(results, Console())
     raise SystemExit(results.verdict.exit_status)
+
+
+@contextmanager
+def _shown_progress() -> Iterator[Callable[[int], None]]:
+    """On a terminal, show the number of events judged so far; yield the callback."""
+    console = Console(stderr=True)
+    columns = (TextColumn("judging {task.completed} events"), TimeElapsedColumn())
+    hidden = not console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=hidden) as bar:
+        task = bar.add_task("judging", total=None)
+        yield lambda count: bar.update(task, completed=count)

@@ -1,34 +1,38 @@
 """`scaraspec prove`: runs the suite against mutants and writes which case kills which mutant."""
 
-import json
+import itertools
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import closing
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from types import TracebackType
+from typing import Any, Self
 
 import click
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
+from scaraspec.api.proving import EVERYTHING, KillMatrix, mutants, prove, prove_dialects
 from scaraspec.cli.problems import Problem, no_such_mutant
 from scaraspec.judge.requirements import UnknownRequirementError, select
 from scaraspec.judge.verdicts import Conclusion, ExitStatus
-from scaraspec.mutants.kill_matrix import STANDS, Proof, alarm_of, dialects, proof_of
+from scaraspec.mutants.kill_matrix import STANDS, Alarm, Proof, dialects
 from scaraspec.mutants.registry import Mutant
-from scaraspec.mutants.worker_pool import apart
-from scaraspec.report.files import write_whole
-from scaraspec.report.model import Role
-from scaraspec.suite.engine.plan import ALL, Options
+from scaraspec.report.model import Results, Role
+from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.run import collect
 from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec prove --only 4.15 --out proof"
 
 _PATH = click.Path(path_type=Path)
-MATRIX: Final = "kill-matrix.{role}.json"
-_RUNS: Final = 50  # per worker process: pytest and hypothesis keep some memory of each run
 
 
 @click.command(epilog=EXAMPLE)
@@ -102,77 +106,59 @@ def command(  # noqa: PLR0913 - one for each option
     is conformant; 1: otherwise; 4: there is no mutant or no case to run.
     """
     mutant_ids += fault_ids
-    party = Role(role)
+    subject = Role(role)
     if listed and (quick or out):
         raise Problem("--list runs no mutant: remove --quick, --out")
-    options = Options(
-        only=_requirements(only),
-        allowed=ALL,
-        undefined=True,
-        examples=examples,
-        exhaustive=True,
-        brief=brief,
-    )
+    options = replace(EVERYTHING, only=_requirements(only), examples=examples, brief=brief)
     if other_dialects:
         if mutant_ids or quick or every > 1 or listed or out:
             raise Problem(
                 "--dialects runs no mutant: remove --mutant, --quick, --every, --list, --out"
             )
-        _prove_dialects(party, options, jobs)
+        _prove_dialects(subject, options, jobs)
         return
-    chosen = _chosen(party, mutant_ids, options)[::every]
+    try:
+        chosen = mutants(subject, options, mutant_ids)[::every]
+    except KeyError as error:
+        raise no_such_mutant(error.args[0], [m.name for m in mutants(subject)], role) from None
     if not chosen:
         raise _nothing_proved("none of these mutants violates a requirement of --only")
     if listed:
         for mutant in chosen:
             click.echo(_list_line(mutant))
         return
-    unmodified = _try_unmodified(party, options)
-    work = partial(proof_of, role=party, options=options, quick=quick)
-    tried = [mutant.name for mutant in chosen]
-    with closing(apart(work, tried, jobs=jobs, runs=_RUNS)) as pending:
-        proofs = list(_with_progress(pending, len(chosen)))
-    cases = [case.id for case in collect(options, party) if not (brief and case.slow)]
-    idle = _idle(cases, proofs) if not mutant_ids and every == 1 else []
-    counts = _counts(proofs)
-    _print_summary(proofs, idle, counts)
-    if out:
-        out.mkdir(parents=True, exist_ok=True)
-        matrix = {
-            "role": role,
-            "quick": quick,
-            "without_fault": unmodified.value,
-            "counts": {**counts, "cases": len(cases), "idle": len(idle)},
-            "faults": [proof.plain() for proof in proofs],
-            "idle": idle,
-        }
-        write_whole(
-            out / MATRIX.format(role=role), json.dumps(matrix, ensure_ascii=False, indent=1) + "\n"
+    with _Progress(len(chosen)) as progress:
+        matrix = prove(
+            subject,
+            options,
+            ids=mutant_ids,
+            every=every,
+            quick=quick,
+            jobs=jobs,
+            unmodified_ends=partial(_print_unmodified, subject),
+            mutant_ends=progress.add,
         )
-    if counts["killed"] < counts["faults"] or unmodified is not Conclusion.CONFORMANT:
+    _print_summary(matrix)
+    if out:
+        matrix.write(out)
+    if matrix.survivors or matrix.unmodified is not Conclusion.CONFORMANT:
         raise SystemExit(ExitStatus.NONCONFORMANT)
 
 
-def _try_unmodified(role: Role, options: Options) -> Conclusion:
-    """Run the suite against the implementation without a fault and print the conclusion."""
-    results = STANDS[role].prove(options)
-    if any(case.id == "run.interrupted" for case in results.cases):
-        raise KeyboardInterrupt
+def _print_unmodified(role: Role, results: Results) -> None:
     click.echo(f"unmodified {role.value}: {results.verdict.value}, {len(results.cases)} cases")
-    return results.verdict
 
 
-def _print_summary(proofs: Iterable[Proof], idle: Iterable[str], counts: Mapping[str, int]) -> None:
+def _print_summary(matrix: KillMatrix) -> None:
     """Print the mutants that survived, the cases that killed none, and the counts."""
-    for proof in proofs:
-        if not proof.killers:
-            violated = ", ".join(proof.requirements)
-            click.echo(f"SURVIVED {proof.fault}: {proof.sentence} ({violated})")
-    for case in idle:
+    for proof in matrix.survivors:
+        violated = ", ".join(proof.requirements)
+        click.echo(f"SURVIVED {proof.fault}: {proof.sentence} ({violated})")
+    for case in matrix.idle:
         click.echo(f"kills no mutant: {case}")
     click.echo(
         "{killed} of {faults} mutants killed, {subtle_killed} of {subtle} subtle ones".format(
-            **counts
+            **matrix.counts
         )
     )
 
@@ -189,20 +175,6 @@ def _requirements(only: str | None) -> frozenset[str] | None:
         raise Problem(UserMessage("--only: {error}", error=error)) from None
 
 
-def _chosen(role: Role, mutant_ids: Sequence[str], options: Options) -> list[Mutant[Any]]:
-    known = STANDS[role].faults()
-    for mutant_id in mutant_ids:
-        if mutant_id not in known:
-            raise no_such_mutant(mutant_id, known, role.value)
-    only = options.only
-    return [
-        mutant
-        for name, mutant in known.items()
-        if (not mutant_ids or name in mutant_ids)
-        and (only is None or only & set(mutant.requirements))
-    ]
-
-
 def _list_line(mutant: Mutant[Any]) -> str:
     """Return the id, the sentence, the violated requirements and the readings in one line."""
     violated = ", ".join(mutant.requirements)
@@ -215,48 +187,58 @@ def _prove_dialects(role: Role, options: Options, jobs: int) -> None:
     """Show that no case fails a conforming implementation, whichever readings it follows."""
     if not collect(options, role):
         raise _nothing_proved("no case tests a requirement of --only")
-    tried = list(dialects())
-    false_alarms = 0
-    work = partial(alarm_of, role=role, options=options)
-    with closing(apart(work, tried, jobs=jobs, runs=_RUNS)) as alarms:
-        for number, alarm in enumerate(alarms, 1):
-            false_alarms += alarm.false
-            click.echo(f"{number}/{len(tried)} {alarm.verdict} {' '.join(alarm.readings)}")
-            for case, message in alarm.cases.items():
-                click.echo(f"    {case}: {message}")
-    click.echo(f"{len(tried) - false_alarms} of {len(tried)} dialects conformant")
-    if false_alarms:
+    count = len(list(dialects()))
+    number = itertools.count(1)
+
+    def show(alarm: Alarm) -> None:
+        click.echo(f"{next(number)}/{count} {alarm.verdict} {' '.join(alarm.readings)}")
+        for case, message in alarm.cases.items():
+            click.echo(f"    {case}: {message}")
+
+    alarms = prove_dialects(role, options, jobs=jobs, dialect_ends=show)
+    conformant = sum(not alarm.false for alarm in alarms)
+    click.echo(f"{conformant} of {count} dialects conformant")
+    if conformant < count:
         raise SystemExit(ExitStatus.NONCONFORMANT)
 
 
-def _with_progress(proofs: Iterator[Proof], count: int) -> Iterator[Proof]:
-    """Yield the proofs and show the progress: a bar on a terminal, lines elsewhere."""
-    console = Console()
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(
-        *columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal
-    ) as bar:
-        task = bar.add_task("proving", total=count)
-        for number, proof in enumerate(proofs, 1):
-            bar.update(task, advance=1, description=proof.fault)
-            if not console.is_terminal:
-                by = ", ".join(proof.killers) or "nothing"
-                click.echo(f"{number}/{count} {proof.fault}: killed by {by}")
-            yield proof
+class _Progress:
+    """The progress of a proof: a bar on a terminal, lines elsewhere.
 
+    Args:
+        count: Number of mutants.
+    """
 
-def _idle(cases: Iterable[str], proofs: Iterable[Proof]) -> list[str]:
-    """Return the cases that kill no mutant."""
-    killers = {case for proof in proofs for case in proof.killers}
-    return [case for case in cases if case not in killers]
+    def __init__(self, count: int) -> None:
+        self._count, self._number = count, 0
+        self._console = Console()
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            console=self._console,
+            disable=not self._console.is_terminal,
+        )
+        self._task = self._bar.add_task("proving", total=count)
 
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return self
 
-def _counts(proofs: Iterable[Proof]) -> dict[str, int]:
-    """Count the mutants and the killed mutants, in total and of the subtle ones."""
-    killed = [(proof.subtle, bool(proof.killers)) for proof in proofs]
-    return {
-        "faults": len(killed),
-        "killed": sum(dead for _, dead in killed),
-        "subtle": sum(subtle for subtle, _ in killed),
-        "subtle_killed": sum(subtle and dead for subtle, dead in killed),
-    }
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._bar.stop()
+
+    def add(self, proof: Proof) -> None:
+        """Show the result of a mutant."""
+        self._number += 1
+        self._bar.update(self._task, advance=1, description=proof.fault)
+        if not self._console.is_terminal:
+            by = ", ".join(proof.killers) or "nothing"
+            click.echo(f"{self._number}/{self._count} {proof.fault}: killed by {by}")

@@ -6,25 +6,21 @@ This module handles arguments and output. `config` checks the configuration, `re
 import asyncio
 import contextlib
 import signal
-from collections.abc import AsyncIterator, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import click
 from rich.console import Console
 
+from scaraspec.api.recording import RecordingPlan, record
 from scaraspec.cli.help import GroupedCommand
 from scaraspec.cli.problems import Problem, make_folder
 from scaraspec.cli.stdio import insists
-from scaraspec.cli.viewer import has_viewer, open_viewer
+from scaraspec.cli.viewer import open_viewer
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.operating_system import ending_signals
 from scaraspec.transports.url import (
-    Rfcomm,
-    Serial,
-    Tcp,
     UrlError,
     join_host_port,
     parse,
@@ -43,14 +39,10 @@ from scaraspec_recorder.config import (
 )
 from scaraspec_recorder.monitoring.dashboard import Dashboard, Display, LineDisplay
 from scaraspec_recorder.monitoring.status import Status, StatusReader
-from scaraspec_recorder.recording import Recording, record
+from scaraspec_recorder.recording import Recording
 from scaraspec_recorder.recordings.triggers import SIGNAL
 from scaraspec_recorder.sinks.file_names import safe_name
-from scaraspec_recorder.sinks.rerun.live import live_sink
-from scaraspec_recorder.sinks.sink import SinkFactory
-from scaraspec_recorder.tap import serial_relay
-from scaraspec_recorder.tap.routes import Mode, Route, route
-from scaraspec_recorder.tap.tcp import is_loopback
+from scaraspec_recorder.tap.routes import Mode
 
 EXAMPLE = "Example: scaraspec record tcp://192.168.1.2 --listen 0.0.0.0:8877 --live"
 
@@ -123,63 +115,16 @@ def command(url: str | None, **options: Any) -> None:
     hour. With the extra view it also writes .rrd files. Exit status 3 if anything was lost.
     """
     try:
-        plans = [_plan(robot) for robot in _robots(url, options)]
+        robots = _robots(url, options)
+        for robot in robots:
+            RecordingPlan.of(robot)  # all errors before anything starts
         viewer = open_viewer() if options["live"] else None
         watches: list[StatusReader] = []
         with _metrics(options["metrics"], watches), contextlib.suppress(KeyboardInterrupt):
-            asyncio.run(_record(plans, viewer, watches))
+            asyncio.run(_record(robots, viewer, watches))
     except (ConfigError, UrlError) as error:
         raise Problem(str(error)) from None
     _print_summary([watch.read_status() for watch in watches])
-
-
-@dataclass(frozen=True, slots=True)
-class _Plan:
-    """A robot and its link.
-
-    Attributes:
-        robot: The configuration of its recording.
-        controller: The link of the controller.
-        listen: The address on which the tap listens.
-        caller: The serial line of the client; None if clients connect over TCP.
-    """
-
-    robot: RobotConfig
-    controller: Tcp | Serial | Rfcomm
-    listen: tuple[str, int]
-    caller: serial_relay.SerialEndpoint | None = None
-
-    @property
-    def way(self) -> Route:
-        """The route to the controller."""
-        if isinstance(self.controller, Tcp):
-            return route(self.robot.mode, *self.controller)
-        return serial_relay.SerialRoute(_line(self.controller))
-
-    def sinks(self, viewer: str | None) -> tuple[SinkFactory, ...]:
-        """Return the factories of the sinks."""
-        needs_login = isinstance(self.controller, Tcp)  # L83
-        session = {"controller": str(self.controller)}
-        files = self.robot.sink(session, draw=has_viewer(), needs_login=needs_login)
-        live = partial(live_sink, url=viewer, needs_login=needs_login) if viewer else None
-        return (files, live) if live else (files,)
-
-    @contextlib.asynccontextmanager
-    async def calling(self, address: tuple[str, int]) -> AsyncIterator[str]:
-        """Connect the client's line; yield the address or line of the client side."""
-        if not self.caller:
-            yield join_host_port(*address)
-            return
-        async with serial_relay.relay_serial_client(self.caller, address):
-            yield str(self.caller)
-
-
-def _line(link: Serial | Rfcomm) -> serial_relay.SerialEndpoint:
-    return (
-        serial_relay.SerialPort(*link)
-        if isinstance(link, Serial)
-        else serial_relay.RfcommChannel(*link)
-    )
 
 
 def _robots(url: str | None, options: dict[str, Any]) -> Sequence[RobotConfig]:
@@ -202,33 +147,6 @@ def _robots(url: str | None, options: dict[str, Any]) -> Sequence[RobotConfig]:
         raise Problem("no controller: name its URL, as tcp://192.168.1.2, or a file with --config")
     name = safe_name(str(parse(url)[0]))  # host, device or address
     return (read_robot(name, {"url": url, **given}, "--"),)
-
-
-def _plan(robot: RobotConfig) -> _Plan:
-    controller, caller = parse(robot.url), None
-    if "://" in robot.listen:
-        client = parse(robot.listen)
-        if isinstance(client, Tcp):
-            raise Problem(
-                UserMessage(
-                    "{listen} is not an address to listen on: write {value}",
-                    listen=robot.listen,
-                    value=join_host_port(*client),
-                )
-            )
-        caller, listen = _line(client), ("127.0.0.1", 0)
-    else:
-        listen = split_host_port(robot.listen, lowest_port=0)
-    if robot.mode is not Mode.EXPLICIT and (caller or not isinstance(controller, Tcp)):
-        raise Problem(UserMessage("the mode {mode} needs TCP on both sides", mode=robot.mode))
-    if robot.injection and not robot.i_mean_it and not is_loopback(listen[0]):
-        risk = "other machines can connect: add --i-mean-it if this is intended"
-        raise Problem(
-            UserMessage(
-                "faults would be injected at {listen}, and {risk}", listen=robot.listen, risk=risk
-            )
-        )
-    return _Plan(robot, controller, listen, caller)
 
 
 def _metrics(
@@ -257,7 +175,9 @@ def _metrics(
     return offered()
 
 
-async def _record(plans: Sequence[_Plan], viewer: str | None, watches: list[StatusReader]) -> None:
+async def _record(
+    robots: Sequence[RobotConfig], viewer: str | None, watches: list[StatusReader]
+) -> None:
     """Record until the first signal; then write the rest, until a second signal."""
     stopped = asyncio.Event()
     loop, whole = asyncio.get_running_loop(), asyncio.current_task()
@@ -276,8 +196,8 @@ async def _record(plans: Sequence[_Plan], viewer: str | None, watches: list[Stat
     showing = loop.create_task(_show(watches, stopped))
     try:
         async with asyncio.TaskGroup() as group:
-            for plan in plans:
-                group.create_task(_record_one(plan, viewer, watches, asked, stopped))
+            for robot in robots:
+                group.create_task(_record_one(robot, viewer, watches, asked, stopped))
     except* Problem as problems:
         raise problems.exceptions[0] from None
     except* asyncio.CancelledError:
@@ -299,31 +219,20 @@ def _ask(asked: Sequence[Recording]) -> None:
 
 
 async def _record_one(
-    plan: _Plan,
+    robot: RobotConfig,
     viewer: str | None,
     watches: list[StatusReader],
     asked: list[Recording],
     stopped: asyncio.Event,
 ) -> None:
     """Record one robot. Append the recording to `asked` if a signal marks it."""
-    robot = plan.robot
     make_folder(robot.out)
     try:
-        async with (
-            record(
-                plan.way,
-                plan.listen,
-                robot.out,
-                plan.sinks(viewer),
-                injection=robot.injection,
-                kernel_time=robot.timestamps is TimestampSource.KERNEL,
-            ) as recording,
-            plan.calling(recording.address) as where,
-        ):
-            recording.drain_s = _DRAIN_S
+        async with record(robot, viewer_url=viewer, drain_s=_DRAIN_S) as recording:
             watches.append(StatusReader(robot.name, recording, robot.out))
             if SIGNAL in robot.triggers:
                 asked.append(recording)
+            where = robot.listen if "://" in robot.listen else join_host_port(*recording.address)
             click.echo(f"recording {where} to {robot.url} in {robot.out}; press Ctrl-C to stop")
             await stopped.wait()
     except OSError as error:

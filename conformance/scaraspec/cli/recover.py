@@ -6,8 +6,9 @@ from pathlib import Path
 
 import click
 
+from scaraspec.api.viewer import has_viewer
 from scaraspec.cli.problems import Problem
-from scaraspec.cli.viewer import NO_VIEWER, has_viewer
+from scaraspec.cli.viewer import NO_VIEWER
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError

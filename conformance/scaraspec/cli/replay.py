@@ -5,26 +5,21 @@ from pathlib import Path
 
 import click
 
+from scaraspec.api.replaying import LoginFailedError, replay
 from scaraspec.cli.options import DEFAULT_PASSWORD, Real, capture_port, password_option
 from scaraspec.cli.problems import Problem
 from scaraspec.judge.verdicts import ExitStatus
-from scaraspec.protocol.commands import BY_NAME
-from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import PayloadError
-from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.transports.connect import connect
-from scaraspec.transports.link import Link, LinkError
-from scaraspec.transports.url import Tcp, parse
+from scaraspec.transports.link import LinkError
+from scaraspec.transports.url import UrlError
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
-from scaraspec_recorder.replay import LinkEndedError, ReplayStep, plan_steps, replay
-from scaraspec_recorder.sources.capture import open_capture
+from scaraspec_recorder.replay import LinkEndedError, ReplayStep
 
 EXAMPLE = "Example: scaraspec replay capture.mcap tcp://127.0.0.1:8877 --allow state"
 
 _MAX_SHOWN = 20
-_LOGIN = BY_NAME["login"]
 
 
 class _Tally:
@@ -116,30 +111,26 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
 
     Exit status: 0 all replies equal, 1 some differ, 3 link lost, 4 nothing was sent.
     """
-    allowed = _hazards(allow)
+    tally = _Tally()
     try:
-        over = parse(url)
-    except LinkError as error:
-        raise Problem(str(error)) from None
-    try:
-        source = open_capture(capture, port=port)
-        link = connect(url)
-        try:
-            if isinstance(over, Tcp):
-                _log_in(link, password, timeout_s)
-            plan = plan_steps(source, connection, allowed)
-            tally = _Tally()
-            for step in replay(plan, link, reply_timeout_s=timeout_s, speed=speed):
-                tally.add(step)
-        finally:
-            link.close()
-    except (CaptureError, PayloadError) as error:
+        for step in replay(
+            capture,
+            url,
+            allowed=_hazards(allow),
+            password=password,
+            connection=connection,
+            port=port,
+            reply_timeout_s=timeout_s,
+            speed=speed,
+        ):
+            tally.add(step)
+    except (CaptureError, PayloadError, UrlError) as error:
         raise Problem(str(error)) from None
     except LinkEndedError as error:
         raise Problem(
             UserMessage("{url}: {error}", url=url, error=error), ExitStatus.INCONCLUSIVE
         ) from None
-    except LinkError as error:
+    except (LinkError, LoginFailedError) as error:
         raise Problem(str(error), ExitStatus.INCONCLUSIVE) from None
     tally.report(connection)
 
@@ -153,14 +144,3 @@ def _hazards(text: str) -> set[Hazard]:
             UserMessage("--allow: {error}; use {names}", error=error, names=names)
         ) from None
     return {Hazard.READ_ONLY} | more
-
-
-def _log_in(link: Link, password: str, timeout_s: float) -> None:
-    frame = Frame(A2C, _LOGIN.opcode, _LOGIN.request.encode(password.encode()))
-    (step,) = replay((ReplayStep("login", 0, frame),), link, reply_timeout_s=timeout_s)
-    if step.new_reply != "yes":
-        what = "refuses the password" if step.new_reply else "does not answer the login"
-        raise Problem(
-            UserMessage("the controller {what}: name another with --password", what=what),
-            ExitStatus.INCONCLUSIVE,
-        )

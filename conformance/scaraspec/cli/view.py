@@ -16,9 +16,10 @@ from typing import Final
 import click
 import numpy as np
 
+from scaraspec.api.viewer import has_viewer
 from scaraspec.cli.options import capture_port
 from scaraspec.cli.problems import Problem
-from scaraspec.cli.viewer import NO_VIEWER, has_viewer
+from scaraspec.cli.viewer import NO_VIEWER
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.sanitizing import visible
 from scaraspec.user_message import UserMessage

@@ -1,12 +1,12 @@
 """The Rerun viewer for a recording in progress."""
 
-import importlib.util
 import socket
 import subprocess
 import sys
 import time
 from typing import Final
 
+from scaraspec.api.viewer import has_viewer
 from scaraspec.cli.problems import Problem
 
 NO_VIEWER: Final = "the viewer needs the extra view: pip install 'scaraspec[view]'"
@@ -15,11 +15,6 @@ _HOST: Final = "127.0.0.1"
 _START_S: Final = 20.0
 _TRY_S: Final = 0.1
 _OPTIONS: Final = ("--hide-welcome-screen",)
-
-
-def has_viewer() -> bool:
-    """Return whether the extra ``view`` is installed."""
-    return importlib.util.find_spec("rerun") is not None
 
 
 def open_viewer() -> str:

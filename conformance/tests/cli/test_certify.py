@@ -17,7 +17,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from scaraspec.cli.certify.running import end_in_order
+from scaraspec.cli.certify.running import end_on_signals
 from scaraspec.client import Client
 from scaraspec.protocol.commands import COMMANDS
 from scaraspec.protocol.hazard import Hazard
@@ -313,7 +313,7 @@ def test_two_signals_at_once_are_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """timeout(1) signals a process and then its whole group; who means it twice comes later."""
     times_s = iter((10.0, 10.001, 11.0))
     monkeypatch.setattr("time.monotonic", lambda: next(times_s))
-    end_in_order(Interruption())
+    end_on_signals(Interruption())
     with pytest.raises(KeyboardInterrupt):
         signal.raise_signal(signal.SIGTERM)
     signal.raise_signal(signal.SIGTERM)

@@ -10,7 +10,7 @@ import socket
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -234,19 +234,18 @@ def run_writer(
 
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
-        runner = SinkRunner(SpoolReader(spool), out_dir, sinks)
-        collect_rarely()
-        complete = False
-        while True:
-            complete = complete or ended(
-                0
-            )  # checked first: all records of the tap are then readable
-            if runner.step():
-                continue
-            if complete:
-                break
-            complete = ended(POLL_S)
-        runner.finish()
+        with closing(SpoolReader(spool)) as reader:
+            runner = SinkRunner(reader, out_dir, sinks)
+            collect_rarely()
+            complete = False
+            while True:
+                complete = complete or ended(0)  # checked before the spool is read to its end
+                if runner.step():
+                    continue
+                if complete:
+                    break
+                complete = ended(POLL_S)
+            runner.finish()
     except (OSError, SinkFailed) as error:
         reason = getattr(error, "strerror", None) or str(error)
         if note_stall(spool, time.time_ns(), reason):  # otherwise it was logged before

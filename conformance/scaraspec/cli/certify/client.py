@@ -1,32 +1,29 @@
 """`scaraspec certify client`: the suite acts as the controller."""
 
 import shlex
-from contextlib import closing
 from pathlib import Path
 from typing import Final
 
 import click
 from rich.console import Console
 
+from scaraspec.api import certify
 from scaraspec.cli.certify.options import (
-    again,
     conclude,
+    options_text,
     requirements_of,
     statement_of,
     suite_options,
-    told,
+    user_errors,
 )
-from scaraspec.cli.certify.running import Display, Files, end_in_order
+from scaraspec.cli.certify.running import Display, end_on_signals
 from scaraspec.cli.help import GroupedCommand
 from scaraspec.cli.options import Real
 from scaraspec.cli.problems import Problem
 from scaraspec.report.model import Role
-from scaraspec.suite.client.harness.access import DriverAccess
-from scaraspec.suite.client.harness.adapter import ClientAdapter
 from scaraspec.suite.client.harness.attended import HELP, Attended
+from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.plan import Options
-from scaraspec.suite.engine.run import Run, collect
-from scaraspec.suite.engine.stall_detector import StallDetector
 from scaraspec.transports.url import split_host_port
 from scaraspec.user_message import UserMessage
 
@@ -77,7 +74,7 @@ def command(  # noqa: PLR0913 - one for each option
     """
     if attended != bool(listen) or bool(driver) + attended > 1:
         raise Problem("name a client: either --driver COMMAND, or --listen HOST:PORT --attended")
-    with told():
+    with user_errors():
         statement = statement_of(ics, transfer_timeout)
         options = Options(
             only=requirements_of(only),
@@ -86,56 +83,45 @@ def command(  # noqa: PLR0913 - one for each option
             exhaustive=exhaustive,
             attended=attended,
         )
-        cases = collect(options, Role.CLIENT)
+        cases = certify.plan(options, Role.CLIENT)
         click.echo(f"{len(cases)} cases will run")
         if dry_run:
             return
-        given = again(driver=driver and shlex.quote(driver), listen=listen, ics=ics, seed=seed)
-        with (
-            closing(_access(driver, listen, answer_timeout)) as access,
-            Files(out, sittings=attended) as files,
-            Display(Console(), len(cases), ticks=attended) as display,
-            StallDetector() as pulse,
-        ):
-            setting = ClientAdapter(
-                access,
-                statement,
-                options,
-                link=driver or f"{access.host}:{access.port}",
-                capture=files.capture,
-                replay=f"scaraspec certify client{given}{' --attended' * attended}",
+        subject: str | Attended
+        if driver:
+            subject = driver
+        elif listen:
+            subject = _attended(listen, answer_timeout or _OPERATOR_S)
+        else:
+            raise Problem("no client: name its driver, such as --driver 'scaraspec client-driver'")
+        given = options_text(
+            driver=driver and shlex.quote(driver), listen=listen, ics=ics, seed=seed
+        )
+        interruption = Interruption()
+        with Display(Console(), len(cases), ticks=attended) as display:
+            end_on_signals(interruption)
+            results = certify.client(
+                subject,
+                answer_timeout_s=answer_timeout or _DRIVER_S,
+                ics=statement,
+                options=options,
+                out=out,
+                reproduction=f"scaraspec certify client{given}{' --attended' * attended}",
+                progress=display.progress,
+                interruption=interruption,
             )
-            run = Run(
-                setting,
-                earlier=files.earlier,
-                take=files.take,
-                report=display.tell,
-                announce=display.announce,
-                stall_s=pulse.stood_still_s,
-            )
-            end_in_order(run.interruption)
-            results = run.results()
-            with run.interruption:  # a signal now takes effect after the report
-                files.write(results)
     conclude(results, out)
 
 
-def _access(
-    driver: str | None, listen: str | None, answer_s: float | None
-) -> DriverAccess | Attended:
-    """Return the access to the client.
+def _attended(listen: str, answer_timeout_s: float) -> Attended:
+    """Listen for a client that an operator works with.
 
     Raises:
-        Problem: Neither a driver nor an address is given.
-        DriverError: The driver cannot be started.
+        Problem: The address cannot be used.
     """
-    if driver:
-        return DriverAccess(driver, answer_s or _DRIVER_S)
-    if not listen:
-        raise Problem("no client: name its driver, such as --driver 'scaraspec client-driver'")
-    where = split_host_port(listen, lowest_port=0)
+    host, port = split_host_port(listen, lowest_port=0)
     try:
-        access = Attended(*where, click.echo, answer_timeout_s=answer_s or _OPERATOR_S)
+        access = Attended(host, port, click.echo, answer_timeout_s=answer_timeout_s)
     except OSError as error:
         raise Problem(
             UserMessage(

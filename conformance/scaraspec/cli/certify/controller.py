@@ -5,32 +5,27 @@ from pathlib import Path
 import click
 from rich.console import Console
 
+from scaraspec.api import certify
 from scaraspec.cli.certify.options import (
-    again,
     conclude,
+    options_text,
     requirements_of,
     statement_of,
     suite_options,
-    told,
+    user_errors,
 )
 from scaraspec.cli.certify.running import (
     Display,
-    Files,
     confirm_motion,
-    end_in_order,
+    end_on_signals,
     show_plan,
 )
 from scaraspec.cli.help import GroupedCommand
 from scaraspec.cli.options import DEFAULT_PASSWORD, Duration, Real, password_option
 from scaraspec.cli.problems import Problem
-from scaraspec.operating_system import state_directory
-from scaraspec.suite.controller.harness.access import UrlAccess
-from scaraspec.suite.controller.harness.adapter import ControllerAdapter
-from scaraspec.suite.engine.journal import Journal
+from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.plan import Options, hazards
-from scaraspec.suite.engine.run import Run, collect
-from scaraspec.suite.engine.stall_detector import StallDetector
-from scaraspec.transports.connect import resolve_url
+from scaraspec.transports.url import parse
 
 _GROUPS = {
     "The subject": ("password", "ics", "transfer_timeout", "wait_for_lock"),
@@ -113,14 +108,15 @@ def command(  # noqa: PLR0913 - one for each option
     Exit status 0 conformant, 1 nonconformant, 2 usage, 3 inconclusive or something is left on the
     controller, 4 nothing tested.
     """
-    with told():
+    with user_errors():
         statement = statement_of(ics, transfer_timeout)
         where = url or statement.url
         if not where and not dry_run:
             raise Problem(
                 "no controller: give its URL, such as tcp://192.168.1.2, or set url in the ICS file"
             )
-        access = UrlAccess(where, patience) if where else None
+        if where:
+            parse(where)  # an invalid URL is reported before the plan
         options = Options(
             only=requirements_of(only),
             allowed=hazards(allow),
@@ -130,36 +126,27 @@ def command(  # noqa: PLR0913 - one for each option
             exhaustive=exhaustive,
             brief=only is None and not exhaustive,
         )
-        cases = collect(options)
+        cases = certify.plan(options)
         show_plan(cases, options, statement, Console())
-        if dry_run or access is None:
+        if dry_run or not where:
             return
         if not yes:
             confirm_motion(cases, options, statement)
-        given = again(allow=allow, ics=ics, seed=seed, examples=examples)
-        replay = f"scaraspec certify controller {where}{given}"
-        with (
-            Journal.of(
-                resolve_url(where), state_dir or state_directory(), wait_s=wait_for_lock
-            ) as journal,
-            Files(out, needs_login=access.needs_login) as files,
-            Display(Console(), len(cases)) as display,
-            StallDetector() as pulse,
-        ):
-            setting = ControllerAdapter(
-                access,
-                statement,
-                password.encode(),
-                options,
-                link=where,
-                capture=files.capture,
-                replay=replay,
-                journal=journal,
-                say=display.say,
+        given = options_text(allow=allow, ics=ics, seed=seed, examples=examples)
+        interruption = Interruption()
+        with Display(Console(), len(cases)) as display:
+            end_on_signals(interruption)
+            results = certify.controller(
+                where,
+                password=password,
+                ics=statement,
+                options=options,
+                patience_s=patience,
+                out=out,
+                state_dir=state_dir,
+                lock_timeout_s=wait_for_lock,
+                reproduction=f"scaraspec certify controller {where}{given}",
+                progress=display.progress,
+                interruption=interruption,
             )
-            run = Run(setting, take=files.take, report=display.tell, stall_s=pulse.stood_still_s)
-            end_in_order(run.interruption)
-            results = run.results()
-            with run.interruption:  # a signal now takes effect after the report
-                files.write(results)
     conclude(results, out)

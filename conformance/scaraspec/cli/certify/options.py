@@ -8,6 +8,7 @@ from typing import Any, Final
 import click
 from rich.console import Console
 
+from scaraspec.api.run_folder import RunFolderError
 from scaraspec.cli.options import Real
 from scaraspec.cli.problems import Problem
 from scaraspec.judge.requirements import UnknownRequirementError, select
@@ -86,7 +87,7 @@ def requirements_of(only: str | None) -> frozenset[str] | None:
     return frozenset(r.id for r in select(only)) if only else None
 
 
-def again(**given: object) -> str:
+def options_text(**given: object) -> str:
     """Return the options that reproduce a run."""
     return "".join(f" --{option} {value}" for option, value in given.items() if value)
 
@@ -104,11 +105,11 @@ def conclude(results: Results, out: Path | None) -> None:
 
 
 @contextmanager
-def told() -> Iterator[None]:
+def user_errors() -> Iterator[None]:
     """Turn errors that a user can cause into one sentence."""
     try:
         yield
-    except (IcsError, LinkError, ReadingError, DriverError, ResultsError) as error:
+    except (IcsError, LinkError, ReadingError, DriverError, ResultsError, RunFolderError) as error:
         raise Problem(str(error)) from None
     except UnknownRequirementError as error:
         raise Problem(UserMessage("--only: {error}", error=error)) from None

@@ -14,13 +14,13 @@ from typing import Final
 import click
 from rich.console import Console
 
-from scaraspec.cli.auditing import audit
+from scaraspec.api.auditing import audit
+from scaraspec.api.viewer import has_viewer
 from scaraspec.cli.demo import session
 from scaraspec.cli.problems import Problem, make_folder
-from scaraspec.cli.viewer import NO_VIEWER, has_viewer, open_viewer
+from scaraspec.cli.viewer import NO_VIEWER, open_viewer
 from scaraspec.client import Client, ClientError
 from scaraspec.judge.verdicts import ExitStatus
-from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report import html, terminal
 from scaraspec.transports.url import join_host_port, split_host_port
 from scaraspec.user_message import UserMessage
@@ -65,7 +65,7 @@ def command(out: Path, *, live: bool) -> None:
     viewer = open_viewer() if live else None
     try:
         asyncio.run(_play(out, viewer))
-        results, notes = audit(out / "capture.mcap", dialect=DEFAULT, port=None)
+        results, notes = audit(out / "capture.mcap")
         results.write(out / "results.json")
         html.write(results, out / "report.html")
     except (ClientError, CaptureError, ValueError) as error:

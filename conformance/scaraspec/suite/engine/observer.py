@@ -60,7 +60,7 @@ class Observer:
         interruption: Ends the run; not within it, so that what passes is kept and judged, once.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - the collaborators of a run
         self,
         role: Role,
         ics: Ics,
@@ -68,8 +68,9 @@ class Observer:
         needs_login: bool = True,
         take: Take = lambda _: None,
         hear: Hear = lambda _: None,
+        interruption: Interruption | None = None,
     ) -> None:
-        self.interruption = Interruption()
+        self.interruption = interruption or Interruption()
         self.judge = Judge(ics.dialect, needs_login=needs_login)
         self.sightings: list[Sighting] = []
         self.case = ""

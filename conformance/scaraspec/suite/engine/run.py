@@ -30,6 +30,7 @@ from scaraspec.suite.engine import case as cases
 from scaraspec.suite.engine.case_runner import Callbacks, CaseRunner, Outcome, unless_disturbed
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 from scaraspec.suite.engine.ics import Ics
+from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.journal import JournalError
 from scaraspec.suite.engine.observer import Observer, Sighting, Take, speaks
 from scaraspec.suite.engine.plan import Options, wanted
@@ -139,6 +140,7 @@ class Run(Generic[P]):
         report: Called with each outcome and the number of cases.
         announce: Called with each case before it runs.
         stall_s: Returns for how many seconds this machine stood still since the last call.
+        interruption: Ends the run early, when it is asked to; None for a new one.
         verbose: Whether pytest prints its own report, too.
 
     Attributes:
@@ -155,6 +157,7 @@ class Run(Generic[P]):
         report: Callable[[Outcome, int], None] = lambda _outcome, _count: None,
         announce: Callable[[cases.Case], None] = lambda _case: None,
         stall_s: Callable[[], float] = lambda: 0.0,
+        interruption: Interruption | None = None,
         verbose: bool = False,
     ) -> None:
         self.setting = setting
@@ -165,6 +168,7 @@ class Run(Generic[P]):
             needs_login=setting.needs_login,
             take=take,
             hear=self._stats.add,
+            interruption=interruption,
         )
         self.interruption = self._observer.interruption
         self._subject = setting.subject(self._observer)

@@ -1,0 +1,66 @@
+"""The Python interface: what the command line can do, as documented and typed functions.
+
+    from scaraspec.api import audit, certify, prove, record, replay
+
+`certify` is a module with the functions `controller` and `client`; the others are functions. This
+package composes all others. Nothing in it prints, reads the command line or handles signals.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from scaraspec.api import certify
+    from scaraspec.api.auditing import audit
+    from scaraspec.api.proving import prove, prove_dialects
+    from scaraspec.api.recording import record
+    from scaraspec.api.replaying import replay
+    from scaraspec.judge.requirements import select
+    from scaraspec.protocol.hazard import Hazard
+    from scaraspec.protocol.readings import Dialect
+    from scaraspec.report.model import Results, Role
+    from scaraspec.suite.engine.ics import Ics
+    from scaraspec.suite.engine.plan import Options
+    from scaraspec_recorder.config import RobotConfig
+
+__all__ = [
+    "Dialect",
+    "Hazard",
+    "Ics",
+    "Options",
+    "Results",
+    "RobotConfig",
+    "Role",
+    "audit",
+    "certify",
+    "prove",
+    "prove_dialects",
+    "record",
+    "replay",
+    "select",
+]
+
+_MODULES = {
+    "Dialect": "scaraspec.protocol.readings",
+    "Hazard": "scaraspec.protocol.hazard",
+    "Ics": "scaraspec.suite.engine.ics",
+    "Options": "scaraspec.suite.engine.plan",
+    "Results": "scaraspec.report.model",
+    "RobotConfig": "scaraspec_recorder.config",
+    "Role": "scaraspec.report.model",
+    "audit": "scaraspec.api.auditing",
+    "prove": "scaraspec.api.proving",
+    "prove_dialects": "scaraspec.api.proving",
+    "record": "scaraspec.api.recording",
+    "replay": "scaraspec.api.replaying",
+    "select": "scaraspec.judge.requirements",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a name when it is used first: importing all of them takes a second."""
+    if name == "certify":
+        return import_module("scaraspec.api.certify")
+    if name in _MODULES:
+        return getattr(import_module(_MODULES[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

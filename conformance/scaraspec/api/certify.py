@@ -1,0 +1,194 @@
+"""Certification of a controller or a client against the protocol document."""
+
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from scaraspec.api.run_folder import RunFolder
+from scaraspec.operating_system import state_directory
+from scaraspec.report.model import Results, Role
+from scaraspec.suite.client.harness.access import DriverAccess
+from scaraspec.suite.client.harness.adapter import ClientAdapter
+from scaraspec.suite.client.harness.attended import Attended
+from scaraspec.suite.controller.harness.access import UrlAccess
+from scaraspec.suite.controller.harness.adapter import ControllerAdapter
+from scaraspec.suite.engine.case import Case
+from scaraspec.suite.engine.case_runner import Outcome
+from scaraspec.suite.engine.ics import Ics
+from scaraspec.suite.engine.interruption import Interruption
+from scaraspec.suite.engine.journal import Journal
+from scaraspec.suite.engine.plan import Options
+from scaraspec.suite.engine.run import Run, collect
+from scaraspec.suite.engine.stall_detector import StallDetector
+from scaraspec.transports.connect import resolve_url
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """Callbacks that show the progress of a run.
+
+    Attributes:
+        case_begins: Called with each case before it runs.
+        case_ends: Called with each outcome and the number of outcomes so far.
+        say: Called with sentences for the user, such as that a user's setting was restored.
+    """
+
+    case_begins: Callable[[Case], None] = lambda _case: None
+    case_ends: Callable[[Outcome, int], None] = lambda _outcome, _count: None
+    say: Callable[[str], None] = lambda _sentence: None
+
+
+_SILENT = Progress()
+
+
+def plan(options: Options, role: Role = Role.CONTROLLER) -> Sequence[Case]:
+    """Return the cases that a run with these options considers; nothing is sent.
+
+    `suite.engine.plan.why_not` gives the reason why a case is skipped.
+
+    Raises:
+        SuiteError: The suite is defective.
+    """
+    return collect(options, role)
+
+
+def controller(  # noqa: PLR0913 - independent options of a run
+    url: str,
+    *,
+    password: str = "password",  # noqa: S107 - the document's example (L109)
+    ics: Ics | None = None,
+    options: Options | None = None,
+    patience_s: float = 10.0,
+    out: Path | None = None,
+    state_dir: Path | None = None,
+    lock_timeout_s: float = 0.0,
+    reproduction: str = "",
+    progress: Progress = _SILENT,
+    interruption: Interruption | None = None,
+) -> Results:
+    """Certify the controller at a URL: the suite acts as the client.
+
+    Settings and files of the controller are restored at the end, after an interruption, and by the
+    next run after a crash. Without `options` only queries are sent.
+
+    Args:
+        url: The link, such as ``tcp://192.168.1.2`` or ``serial:///dev/ttyUSB0?baud=115200``.
+        password: The password for the login over TCP.
+        ics: What the controller claims; None for no claims.
+        options: Requirements, hazards, seed and depth.
+        patience_s: Longest wait of one case in seconds, for example for the next minute of the
+            controller's clock.
+        out: Folder for results, reports and recording; None to write nothing.
+        state_dir: Folder of the journals; None for the user's state directory.
+        lock_timeout_s: How long to wait for another run against this controller, in seconds.
+        reproduction: The command that repeats the run, for the report.
+        progress: Callbacks.
+        interruption: Ends the run early; its `ask` may be called by a signal handler.
+
+    Raises:
+        LinkError: The URL is invalid.
+        ControllerBusyError: Another run uses the controller.
+        JournalError: The journal cannot be used.
+        RecoveryError: Changes of an interrupted run cannot be restored.
+        RunFolderError: `out` contains results, or the recording is incomplete.
+        SuiteError: The suite is defective.
+        OSError: A file cannot be written.
+    """
+    access = UrlAccess(url, patience_s)
+    folder = state_dir or state_directory()
+    with (
+        Journal.of(resolve_url(url), folder, wait_s=lock_timeout_s) as journal,
+        RunFolder(out, needs_login=access.needs_login) as files,
+        StallDetector() as stalls,
+    ):
+        adapter = ControllerAdapter(
+            access,
+            ics or Ics(),
+            password.encode(),
+            options or Options(),
+            link=url,
+            capture=files.capture,
+            replay=reproduction,
+            journal=journal,
+            say=progress.say,
+        )
+        return _results(
+            Run(
+                adapter,
+                take=files.record,
+                report=progress.case_ends,
+                announce=progress.case_begins,
+                stall_s=stalls.stood_still_s,
+                interruption=interruption,
+            ),
+            files,
+        )
+
+
+def client(  # noqa: PLR0913 - independent options of a run
+    driver: str | Attended,
+    *,
+    answer_timeout_s: float = 10.0,
+    ics: Ics | None = None,
+    options: Options | None = None,
+    out: Path | None = None,
+    reproduction: str = "",
+    progress: Progress = _SILENT,
+    interruption: Interruption | None = None,
+) -> Results:
+    """Certify a client: the suite acts as the controller.
+
+    Args:
+        driver: The command line of the client's driver, or `Attended` for a client that an operator
+            works with, which is closed at the end.
+        answer_timeout_s: How long the driver may take to answer an operation, in seconds.
+        ics: What the client claims; None for no claims.
+        options: Requirements, seed and depth.
+        out: Folder for results, reports and recording; None to write nothing. An attended run
+            continues an earlier one in the same folder.
+        reproduction: The command that repeats the run, for the report.
+        progress: Callbacks.
+        interruption: Ends the run early.
+
+    Raises:
+        DriverError: The driver cannot be started.
+        RunFolderError: `out` contains results, or the recording is incomplete.
+        ResultsError: The results of an earlier attended run cannot be read.
+        SuiteError: The suite is defective.
+        OSError: A file cannot be written.
+    """
+    access = DriverAccess(driver, answer_timeout_s) if isinstance(driver, str) else driver
+    with (
+        closing(access),
+        RunFolder(out, resume=access.attended) as files,
+        StallDetector() as stalls,
+    ):
+        adapter = ClientAdapter(
+            access,
+            ics or Ics(),
+            options or Options(attended=access.attended),
+            link=driver if isinstance(driver, str) else f"{access.host}:{access.port}",
+            capture=files.capture,
+            replay=reproduction,
+        )
+        return _results(
+            Run(
+                adapter,
+                earlier=files.earlier,
+                take=files.record,
+                report=progress.case_ends,
+                announce=progress.case_begins,
+                stall_s=stalls.stood_still_s,
+                interruption=interruption,
+            ),
+            files,
+        )
+
+
+def _results(run: Run[Any], files: RunFolder) -> Results:
+    results = run.results()
+    with run.interruption:  # a signal takes effect after the reports are written
+        files.write(results)
+    return results

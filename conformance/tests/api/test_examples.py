@@ -1,0 +1,53 @@
+"""The examples of docs/python.md, run as a user runs them, in one folder and in their order."""
+
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+_PAGE = Path(__file__).parents[3] / "docs/python.md"
+_EXAMPLES = re.findall(r"```python\n(.*?)```", _PAGE.read_text("utf-8"), re.DOTALL)
+_TIMEOUT_S = 60
+
+
+@pytest.fixture
+def controller(tmp_path: Path) -> Iterator[str]:
+    """A virtual controller in a process of its own; the address is HOST:PORT."""
+    ready = tmp_path / "ready"
+    arguments = ("controller", "--listen", "127.0.0.1:0", "--ready-file", str(ready))
+    process = subprocess.Popen([sys.executable, "-m", "scaraspec", *arguments])
+    until_s = time.monotonic() + _TIMEOUT_S
+    while not ready.exists() and time.monotonic() < until_s:
+        assert process.poll() is None
+        time.sleep(0.05)
+    yield ready.read_text().strip()
+    process.terminate()
+    process.wait(_TIMEOUT_S)
+
+
+def test_examples(controller: str, tmp_path: Path) -> None:
+    outputs = []
+    for number, text in enumerate(_EXAMPLES):
+        script = tmp_path / f"example_{number}.py"
+        script.write_text(text.replace("127.0.0.1:8877", controller), "utf-8")
+        ran = subprocess.run(
+            [sys.executable, "-W", "error", str(script)],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            timeout=_TIMEOUT_S,
+            check=False,
+        )
+        assert (ran.returncode, ran.stderr) == (0, ""), ran
+        outputs.append(ran.stdout)
+    certified, recorded, replayed, proved = outputs
+    assert certified.startswith("conformant\n")
+    assert "\n4.8/" in certified
+    assert (tmp_path / "run-1/report.html").exists()
+    assert recorded.endswith("conformant\n")
+    assert "get_version answered -> answered" in replayed
+    assert proved.startswith("{'faults': 1, 'killed': 1, ")
