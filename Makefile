@@ -64,6 +64,8 @@ check: $(READY)
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/mypy bench docs spec
+	$(BIN)/mypy conformance/tests
+	$(BIN)/mypy recorder/tests
 	$(BIN)/lint-imports
 
 bench: $(READY)

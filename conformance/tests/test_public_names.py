@@ -8,7 +8,7 @@ import io
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import click
 import pytest
@@ -74,7 +74,7 @@ def test_pytest_options() -> None:
         def getgroup(self, *_: str) -> Group:
             return Group()
 
-    plugin.pytest_addoption(Parser())
+    plugin.pytest_addoption(cast("pytest.Parser", Parser()))
     assert set(NAMES["pytest_options"]) <= set(Group.names)
 
 

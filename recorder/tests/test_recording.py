@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -107,6 +108,14 @@ def streams(lines: list[list]) -> dict[tuple[str, str], bytes]:
             assert stream[offset : offset + len(piece)] == piece[: len(stream) - offset]
             stream[offset : offset + len(piece)] = piece
     return {key: bytes(stream) for key, stream in whole.items()}
+
+
+def _is_readable(descriptor: int) -> bool:
+    return bool(select.select([descriptor], [], [], 0)[0])
+
+
+def _has_recorded(recording: Recording, size_bytes: int) -> bool:
+    return recording.progress.a2c.recorded_bytes == size_bytes
 
 
 async def until(condition: Callable[[], Any]) -> None:
@@ -309,7 +318,7 @@ def test_a_sink_that_cannot_be_sent_to_the_scribe_is_an_error_at_once(tmp_path: 
     """Not one that shows when the recording is missed."""
 
     async def start() -> None:
-        sinks = [lambda _folder: None]
+        sinks: list[Any] = [lambda _folder: None]
         async with record(Upstream("127.0.0.1", 1), ("127.0.0.1", 0), tmp_path, sinks):
             pytest.fail("a local function cannot be pickled")
 
@@ -326,7 +335,7 @@ def test_signals_to_all_are_for_the_recorder_alone(tmp_path: Path) -> None:
                 await client.exchange(10)
                 await until(lambda: recording.progress.a2c.recorded_bytes)
                 pids = (recording.tap.pid, recording.writer.pid)
-                for pid in pids:
+                for pid in filter(None, pids):
                     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
                         os.kill(pid, number)
                 await client.exchange(10)
@@ -387,7 +396,7 @@ def test_a_killed_recorder_leaves_a_finished_recording(tmp_path: Path) -> None:
                 os.kill(pids[0], signal.SIGCONT)
                 await client.lost()
             for watch in watches:
-                await until(lambda watch=watch: select.select([watch], [], [], 0)[0])
+                await until(partial(_is_readable, watch))
                 os.close(watch)
             await recorder.communicate()
         lines = journal.lines(out_dir)
@@ -420,6 +429,7 @@ def test_a_recording_is_seen_to_grow(tmp_path: Path) -> None:
             async with Client(recording.address) as client:
                 for count in (1, 2, 3):
                     await client.exchange(1)
-                    await until(lambda n=count: recording.progress.a2c.recorded_bytes == 50 * n)
+                    size_bytes = 50 * count
+                    await until(partial(_has_recorded, recording, size_bytes))
 
     run(test)

@@ -27,7 +27,7 @@ class Bench(NamedTuple):
 
     def second(self, *more: str, host: str = "127.0.0.1") -> subprocess.Popen[str]:
         """Another run against the same controller."""
-        return self.processes.start(*_certify(host, self.relay), *self.options, *more)  # type: ignore[no-any-return] # a fixture without types
+        return self.processes.start(*_certify(host, self.relay), *self.options, *more)
 
 
 def _certify(host: str, relay: Any) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import rerun_cli
+import rerun_cli  # type: ignore[import-untyped] # it ships no types
 from rerun.experimental import ViewerClient
 
 from scaraspec_recorder.sources.capture import open_capture

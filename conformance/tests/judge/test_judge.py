@@ -224,7 +224,10 @@ def tear(
             yield replace(event, data=event.data[last - at :], offset_bytes=last)
 
 
-def torn(draw: st.DrawFn, events: list[WireEvent]) -> list[WireEvent]:
+Draw = Callable[[st.SearchStrategy[Any]], Any]
+
+
+def torn(draw: Draw, events: list[WireEvent]) -> list[WireEvent]:
     """These events without some of their bytes."""
     for _ in range(draw(st.integers(1, 3))):
         streams = sorted({(e.connection, e.direction.value) for e in events if e.data})
@@ -244,7 +247,7 @@ def torn(draw: st.DrawFn, events: list[WireEvent]) -> list[WireEvent]:
     return events
 
 
-def midway(draw: st.DrawFn, events: list[WireEvent]) -> list[WireEvent]:
+def midway(draw: Draw, events: list[WireEvent]) -> list[WireEvent]:
     """These events as an observer sees them who comes late and leaves early."""
     first = draw(st.integers(0, len(events) - 1))
     last = draw(st.integers(first + 1, len(events)))

@@ -179,7 +179,9 @@ def hostile() -> Results:
     return replace(
         FULL,
         tool=Tool(HOSTILE, HOSTILE),
-        subject=Subject(Role.CLIENT, *[HOSTILE] * 4, {HOSTILE: HOSTILE}, HOSTILE),
+        subject=Subject(
+            Role.CLIENT, HOSTILE, HOSTILE, HOSTILE, HOSTILE, {HOSTILE: HOSTILE}, HOSTILE
+        ),
         readings={HOSTILE: {HOSTILE: odd}},
         requirements=(RequirementResult(HOSTILE, Verdict.FAIL, (cases[0].id,)),),
         cases=cases,

@@ -51,7 +51,7 @@ class HasNoEffect(ControllerCore):
 class _Delays(ControllerCore):
     """What a stop does comes three seconds late."""
 
-    _due: "tuple[float, Callable[[], None]] | None" = None
+    _due: "tuple[float, Callable[[], object]] | None" = None
 
     @property
     def next_event_s(self) -> float | None:
@@ -78,7 +78,7 @@ class StopsLate(_Delays):
         if self.robot.task is None:
             return Acceptance(accepted=False)
         later_s = request.now_s + 3
-        self._due = (later_s, lambda: self.robot.stop(later_s) and None)
+        self._due = (later_s, lambda: self.robot.stop(later_s))
         self.send_result(request, DONE)
         return Acceptance(accepted=True)
 

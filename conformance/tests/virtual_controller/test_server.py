@@ -6,6 +6,7 @@ import logging
 import socket
 from collections.abc import Awaitable, Callable
 from datetime import datetime
+from typing import Any
 
 import pytest
 
@@ -24,7 +25,7 @@ _IDLE = b"\xcc\x09\x0200\xaa"
 _LIST = b"\xaa\x0b\x00\xcc"
 _SOON_S = 10.0
 
-Streams = tuple[asyncio.StreamReader, asyncio.StreamWriter]
+Streams = tuple[Any, Any]  # StreamReader and StreamWriter, with their transports and buffers
 
 
 class Stand:
@@ -42,6 +43,11 @@ class Stand:
         streams = await asyncio.open_connection(*self.address)
         self._writers.append(streams[1])
         return streams
+
+    @property
+    def endpoints(self) -> list[Any]:
+        """The server's endpoints, with what they hold back."""
+        return list(self.server._endpoints.values())
 
     async def client(self) -> Streams:
         """Connect and log in."""
@@ -164,7 +170,7 @@ def test_a_client_that_does_not_read_is_not_served_on_and_then_cut_off(
         )
         sleeper[1].transport.pause_reading()
         sleeper[1].write(_LIST * 5000)
-        (end, _) = stand.server._endpoints.values()
+        (end, _) = stand.endpoints
         most = 0
         while len(stand.server._endpoints) == 2:
             most = max(most, end._transport.get_write_buffer_size())
@@ -183,7 +189,7 @@ def test_a_client_that_reads_late_gets_everything() -> None:
         reader, writer = await stand.client()
         writer.transport.pause_reading()
         writer.write(_LIST * 300 + _STATUS)
-        (end,) = stand.server._endpoints.values()
+        (end,) = stand.endpoints
         await stand.until(lambda: end._blocked)
         writer.transport.resume_reading()
         received = b""
@@ -204,7 +210,7 @@ def test_the_end_does_not_wait_for_those_who_do_not_read(monkeypatch: pytest.Mon
         _, writer = await stand.client()
         writer.transport.pause_reading()
         writer.write(_LIST * 5000)
-        (end,) = stand.server._endpoints.values()
+        (end,) = stand.endpoints
         await stand.until(lambda: end._blocked)
         await stand.server.close()
         await stand.until(lambda: not stand.server._endpoints)
@@ -270,7 +276,7 @@ def test_connections_are_kept_alive_and_logged(caplog: pytest.LogCaptureFixture)
 
     async def test(stand: Stand) -> None:
         _, writer = await stand.client()
-        (end,) = stand.server._endpoints.values()
+        (end,) = stand.endpoints
         link = end._transport.get_extra_info("socket")
         assert link.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
         assert link.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)

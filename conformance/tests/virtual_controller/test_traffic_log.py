@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scaraspec.protocol.direction import A2C, C2A
+from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import Frame, Skipped, SkipReason, StreamItem
 from scaraspec.protocol.transfer import FILE_DATA, Chunk
 from scaraspec.virtual_controller.traffic_log import format_line
@@ -41,7 +41,12 @@ def test_lines(item: StreamItem, line: str) -> None:
     data=st.binary(max_size=255),
     tagged=st.booleans(),
 )
-def test_any_frame_is_one_line(direction: object, opcode: int, data: bytes, tagged: object) -> None:
+def test_any_frame_is_one_line(
+    direction: Direction,
+    opcode: int,
+    data: bytes,
+    tagged: bool,  # noqa: FBT001 - drawn
+) -> None:
     """No control characters, no newline, limited length."""
     line = format_line(1, Frame(direction, opcode, data, tagged))
     assert line.isprintable()

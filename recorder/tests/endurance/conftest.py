@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import count, cycle
 from pathlib import Path
 from typing import Any
@@ -45,6 +46,10 @@ POLLS = (
     "get_digital_inputs",
     "get_running_program",
 )
+
+
+def _has_answered_or_failed(talker: Any, count: int) -> bool:
+    return bool(talker.answered >= count or talker.failure)
 
 
 def until(condition: Callable[[], Any]) -> Any:
@@ -294,8 +299,7 @@ class Plant:
     def until_answered(self, count: int) -> None:
         """Wait until each client has got so many more answers."""
         for talker in self.talkers:
-            goal = talker.answered + count
-            until(lambda talker=talker, goal=goal: talker.answered >= goal or talker.failure)
+            until(partial(_has_answered_or_failed, talker, talker.answered + count))
 
     def until_written(self) -> None:
         """Wait until something of what is said from now on is in a file, as the scribe says."""

@@ -76,7 +76,8 @@ def unharmed(plant: Any) -> bool:
 def told(plant: Any) -> list[tuple[int, int, int]]:
     """Received, recorded and missing bytes of each direction, as the recorder says at its end."""
     words = r"(\d+) bytes received and forwarded = (\d+) recorded \+ (\d+) in \d+ gaps"
-    return [tuple(map(int, line)) for line in re.findall(words, plant.log.read_text())]
+    found = re.findall(words, plant.log.read_text())
+    return [(int(received), int(recorded), int(lost)) for received, recorded, lost in found]
 
 
 def interruptions(out: Path) -> list[str]:

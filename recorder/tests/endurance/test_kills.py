@@ -163,7 +163,9 @@ class Campaign:
 
     def _round_trips_ms(self) -> tuple[list[float], list[float]]:
         """Those long after the writer died, and those just after."""
-        deaths, calm, after = self._when(("writer",)), [], []
+        deaths = self._when(("writer",))
+        calm: list[float] = []
+        after: list[float] = []
         for session in self.plant.sessions:
             for answered_ns, took_ns, _ in session.answers:
                 near = any(0 <= answered_ns - at_ns < 1e9 for at_ns in deaths)

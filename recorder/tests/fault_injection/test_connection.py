@@ -227,6 +227,7 @@ def test_a_sender_is_paused_where_too_much_is_held_up(
             (connection,) = bench.tap._connections
             while connection.upstream.transport.is_reading():
                 await turn()
+            assert isinstance(connection, InjectedConnection)
             assert connection._injector.queued_bytes(C2A) <= 1000 + (256 << 10)
             receiving = asyncio.create_task(receive(client, len(data)))
             while not receiving.done():

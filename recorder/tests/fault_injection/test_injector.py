@@ -60,7 +60,7 @@ def notes(actions: Iterable[Action]) -> list[str]:
 
 def run_out(injector: Injector) -> list[tuple[float, Action]]:
     """Let time pass until nothing waits."""
-    done = []
+    done: list[tuple[float, Action]] = []
     for _ in range(100_000):
         if (now_s := injector.next_s) == math.inf:
             return done

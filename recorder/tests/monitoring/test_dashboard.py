@@ -71,10 +71,11 @@ def test_trouble_is_told_with_its_reason() -> None:
         "line-3: writing is stalled, 1.5 MB waiting: No space left on device",
         "line-3: writing continues",
     ]
-    console = Console(file=io.StringIO(), width=160)
+    screen = io.StringIO()
+    console = Console(file=screen, width=160)
     with Dashboard(console) as dashboard:
         dashboard.update([replace(full, silent_s=5)], ending=False)
-    shown = console.file.getvalue()
+    shown = screen.getvalue()
     assert "line-3: writing is stalled for 5 s: No space left on device" in shown
 
 
@@ -105,10 +106,11 @@ def test_a_robot_that_cannot_be_reached_is_told_until_it_is() -> None:
         "line-3: the robot cannot be reached: Connection refused",
         "line-3: the robot can be reached again",
     ]
-    console = Console(file=io.StringIO(), width=160)
+    screen = io.StringIO()
+    console = Console(file=screen, width=160)
     with Dashboard(console) as dashboard:
         dashboard.update([at(0, gone)], ending=False)
-    assert said[0] in console.file.getvalue()
+    assert said[0] in screen.getvalue()
 
 
 def test_ending_says_that_it_takes_its_time() -> None:

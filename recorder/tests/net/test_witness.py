@@ -170,8 +170,9 @@ def conversation(
                 lab.route(mode), lab.listen(mode), folder, [Ledger], limit_bytes=limit_bytes
             ):
                 parts = [clients_part(number) for number in range(connections)]
-                *clients, controllers = await asyncio.gather(*parts, controllers_part(server))
-        return Counter(clients), Counter(controllers)
+                controllers = asyncio.ensure_future(controllers_part(server))
+                clients = await asyncio.gather(*parts)
+        return Counter(clients), Counter(controllers.result())
 
     with lab.middle.inside():
         return asyncio.run(asyncio.wait_for(hold(), TIMEOUT_S))

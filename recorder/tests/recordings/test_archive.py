@@ -18,6 +18,7 @@ from scaraspec.protocol.direction import A2C
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.recordings import recording_index as index
 from scaraspec_recorder.recordings.archive import Archive, archive_sink
+from scaraspec_recorder.recordings.repair import repair
 from scaraspec_recorder.recordings.retention import PERIOD_NS
 from scaraspec_recorder.recordings.rotation import parse_rotation
 from scaraspec_recorder.sinks.mcap.mcap_sink import McapSink
@@ -134,7 +135,6 @@ def test_room_is_made_before_a_file_is_repaired(
     torn.write_bytes(torn.read_bytes()[:-9])
     lines = (tmp_path / "contents.jsonl").read_text().splitlines(keepends=True)
     (tmp_path / "contents.jsonl").write_text(lines[0])
-    repair = index.repair
 
     def repair_where_there_is_room(path: Path) -> Any:
         if old.exists():

@@ -1,5 +1,6 @@
 """Passages: whose the time between a request and its reply was."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -22,7 +23,7 @@ def passage(event: WireEvent, forwarded_ns: int) -> ForwardedChunk:
     return ForwardedChunk(*place, event.data, event.offset_bytes, 0, event.note, forwarded_ns)
 
 
-def latencies(events: list[WireEvent]) -> list[Latency | None]:
+def latencies(events: Sequence[WireEvent]) -> list[Latency | None]:
     """What is told of each exchange."""
     told, judge, found = LatencyTracker(), Judge(needs_login=False), []
     for event in events:

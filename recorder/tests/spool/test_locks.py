@@ -10,7 +10,7 @@ import pytest
 from scaraspec.traffic.wire import Kind
 from scaraspec_recorder.spool import locks
 from scaraspec_recorder.spool.locks import lock_spool, locked_spool, spool_folder
-from scaraspec_recorder.spool.spool import LIMIT_BYTES, SpoolReader, SpoolWriter
+from scaraspec_recorder.spool.spool import LIMIT_BYTES, SpoolReader, SpoolWriter, lock
 
 
 @pytest.fixture
@@ -102,7 +102,7 @@ def test_a_spool_that_is_cleared_away_while_it_is_claimed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Is claimed anew: two recorders that start at once do not cost one its lock."""
-    lock, clears = locks.lock, iter([True])
+    clears = iter([True])
 
     def lock_then_lose(path: Path, *, wait: bool) -> int:
         held = lock(path, wait=wait)

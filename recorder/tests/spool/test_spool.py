@@ -43,7 +43,7 @@ class Disk:
         self.refuses = False
         self.room_bytes: int | None = None
 
-    def write(self, descriptor: int, data: bytes) -> int:
+    def write(self, descriptor: int, data: bytes | bytearray) -> int:
         if self.refuses or self.room_bytes == 0:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         if self.room_bytes is not None:

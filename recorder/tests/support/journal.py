@@ -7,6 +7,7 @@ import errno
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 from scaraspec.traffic.wire import WireEvent
 from scaraspec_recorder.sinks.sink import OutputFolder
@@ -56,7 +57,7 @@ class Trouble(Journal):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
-def lines(out_dir: Path) -> list[list]:
+def lines(out_dir: Path) -> list[list[Any]]:
     """All whole lines of all journals, in the order in which the journals were begun."""
     journals = sorted(out_dir.glob("journal*.jsonl"), key=lambda path: (len(path.name), path.name))
     text = "".join(path.read_text() for path in journals)

@@ -1,6 +1,7 @@
 """Forms of payloads: each requirement on traffic that keeps it, and on traffic that does not."""
 
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -24,7 +25,7 @@ _EMPTY = {
     "4.35/1": "shutdown",
 }
 
-_REQUESTS = {
+_REQUESTS: dict[str, tuple[Any, ...]] = {
     # requirement: (command, right data, then pairs of wrong data and what else fails)
     "4.2/1": ("set_password", "old|new", ("oldnew", "T/1"), ("old new", "T/1")),
     "4.4/1": (
@@ -60,7 +61,7 @@ _REQUESTS = {
     "4.33/1": ("get_analog_input", "08", ("8", ""), ("008", ""), ("ab", "")),
 }
 
-_REPLIES = {
+_REPLIES: dict[str, tuple[Any, ...]] = {
     # requirement: (command and its data, right reply, then pairs of a wrong one and what else)
     "4.3/2": (
         "get_network",

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from math import inf
+from typing import Any
 
 import pytest
 
@@ -27,14 +28,14 @@ COUNT = Node(b"", NodeType.COMPUTE, data=Operation(2, 1, 2, 1, 1, 1, 1))
 POINT = Node(b"", NodeType.POINT, data=Point((10.0, 20.0, 300.0, 0.0)))
 
 
-def of(*nodes: Node, ports: tuple[int, ...] = PORTS, **more: tuple[float, ...]) -> bytes:
+def of(*nodes: Node, ports: tuple[int, ...] = PORTS, **more: Any) -> bytes:
     """A file of these nodes and one that uses the only variable."""
     return build(
         Program(ports=ports, variables=(Variable(1, b"n"),), nodes=(*nodes, COUNT), **more)
     )
 
 
-def node(kind: NodeType, data: object = None, *, speed: int = 0, counts: int = 0) -> Node:
+def node(kind: int, data: Any = None, *, speed: int = 0, counts: int = 0) -> Node:
     """A node."""
     return Node(b"", kind, speed, counts, data)
 

@@ -1,6 +1,7 @@
 """Every static rule finds its violations, and nothing else."""
 
 import re
+from typing import Any
 
 import pytest
 
@@ -34,7 +35,7 @@ VARIABLES = (Variable(1, b"a", 0), Variable(2, b"b", 1))
 USE = Operation(2, 1, 2, 1, 2, 2, 1)
 
 
-def of(*items: Node | NodeData, **configuration: object) -> Program:
+def of(*items: Node | NodeData, **configuration: Any) -> Program:
     """Return a program of these nodes; node data is wrapped in a node of its type."""
     nodes = tuple(item if isinstance(item, Node) else node(item) for item in (*items, USE))
     return Program(**{"ports": PORTS, "variables": VARIABLES, "nodes": nodes, **configuration})

@@ -146,6 +146,7 @@ def test_a_properly_nested_program_is_balanced(nodes: list[Node]) -> None:
         partner = structure.partners[index]
         assert (partner is None) == (node is POINT)
         if node.type in (NodeType.LOOP, NodeType.END_LOOP):
+            assert partner is not None
             assert structure.partners[partner] == index
             assert structure.depths[partner] == structure.depths[index]
     assert structure.depths[0] == structure.depths[-1] == 0

@@ -132,7 +132,7 @@ def test_ctypes_reads_the_same_values(row: dict[str, Any]) -> None:
 
 def held(union: Any, kind: type) -> object:
     """Return the union data of a node for this kind of data."""
-    readers = {
+    readers: dict[type, Any] = {
         Point: lambda: Point(tuple(union.point)),
         WaitInput: lambda: WaitInput(*union.waitCond),
         WaitSeconds: lambda: WaitSeconds(union.waitTimes),

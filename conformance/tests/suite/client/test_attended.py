@@ -75,7 +75,7 @@ def test_leaving(sitting: Sitting, typed: str, raised: type[BaseException]) -> N
 def test_an_operator_whose_terminal_is_lost_has_left() -> None:
     """A lost terminal ends the session."""
     near, far = pty.openpty()
-    with closing(Attended("127.0.0.1", 0, str, input_fd=far)) as attended:
+    with closing(Attended("127.0.0.1", 0, print, input_fd=far)) as attended:
         os.close(near)
         with pytest.raises(KeyboardInterrupt):
             attended.pump()

@@ -438,7 +438,7 @@ class Strict(AsyncClient):
         values = await super().get_motor_temperatures()
         return JointValues(*(math.floor(value + 0.5) for value in values))  # A-4.14-2
 
-    async def get_digital_inputs(self) -> str | None:  # type: ignore[override] # none for an error
+    async def get_digital_inputs(self) -> str | None:  # none for an error
         try:
             return await super().get_digital_inputs()
         except Refused:

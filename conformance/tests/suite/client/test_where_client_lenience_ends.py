@@ -23,7 +23,7 @@ _LISTED = ("delete_program", "set_default_program", "run_program", "simulate_pro
 Try = Callable[..., Mapping[str, Verdict]]
 
 
-def declines(what: Callable[[str, Any], bool]) -> type[ClientCore]:
+def declines(what: Callable[[str, Any], object]) -> type[ClientCore]:
     """Return a client that refuses some operations without a request."""
 
     class Declines(ClientCore):

@@ -67,7 +67,7 @@ class Bench:
                 for item in framer.feed(data):
                     assert isinstance(item, Frame)
                     watched.append((BY_OPCODE[item.opcode].name, item.data))
-                return super().receive(connection, data, now_s)  # type: ignore[no-any-return] # a class made in a test
+                return super().receive(connection, data, now_s)
 
         self.robot = Robot(Watched, DEFAULT)
         self.robot._store.write(b"mine.rob", PROGRAM)

@@ -67,7 +67,7 @@ def test_a_case_is_tried_anew(  # noqa: PLR0913, PLR0917 - a table
     run = suite.Run(setting, stall_s=before_and_after.__next__)
     (found,) = (case for case in run.results().cases if case.id == "4.8/2")
     assert found.verdict is verdict
-    assert run.case_runner.subject.known["tried"] == tried
+    assert run._subject.known["tried"] == tried
     said = "this machine stood still for 2.0 s: it is wrong"
     assert (found.message == said) is (verdict is Verdict.INCONCLUSIVE)
     assert next(before_and_after, None) is None

@@ -74,7 +74,7 @@ def test_comparisons() -> None:
 
 def test_one_branch_and_what_follows() -> None:
     """One of two branches is executed, none of it if there is no ELSE, and then the rest."""
-    block = [
+    block: Block = [
         If(variable(1), Opt.LESS, number(5), [Flip(1)], [Flip(2)]),
         If(variable(1), Opt.LESS, number(3), [Flip(3)], [Flip(4)]),
         If(variable(1), Opt.LESS, number(3), [Flip(5)]),
@@ -85,7 +85,7 @@ def test_one_branch_and_what_follows() -> None:
 
 def test_operands_and_results() -> None:
     """Values are numbers, variables and inputs; results go to variables and ports."""
-    block = [
+    block: Block = [
         Assign(1, input_port(2)),
         Calculate(2, variable(1), Opt.ADD, number(1)),
         Put(7, variable(1)),
@@ -97,7 +97,7 @@ def test_operands_and_results() -> None:
 
 def test_nodes_say_the_same() -> None:
     """Statements are made nodes in their order, with a flip that depends on the output before."""
-    block = [Flip(1), If(number(1), Opt.EQUAL, number(1), [Wait(2)], [Flip(2)])]
+    block: Block = [Flip(1), If(number(1), Opt.EQUAL, number(1), [Wait(2)], [Flip(2)])]
     nodes = nodes_of(block, (True, *OFF[1:]))
     assert [node.type for node in nodes] == [
         NodeType.SET_OUTPUT,

@@ -149,8 +149,8 @@ def test_what_is_told_is_what_was_sent(
     tried: Try, misread: tuple[str, bytes, str, bytes, str]
 ) -> None:
     """Another reply, code, time, name or number is detected."""
-    *what, case = misread
-    assert tried(misreads(*what), case.rpartition(".")[0])[case] is Verdict.FAIL
+    name, sent, other, taken, case = misread
+    assert tried(misreads(name, sent, other, taken), case.rpartition(".")[0])[case] is Verdict.FAIL
 
 
 class TakesCodesForDone(ClientCore):

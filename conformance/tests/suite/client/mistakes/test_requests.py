@@ -179,8 +179,13 @@ def trusts(what: Callable[[str], bool]) -> type[AsyncClient]:
         async def set_time(self, time: Any) -> None:
             parts = time[:4], *(time[i : i + 2] for i in range(4, 14, 2))
             trusted = what(time)
+            assert isinstance(self._core, SendsTimesAsGiven)
             self._core.given = time if trusted else ""
-            await super().set_time(datetime(*map(int, parts)) if trusted else time)  # noqa: DTZ001 - the robot's clock knows no zone
+            if not trusted:
+                await super().set_time(time)
+                return
+            year, month, day, hour, minute, second = (int(part) for part in parts)
+            await super().set_time(datetime(year, month, day, hour, minute, second))  # noqa: DTZ001 - the robot's clock knows no zone
 
     return Trusts
 

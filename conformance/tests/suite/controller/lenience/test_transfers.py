@@ -26,7 +26,7 @@ from scaraspec.virtual_controller.store import Store
 Try = Callable[..., Any]
 
 _TURN_S = 0.01
-_HASTE = {"dialect": DEFAULT.replace(xfer_timeout="1"), "claimed": {"xfer_timeout"}}
+_HASTE: dict[str, Any] = {"dialect": DEFAULT.replace(xfer_timeout="1"), "claimed": {"xfer_timeout"}}
 
 
 class RefusesAnswers(ControllerCore):

@@ -235,8 +235,8 @@ class Trembles(ControllerCore):
         return JointValues(*(round(value, 3) for value in self._trembling(request)))
 
     def get_tool_coordinates(self, request: Request) -> Pose:
-        shown = (round(value, 3) for value in arm.forward(self._trembling(request)))
-        return Pose(*shown, theta_y=0.0, theta_z=0.0)
+        shown = arm.forward(self._trembling(request))
+        return Pose(*[round(value, 3) for value in (*shown[:4], 0.0, 0.0)])
 
 
 class Turns(ControllerCore):

@@ -29,9 +29,9 @@ from scaraspec.protocol.program_files import (
     WaitSeconds,
     parse,
 )
-from scaraspec.virtual_controller import interpreter
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED, Silence
 from scaraspec.virtual_controller.core import ControllerCore
+from scaraspec.virtual_controller.interpreter import Run
 from scaraspec.virtual_controller.session import Request, Session
 
 Try = Callable[..., Any]
@@ -46,27 +46,27 @@ def single(value: float) -> float:
 class _Remembers(ControllerCore, ABC):
     """A program that was stopped has left something to the next one."""
 
-    last: interpreter.Run | None = None
+    last: Run | None = None
 
     def run_program(self, request: Request) -> Acceptance | Silence:
         """Hand it over."""
         answer = super().run_program(request)
         task, last = self.robot.task, self.last
-        if answer is ACCEPTED and task is not None and isinstance(task.activity, interpreter.Run):
+        if answer is ACCEPTED and task is not None and isinstance(task.activity, Run):
             self.last = task.activity
             if last is not None and last.outcome is None:
                 self.inherit(task.activity, last)
         return answer
 
     @abstractmethod
-    def inherit(self, run: interpreter.Run, last: interpreter.Run) -> None:
+    def inherit(self, run: Run, last: Run) -> None:
         """What a run has of the one that was stopped."""
 
 
 class GoesOn(_Remembers):
     """A program that was stopped goes on from there when it is run again."""
 
-    def inherit(self, run: interpreter.Run, last: interpreter.Run) -> None:
+    def inherit(self, run: Run, last: Run) -> None:
         """Begin where it was."""
         if last._program == run._program:
             run._index = last._index
@@ -75,12 +75,12 @@ class GoesOn(_Remembers):
 class WaitsOn(_Remembers):
     """A program behind one that was stopped has half a second of its waits behind it already."""
 
-    def inherit(self, run: interpreter.Run, last: interpreter.Run) -> None:  # noqa: ARG002 - one signature
+    def inherit(self, run: Run, last: Run) -> None:  # noqa: ARG002 - one signature
         """Begin earlier."""
         run.next_event_s -= 0.5
 
 
-class _OneBuffer(interpreter.Run):
+class _OneBuffer(Run):
     """What was sent last is what runs on."""
 
     latest: ClassVar[Program | None] = None
@@ -102,7 +102,7 @@ class RunsWhatComes(SendsAfterTheEnd):
             _OneBuffer.latest = self.parse_program(self.store.read(name))
 
 
-class _InPlace(interpreter.Run):
+class _InPlace(Run):
     """Writes A into the result before it looks at B."""
 
     def _compute(self, operation: Operation) -> None:
@@ -119,7 +119,7 @@ class InPlace(ControllerCore):
     interpreter = _InPlace
 
 
-class _NoNesting(interpreter.Run):
+class _NoNesting(Run):
     """Jumps from an IF or ELSE to the next marker of the kind of its partner, whosever that is."""
 
     ways: Sequence[tuple[NodeType, NodeType]] = ()
@@ -140,7 +140,7 @@ def no_nesting(begin: NodeType, end: NodeType) -> type[ControllerCore]:
     )
 
 
-class _FromTheBeginning(interpreter.Run):
+class _FromTheBeginning(Run):
     """Returns from the end of a loop to the first node of the program."""
 
     def _repeat(self, start: int) -> None:  # noqa: ARG002 - wherever it starts
@@ -156,7 +156,7 @@ class FromTheBeginning(ControllerCore):
 class ToTheFirstLoop(ControllerCore):
     """A controller whose programs return from the end of a loop to the first one that there is."""
 
-    class interpreter(interpreter.Run):  # noqa: N801 - the name of the attribute
+    class interpreter(Run):  # noqa: N801 - the name of the attribute
         """What runs so."""
 
         def _repeat(self, start: int) -> None:
@@ -167,7 +167,7 @@ class ToTheFirstLoop(ControllerCore):
 class NoElseIf(ControllerCore):
     """A controller in whose programs an IF within an ELSE does not hold."""
 
-    class interpreter(interpreter.Run):  # noqa: N801 - the name of the attribute
+    class interpreter(Run):  # noqa: N801 - the name of the attribute
         """What runs so."""
 
         def _holds(self, operation: Operation) -> bool:
@@ -185,7 +185,7 @@ class NoElseIf(ControllerCore):
 class OldInputs(ControllerCore):
     """A controller whose programs calculate and compare with the inputs as they were at first."""
 
-    class interpreter(interpreter.Run):  # noqa: N801 - the name of the attribute
+    class interpreter(Run):  # noqa: N801 - the name of the attribute
         """What runs so."""
 
         def __init__(self, *program: Any, **where: Any) -> None:
@@ -199,7 +199,7 @@ class OldInputs(ControllerCore):
             return super()._value(value_type, value)
 
 
-class _Subtracts(interpreter.Run):
+class _Subtracts(Run):
     """Compares by the sign of the difference, as far as 32 bits hold it."""
 
     def _operands(self, operation: Operation) -> tuple[int, int]:
@@ -215,7 +215,7 @@ class Subtracts(ControllerCore):
     interpreter = _Subtracts
 
 
-class _ComparesAsFloats(interpreter.Run):
+class _ComparesAsFloats(Run):
     """Compares what a float of 4 bytes holds of two numbers."""
 
     def _operands(self, operation: Operation) -> tuple[int, int]:
@@ -231,7 +231,7 @@ class ComparesAsFloats(ControllerCore):
     interpreter = _ComparesAsFloats
 
 
-class _SixteenBitKeys(interpreter.Run):
+class _SixteenBitKeys(Run):
     """Of a key two bytes count: the first variable that has them is meant."""
 
     def _value(self, kind: int, value: int) -> int:
@@ -246,7 +246,7 @@ class SixteenBitKeys(ControllerCore):
     interpreter = _SixteenBitKeys
 
 
-class _AssignsBytes(interpreter.Run):
+class _AssignsBytes(Run):
     """What is assigned is a byte with a sign."""
 
     def _compute(self, operation: Operation) -> None:
@@ -262,7 +262,7 @@ class AssignsBytes(ControllerCore):
     interpreter = _AssignsBytes
 
 
-class _AssignsNoInputs(interpreter.Run):
+class _AssignsNoInputs(Run):
     """An assignment of an input is left out."""
 
     def _compute(self, operation: Operation) -> None:
@@ -277,7 +277,7 @@ class AssignsNoInputs(ControllerCore):
     interpreter = _AssignsNoInputs
 
 
-class _PutsNumbersOnly(interpreter.Run):
+class _PutsNumbersOnly(Run):
     """A port is set to a number, and not to a variable."""
 
     def _compute(self, operation: Operation) -> None:
@@ -292,7 +292,7 @@ class PutsNumbersOnly(ControllerCore):
     interpreter = _PutsNumbersOnly
 
 
-class _TwiceIsOnce(interpreter.Run):
+class _TwiceIsOnce(Run):
     """To a variable nothing is added where that is the same one."""
 
     def _operands(self, operation: Operation) -> tuple[int, int]:
@@ -309,7 +309,7 @@ class TwiceIsOnce(ControllerCore):
     interpreter = _TwiceIsOnce
 
 
-class _MultipliesFloats(interpreter.Run):
+class _MultipliesFloats(Run):
     """A product is what a float of 4 bytes holds of it."""
 
     def _operands(self, operation: Operation) -> tuple[int, int]:
@@ -323,7 +323,7 @@ class MultipliesFloats(ControllerCore):
     interpreter = _MultipliesFloats
 
 
-class _QuotientsWithoutSign(interpreter.Run):
+class _QuotientsWithoutSign(Run):
     """A quotient has no sign, and what is reckoned from it has one again."""
 
     def _compute(self, operation: Operation) -> None:
@@ -338,7 +338,7 @@ class QuotientsWithoutSign(ControllerCore):
     interpreter = _QuotientsWithoutSign
 
 
-class _HurriesInBranches(interpreter.Run):
+class _HurriesInBranches(Run):
     """Behind an IF there is no waiting."""
 
     def _begin(self, node: Node, now_s: float) -> float:
@@ -357,7 +357,7 @@ class HurriesInBranches(ControllerCore):
 class SetsPortsOnce(ControllerCore):
     """In a run an output node does nothing to the port that the one before it has set."""
 
-    class interpreter(interpreter.Run):  # noqa: N801 - the name of the attribute
+    class interpreter(Run):  # noqa: N801 - the name of the attribute
         """What runs so."""
 
         port = 0
@@ -385,7 +385,7 @@ class EndsLoopsByAnEndif(ControllerCore):
 class CountsLoopsToo(ControllerCore):
     """From an IF that does not hold the markers are counted, and a loop's for one that begins."""
 
-    class interpreter(interpreter.Run):  # noqa: N801 - the name of the attribute
+    class interpreter(Run):  # noqa: N801 - the name of the attribute
         """What runs so."""
 
         def _partner(self) -> int:
@@ -395,7 +395,7 @@ class CountsLoopsToo(ControllerCore):
             return len(nodes) - 1 if nodes[index].type == NodeType.IF and loops else partner
 
 
-class _CalculatesInFloats(interpreter.Run):
+class _CalculatesInFloats(Run):
     """It calculates with what a float of 4 bytes holds of two numbers."""
 
     def _operands(self, operation: Operation) -> tuple[int, int]:
@@ -409,7 +409,7 @@ class CalculatesInFloats(ControllerCore):
     interpreter = _CalculatesInFloats
 
 
-class _ComparesWithTheKey(interpreter.Run):
+class _ComparesWithTheKey(Run):
     """Compares with the key of a variable, where that is the second operand."""
 
     def _operands(self, operation: Operation) -> tuple[int, int]:

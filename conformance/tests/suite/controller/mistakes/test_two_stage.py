@@ -88,7 +88,7 @@ class StopsItsClock(ControllerCore):
     def get_time(self, request: Request) -> datetime:
         """Tell when it began."""
         time = super().get_time(request)
-        self.stopped = self.robot.task and (self.stopped or time)
+        self.stopped = (self.stopped or time) if self.robot.task else None
         return self.stopped or time
 
 
