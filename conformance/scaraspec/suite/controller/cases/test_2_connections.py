@@ -95,7 +95,11 @@ def _disconnect(line: OutgoingConnection, way: int) -> None:
 
 
 def _connect(subject: ControllerUnderTest) -> OutgoingConnection:
-    """Log in; a controller that serves one client at a time may need a moment to notice its end."""
+    """Open a connection and log in.
+
+    A controller that serves one client at a time may need some time to detect that the previous
+    client disconnected. Therefore the connection is retried.
+    """
     for _ in range(_RETRIES):
         try:
             return subject.open()
@@ -113,7 +117,8 @@ def _connect(subject: ControllerUnderTest) -> OutgoingConnection:
 def test_second_client(subject: ControllerUnderTest) -> None:
     """A second client connects while a request of the first is incomplete; both are served.
 
-    Unsolicited frames of a robot (A-3-16) are not sent as often as another client sends requests.
+    A robot may send unsolicited frames (A-3-16). They arrive less often than the second client
+    sends requests, and so are not counted as replies to that client.
     """
     if not subject.access.several:
         raise CaseSkipped("this link carries only one connection at a time")
@@ -122,7 +127,7 @@ def test_second_client(subject: ControllerUnderTest) -> None:
     version, time = (first.request(name).encode() for name in ("get_version", "get_time"))
     first.send_bytes(version[:2])
     second = subject.open(login=False)
-    subject.pause(MOMENT_S / subject.ics.time_scale)  # a partial frame may wait for a second
+    subject.pause(MOMENT_S / subject.ics.time_scale)  # a partial frame may be pending for a second
     if _is_replaced(subject, first, second):
         return
     first.send_bytes(version[2:])
@@ -174,7 +179,7 @@ def _is_replaced(
 def _is_served_with(
     subject: ControllerUnderTest, first: OutgoingConnection, second: OutgoingConnection
 ) -> bool:
-    """Whether the new client is served together with the first; if not, the first still must be."""
+    """Whether both clients are served; if not, the first one must still be served."""
     try:
         if subject.access.needs_login:
             subject.log_in(second)

@@ -29,7 +29,7 @@ from scaraspec.user_message import UserMessage
 _BURST_REQUESTS: Final = (
     250  # more than a kilobyte, the size of a small buffer; the judge tracks 256
 )
-_CARRIERS: Final = (GET_TIME, GET_VERSION, GET_STATUS)
+_QUERY_FRAMES: Final = (GET_TIME, GET_VERSION, GET_STATUS)
 
 
 @case("2/5", slow=True)
@@ -99,7 +99,7 @@ def test_random_cuts(subject: ControllerUnderTest, queries: list[Query], sizes: 
 def test_segments_across_frames(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Segments that contain the end of one frame and the start of the next are all answered."""
     for cut in examples(range(1, 4)):
-        parts = pieces(b"".join(_CARRIERS * 2), (cut, *[4] * 5))
+        parts = pieces(b"".join(_QUERY_FRAMES * 2), (cut, *[4] * 5))
         send_in(line, parts, subject, SEGMENT_S)
         for name in ("get_time", "get_version", "get_status") * 2:
             line.reply(name)
@@ -110,7 +110,7 @@ def test_segments_across_frames(subject: ControllerUnderTest, line: OutgoingConn
 def test_several_in_one_segment(subject: ControllerUnderTest, queries: list[Query]) -> None:
     """Several queries in one segment are all answered."""
     line = subject.open()
-    _served_together(subject, line, queries)
+    _expect_served_together(subject, line, queries)
     line.close()
 
 
@@ -123,7 +123,7 @@ def test_burst(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """
     longer = Query("get_analog_input", 1)
     cycle = (Query("get_time"), Query("get_version"), Query("get_status"), longer)
-    _served_together(
+    _expect_served_together(
         subject, line, [longer, *(cycle[n % len(cycle)] for n in range(_BURST_REQUESTS))]
     )
 
@@ -143,7 +143,7 @@ def _login(subject: ControllerUnderTest, line: OutgoingConnection) -> bytes:
     return line.request("login", subject.password).encode()
 
 
-def _served_together(
+def _expect_served_together(
     subject: ControllerUnderTest, line: OutgoingConnection, queries: list[Query]
 ) -> None:
     """Expect a reply to each query, or only to the first if the ICS claims so (A-3-14)."""

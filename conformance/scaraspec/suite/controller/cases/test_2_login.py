@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 _CLOCK_SHIFT: Final = timedelta(days=3000)
 _PAUSE_S: Final = 0.02
 _CENTER: Final = Point(11.5, -7.5, 3.5)
-_RUNS_S: Final = 60
+_RUN_S: Final = 60
 
 Requests = list[tuple[str, Any]]
 
@@ -59,7 +59,7 @@ class _UnauthenticatedClient:
     """A client that sends requests without a login, on a new connection if the old one is closed.
 
     Attributes:
-        granted: The replies that accepted a request.
+        accepted_frames: The replies that accepted a request.
     """
 
     def __init__(self, subject: ControllerUnderTest, *, wrong_logins: int = 0) -> None:
@@ -134,9 +134,9 @@ def _unchanged(
         subject: The SUT.
         settings: For each value, the command that reads it and the command that sets it.
     """
-    before = _values(subject, settings)
+    before = _read_values(subject, settings)
     yield before
-    after = _values(subject, settings)
+    after = _read_values(subject, settings)
     line = subject.open()
     for name, setter in examples(settings):
         if after[name] != before[name]:
@@ -145,7 +145,9 @@ def _unchanged(
     expect_equal(after, before, "settings were changed without a login")
 
 
-def _values(subject: ControllerUnderTest, settings: tuple[tuple[str, str], ...]) -> dict[str, Any]:
+def _read_values(
+    subject: ControllerUnderTest, settings: tuple[tuple[str, str], ...]
+) -> dict[str, Any]:
     line = subject.open()
     values = {name: line.ask(name).value for name, _ in settings}
     line.close()
@@ -206,7 +208,7 @@ def _clock_unchanged(subject: ControllerUnderTest) -> Iterator[datetime]:
 def test_wrong_login(subject: ControllerUnderTest) -> None:
     """Settings have no effect after a wrong password.
 
-    Where destructive cases are allowed, they are tried after a second wrong password (A-4.1-2).
+    If destructive cases are allowed, a second wrong password is sent before them (A-4.1-2).
     """
     destructive = Hazard.DESTRUCTIVE in subject.allowed
     client = _UnauthenticatedClient(subject, wrong_logins=2 if destructive else 1)
@@ -228,7 +230,7 @@ def test_second_client_without_login(subject: ControllerUnderTest) -> None:
 
 @case("2/11", name="behind", hazards=(Hazard.STATE,))
 def test_connection_after_a_lost_one(subject: ControllerUnderTest) -> None:
-    """A setting has no effect without a login after another client disconnected in an upload."""
+    """Without a login, a setting has no effect after another client left during its upload."""
     client = _UnauthenticatedClient(subject)
     with _unchanged(subject, _GRIPPER):
         for reset in examples((False, True)):
@@ -247,7 +249,7 @@ def test_motion(subject: ControllerUnderTest) -> None:
     """
     subject.moved = True
     line = subject.open()
-    name = upload_wait_program(subject, line, _RUNS_S)
+    name = upload_wait_program(subject, line, _RUN_S)
     before, joints, pose = outputs(line), joints_of(line), pose_of(line)
     line.close()
     client = _UnauthenticatedClient(subject)

@@ -46,9 +46,9 @@ _REQUIREMENT_OF_FAULT: Final[Mapping[Fault, str]] = {
     Fault.TAG: "3/14",
 }
 _LONG_NAME_BYTES: Final = 30  # L226
-_FEW_FILES: Final = 7  # every robot has room for so many
-_MANY_FILES: Final = 9  # so many such names, with separators, do not fit one frame
-_SHORT_REPLIES: Final = 45  # so many status replies fill the longest frame
+_FEW_FILES: Final = 7  # every robot has room for this many
+_MANY_FILES: Final = 9  # this many such names, with separators, do not fit into one frame
+_SHORT_REPLIES: Final = 45  # this many status replies fill the longest frame
 _IDLE_S: Final = 0.6
 _LENGTHS: Final = (
     *range(18),
@@ -77,7 +77,11 @@ def test_replies_are_frames(subject: ControllerUnderTest, line: OutgoingConnecti
 
 @contextmanager
 def _report_invalid_reply(line: OutgoingConnection, name: str) -> Iterator[None]:
-    """If no valid reply arrives, find its fault: a wrong length delays the frames after it."""
+    """If no valid reply arrives, report the fault of the invalid bytes.
+
+    A reply with a wrong length contains the frames after it. Status requests are sent until it
+    ends.
+    """
     try:
         yield
     except CaseFailed:
@@ -90,8 +94,13 @@ def _report_invalid_reply(line: OutgoingConnection, name: str) -> Iterator[None]
         raise
 
 
-def _expect_no_invalid_bytes(line: OutgoingConnection, name: str) -> None:
-    """Fail the case if there are invalid bytes, and report their fault."""
+def _expect_no_invalid_bytes(line: OutgoingConnection, name: str = "") -> None:
+    """Fail the case if there are invalid bytes, and report their fault.
+
+    Args:
+        line: The connection.
+        name: The command that was sent, if any.
+    """
     line.pump()
     for invalid in line.invalid_bytes:
         diagnosis = diagnose(invalid)
@@ -99,7 +108,9 @@ def _expect_no_invalid_bytes(line: OutgoingConnection, name: str) -> None:
         if requirement == "3/7" and diagnosis.observed == "0":
             requirement = "3/8"
         raise CaseFailed(
-            UserMessage("{name} was answered with bytes that are not a frame", name=name),
+            UserMessage("{command} was answered with bytes that are not a frame", command=name)
+            if name
+            else "bytes that are not a frame arrived without a request",
             expected=f"{diagnosis.fault.value} {diagnosis.expected}",
             observed=invalid.data.hex(" "),
             requirement=requirement,
@@ -166,8 +177,8 @@ def test_nothing_while_idle(subject: ControllerUnderTest) -> None:
 
 
 def _expect_silence(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Fail on an undefined opcode or a final result; warn of other unsolicited frames (A-3-16)."""
-    _expect_no_invalid_bytes(line, "nothing")
+    """Fail on an undefined opcode or a final result; tolerate other unsolicited frames (A-3-16)."""
+    _expect_no_invalid_bytes(line)
     for received in line.inbox:
         expect(
             received.frame.opcode in BY_OPCODE,
@@ -195,8 +206,8 @@ def _expect_silence(subject: ControllerUnderTest, line: OutgoingConnection) -> N
 @case("3/10")
 def test_opcodes_of_replies(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """No query is answered with an undefined opcode."""
-    answers = [answer.seen for answer in ask_all(subject, line)]
-    for received in (*answers, *line.inbox):
+    replies = [reply.seen for reply in ask_all(subject, line)]
+    for received in (*replies, *line.inbox):
         expect(
             received.frame.opcode in BY_OPCODE,
             "a reply has an undefined opcode",
@@ -218,7 +229,7 @@ def test_opcodes_of_replies(subject: ControllerUnderTest, line: OutgoingConnecti
 )
 @example(data=b"\xcc" + GET_VERSION)  # a search for the end byte in small frames finds one
 def test_data_on_a_query(subject: ControllerUnderTest, data: bytes) -> None:
-    """Data of up to 255 bytes in a query is never taken for a frame, whether answered or not."""
+    """Data of up to 255 bytes in a query is never treated as a frame, whether answered or not."""
     frame = Frame(A2C, 0x07, data).encode()
     assume(harmless(frame + GET_STATUS))
     line = subject.open()
@@ -226,7 +237,7 @@ def test_data_on_a_query(subject: ControllerUnderTest, data: bytes) -> None:
     for received in _replies_or_close(subject, line):
         expect(
             received.frame.opcode == 0x07,
-            "bytes in the data of a frame were taken for a frame",
+            "bytes in the data of a frame were treated as a frame",
             expected="a reply to 0x07, or none (A-3-12)",
             observed=f"{received.frame}",
         )
@@ -235,7 +246,7 @@ def test_data_on_a_query(subject: ControllerUnderTest, data: bytes) -> None:
 
 @case("3/6", name="lengths")
 def test_every_length(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Data of every length up to 255 bytes in a query is never taken for a frame."""
+    """Data of every length up to 255 bytes in a query is never treated as a frame."""
     ignored_opcodes = OPCODES - {GET_TIME[1]}  # some controllers send these unsolicited (A-3-16)
     for length_bytes in examples(_LENGTHS):
         repeats, rest = divmod(length_bytes, len(GET_TIME))
@@ -283,14 +294,14 @@ def test_delimiters_in_files(subject: ControllerUnderTest, line: OutgoingConnect
     expect_round_trip(subject, line, b"plain" * 50)
     for content in examples(_DELIMITER_CONTENTS):
         expect_round_trip(subject, line, content, "3/9")
-        expect(not line.sync(), "bytes of a file were taken for a frame", observed="a reply")
+        expect(not line.sync(), "bytes of a file were treated as a frame", observed="a reply")
 
 
 @case("3/9", name="name", hazards=(Hazard.STATE,))
 def test_delimiters_in_names(line: OutgoingConnection) -> None:
     """A name that contains 0xAA and 0xCC is refused with one frame."""
     for data in examples((b"\xaa.rob", b"\xcc.rob", b"a\xcc\xaab.rob", b"\xb0\xcc\xaa\xcc.rob")):
-        answer = line.ask("download_name", data=data)
+        reply = line.ask("download_name", data=data)
         message = "a missing file was accepted for download"
-        expect(answer.accepted is False, message, requirement="5.3/3")
-        expect(not line.sync(), "bytes of a name were taken for a frame", observed="a reply")
+        expect(reply.accepted is False, message, requirement="5.3/3")
+        expect(not line.sync(), "bytes of a name were treated as a frame", observed="a reply")

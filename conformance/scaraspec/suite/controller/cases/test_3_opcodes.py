@@ -1,11 +1,11 @@
-"""Clause 3: undefined opcodes (L96; A-3-9). A real robot, which may move, gets none."""
+"""Clause 3: undefined opcodes (L96; A-3-9). They are not sent to a real robot: it may move."""
 
 import math
 from collections.abc import Iterable
-from typing import Any, Final
+from typing import Final, NamedTuple
 
 from scaraspec.judge.tolerances import STANDSTILL, max_deviation
-from scaraspec.protocol.commands import BY_OPCODE, Point
+from scaraspec.protocol.commands import BY_OPCODE, JointValues, Point
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import MAX_DATA_BYTES, TAG, Frame
 from scaraspec.protocol.hazard import Hazard
@@ -39,7 +39,7 @@ from scaraspec.suite.program_files.listed import store_program
 from scaraspec.user_message import UserMessage
 
 _UNDEFINED: Final = tuple(o for o in range(256) if o not in BY_OPCODE and o != TAG)
-"""Without the tag: no reply can have it as its opcode (A-3-5), so its connection is not judged."""
+"""The tag is not included: no reply can have it as its opcode (A-3-5)."""
 _DATA: Final = (b"", b"1", b"1|1", b"0" * MAX_DATA_BYTES)
 _MOTION: Final = (Hazard.STATE, Hazard.MOTION)
 _CENTER: Final = Point(10, -20, 30)
@@ -58,9 +58,9 @@ _CHANGING_VALUES: Final = (
 def test_undefined_opcodes(subject: ControllerUnderTest) -> None:
     """No undefined opcode changes anything or is answered under another opcode."""
     subject.moved = True
-    before = _state(subject)
+    before = _read_state(subject)
     for data in _DATA:
-        _send(subject, (Frame(A2C, opcode, data) for opcode in _UNDEFINED))
+        _send_each(subject, (Frame(A2C, opcode, data) for opcode in _UNDEFINED))
     line = subject.open(judged=False)
     line.send_frame(Frame(A2C, TAG))
     line.wait(MOMENT_S)
@@ -72,7 +72,7 @@ def test_undefined_opcodes(subject: ControllerUnderTest) -> None:
 def test_undefined_opcodes_alone(subject: ControllerUnderTest) -> None:
     """Undefined opcodes change nothing as the first requests of a connection, in one segment."""
     subject.moved = True
-    before = _state(subject)
+    before = _read_state(subject)
     line = subject.open(judged=False)
     line.send_bytes(b"".join(Frame(A2C, opcode).encode() for opcode in _UNDEFINED))
     line.wait(MOMENT_S)
@@ -98,8 +98,8 @@ def test_settings_after_undefined_opcodes(
         if not any(settings_accepted):
             raise CaseSkipped("the controller accepts none of these settings")
         await_rest(subject, line)  # setting the default program may run it (A-4.12-3)
-        before = _state(subject)
-        _send(subject, (Frame(A2C, opcode) for opcode in _UNDEFINED))
+        before = _read_state(subject)
+        _send_each(subject, (Frame(A2C, opcode) for opcode in _UNDEFINED))
         _expect_unchanged(subject, before)
         if default_set:
             expect_default(subject, subject.open(), program, "3/21")
@@ -147,7 +147,7 @@ def test_undefined_opcodes_during_a_program(
         )
 
 
-def _send(subject: ControllerUnderTest, frames: Iterable[Frame]) -> None:
+def _send_each(subject: ControllerUnderTest, frames: Iterable[Frame]) -> None:
     """Send each frame, on a new connection if the controller closed the old one."""
     line = subject.open(judged=False)
     for frame in examples(frames):
@@ -176,7 +176,7 @@ def _send_with_query(subject: ControllerUnderTest, line: OutgoingConnection, fra
 def _expect_own_opcodes(
     subject: ControllerUnderTest, line: OutgoingConnection, opcodes: frozenset[int]
 ) -> None:
-    """Expect that an undefined opcode is answered under itself or not at all."""
+    """Expect no reply to an undefined opcode, or replies with the same opcode."""
     if line.ending is not None:
         subject.tolerate("3/21", "on_unknown", "close", "the connection was closed")
     unsolicited = subject.observer.told_unasked - opcodes
@@ -201,28 +201,34 @@ def _expect_own_opcodes(
 # ---------------------------------------------------------------------- unchanged state
 
 
-def _state(subject: ControllerUnderTest) -> dict[str, Any]:
+class _State(NamedTuple):
+    """The reply data of each query, and the joint angles."""
+
+    replies: dict[str, bytes]
+    joints: JointValues
+
+
+def _read_state(subject: ControllerUnderTest) -> _State:
     line = subject.open()
-    state: dict[str, Any] = {
+    replies = {
         query.name: line.ask(*query).frame.data
         for query in known_to(subject)
         if query.name not in _CHANGING_VALUES
     }
-    state["joints"] = joints_of(line)
+    state = _State(replies, joints_of(line))
     line.close()
     return state
 
 
-def _expect_unchanged(subject: ControllerUnderTest, before: dict[str, Any]) -> None:
+def _expect_unchanged(subject: ControllerUnderTest, before: _State) -> None:
     subject.pause(MOMENT_S)
-    after = _state(subject)
-    joints = before.pop("joints")
-    deviation = max_deviation(after.pop("joints"), joints)
+    after = _read_state(subject)
+    deviation = max_deviation(after.joints, before.joints)
     message = "an undefined opcode moved the arm"
     expect(deviation <= STANDSTILL, message, observed=f"by {deviation:.2f}")
-    for name, data in before.items():
+    for name, data in before.replies.items():
         expect_equal(
-            after[name],
+            after.replies[name],
             data,
             UserMessage("an undefined opcode changed the reply to {name}", name=name),
         )

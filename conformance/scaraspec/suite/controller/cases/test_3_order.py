@@ -44,7 +44,7 @@ from scaraspec.user_message import UserMessage
 _STATE: Final = (Hazard.STATE,)
 _MOTION: Final = (Hazard.STATE, Hazard.MOTION)
 _CENTERS: Final = tuple(Point(float(n), -n / 2, n + 0.5) for n in range(1, 9))
-_CLOCK_SLACK: Final = timedelta(seconds=5)
+_CLOCK_TOLERANCE: Final = timedelta(seconds=5)
 _HOUR: Final = timedelta(hours=1)
 _CHUNKS: Final = 3
 
@@ -71,8 +71,8 @@ def _require_pipelining(subject: ControllerUnderTest) -> None:
         raise CaseSkipped("the controller serves one request at a time (pipelining)")
 
 
-def _check_order(subject: ControllerUnderTest, answers: list[ReceivedFrame]) -> None:
-    offsets_bytes = [answer.seen.place.offset_bytes for answer in answers]
+def _check_order(subject: ControllerUnderTest, replies: list[ReceivedFrame]) -> None:
+    offsets_bytes = [reply.seen.place.offset_bytes for reply in replies]
     if any(later < earlier for earlier, later in pairwise(offsets_bytes)):
         subject.tolerate("3/24", "pipelining", "any-order", "replies arrived in another order")
 
@@ -149,10 +149,10 @@ def test_last_time_takes_effect(subject: ControllerUnderTest, line: OutgoingConn
     for _ in settings:
         line.reply("set_time")
     current: datetime | None = line.ask("get_time").value
-    if current is None or abs(current - before) > _CLOCK_SLACK:
+    if current is None or abs(current - before) > _CLOCK_TOLERANCE:
         line.ask("set_time", before)
     expect(
-        current is not None and abs(current - before) <= _CLOCK_SLACK,
+        current is not None and abs(current - before) <= _CLOCK_TOLERANCE,
         "the last time that was set was not kept",
         expected=f"{before}",
         observed=f"{current}",

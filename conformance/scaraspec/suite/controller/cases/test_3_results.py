@@ -1,6 +1,6 @@
 """Clause 3: final results of two-stage commands: tagged, after the first reply, exactly one.
 
-The effect of a command is judged in its own clause; here it is only performed to its end.
+The effect of a command is judged in its own clause. Here each command is only executed to its end.
 """
 
 from typing import Any, Final
@@ -46,7 +46,7 @@ from scaraspec.traffic.events import FrameSeen, InvalidBytes
 from scaraspec.user_message import UserMessage
 
 _MOTION: Final = (Hazard.MOTION, Hazard.STATE)
-_WAIT_S: Final = 0.4  # how long a second result is waited for
+_WAIT_S: Final = 0.4  # wait for a second result
 _RUNS: Final = 12
 _UNREACHABLE: Final = MoveTarget(1, 9e5, 9e5, 9e5, 0.0, 0.0, 0.0)
 
@@ -178,8 +178,8 @@ def test_result_on_own_connection(subject: ControllerUnderTest, line: OutgoingCo
     other = subject.open()
     probe_responsiveness(subject, line)
     with arm_returned(subject, line):
-        _, answer = begin_step_somewhere(subject, line)
-        expect_accepted(MOVE, answer)
+        _, reply = begin_step_somewhere(subject, line)
+        expect_accepted(MOVE, reply)
         if is_responsive(subject, other):
             other.ask("get_status")
         wait_for_result(subject, line, MOVE)
@@ -206,8 +206,8 @@ def test_no_result_after_refusal(subject: ControllerUnderTest, line: OutgoingCon
         if name in subject.ics.unsupported:
             continue
         line = alive(subject, line)
-        answer = try_request(line, name, value, data=data)
-        if answer is None or answer.accepted is False:
+        reply = try_request(line, name, value, data=data)
+        if reply is None or reply.accepted is False:
             refused.append(name)
     _expect_no_results(alive(subject, line), refused)
 
@@ -224,9 +224,9 @@ def test_no_result_after_refusal_while_busy(
     with executing_task(subject, line, RUN) as task:
         refused = []
         for name, value in requests.items():
-            answer = try_request(line, name, value)
+            reply = try_request(line, name, value)
             task.lasts()
-            if name != RUN and (answer is None or answer.accepted is False):
+            if name != RUN and (reply is None or reply.accepted is False):
                 refused.append(name)
     _expect_no_results(line, refused)
 

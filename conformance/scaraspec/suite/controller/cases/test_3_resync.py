@@ -1,7 +1,8 @@
-"""Clause 3: bytes that are not a frame. Where the next frame is searched is a reading (A-3-10).
+"""Clause 3: bytes that are not a frame.
 
-The document does not mention them. The cases require that the controller continues to serve, on
-the same connection or a new one, and that it executes nothing that was not requested.
+The document does not mention them. Where a receiver looks for the next frame is a reading
+(A-3-10). The cases require that the controller continues to serve, on the same connection or a new
+one, and that it executes nothing that was not requested.
 """
 
 from contextlib import suppress
@@ -38,9 +39,9 @@ from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, NoReply
 from scaraspec.user_message import UserMessage
 
 _LONG_BYTES: Final = 5000
-_PARTIAL_FRAMES: Final = 4
+_MAX_PARTIAL_CONNECTIONS: Final = 4
 _FRAME_TIMEOUT_S: Final = 2.3  # longer than most receivers wait for the rest of a frame (A-3-11)
-_PARTS: Final = (
+_PARTIAL_FRAMES: Final = (
     b"\xaa",
     b"\xaa\x09",
     b"\xaa\x09\x00",
@@ -142,7 +143,7 @@ def test_spoiled_frames(subject: ControllerUnderTest, frame: bytes) -> None:
 
 @case("3/20", name="end")
 def test_every_wrong_end(subject: ControllerUnderTest) -> None:
-    """The controller recovers from each of many wrong end bytes; a reply is only warned of."""
+    """The controller recovers from each of many wrong end bytes; a reply to it is tolerated."""
     for end in examples((0x00, 0x0D, 0x33, 0xAB, 0xAC, 0xCB, 0xCD, 0xEC, 0xFF)):
         data = GET_STATUS[:-1] + bytes((end,))
         _tolerate_close(subject, "3/20", survives(subject, data, requirement="3/20"))
@@ -292,7 +293,7 @@ def test_bystander(subject: ControllerUnderTest) -> None:
 def test_half_frames(subject: ControllerUnderTest) -> None:
     """After a connection ends within a frame, the next one is served and is not affected."""
     subject.notices_leaving()
-    for part in examples(_PARTS):
+    for part in examples(_PARTIAL_FRAMES):
         line = subject.open(judged=False)
         line.send_bytes(part)
         if subject.takes_several:
@@ -308,7 +309,7 @@ def test_half_frames(subject: ControllerUnderTest) -> None:
 def test_cut_off_in_a_frame(subject: ControllerUnderTest) -> None:
     """After a connection is reset within a frame, the next one is served."""
     subject.notices_leaving()
-    for part in examples(_PARTS):
+    for part in examples(_PARTIAL_FRAMES):
         line = subject.open(judged=False)
         line.send_bytes(part)
         line.reset()
@@ -320,7 +321,7 @@ def test_half_close_in_a_frame(subject: ControllerUnderTest) -> None:
     """After a client half-closes within a frame, the next connection is served."""
     if subject.access.port is None:
         raise CaseSkipped("only a network link can be half closed")
-    for part in examples(_PARTS):
+    for part in examples(_PARTIAL_FRAMES):
         line = subject.open(judged=False)
         line.send_bytes(part)
         line.half_close()
@@ -355,10 +356,10 @@ def _open_partial_frames(subject: ControllerUnderTest) -> list[OutgoingConnectio
     subject.require_multiple_connections()
     lines = [subject.open(judged=False)]
     with suppress(CaseFailed):  # so many may not be served (A-2-2)
-        while len(lines) <= _PARTIAL_FRAMES:
+        while len(lines) <= _MAX_PARTIAL_CONNECTIONS:
             lines.append(subject.open(judged=False))
     lines.pop().close()  # leave room for one more
-    for line, part in zip(lines, _PARTS, strict=False):
+    for line, part in zip(lines, _PARTIAL_FRAMES, strict=False):
         line.send_bytes(part)
     return lines
 

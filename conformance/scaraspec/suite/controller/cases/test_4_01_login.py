@@ -14,26 +14,27 @@ from scaraspec.user_message import UserMessage
 
 _LOGINS = 5
 
-# A-4.1-2: a run must not lock out the user. So a run sends at most one wrong password where it may
-# change state, and five where it may destroy data: these, and the old password in clause 4.2.
+# A-4.1-2: a run must not lock out the user. Therefore a run sends at most one wrong password if it
+# may change state, and at most five if it may destroy data. The cases of this clause send four of
+# them, and the cases of clause 4.2 send the old password.
 
 
-def _expect_flag(answer: ReceivedFrame) -> None:
+def _expect_flag(reply: ReceivedFrame) -> None:
     expect(
-        answer.accepted is not None,
+        reply.accepted is not None,
         "the reply to a login is not a single flag",
         expected="1 or 0",
-        observed=f"{answer}",
+        observed=f"{reply}",
         requirement="4.1/4",
     )
 
 
-def _expect_open(
+def _expect_accepted(
     subject: ControllerUnderTest, line: OutgoingConnection, message: str, requirement: str = "4.1/2"
 ) -> None:
-    answer = line.ask("login", subject.password)
-    _expect_flag(answer)
-    expect(answer.accepted, message, expected="1", observed=f"{answer}", requirement=requirement)
+    reply = line.ask("login", subject.password)
+    _expect_flag(reply)
+    expect(reply.accepted, message, expected="1", observed=f"{reply}", requirement=requirement)
 
 
 def _expect_refused(
@@ -43,13 +44,13 @@ def _expect_refused(
     line = subject.open(login=False)
     if correct is not None:
         subject.log_in(line, correct)
-    answer = line.ask("login", wrong)
-    _expect_flag(answer)
+    reply = line.ask("login", wrong)
+    _expect_flag(reply)
     expect(
-        not answer.accepted,
+        not reply.accepted,
         UserMessage("{description} was accepted", description=description),
         expected="0",
-        observed=f"{answer}",
+        observed=f"{reply}",
         requirement="4.1/3",
     )
     return line
@@ -61,7 +62,7 @@ def test_right_password(subject: ControllerUnderTest) -> None:
     needs_login(subject)
     line = subject.open(login=False)
     for _ in range(2):
-        _expect_open(subject, line, "the correct password was refused")
+        _expect_accepted(subject, line, "the correct password was refused")
         more = [received for received in line.sync() if received.name == "login"]
         expect(
             not more,
@@ -80,7 +81,7 @@ def test_repeated_logins(subject: ControllerUnderTest) -> None:
     for number in range(1, _LOGINS + 1):
         line = subject.open(login=False)
         message = UserMessage("login {number} with the correct password was refused", number=number)
-        _expect_open(subject, line, message, "4.1/6")
+        _expect_accepted(subject, line, message, "4.1/6")
         line.ask("get_version")
         if not parallel or number > 1:
             line.close()
@@ -95,7 +96,7 @@ def test_wrong_password(subject: ControllerUnderTest) -> None:
     if line.ending is None:
         message = "after a wrong password, the correct one was refused on the same connection"
         try:
-            _expect_open(subject, line, message)
+            _expect_accepted(subject, line, message)
         except NoReply:
             if line.ending is None:
                 raise
@@ -103,7 +104,7 @@ def test_wrong_password(subject: ControllerUnderTest) -> None:
         message = "a wrong password closes the connection"
         subject.tolerate("4.1/7", "A-4.1-2", "closes", message)
     line.close()
-    _expect_open(
+    _expect_accepted(
         subject,
         subject.open(login=False),
         "after a wrong password, the correct one was refused on a new connection",
@@ -149,8 +150,8 @@ def test_near_misses(subject: ControllerUnderTest) -> None:
     line = subject.open(login=False)
     line.send("login", data=b"")
     try:
-        answer = line.reply("login", within_s=1.0)
+        reply = line.reply("login", within_s=1.0)
     except NoReply:
         return  # an empty request may be ignored (A-3-9)
-    if answer.accepted:
-        raise CaseFailed("an empty password was accepted", expected="0", observed=f"{answer}")
+    if reply.accepted:
+        raise CaseFailed("an empty password was accepted", expected="0", observed=f"{reply}")

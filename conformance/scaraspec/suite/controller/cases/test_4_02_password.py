@@ -33,12 +33,12 @@ def _expect_login(
 ) -> None:
     """Log in on a new connection, and expect success or a refusal."""
     line = subject.open(login=False)
-    answer = line.ask("login", password)
+    reply = line.ask("login", password)
     expect(
-        bool(answer.accepted) is accepted,
+        bool(reply.accepted) is accepted,
         message,
         expected="1" if accepted else "0",
-        observed=f"{answer}",
+        observed=f"{reply}",
         requirement=requirement,
     )
     line.close()
@@ -73,12 +73,12 @@ def _expect_refused(
     subject: ControllerUnderTest, line: OutgoingConnection, wrong: bytes, new: bytes, correct: bytes
 ) -> None:
     """Expect that a change with a wrong old password is refused and changes nothing."""
-    answer = change(line, wrong, new)
+    reply = change(line, wrong, new)
     expect(
-        answer.accepted is False,
+        reply.accepted is False,
         "a password change with a wrong old password was not answered 0",
         expected="0",
-        observed=f"{answer}",
+        observed=f"{reply}",
     )
     line.close()
     message = "after a refused change, the password is no longer accepted"

@@ -36,7 +36,7 @@ _PRIVATE: Final = (
     | st.integers(0xAC100000, 0xAC1FFFFF)
     | st.integers(0xC0A80000, 0xC0A8FFFF)
 )
-_LONGEST: Final = Network("192.168.200.150", "255.255.255.192", "192.168.200.190")
+_LONGEST_NETWORK: Final = Network("192.168.200.150", "255.255.255.192", "192.168.200.190")
 
 
 @st.composite
@@ -49,11 +49,11 @@ def _networks(draw: st.DrawFn) -> Network:
 
 
 def _read(line: OutgoingConnection) -> Network:
-    answer = line.ask("get_network")
-    if not isinstance(answer.value, Network):
+    reply = line.ask("get_network")
+    if not isinstance(reply.value, Network):
         message = "the network is not three IPv4 values with separators"
-        raise CaseFailed(message, observed=f"{answer}", requirement="4.3/2")
-    return answer.value
+        raise CaseFailed(message, observed=f"{reply}", requirement="4.3/2")
+    return reply.value
 
 
 def _alternatives(current: Network) -> tuple[Network, Network]:
@@ -76,7 +76,7 @@ def _set(
         CaseFailed: The network was refused.
     """
     try:
-        answer = line.ask("set_network", network)
+        reply = line.ask("set_network", network)
     except NoReply as error:
         if line.ending is None:
             raise CaseFailed(
@@ -92,10 +92,10 @@ def _set(
         subject.tolerate("4.4/3", "A-4.4-1", "no reply", message)
         return line
     expect(
-        answer.accepted,
+        reply.accepted,
         "a valid network was not answered 1",
         expected="1",
-        observed=f"{answer}",
+        observed=f"{reply}",
         requirement="4.4/2",
     )
     return alive(subject, line)
@@ -161,13 +161,13 @@ def test_address(subject: ControllerUnderTest, line: OutgoingConnection) -> None
         raise CaseSkipped("another address would interrupt the connection to the controller")
     lines = [line]
 
-    @example(_LONGEST)
+    @example(_LONGEST_NETWORK)
     @given(_networks())
-    def each(network: Network) -> None:
-        lines[0] = _expect_set(subject, lines[0], network, retry=network != _LONGEST)
+    def set_and_check(network: Network) -> None:
+        lines[0] = _expect_set(subject, lines[0], network, retry=network != _LONGEST_NETWORK)
 
     with _network_restored(subject, line):
-        each()
+        set_and_check()
 
 
 @case("4.4/5", "4.4/2")
@@ -176,7 +176,7 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
     before = _read(line)
     alternative = _alternatives(before)[1]
     if subject.access.readdressable:
-        alternative = alternative._replace(ip=_LONGEST.ip)
+        alternative = alternative._replace(ip=_LONGEST_NETWORK.ip)
     with _network_restored(subject, line):
         for wrong in examples(malformed("set_network", alternative, subject.dialect)):
             result = offer(subject, line, "set_network", wrong)

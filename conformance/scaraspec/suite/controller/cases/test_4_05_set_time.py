@@ -91,15 +91,15 @@ def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Setting the clock while a program runs is answered "1" and works, or "0" without a change."""
     with kept(subject, line, "clock"), running(subject, line):
-        first, asked_s = read(subject, line), subject.now_ns / _NS_PER_S
+        first, requested_s = read(subject, line), subject.now_ns / _NS_PER_S
         day = shifted(first.time, timedelta(days=1))  # later, so that a wait by the clock ends
         time = day.replace(hour=12)  # an hour that exists on every day
-        answer = line.ask("set_time", time)
-        if answer.accepted:
-            first = Reading(time, asked_s, answer.time_s)
+        reply = line.ask("set_time", time)
+        if reply.accepted:
+            first = Reading(time, requested_s, reply.time_s)
         message = UserMessage(
-            "setting the clock while a program ran was answered {answer}, but the clock differs",
-            answer=answer,
+            "setting the clock while a program ran was answered {reply}, but the clock differs",
+            reply=reply,
         )
         expect_ran(subject, first, read(subject, line), message, "4.5/4")
 
@@ -109,15 +109,15 @@ def test_every_moment(subject: ControllerUnderTest, line: OutgoingConnection) ->
     """Every time from 2000 to 2099 can be set and is shown."""
 
     @given(payload_values(BY_NAME["set_time"].request))
-    def each(time: datetime) -> None:
+    def set_and_check(time: datetime) -> None:
         first = set_to(subject, line, time)
         message = "the clock does not show the time that was set"
         expect_ran(subject, first, read(subject, line), message, "4.5/4")
 
     for time in _EDGES:
-        each = example(time)(each)
+        set_and_check = example(time)(set_and_check)
     with kept(subject, line, "clock"):
-        each()
+        set_and_check()
 
 
 def _expect_rollover(

@@ -12,8 +12,8 @@ _REQUESTS = 300
 @case("4.7/2", "4.7/3")
 def test_version(line: OutgoingConnection) -> None:
     """The version is a text of at least one character."""
-    answer = line.ask("get_version")
-    expect(answer.value, "the version is empty", expected="1.0.0", observed=f"{answer}")
+    reply = line.ask("get_version")
+    expect(reply.value, "the version is empty", expected="1.0.0", observed=f"{reply}")
 
 
 @case("4.7/4")

@@ -36,11 +36,11 @@ _STEP_S: Final = 0.25
 
 
 def _expect_idle(line: OutgoingConnection, message: str) -> None:
-    answer = status_behind(line)
-    code = require_no_fault(answer)
+    reply = status_behind(line)
+    code = require_no_fault(reply)
     if code is None:
         message = "the status is not a code of table 8-1"
-        raise CaseFailed(message, expected="00", observed=f"{answer}", requirement="4.8/2")
+        raise CaseFailed(message, expected="00", observed=f"{reply}", requirement="4.8/2")
     expect_equal(code.text, _IDLE, message, requirement="4.8/3")
 
 

@@ -39,59 +39,61 @@ _DEFAULTS: Final = ("get_default_program", "set_default_program")
 _WAIT_S: Final = 3
 _STEP_S: Final = 0.7
 _RESULT_WAIT_S: Final = 0.3
-_SLACK_S: Final = 1.5  # two times, each truncated to a whole second, plus half a second
-_DRIFT: Final = 0.01
+_TOLERANCE_S: Final = 1.5  # two times, each truncated to a whole second, plus half a second
+_MAX_DRIFT: Final = 0.01
 _MINUTE_S, _HOUR_S, _DAY_S = 60, 3600, 86_400
 _NS_PER_S: Final = 1e9
 
 
-def _is_none(answer: ReceivedFrame) -> bool:
+def _reports_no_program(reply: ReceivedFrame) -> bool:
     """Whether no program is reported; NULs may follow the flag or be the flag (A-T-1, A-T-3)."""
-    flag, rest = answer.frame.data[:1], answer.frame.data[1:]
+    flag, rest = reply.frame.data[:1], reply.frame.data[1:]
     return flag + rest.rstrip(b"\0") in _NO_PROGRAM
 
 
-def _expect_none(line: OutgoingConnection, message: str) -> None:
-    answer = line.ask("get_running_program")
-    expect(_is_none(answer), message, expected="0", observed=f"{answer}", requirement="4.9/6")
+def _expect_no_program(line: OutgoingConnection, message: str) -> None:
+    reply = line.ask("get_running_program")
+    expect(
+        _reports_no_program(reply), message, expected="0", observed=f"{reply}", requirement="4.9/6"
+    )
 
 
 def _running_program(
     subject: ControllerUnderTest, line: OutgoingConnection, command: str, name: bytes
 ) -> RunningProgram | None:
-    """Return the reply for a running program; None if it has ended.
+    """Request the running program, and return it; None if it has ended.
 
     Raises:
         CaseFailed: The reply is wrong.
     """
-    answer = ask_while_executing(subject, line, "get_running_program", command)
-    reported = answer.value
+    reply = ask_while_executing(subject, line, "get_running_program", command)
+    reported = reply.value
     if not isinstance(reported, RunningProgram):
         if poll_result(line, command, _RESULT_WAIT_S) is not None:
             return None
-        if command == "simulate_program" and _is_none(answer):
+        if command == "simulate_program" and _reports_no_program(reply):
             message = "a simulated program is not reported as running"
             subject.tolerate("4.9/10", "A-4.9-4", "no", message)
             return None
         message = "the running program is not reported"
         expected = f"1|{name.decode()}|DDHHMMSS"
-        raise CaseFailed(message, expected=expected, observed=f"{answer}", requirement="4.9/2")
+        raise CaseFailed(message, expected=expected, observed=f"{reply}", requirement="4.9/2")
     expect_equal(
         reported.name, name, "another program is reported than the running one", requirement="4.9/4"
     )
-    _expect_format(answer)
+    _expect_format(reply)
     return reported
 
 
-def _expect_format(answer: ReceivedFrame) -> None:
+def _expect_format(reply: ReceivedFrame) -> None:
     """Expect eight digits with valid hours, minutes and seconds (A-4.9-3); T/4 covers the rest."""
-    text = answer.frame.data.rstrip(b"\0|").rpartition(b"|")[2]
+    text = reply.frame.data.rstrip(b"\0|").rpartition(b"|")[2]
     valid_parts = text[2:4] < b"24" and text[4:6] < b"60" and text[6:] < b"60"
     expect(
         len(text) == len("DDHHMMSS") and text.isdigit() and valid_parts,
         "the run time is not DDHHMMSS with valid hours, minutes and seconds",
         expected="DDHHMMSS",
-        observed=f"{answer}",
+        observed=f"{reply}",
         requirement="4.9/3",
     )
 
@@ -104,23 +106,25 @@ class _RunTime(NamedTuple):
     received_s: float
 
 
-def _read(subject: ControllerUnderTest, line: OutgoingConnection, name: bytes) -> _RunTime | None:
+def _read_run_time(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: bytes
+) -> _RunTime | None:
     requested_s = _now_s(subject)
     reported = _running_program(subject, line, "run_program", name)
     return reported and _RunTime(reported.run_time_s, requested_s, _now_s(subject))
 
 
 def _expect_increase(
-    subject: ControllerUnderTest, first: _RunTime, later: _RunTime, addition: str
+    subject: ControllerUnderTest, first: _RunTime, later: _RunTime, message: str
 ) -> None:
     """Compare the increase of the run time with the elapsed time."""
     scale = subject.ics.time_scale
     min_s = (later.requested_s - first.received_s) * scale
     max_s = (later.received_s - first.requested_s) * scale
-    increase_s, slack_s = later.run_time_s - first.run_time_s, _SLACK_S + _DRIFT * max_s
+    increase_s, tolerance_s = later.run_time_s - first.run_time_s, _TOLERANCE_S + _MAX_DRIFT * max_s
     expect(
-        min_s - slack_s <= increase_s <= max_s + slack_s,
-        UserMessage("the run time does not match the elapsed time{addition}", addition=addition),
+        min_s - tolerance_s <= increase_s <= max_s + tolerance_s,
+        message,
         expected=f"{max_s:.1f} s more than {first.run_time_s} s",
         observed=f"{later.run_time_s} s",
         requirement="4.9/5",
@@ -135,10 +139,10 @@ def _now_s(subject: ControllerUnderTest) -> float:
 def test_none(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """While no program runs, the reply is 0 without name and time, on every connection."""
     with skip_if_other_program_runs(subject):
-        _expect_none(line, "a running program is reported although none runs")
+        _expect_no_program(line, "a running program is reported although none runs")
         line.close()
         message = "a running program is reported on another connection although none runs"
-        _expect_none(subject.open(), message)
+        _expect_no_program(subject.open(), message)
 
 
 @case(
@@ -154,14 +158,14 @@ def test_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None
     other = store_program(subject, line)
     name = store_wait_program(subject, line, _WAIT_S, long_name(subject, NAME_MAX_BYTES))
     if not subject.ics.unsupported.isdisjoint(_DEFAULTS):
-        _expect_reported(subject, line, name, other)
+        _run_and_check(subject, line, name, other)
         return
     with default_kept(subject, line):
         line.ask("set_default_program", other)
-        _expect_reported(subject, line, name, other)
+        _run_and_check(subject, line, name, other)
 
 
-def _expect_reported(
+def _run_and_check(
     subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, other: bytes
 ) -> None:
     second_line = subject.open() if subject.takes_several else line
@@ -171,20 +175,21 @@ def _expect_reported(
         for _ in range(1 + int(_WAIT_S / _STEP_S)):
             if first:
                 line.wait(_STEP_S / subject.ics.time_scale)
-            current = _read(subject, line, name)
+            current = _read_run_time(subject, line, name)
             if current is None:
                 break
             if first is None:
                 first, clock_before = current, _read_clock(subject, line)
                 _expect_listed(subject, line, other, name)
-            _expect_increase(subject, first, current, "")
+            message = "the run time does not match the elapsed time"
+            _expect_increase(subject, first, current, message)
             _expect_flag_and_status(line, "4.9/10")
             _expect_flag_and_status(second_line, "4.9/2")
             _expect_clock_advances(subject, clock_before, _read_clock(subject, line))
         else:
             line.result("run_program")
         expect_idle(subject, line, "the robot is not idle although run_program has ended")
-        _expect_none(line, "a program is reported as running although it has ended")
+        _expect_no_program(line, "a program is reported as running although it has ended")
         if first is None:
             raise CaseSkipped("the program ended before its status could be requested")
     finally:
@@ -229,20 +234,20 @@ def _expect_clock_advances(
 def _expect_flag_and_status(line: OutgoingConnection, requirement: str) -> None:
     """Expect the flag 1 between two statuses 01, whichever client started the program."""
     before = line.ask("get_status").value
-    answer = line.ask("get_running_program")
+    reply = line.ask("get_running_program")
     if before == line.ask("get_status").value == "01":
         expect(
-            isinstance(answer.value, RunningProgram),
+            isinstance(reply.value, RunningProgram),
             "no program is reported although the status is 01",
             expected="1|name|DDHHMMSS",
-            observed=f"{answer}",
+            observed=f"{reply}",
             requirement=requirement,
         )
 
 
 @case("4.9/4", "4.9/6", "4.9/10", name="simulated", hazards=PROGRAMS)
 def test_simulated(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A simulated program is reported with its name, or not at all, whatever ran before."""
+    """A simulated program is reported with its name, or not at all, whatever program ran before."""
     if RUN not in subject.ics.unsupported:
         start_program(subject, line, RUN, seconds=0)
         wait_for_result(subject, line, RUN)
@@ -252,7 +257,7 @@ def test_simulated(subject: ControllerUnderTest, line: OutgoingConnection) -> No
         _running_program(subject, line, "simulate_program", name)
     finally:
         stop_motion(subject, line)
-    _expect_none(line, "a program is reported as running although its simulation has ended")
+    _expect_no_program(line, "a program is reported as running although its simulation has ended")
 
 
 @case("4.9/3", "4.9/5", name="minute", hazards=PROGRAMS)
@@ -264,15 +269,15 @@ def test_minute(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 @case("4.9/3", "4.9/5", name="day", hazards=PROGRAMS)
 def test_day(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The run time rolls over to minutes, hours and days."""
-    marks_s = (_MINUTE_S, 10 * _MINUTE_S, _HOUR_S, 10 * _HOUR_S, _DAY_S, _DAY_S + _HOUR_S)
-    _watch_rollovers(subject, line, marks_s)
+    rollovers_s = (_MINUTE_S, 10 * _MINUTE_S, _HOUR_S, 10 * _HOUR_S, _DAY_S, _DAY_S + _HOUR_S)
+    _watch_rollovers(subject, line, rollovers_s)
 
 
 def _watch_rollovers(
-    subject: ControllerUnderTest, line: OutgoingConnection, marks_s: tuple[int, ...]
+    subject: ControllerUnderTest, line: OutgoingConnection, rollovers_s: tuple[int, ...]
 ) -> None:
-    """Run a program past these run times, and read its run time just before and after each."""
-    duration_s = marks_s[-1] + 5
+    """Run a program beyond these run times, and read its run time shortly before and after each."""
+    duration_s = rollovers_s[-1] + 5
     patient(subject, duration_s)
     name = store_wait_program(subject, line, duration_s)
     scale = subject.ics.time_scale
@@ -280,13 +285,17 @@ def _watch_rollovers(
         start_s = _now_s(subject)
         begin_or_skip(subject, line, "run_program", name)
         first = None
-        for at_s in (s for mark_s in marks_s for s in (mark_s - 2, mark_s + 2)):
+        for at_s in (s for rollover_s in rollovers_s for s in (rollover_s - 2, rollover_s + 2)):
             line.wait(max(start_s + at_s / scale - _now_s(subject), 0.0))
-            current = _read(subject, line, name)
+            current = _read_run_time(subject, line, name)
             if current is None:
                 raise CaseInconclusive("a program ended although its wait was not over")
             if first is not None:
-                _expect_increase(subject, first, current, f" after {marks_s[-1]} s")
+                message = UserMessage(
+                    "the run time does not match the elapsed time after {duration_s} s",
+                    duration_s=rollovers_s[-1],
+                )
+                _expect_increase(subject, first, current, message)
             first = first or current
     finally:
         stop_motion(subject, line)

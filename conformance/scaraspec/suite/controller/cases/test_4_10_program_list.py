@@ -31,28 +31,28 @@ from scaraspec.user_message import UserMessage
 _EMPTY_LIST: Final = (b"0", b"0|", b"")
 """The possible replies of an empty program store (A-4.10-4)."""
 _MANY_PROGRAMS: Final = 40  # more than 32
-_FEW_PROGRAMS: Final = 7  # every robot has room for so many
+_FEW_PROGRAMS: Final = 7  # every robot has room for this many
 _LENGTHS_BYTES: Final = (30, 12, 17, 30, 23)
-"""Names of these lengths make parts of every length close to the maximum."""
+"""Names of these lengths result in parts of every length close to the maximum."""
 _NODES: Final = 258
-"""Does not fit one byte, nor a buffer of 16 kilobytes."""
+"""This number does not fit one byte, and so many nodes do not fit a buffer of 16 kilobytes."""
 _TOO_LONG_BYTES: Final = 256
-"""A part of this length must have been divided."""
+"""A part of this length does not fit one frame."""
 
 
 def _delete(line: OutgoingConnection, name: bytes) -> None:
-    answer = line.ask("delete_program", name)
+    reply = line.ask("delete_program", name)
     expect(
-        answer.accepted,
+        reply.accepted,
         "a program that was just uploaded cannot be deleted",
         expected="1",
-        observed=f"{answer}",
+        observed=f"{reply}",
         requirement="4.11/2",
     )
 
 
-def _listed(subject: ControllerUnderTest, line: OutgoingConnection) -> list[bytes]:
-    """Return the names in the list, after checks of the whole list."""
+def _checked_names(subject: ControllerUnderTest, line: OutgoingConnection) -> list[bytes]:
+    """Request the list, check all its parts, and return the names in it."""
     parts = list_parts(subject, line)
     more = [received for received in line.sync() if received.name == "list_programs"]
     expect(
@@ -114,24 +114,24 @@ def _expect_listed(names: list[bytes], expected_names: list[bytes]) -> None:
 @case("4.10/2", "4.10/3", "4.10/7", "4.10/9")
 def test_list(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The list is a flag and names with separators; no name is empty or listed twice."""
-    _listed(subject, line)
+    _checked_names(subject, line)
 
 
 @case("4.10/8")
 def test_empty(line: OutgoingConnection) -> None:
     """The list of an empty program store is the flag 0 without a name."""
-    answer = line.ask("list_programs")
-    if answer.value is not None and any(answer.value.names):
+    reply = line.ask("list_programs")
+    if reply.value is not None and any(reply.value.names):
         raise CaseSkipped("the controller has programs that the suite may not delete")
     message = "the list of an empty program store is not the flag 0"
-    expect_in(answer.frame.data.rstrip(b"\0"), _EMPTY_LIST, message)
+    expect_in(reply.frame.data.rstrip(b"\0"), _EMPTY_LIST, message)
 
 
 @case("4.10/4", "4.10/2", "4.10/3", "4.10/5", "4.10/6", "4.10/7", "4.10/9", "4.10/11", name="many")
 def test_many(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Each of many uploaded programs is listed, in as many parts as needed."""
     uploaded: list[bytes] = []
-    before = _listed(subject, line)
+    before = _checked_names(subject, line)
     lengths = _lengths_that_overflow(subject, line)
     for number in range(_MANY_PROGRAMS):
         length_bytes = next(lengths, _LENGTHS_BYTES[number % len(_LENGTHS_BYTES)])
@@ -149,10 +149,10 @@ def test_many(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
             _delete(line, longest)
             uploaded.append(store_program(subject, line, name))  # there is room again
             break
-        _expect_listed(_listed(subject, line), [*before, *uploaded])
+        _expect_listed(_checked_names(subject, line), [*before, *uploaded])
     while uploaded:
         _delete(line, uploaded.pop(len(uploaded) // 2))
-        names = _listed(subject, line)
+        names = _checked_names(subject, line)
         _expect_listed(names, [*before, *uploaded])
         still_listed = [show(name) for name in names if name not in before and name not in uploaded]
         expect(
@@ -184,7 +184,7 @@ def test_names(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     @example("AZaz09_-")
     @example("AZaz09")
     @given(st.text(NAME_CHARACTERS, max_size=18))
-    def each(stem: str) -> None:
+    def store_and_delete(stem: str) -> None:
         name = subject.new_name(stem)
         try:
             store_program(subject, line, name)
@@ -199,7 +199,7 @@ def test_names(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
             observed=show(name),
         )
 
-    each()
+    store_and_delete()
 
 
 @case("4.10/11", "4.10/2", name="another-connection")
@@ -216,4 +216,4 @@ def test_another_connection(subject: ControllerUnderTest, line: OutgoingConnecti
     )
     store_program(subject, line, longer)
     line.close()
-    _expect_listed(_listed(subject, subject.open()), [name, longer])
+    _expect_listed(_checked_names(subject, subject.open()), [name, longer])

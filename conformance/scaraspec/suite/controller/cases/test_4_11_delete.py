@@ -34,12 +34,12 @@ _STATE_QUERIES: Final = (
 
 
 def _delete(line: OutgoingConnection, name: bytes) -> None:
-    answer = line.ask("delete_program", name)
+    reply = line.ask("delete_program", name)
     expect(
-        answer.accepted,
+        reply.accepted,
         "deleting a stored program was not answered 1",
         expected="1",
-        observed=f"{answer}",
+        observed=f"{reply}",
         requirement="4.11/2",
     )
 
@@ -65,7 +65,7 @@ def _expect_refused(
 
 @case("4.11/3", "4.11/2", hazards=_DESTRUCTIVE)
 def test_deleted_program(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A deleted program is not listed and cannot be downloaded, and its name is free again."""
+    """A deleted program is not listed and cannot be downloaded, and its name can be used again."""
     content = short_program(subject)
     other, name = store_program(subject, line), store_program(subject, line)
     for _ in range(_REPEATS):
@@ -124,14 +124,14 @@ def test_not_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None
     try:
         for command in examples(("run_program", "simulate_program")):
             subject.moved = True
-            answer = line.ask(command, name)
-            if answer.accepted:  # it may fail later (A-4.15-1)
-                answer = line.result(command)
+            reply = line.ask(command, name)
+            if reply.accepted:  # it may fail later (A-4.15-1)
+                reply = line.result(command)
             expect(
-                not (answer.done or answer.accepted),
+                not (reply.done or reply.accepted),
                 UserMessage("{command} still finds a deleted program", command=command),
                 expected="0|20",
-                observed=f"{answer}",
+                observed=f"{reply}",
             )
     finally:
         stop_motion(subject, line)
@@ -139,14 +139,14 @@ def test_not_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 
 @case("4.11/3", "4.11/2", name="running", hazards=(*_DESTRUCTIVE, Hazard.MOTION))
 def test_delete_running_program(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Deleting a running program is allowed or refused (A-4.11-1), and the reply is true."""
+    """A running program is deleted or kept (A-4.11-1), as the reply to the deletion states."""
     with executing_task(subject, line, RUN) as task:
-        answer = try_request(line, "delete_program", task.program)
+        reply = try_request(line, "delete_program", task.program)
         task.lasts()
-    if answer is None:
+    if reply is None:
         raise CaseSkipped("the robot did not answer a deletion while a program ran (A-4-3)")
     listed = task.program in program_names(subject, line)
-    if not answer.accepted:
+    if not reply.accepted:
         expect(
             listed,
             "deleting a running program was answered 0, but it is no longer listed",

@@ -28,12 +28,12 @@ _WAIT_S = 0.3
 
 
 def _set(line: OutgoingConnection, name: bytes) -> None:
-    answer = line.ask("set_default_program", name)
+    reply = line.ask("set_default_program", name)
     expect(
-        answer.accepted,
+        reply.accepted,
         "a stored program cannot be made the default program",
         expected="1",
-        observed=f"{answer}",
+        observed=f"{reply}",
         requirement="4.13/2",
     )
 
@@ -69,8 +69,8 @@ def test_missing(subject: ControllerUnderTest, line: OutgoingConnection) -> None
         name = store_program(subject, line)
         _set(line, name)
         missing = subject.new_name()
-        answer = line.ask("set_default_program", missing)
-        if answer.accepted:
+        reply = line.ask("set_default_program", missing)
+        if reply.accepted:
             message = "a program that is not stored can be made the default program"
             subject.tolerate("4.13/4", "A-4.13-1", "accepted", message)
         else:

@@ -13,12 +13,12 @@ _PAUSE_S = 0.05
 def test_temperatures(line: OutgoingConnection) -> None:
     """The temperatures are four numbers with separators in each reply."""
     for _ in range(_REPEATS):
-        answer = line.ask("get_motor_temperatures")
+        reply = line.ask("get_motor_temperatures")
         expect(
-            isinstance(answer.value, JointValues),
+            isinstance(reply.value, JointValues),
             "the temperatures are not four numbers with separators",
             expected="inner arm|outer arm|wrist|rotation",
-            observed=f"{answer}",
+            observed=f"{reply}",
         )
         line.wait(_PAUSE_S)
 
@@ -29,12 +29,12 @@ def test_opcode(line: OutgoingConnection) -> None:
     command = BY_NAME["get_motor_temperatures"]
     line.send("get_motor_temperatures")
     frames = line.collect_replies()
-    answers = [
+    replies = [
         received
         for received in frames
         if received.frame.opcode in (command.opcode, command.alternate_reply_opcode)
     ]
-    if not answers:
+    if not replies:
         observed = "; ".join(f"{received.frame}" for received in frames)
         if not observed:
             message = "the request for the temperatures was not answered"

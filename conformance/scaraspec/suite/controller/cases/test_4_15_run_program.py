@@ -122,12 +122,12 @@ def test_stored_programs_run(subject: ControllerUnderTest, line: OutgoingConnect
         except NameRefused:
             return
         for _ in range(2):
-            answer = expect_accepted(RUN, line.ask(RUN, program))
+            reply = expect_accepted(RUN, line.ask(RUN, program))
             expect(
-                answer.frame.data.rstrip(b"\0") == b"1",
+                reply.frame.data.rstrip(b"\0") == b"1",
                 "the first reply to a run is not just the flag 1",
                 expected="1",
-                observed=f"{answer}",
+                observed=f"{reply}",
             )
             expect_success(subject, line, RUN)
         line.ask("delete_program", data=program)
@@ -217,7 +217,7 @@ def test_deleted_program(subject: ControllerUnderTest, line: OutgoingConnection)
 
 @case("4.15/7", name="not-whole", hazards=_MOTION)
 def test_unfinished_upload(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program of which only the name was sent never ends with success."""
+    """A program whose upload stopped after the name never ends with success."""
     require_command(subject, RUN)
     subject.moved = True
     name = subject.new_name()
@@ -242,20 +242,20 @@ def test_second_run(subject: ControllerUnderTest, line: OutgoingConnection) -> N
         return
     with executing_task(subject, line, RUN) as task:
         for program in (task.program, other, task.program):
-            answer = try_request(line, RUN, program)
+            reply = try_request(line, RUN, program)
             expect(
-                answer is None or not answer.accepted,
+                reply is None or not reply.accepted,
                 "a second run was accepted during a run",
                 expected="0|01",
-                observed=f"{answer}",
+                observed=f"{reply}",
             )
         if subject.takes_several:
-            answer = try_request(subject.open(), RUN, other)
+            reply = try_request(subject.open(), RUN, other)
             expect(
-                answer is None or not answer.accepted,
+                reply is None or not reply.accepted,
                 "a second run was accepted during a run of another client",
                 expected="0|01",
-                observed=f"{answer}",
+                observed=f"{reply}",
             )
         running = line.ask("get_running_program").value
         expect(

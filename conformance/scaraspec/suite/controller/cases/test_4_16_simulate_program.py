@@ -36,13 +36,13 @@ _MOTION = (Hazard.STATE, Hazard.MOTION)
 def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A simulation is answered "1" if it is possible, repeatedly and between runs."""
     for name in (SIMULATE, RUN, SIMULATE):
-        answer = start_program(subject, line, name, seconds=0).answer
-        expect_first_reply(name, answer)
+        reply = start_program(subject, line, name, seconds=0).answer
+        expect_first_reply(name, reply)
         expect(
-            text_of(answer) == b"1",
+            text_of(reply) == b"1",
             UserMessage("the first reply to {name} is not just the flag 1", name=name),
             expected="1",
-            observed=f"{answer}",
+            observed=f"{reply}",
         )
         expect_success(subject, line, name)
 

@@ -62,15 +62,15 @@ _PAUSES_S: Final = (0.05, 0.05, 0.1, 0.8)
 
 
 def expect_stopped(
-    subject: ControllerUnderTest, line: OutgoingConnection, answer: ReceivedFrame
+    subject: ControllerUnderTest, line: OutgoingConnection, reply: ReceivedFrame
 ) -> ReceivedFrame:
     """Fail the case unless the stop was accepted and succeeded; return its final result."""
-    expect_accepted(STOP, answer)
+    expect_accepted(STOP, reply)
     expect(
-        text_of(answer) == b"1",
+        text_of(reply) == b"1",
         "the first reply to the stop is not just the flag 1",
         expected="1",
-        observed=f"{answer}",
+        observed=f"{reply}",
         requirement="4.17/3",
     )
     return expect_success(subject, line, STOP)
@@ -85,20 +85,20 @@ def test_nothing_to_stop(subject: ControllerUnderTest, line: OutgoingConnection)
     require_command(subject, STOP)
     subject.moved = True
     for _ in range(3):
-        answer = line.ask(STOP)
-        if answer.accepted:
+        reply = line.ask(STOP)
+        if reply.accepted:
             subject.tolerate("4.17/2", "A-4.17-1", "always 1", "a stop of an idle robot succeeds")
             wait_for_result(subject, line, STOP)
             stop_motion(subject, line)
             continue
         expect(
-            answer.accepted is False and answer.frame.data[:1] == b"0",
+            reply.accepted is False and reply.frame.data[:1] == b"0",
             "a stop of an idle robot is neither refused nor accepted",
             expected="0",
-            observed=f"{answer}",
+            observed=f"{reply}",
         )
     line.no_result(STOP, for_s=0.1)
-    status = line.ask("get_status") if answer.accepted else _status_after_stop(subject, line)
+    status = line.ask("get_status") if reply.accepted else _status_after_stop(subject, line)
     expect(
         status.value not in BUSY,
         "an idle robot executes something after a stop",
@@ -125,21 +125,21 @@ def _status_after_stop(subject: ControllerUnderTest, line: OutgoingConnection) -
 def test_stop(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
     """A stop interrupts each command: "1", "11", and at most one result of the command itself."""
     with executing_task(subject, line, name, queries=False) as task:
-        answer = line.ask(STOP)
-        if not answer.accepted and task.over:
+        reply = line.ask(STOP)
+        if not reply.accepted and task.over:
             task.lasts()
         expect(
-            answer.accepted,
+            reply.accepted,
             UserMessage("the stop was refused while {name} executed", name=name),
             expected="1",
-            observed=f"{answer}",
+            observed=f"{reply}",
         )
-        _skip_if_over(answer, task)
-        expect_stopped(subject, line, answer)
+        _skip_if_over(reply, task)
+        expect_stopped(subject, line, reply)
         _expect_interrupted(line, task)
 
 
-def _skip_if_over(answer: ReceivedFrame, task: Task) -> None:
+def _skip_if_over(reply: ReceivedFrame, task: Task) -> None:
     """Skip the case if a simulation had ended before the stop; the stop may succeed even then.
 
     The duration of a simulation is open (A-4.16-1, A-4.17-1).
@@ -147,7 +147,7 @@ def _skip_if_over(answer: ReceivedFrame, task: Task) -> None:
     Raises:
         CaseSkipped: The simulation had ended.
     """
-    if task.name == SIMULATE and task.over_before(answer):
+    if task.name == SIMULATE and task.over_before(reply):
         task.lasts()
 
 
@@ -189,24 +189,24 @@ def test_stop_right_after_start(
         line.send_bytes(start.encode() + stop.encode())
         expect_accepted(name, line.reply(name))
         try:
-            answer = line.reply(STOP)
+            reply = line.reply(STOP)
         except NoReply:
             message = "a request sent before the reply to the previous one was lost"
             subject.tolerate("4.17/6", "pipelining", "one", message)
-            answer = line.ask(STOP)
+            reply = line.ask(STOP)
         task = Task(name, line)
-        if not answer.accepted and task.over:
+        if not reply.accepted and task.over:
             task.lasts()
-        _skip_if_over(answer, task)
-        expect_stopped(subject, line, answer)
+        _skip_if_over(reply, task)
+        expect_stopped(subject, line, reply)
         _expect_interrupted(line, task)
 
 
 def _step_there_and_back(subject: ControllerUnderTest, line: OutgoingConnection) -> MoveTarget:
     """Return a step that the arm can make, found by making it, and move back."""
     with arm_returned(subject, line):
-        pose, answer = begin_step_somewhere(subject, line)
-        expect_accepted(MOVE, answer)
+        pose, reply = begin_step_somewhere(subject, line)
+        expect_accepted(MOVE, reply)
         expect_success(subject, line, MOVE)
     return target(pose, SLOWEST_PERCENT)
 
@@ -224,16 +224,16 @@ def test_stop_within_a_transfer(subject: ControllerUnderTest, line: OutgoingConn
                     next(incoming(line))
                 else:
                     send(line, next(chunks_of(content_of(_FILE_BYTES))))
-                answer = line.ask(STOP)
-                if not answer.accepted and task.over:
+                reply = line.ask(STOP)
+                if not reply.accepted and task.over:
                     task.lasts()
                 expect(
-                    answer.accepted,
+                    reply.accepted,
                     "the stop of a program was refused between two chunks of a file",
                     expected="1",
-                    observed=f"{answer}",
+                    observed=f"{reply}",
                 )
-                expect_stopped(subject, line, answer)
+                expect_stopped(subject, line, reply)
                 _expect_interrupted(line, task)
                 stopped = True
         line = reconnect(subject, line)
@@ -250,21 +250,21 @@ def test_stop_twice(subject: ControllerUnderTest, line: OutgoingConnection) -> N
     with executing_task(subject, line, RUN, queries=False):
         line.send(STOP)
         line.send(STOP)
-        answers = [line.reply(STOP)]
+        replies = [line.reply(STOP)]
         try:
-            answers.append(line.reply(STOP))
+            replies.append(line.reply(STOP))
         except NoReply:
             message = "a request sent before the reply to the previous one was lost"
             subject.tolerate("4.17/4", "pipelining", "one", message)
         expect(
-            answers[0].accepted,
+            replies[0].accepted,
             "the first of two stops was refused while a program ran",
             expected="1",
-            observed=f"{answers[0]}",
+            observed=f"{replies[0]}",
             requirement="4.17/6",
         )
-        for answer in answers:
-            if answer.accepted:
+        for reply in replies:
+            if reply.accepted:
                 expect_success(subject, line, STOP)
         line.no_result(STOP, for_s=0.1)
     start_program(subject, line, RUN, seconds=0)
@@ -298,10 +298,10 @@ def test_standstill(subject: ControllerUnderTest, line: OutgoingConnection, name
     """After the "11" of a stop, the joints stay where the stop stopped them."""
     with executing_task(subject, line, name, queries=False) as task:
         line.wait(_SHORT_S)
-        answer = line.ask(STOP)
-        if not answer.accepted:
+        reply = line.ask(STOP)
+        if not reply.accepted:
             task.lasts()
-        expect_stopped(subject, line, answer)
+        expect_stopped(subject, line, reply)
         stopped_joints, stopped_pose = joints_of(line), pose_of(line)
         for pause_s in _PAUSES_S:
             line.wait(pause_s)
@@ -320,8 +320,8 @@ def test_interrupted_results(subject: ControllerUnderTest, line: OutgoingConnect
     """An interrupted command fails or has no result, and no success arrives later."""
     for name in examples((RUN, RESET, MOVE)):
         with executing_task(subject, line, name, queries=False) as task:
-            answer = line.ask(STOP)
-            if not answer.accepted:
+            reply = line.ask(STOP)
+            if not reply.accepted:
                 continue
             expect_success(subject, line, STOP)
             _expect_interrupted(line, task)

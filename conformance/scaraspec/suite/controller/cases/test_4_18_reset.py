@@ -45,13 +45,13 @@ def test_refused_during_a_run(subject: ControllerUnderTest, line: OutgoingConnec
         return
     with initial_position_at_pose(subject, line), executing_task(subject, line, RUN) as task:
         for _ in range(3):
-            answer = try_request(line, RESET)
+            reply = try_request(line, RESET)
             task.lasts()
             expect(
-                answer is not None and text_of(answer) in (b"0|01", b"0 01"),
+                reply is not None and text_of(reply) in (b"0|01", b"0 01"),
                 "the reset was not refused with 01 while a program ran",
                 expected="0|01",
-                observed=f"{answer or 'silence'}",
+                observed=f"{reply or 'silence'}",
             )
         status = line.ask("get_status")
         expect(
@@ -89,12 +89,12 @@ def test_idle_robot_is_reset(subject: ControllerUnderTest, line: OutgoingConnect
             with initial_position_at_pose(
                 subject, line
             ):  # after the program, which may set another position (A-6.3-3)
-                answer = begin(subject, line, RESET)
+                reply = begin(subject, line, RESET)
                 expect(
-                    text_of(answer) == b"1",
+                    text_of(reply) == b"1",
                     "the first reply to a reset is not just the flag 1",
                     expected="1",
-                    observed=f"{answer}",
+                    observed=f"{reply}",
                 )
                 expect_success(subject, line, RESET)
 

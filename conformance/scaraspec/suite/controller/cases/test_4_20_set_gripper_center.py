@@ -44,13 +44,13 @@ _thousandths = st.integers(-100_000, 100_000).map(lambda thousandths: thousandth
 
 def _set(subject: ControllerUnderTest, line: OutgoingConnection, center: Point) -> None:
     """Set the gripper center; a refusal is allowed while a program runs (A-4.20-1)."""
-    answer = line.ask("set_gripper_center", center)
+    reply = line.ask("set_gripper_center", center)
     with skip_if_other_program_runs(subject, line):
         expect(
-            answer.accepted,
+            reply.accepted,
             "setting a gripper center was not answered 1",
             expected="1",
-            observed=f"{answer}",
+            observed=f"{reply}",
             requirement="4.20/2",
         )
 
@@ -68,12 +68,12 @@ def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     @example(Point(-0.1, 0.1, -100))
     @example(Point(99.9, -99.9, 5))
     @given(st.builds(Point, _tenths, _tenths, _tenths))
-    def each(center: Point) -> None:
+    def set_and_check(center: Point) -> None:
         _set(subject, line, center)
         _expect_reported(line, center)
 
     with kept(subject, line, "gripper centre"):
-        each()
+        set_and_check()
         line.close()
         new_line = subject.open()
         _set(subject, new_line, _PLAIN)
@@ -88,17 +88,17 @@ def test_decimals(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
     @example(_EXAMPLE)
     @example(_LARGE)
     @given(st.builds(Point, _thousandths, _thousandths, _thousandths))
-    def each(center: Point) -> None:
+    def set_and_check(center: Point) -> None:
         before = gripper_of(line)
-        answer = line.ask("set_gripper_center", center)
-        if answer.accepted:
+        reply = line.ask("set_gripper_center", center)
+        if reply.accepted:
             _expect_reported(line, center)
             return
         message = "a gripper center was refused but changed"
         expect_numbers(gripper_of(line), before, message, "4.20/2")
 
     with kept(subject, line, "gripper centre"):
-        each()
+        set_and_check()
 
 
 @case("4.20/3", "4.20/2", name="while-running", hazards=PROGRAMS)
@@ -107,14 +107,14 @@ def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnectio
     with kept(subject, line, "gripper centre"), running(subject, line):
         for center in examples((_PLAIN, _OTHER)):
             before = gripper_of(line)
-            answer = line.ask("set_gripper_center", center)
+            reply = line.ask("set_gripper_center", center)
             message = UserMessage(
-                "setting the gripper center in a run was answered {answer}, but 0x34 returns "
+                "setting the gripper center in a run was answered {reply}, but 0x34 returns "
                 "another value",
-                answer=answer,
+                reply=reply,
             )
             expect_numbers(
-                gripper_of(line), center if answer.accepted else before, message, "4.20/3"
+                gripper_of(line), center if reply.accepted else before, message, "4.20/3"
             )
 
 

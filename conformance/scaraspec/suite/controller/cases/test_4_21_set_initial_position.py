@@ -47,23 +47,23 @@ def _set_current_position(line: OutgoingConnection) -> Pose:
     line.ask("set_gripper_center", Point(0, 0, 0))
     poses = dict.fromkeys(pose_of(line) for _ in range(_READS))
     for current in (candidate for pose in poses for candidate in (_rounded(pose, 1), pose)):
-        answer = line.ask("set_initial_tool_position", current)
-        if answer.accepted:
+        reply = line.ask("set_initial_tool_position", current)
+        if reply.accepted:
             return current
     message = "the current position is refused as an initial tool position"
-    raise CaseFailed(message, expected="1", observed=f"{answer}", requirement="4.21/2")
+    raise CaseFailed(message, expected="1", observed=f"{reply}", requirement="4.21/2")
 
 
 def _set(line: OutgoingConnection, position: Pose) -> ReceivedFrame:
-    answer = line.ask("set_initial_tool_position", position)
+    reply = line.ask("set_initial_tool_position", position)
     expect(
-        answer.accepted is not None,
+        reply.accepted is not None,
         "the reply to 0x36 is not a single flag",
         expected="1 or 0",
-        observed=f"{answer}",
+        observed=f"{reply}",
         requirement="4.21/2",
     )
-    return answer
+    return reply
 
 
 def _expect_reported(
@@ -82,7 +82,7 @@ def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     accepted_positions: list[Pose] = []
 
     @given(st.tuples(*[steps] * _DEFINED_FIELDS), st.booleans())
-    def each(step: tuple[float, ...], thetas: bool) -> None:  # noqa: FBT001 - drawn
+    def set_and_check(step: tuple[float, ...], thetas: bool) -> None:  # noqa: FBT001 - drawn
         stepped = Pose(*(a + b for a, b in zip(current, (*step, 0, 0), strict=True)))
         position = _rounded(stepped, 1)._replace(theta_y=34.5 * thetas, theta_z=-1.0 * thetas)
         before = initial_of(line)
@@ -100,7 +100,7 @@ def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
         gripper = Point(1.5, -2, 30.5)
         if not line.ask("set_gripper_center", gripper).accepted:
             gripper = gripper_of(line)
-        each()
+        set_and_check()
         line.close()
         last = accepted_positions[-1] if accepted_positions else current
         _expect_reported(subject.open(), last, "another connection returned another position")
@@ -114,12 +114,12 @@ def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnectio
         with running(subject, line):
             for step in examples((_STEP, -_STEP)):
                 position, before = current._replace(z=current.z + step), initial_of(line)
-                answer = _set(line, position)
+                reply = _set(line, position)
                 message = UserMessage(
-                    "setting the initial position in a run was answered {answer}, but 0x37 differs",
-                    answer=answer,
+                    "setting the initial position in a run was answered {reply}, but 0x37 differs",
+                    reply=reply,
                 )
-                _expect_reported(line, position if answer.accepted else before, message)
+                _expect_reported(line, position if reply.accepted else before, message)
 
 
 @case("4.21/4", "4.21/3")

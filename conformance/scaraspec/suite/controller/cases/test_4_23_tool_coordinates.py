@@ -62,8 +62,8 @@ def test_standstill_after_a_move(subject: ControllerUnderTest, line: OutgoingCon
     """The tool stays in its position after a move ends."""
     require_command(subject, MOVE)
     with arm_returned(subject, line):
-        _, answer = begin_step_somewhere(subject, line)
-        expect_accepted(MOVE, answer)
+        _, reply = begin_step_somewhere(subject, line)
+        expect_accepted(MOVE, reply)
         expect_success(subject, line, MOVE)
         expect_standstill(
             line, "the tool continues to move after the end of its move", for_s=_OBSERVATION_S

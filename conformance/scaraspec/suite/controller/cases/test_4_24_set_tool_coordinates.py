@@ -63,10 +63,10 @@ def _unreachable_poses(pose: Pose) -> list[Pose]:
 
 
 def _outcome(
-    subject: ControllerUnderTest, line: OutgoingConnection, answer: ReceivedFrame
+    subject: ControllerUnderTest, line: OutgoingConnection, reply: ReceivedFrame
 ) -> ReceivedFrame:
     """Return the outcome of a move: its refusal or its final result."""
-    return wait_for_result(subject, line, MOVE) if answer.accepted else answer
+    return wait_for_result(subject, line, MOVE) if reply.accepted else reply
 
 
 @case("4.24/3", "4.24/4", hazards=_MOTION)
@@ -75,7 +75,7 @@ def test_impossible_moves(subject: ControllerUnderTest, line: OutgoingConnection
     require_command(subject, MOVE)
     with arm_returned(subject, line) as pose:
         for target_pose in examples(_unreachable_poses(pose)):
-            answer = ask_move(subject, line, target_pose, SLOWEST_PERCENT)
+            reply = ask_move(subject, line, target_pose, SLOWEST_PERCENT)
             expect(
                 not line.invalid_bytes,
                 "the refusal of a move is not a frame of its stated length",
@@ -83,38 +83,38 @@ def test_impossible_moves(subject: ControllerUnderTest, line: OutgoingConnection
                 observed=" ".join(invalid.data.hex(" ") for invalid in line.invalid_bytes),
                 requirement="4.24/4",
             )
-            if answer.accepted:  # A-4.24-5: it may be detected later
+            if reply.accepted:  # A-4.24-5: it may be detected later
                 result = wait_for_result(subject, line, MOVE)
                 message = "an impossible move was accepted and failed later"
                 subject.tolerate(
                     "4.24/3", "A-4.24-5", UserMessage("{code}", code=result.code), message
                 )
                 continue
-            expect_first_reply(MOVE, answer)
-            without_code = text_of(answer) == b"0"
+            expect_first_reply(MOVE, reply)
+            without_code = text_of(reply) == b"0"
             expect(
-                without_code or (answer.code is not None and len(text_of(answer)) == 4),
+                without_code or (reply.code is not None and len(text_of(reply)) == 4),
                 "the refusal of a move is not 0|code",
                 expected="0|05",
-                observed=f"{answer}",
+                observed=f"{reply}",
             )
             if without_code:
                 subject.tolerate("4.24/3", "err_bare0", "0", "the refusal of a move has no code")
 
 
 @case("4.24/9", hazards=_MOTION)
-def test_beyond_all_reach(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_unreachable_targets(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A target a kilometer away is refused or fails with 05 or 06, and the arm does not move."""
     require_command(subject, MOVE)
     with arm_returned(subject, line) as pose:
         for target_pose in examples(_unreachable_poses(pose)):
-            answer = _outcome(subject, line, ask_move(subject, line, target_pose, SLOWEST_PERCENT))
-            without_code = answer.accepted is False and text_of(answer) == b"0"  # err_bare0
+            reply = _outcome(subject, line, ask_move(subject, line, target_pose, SLOWEST_PERCENT))
+            without_code = reply.accepted is False and text_of(reply) == b"0"  # err_bare0
             expect(
-                without_code or (not answer.done and answer.code in _UNREACHABLE_CODES),
+                without_code or (not reply.done and reply.code in _UNREACHABLE_CODES),
                 "an unreachable target is not refused with 05 or 06",
                 expected="0|05 or 0|06",
-                observed=f"{answer}",
+                observed=f"{reply}",
             )
         current = pose_of(line)
         expect(
@@ -132,20 +132,20 @@ def test_every_speed(subject: ControllerUnderTest, line: OutgoingConnection) -> 
     gripper = line.ask("get_gripper_center").value
     with arm_returned(subject, line) as pose:
 
-        def go(speed_percent: int) -> None:
-            answer = expect_accepted(MOVE, ask_move(subject, line, pose, speed_percent))
+        def move_and_check(speed_percent: int) -> None:
+            reply = expect_accepted(MOVE, ask_move(subject, line, pose, speed_percent))
             expect(
-                text_of(answer) == b"1",
+                text_of(reply) == b"1",
                 "the first reply to a move is not just the flag 1",
                 expected="1",
-                observed=f"{answer}",
+                observed=f"{reply}",
             )
             expect_success(subject, line, MOVE)
             _expect_reached(subject, line, pose, gripper)
 
         for speed_percent in examples((1, 2, 9, 10, 99, 100)):
-            go(speed_percent)
-        given(st.integers(1, 100))(go)()
+            move_and_check(speed_percent)
+        given(st.integers(1, 100))(move_and_check)()
 
 
 @pytest.mark.parametrize("axis", AXES)
@@ -157,8 +157,8 @@ def test_there_and_back(subject: ControllerUnderTest, line: OutgoingConnection, 
     gripper = line.ask("get_gripper_center").value
     with arm_returned(subject, line) as pose:
         before = joints_of(line)
-        target_pose, answer = begin_step(subject, line, axis)
-        expect_accepted(MOVE, answer)
+        target_pose, reply = begin_step(subject, line, axis)
+        expect_accepted(MOVE, reply)
         expect_success(subject, line, MOVE)
         _expect_reached(subject, line, target_pose, gripper)
         after = joints_of(line)
@@ -202,8 +202,8 @@ def test_fractions(subject: ControllerUnderTest, line: OutgoingConnection) -> No
     probe_responsiveness(subject, line)
     gripper = line.ask("get_gripper_center").value
     with arm_returned(subject, line) as pose:
-        target_pose, answer = begin_step_somewhere(subject, line)
-        expect_accepted(MOVE, answer)
+        target_pose, reply = begin_step_somewhere(subject, line)
+        expect_accepted(MOVE, reply)
         expect_success(subject, line, MOVE)
         for fraction in examples((0.25, 0.5, 0.875, 1.0)):
             between = part_way(pose, target_pose, fraction)
@@ -226,11 +226,11 @@ def test_malformed_requests(subject: ControllerUnderTest, line: OutgoingConnecti
         ]
         for wrong in examples(malformed_requests):
             line = alive(subject, line)
-            answer = try_request(line, MOVE, data=wrong.data)
-            if answer is None:
+            reply = try_request(line, MOVE, data=wrong.data)
+            if reply is None:
                 continue
-            if not answer.accepted:
-                expect_first_reply(MOVE, answer)
+            if not reply.accepted:
+                expect_first_reply(MOVE, reply)
                 continue
             wait_for_result(subject, line, MOVE)
             message = UserMessage("a request that is {wrong} was accepted", wrong=wrong)

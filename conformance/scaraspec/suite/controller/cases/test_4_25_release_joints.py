@@ -32,12 +32,12 @@ def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> 
     """A release is answered "1", a repeated one "1" or "0|code"; each "1" has a final result."""
     require_command(subject, RELEASE, LOCK)
     with locked_afterwards(subject, line):
-        answer, result = release_joints(subject, line)
+        reply, result = release_joints(subject, line)
         expect(
-            text_of(answer) == b"1",
+            text_of(reply) == b"1",
             "the first reply to a release is not just the flag 1",
             expected="1",
-            observed=f"{answer}",
+            observed=f"{reply}",
         )
         second = try_request(line, RELEASE)
         if second is not None:
@@ -75,15 +75,15 @@ def test_not_during_motion(
     if subject.dialect["busy_reply"] == "queue":
         return
     with locked_afterwards(subject, line), executing_task(subject, line, name) as task:
-        answer = try_request(line, RELEASE)
+        reply = try_request(line, RELEASE)
         task.lasts()
         expect(
-            answer is None or not answer.accepted,
+            reply is None or not reply.accepted,
             UserMessage("the joints were released while {name} executed", name=name),
             expected=f"0|{task.state}",
-            observed=f"{answer}",
+            observed=f"{reply}",
         )
-        if answer is not None:
-            expect_first_reply(RELEASE, answer)
+        if reply is not None:
+            expect_first_reply(RELEASE, reply)
     if name == RUN:
         perform(subject, line, MOVE)

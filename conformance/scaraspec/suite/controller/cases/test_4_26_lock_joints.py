@@ -37,12 +37,12 @@ def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> 
         subject.tolerate("4.26/2", "A-4.25-3", "0|code", "a lock of locked joints was refused")
     with locked_afterwards(subject, line):
         release_joints(subject, line)
-        answer = begin(subject, line, LOCK)
+        reply = begin(subject, line, LOCK)
         expect(
-            text_of(answer) == b"1",
+            text_of(reply) == b"1",
             "the first reply to a lock is not just the flag 1",
             expected="1",
-            observed=f"{answer}",
+            observed=f"{reply}",
         )
         expect_success(subject, line, LOCK)
 

@@ -28,12 +28,12 @@ def test_four_numbers(subject: ControllerUnderTest, line: OutgoingConnection) ->
     """The angles are four numbers with separators in a frame of the right length, in each reply."""
     require_command(subject, "get_joint_angles")
     for _ in range(10):
-        answer = line.ask("get_joint_angles")
+        reply = line.ask("get_joint_angles")
         expect(
-            isinstance(answer.value, JointValues),
+            isinstance(reply.value, JointValues),
             "the joint angles are not four numbers",
             expected="20.4|30.5|38.0|0",
-            observed=f"{answer}",
+            observed=f"{reply}",
         )
     invalid_bytes = line.invalid_bytes
     expect(
@@ -95,8 +95,8 @@ def test_motion_shows(subject: ControllerUnderTest, line: OutgoingConnection) ->
     require_command(subject, "get_joint_angles", MOVE)
     with arm_returned(subject, line) as pose:
         before = joints_of(line)
-        _, answer = begin_step_somewhere(subject, line)
-        expect_accepted(MOVE, answer)
+        _, reply = begin_step_somewhere(subject, line)
+        expect_accepted(MOVE, reply)
         expect_success(subject, line, MOVE)
         after, current = joints_of(line), pose_of(line)
         expect(

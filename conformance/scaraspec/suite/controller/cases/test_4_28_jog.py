@@ -99,16 +99,16 @@ def test_direction(
     """1 is +Y, 2 is -Y, 3 is +X, 4 is -X; a jog of single joints has no direction (A-4.28-2)."""
     with arm_returned(subject, line) as pose:
         joints = joints_of(line)
-        answer = begin_jog(subject, line, direction)
-        if not answer.accepted:
-            expect_first_reply(JOG, answer)
+        reply = begin_jog(subject, line, direction)
+        if not reply.accepted:
+            expect_first_reply(JOG, reply)
             expect_accepted(JOG, jog_somewhere(subject, line))
             stop(subject, line)
             raise CaseSkipped(
                 UserMessage(
-                    "the arm has no room to move towards {direction}: {answer}",
+                    "the arm has no room to move towards {direction}: {reply}",
                     direction=direction,
-                    answer=answer,
+                    reply=reply,
                 )
             )
         _wait_for_motion(subject, line)
@@ -146,12 +146,12 @@ def test_direction(
 def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A jog is answered "1", one during a jog "0|04"; a controller may let it replace the first."""
     with arm_returned(subject, line):
-        answer = jog_somewhere(subject, line)
+        reply = jog_somewhere(subject, line)
         expect(
-            text_of(answer) == b"1",
+            text_of(reply) == b"1",
             "the first reply to a jog is not just the flag 1",
             expected="1",
-            observed=f"{answer}",
+            observed=f"{reply}",
         )
         if not is_responsive(subject, line, jogs=True):
             stop(subject, line)
@@ -175,8 +175,8 @@ def test_end_of_a_jog(subject: ControllerUnderTest, line: OutgoingConnection) ->
         for _ in range(2):
             jog_somewhere(subject, line)
             _wait_for_motion(subject, line)
-            answer = line.ask(STOP)
-            if not answer.accepted:  # it ended by itself (A-4.28-3)
+            reply = line.ask(STOP)
+            if not reply.accepted:  # it ended by itself (A-4.28-3)
                 expect(
                     wait_for_result(subject, line, JOG).done is not None,
                     "a jog has no final result",
@@ -208,9 +208,9 @@ def test_to_the_limit(subject: ControllerUnderTest, line: OutgoingConnection) ->
             )
         )
     with arm_returned(subject, line):
-        answer = begin_jog(subject, line, JogDirection.PLUS_X)
-        if not answer.accepted:
-            expect_first_reply(JOG, answer)
+        reply = begin_jog(subject, line, JogDirection.PLUS_X)
+        if not reply.accepted:
+            expect_first_reply(JOG, reply)
             return
         if not is_responsive(subject, line, jogs=True):
             stop(subject, line)
@@ -286,15 +286,15 @@ def test_no_direction(subject: ControllerUnderTest, line: OutgoingConnection) ->
         before = joints_of(line)
         for wrong in examples(_INVALID_DIRECTIONS):
             line = alive(subject, line)
-            answer = try_request(line, JOG, data=wrong.data)
+            reply = try_request(line, JOG, data=wrong.data)
             expect(
-                answer is None or not answer.accepted,
+                reply is None or not reply.accepted,
                 UserMessage("a jog with an invalid direction was accepted: {wrong}", wrong=wrong),
                 expected="0|05, or silence",
-                observed=f"{answer}",
+                observed=f"{reply}",
             )
-            if answer is not None:
-                expect_first_reply(JOG, answer)
+            if reply is not None:
+                expect_first_reply(JOG, reply)
         line = alive(subject, line)
         line.wait(0.1)
         status, after = line.ask("get_status"), joints_of(line)
@@ -325,8 +325,8 @@ def test_notations(subject: ControllerUnderTest, line: OutgoingConnection) -> No
             for direction in examples(JogDirection):
                 data = request.encode(direction, dialect.replace(jog_byte=notation))
                 before = pose_of(line)
-                answer = try_request(line, JOG, data=data)
-                if answer is not None and answer.accepted:
+                reply = try_request(line, JOG, data=data)
+                if reply is not None and reply.accepted:
                     notations_accepted.append(notation)
                     _wait_for_motion(subject, line)
                     stop(subject, line)

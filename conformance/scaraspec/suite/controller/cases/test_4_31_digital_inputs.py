@@ -50,9 +50,9 @@ def test_patterns(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
     with inputs_driven(subject, line) as drive:
 
         @given(st.tuples(*[st.booleans()] * _INPUTS))
-        def shows(pattern: Bits) -> None:
+        def drive_and_check(pattern: Bits) -> None:
             for port, on in enumerate(pattern, 1):
                 drive(port, on=on)
             expect_inputs(line, pattern, "all inputs were driven", requirement="4.31/3")
 
-        shows()
+        drive_and_check()

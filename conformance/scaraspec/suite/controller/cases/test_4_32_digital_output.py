@@ -54,14 +54,14 @@ def test_each_output(line: OutgoingConnection) -> None:
         current = before
         for port in ALL_OUTPUTS:
             for on in examples((not current[port - 1], current[port - 1])):
-                answer = set_output(line, port, on=on)
-                if answer.accepted:
+                reply = set_output(line, port, on=on)
+                if reply.accepted:
                     current = with_port(current, port, on=on)
                 description = UserMessage(
-                    "output {port} was set to {on:d} and answered {answer}",
+                    "output {port} was set to {on:d} and answered {reply}",
                     port=port,
                     on=on,
-                    answer=answer,
+                    reply=reply,
                 )
                 expect_outputs(line, current, description)
 
@@ -73,7 +73,7 @@ def test_sequences(line: OutgoingConnection) -> None:
     setting = st.tuples(st.sampled_from(ports), st.booleans())
 
     @given(st.lists(setting, min_size=1, max_size=6))
-    def shows(settings: list[tuple[int, bool]]) -> None:
+    def set_and_check(settings: list[tuple[int, bool]]) -> None:
         current = outputs(line)
         for port, on in settings:
             if set_output(line, port, on=on).accepted:
@@ -81,7 +81,7 @@ def test_sequences(line: OutgoingConnection) -> None:
         expect_outputs(line, current, "several outputs were set one after another")
 
     with outputs_kept(line):
-        shows()
+        set_and_check()
 
 
 @case("4.32/6", "3/30", name="all-at-once")
@@ -143,7 +143,8 @@ def test_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -
     """Setting an output while a program runs is answered "1" and works, or "0" without a change."""
     port = settable(line)[-1]
     with running(subject, line):
-        _set_and_check(line, port, "while a program ran")
+        message = UserMessage("output {port} was set while a program ran", port=port)
+        _set_and_check(line, port, message)
 
 
 @case("4.32/4", "4.32/6", name="while-moving", hazards=_MOTION)
@@ -158,22 +159,28 @@ def test_while_moving(subject: ControllerUnderTest, line: OutgoingConnection) ->
     with outputs_kept(line):
         for name in examples(moving_commands):
             with executing_task(subject, line, name):
-                _set_and_check(line, port, f"during {name}")
+                message = UserMessage(
+                    "output {port} was set during {command}", port=port, command=name
+                )
+                _set_and_check(line, port, message)
         if can_release:
             with locked_afterwards(subject, line):
                 release_joints(subject, line)
-                _set_and_check(line, port, "while the joints were released")
+                message = UserMessage(
+                    "output {port} was set while the joints were released", port=port
+                )
+                _set_and_check(line, port, message)
 
 
-def _set_and_check(line: OutgoingConnection, port: int, condition: str) -> None:
+def _set_and_check(line: OutgoingConnection, port: int, message: str) -> None:
     before = outputs(line)
     on = not before[port - 1]
-    answer = set_output(line, port, on=on)
-    expected_outputs = with_port(before, port, on=on) if answer.accepted else before
+    reply = set_output(line, port, on=on)
+    expected_outputs = with_port(before, port, on=on) if reply.accepted else before
     expect_outputs(
         line,
         expected_outputs,
-        UserMessage("output {port} was set {condition}", port=port, condition=condition),
+        message,
         requirement="4.32/6",
     )
 
@@ -182,8 +189,9 @@ def _set_and_check(line: OutgoingConnection, port: int, condition: str) -> None:
 def test_flags(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The reply is exactly "1" or "0" for every port of 1 to 40.
 
-    Ports that 0x49 does not report are cleared while all outputs are set. This shows whether a port
-    is taken for another one. The reply for a missing port is open (A-4.32-2, A-3-9).
+    Ports that 0x49 does not report are cleared while all outputs are set. This shows whether a
+    port number is confused with another one. The reply for a missing port is open (A-4.32-2,
+    A-3-9).
     """
     ports = settable(line)
     with outputs_kept(line):
@@ -203,7 +211,9 @@ def test_flags(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
             )
             expect_outputs(line, current, description, requirement="4.32/6")
         for port in examples(range(ALL_OUTPUTS.stop, 41)):
-            reply_text, after, line = _try(subject, line, Malformed("no output", b"%d|0" % port))
+            reply_text, after, line = _try_malformed(
+                subject, line, Malformed("no output", b"%d|0" % port)
+            )
             message = UserMessage("the reply for port {port} is not a flag", port=port)
             expect_in(reply_text, (*_FLAGS, None), message)
             message = UserMessage("port {port} was cleared, but another output changed", port=port)
@@ -217,7 +227,7 @@ def test_no_such_port(subject: ControllerUnderTest, line: OutgoingConnection) ->
         for port in _INVALID_PORTS:
             for value in examples((b"1", b"0")):
                 wrong = Malformed("no such port", port + b"|" + value)
-                reply_text, current, line = _try(subject, line, wrong)
+                reply_text, current, line = _try_malformed(subject, line, wrong)
                 description = UserMessage(
                     "setting port {port} to {value}", port=port.decode(), value=value.decode()
                 )
@@ -244,7 +254,7 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
         before = outputs(line)
         value = PortValue(port, int(not before[port - 1]))
         for wrong in examples(malformed("set_digital_output", value, subject.dialect)):
-            reply_text, current, line = _try(subject, line, wrong)
+            reply_text, current, line = _try_malformed(subject, line, wrong)
             if (
                 not wrong.firm and current != before
             ):  # a payload that is taken as valid sets its port
@@ -263,12 +273,12 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
             )
 
 
-def _try(
+def _try_malformed(
     subject: ControllerUnderTest, line: OutgoingConnection, wrong: Malformed
 ) -> tuple[bytes | None, Bits, OutgoingConnection]:
     """Return the reply to 0x43, if any, the outputs then, and the connection to continue with."""
-    answer, line = offer(subject, line, "set_digital_output", wrong)
-    return (answer.seen.text if answer else None), outputs(line), line
+    reply, line = offer(subject, line, "set_digital_output", wrong)
+    return (reply.seen.text if reply else None), outputs(line), line
 
 
 @case("4.32/7", name="values")
@@ -284,7 +294,7 @@ def test_other_values(subject: ControllerUnderTest, line: OutgoingConnection) ->
             expected_outputs = with_port(before, port, on=on)
             for value in examples((b"2", b"9", b"10", b"255", b"256")):
                 wrong = Malformed("no such value", b"%d|" % port + value)
-                _, current, line = _try(subject, line, wrong)
+                _, current, line = _try_malformed(subject, line, wrong)
                 if not on and current != expected_outputs:
                     description = UserMessage(
                         "the value {value} is used as 1", value=value.decode()

@@ -36,13 +36,13 @@ def test_not_while_a_program_runs(subject: ControllerUnderTest, line: OutgoingCo
     if subject.dialect["busy_reply"] == "queue":
         raise CaseSkipped("a robot that queues the request would shut down when the program ends")
     with executing_task(subject, line, RUN) as task:
-        answer = try_request(line, _SHUTDOWN)
+        reply = try_request(line, _SHUTDOWN)
         task.lasts()
         expect(
-            answer is not None and answer.accepted is False and answer.code == "01",
+            reply is not None and reply.accepted is False and reply.code == "01",
             "the shutdown was not refused with 01 while a program ran",
             expected="0|01",
-            observed=f"{answer}",
+            observed=f"{reply}",
             requirement="4/15",
         )
         status = line.ask("get_status")
@@ -65,12 +65,12 @@ def test_not_while_a_program_runs(subject: ControllerUnderTest, line: OutgoingCo
 def test_shutdown(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An idle robot answers a shutdown with a single "1" and then switches off."""
     require_command(subject, _SHUTDOWN)
-    answer = line.ask(_SHUTDOWN)
+    reply = line.ask(_SHUTDOWN)
     expect(
-        answer.accepted and text_of(answer) == b"1",
+        reply.accepted and text_of(reply) == b"1",
         "an idle robot does not shut down",
         expected="1",
-        observed=f"{answer}",
+        observed=f"{reply}",
     )
     line.wait(SILENCE_S)
     tagged = [received for received in line.inbox if received.frame.tagged]
@@ -87,11 +87,11 @@ def test_shutdown(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
         expected="the link ends, or requests are not answered",
         observed="get_status is answered",
     )
-    _await_return(subject)
+    _wait_for_restart(subject)
 
 
 def _is_gone(subject: ControllerUnderTest, line: OutgoingConnection) -> bool:
-    """Whether the controller soon ends the connection or stops to reply."""
+    """Whether the controller soon ends the connection or stops replying."""
     remaining_s = subject.longest_s
     while remaining_s > 0:
         if line.ending is not None:
@@ -105,7 +105,7 @@ def _is_gone(subject: ControllerUnderTest, line: OutgoingConnection) -> bool:
     return False
 
 
-def _await_return(subject: ControllerUnderTest) -> None:
+def _wait_for_restart(subject: ControllerUnderTest) -> None:
     """Restart the controller if a hook can do it, and wait for it.
 
     Without a hook, one attempt is made after a pause: a controller that closes its connections

@@ -167,9 +167,9 @@ def test_refusals_have_no_result(subject: ControllerUnderTest, line: OutgoingCon
     subject.moved = True
     refused = []
     for name in examples((RUN, SIMULATE, STOP)):
-        answer = line.ask(name, None if name == STOP else subject.new_name())
-        expect_first_reply(name, answer)
-        if answer.accepted:  # A-4.15-1, A-4.17-1
+        reply = line.ask(name, None if name == STOP else subject.new_name())
+        expect_first_reply(name, reply)
+        if reply.accepted:  # A-4.15-1, A-4.17-1
             wait_for_result(subject, line, name)
         else:
             refused.append(BY_NAME[name].opcode)
@@ -290,11 +290,11 @@ def test_faults_refuse(
 def test_code_of_a_refusal(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A refusal has a code of table 8-1 that is allowed for refusals."""
     for name in examples((RUN, SIMULATE)):
-        answer = line.ask(name, subject.new_name())
-        if answer.accepted:
+        reply = line.ask(name, subject.new_name())
+        if reply.accepted:
             wait_for_result(subject, line, name)
         else:
-            expect_refusal(subject, answer)
+            expect_refusal(subject, reply)
 
 
 # ---------------------------------------------------------------------- a busy robot
@@ -333,7 +333,7 @@ def test_refused_commands_are_not_queued(
         refused = {
             BY_NAME[name].opcode
             for name in (RUN, MOVE, LOCK)
-            if (answer := try_request(line, name, values.get(name))) is None or not answer.accepted
+            if (reply := try_request(line, name, values.get(name))) is None or not reply.accepted
         }
         expect_success(subject, line, MOVE)
         line.ask("get_tool_coordinates")  # the judge uses the reply (4.24/8)
@@ -362,11 +362,11 @@ def test_refused_moves_stay_refused(subject: ControllerUnderTest, line: Outgoing
         if not neighbour_poses:
             raise CaseSkipped("there is no room for a step")
         start_program(subject, line, RUN, BRIEFLY_S)
-        answer = try_request(
+        reply = try_request(
             line, MOVE, target(neighbour_poses[0], subject.ics.motion.speed_percent)
         )
         expect_success(subject, line, RUN)
-        if answer is not None and answer.accepted:
+        if reply is not None and reply.accepted:
             expect_success(subject, line, MOVE)
             raise CaseSkipped("the move was not refused")  # other cases cover this
         message = "a move that was refused while a program ran was made after the program ended"
@@ -484,7 +484,7 @@ def test_queries_while_executing(subject: ControllerUnderTest, line: OutgoingCon
     upload(line, file, content)
     versions = [line.ask("get_version").value]
 
-    def tried(queries: Sequence[Query]) -> None:
+    def ask_each(queries: Sequence[Query]) -> None:
         for query in known_to(subject, list(queries)):
             try:
                 line.ask(*query)
@@ -498,8 +498,8 @@ def test_queries_while_executing(subject: ControllerUnderTest, line: OutgoingCon
         )
 
     with executing_task(subject, line, RUN):
-        tried(QUERIES)
-        given(some_queries)(tried)()
+        ask_each(QUERIES)
+        given(some_queries)(ask_each)()
         fetched = leftover_content(line, file)
         versions.append(line.ask("get_version").value)
     versions.append(line.ask("get_version").value)
@@ -537,13 +537,13 @@ def _reply_comes_at_the_end(
     with arm_returned(subject, line):
         before = line.ask("get_status")
         if name == MOVE:
-            _, answer = begin_step_somewhere(subject, line, SLOWEST_PERCENT)
+            _, reply = begin_step_somewhere(subject, line, SLOWEST_PERCENT)
         else:
-            answer = line.ask(name, program)
-        expect_accepted(name, answer)
-        delayed = answer.time_s - before.time_s >= _WAIT_S
+            reply = line.ask(name, program)
+        expect_accepted(name, reply)
+        delayed = reply.time_s - before.time_s >= _WAIT_S
         if delayed:  # the reply may be slow for another reason
-            delayed = wait_for_result(subject, line, name).time_s - answer.time_s <= _SIMULTANEOUS_S
+            delayed = wait_for_result(subject, line, name).time_s - reply.time_s <= _SIMULTANEOUS_S
         stop_motion(subject, line)
     return delayed
 
@@ -570,9 +570,9 @@ def _reset_reply_comes_at_the_end(subject: ControllerUnderTest, line: OutgoingCo
     sent_s = subject.now_ns / _NS_PER_S
     query_s = line.ask("get_status").time_s - sent_s
     sent_s = subject.now_ns / _NS_PER_S
-    answer = begin(subject, line, RESET)
-    delay_s = answer.time_s - sent_s
-    duration_s = wait_for_result(subject, line, RESET).time_s - answer.time_s
+    reply = begin(subject, line, RESET)
+    delay_s = reply.time_s - sent_s
+    duration_s = wait_for_result(subject, line, RESET).time_s - reply.time_s
     delayed = delay_s > max(_BRIEF_S, _DELAY_FACTOR * query_s)
     return delayed and duration_s < _BRIEF_S and not same_place(pose_of(line), pose_before)
 
@@ -603,12 +603,12 @@ def test_second_client(subject: ControllerUnderTest, line: OutgoingConnection) -
         if subject.dialect["busy_reply"] != "queue":
             expect_busy(subject, other, task, RUN, program)
             expect_busy(subject, other, task, LOCK)
-        answer = other.ask(STOP)
+        reply = other.ask(STOP)
         expect(
-            answer.accepted,
+            reply.accepted,
             "the stop of another client was refused while a program ran",
             expected="1",
-            observed=f"{answer}",
+            observed=f"{reply}",
             requirement="4.17/6",
         )
         wait_for_result(subject, other, STOP)
@@ -633,12 +633,12 @@ def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> No
         other = subject.open()
         status = other.ask("get_status")
         if status.value in BUSY:
-            answer = other.ask(STOP)
+            reply = other.ask(STOP)
             expect(
-                answer.accepted,
+                reply.accepted,
                 "a program whose client disconnected cannot be stopped",
                 expected="1",
-                observed=f"{answer}",
+                observed=f"{reply}",
                 requirement="4.17/6",
             )
             wait_for_result(subject, other, STOP)
@@ -647,11 +647,11 @@ def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> No
         expect_success(subject, other, RUN)
         start_program(subject, other, RUN, BRIEFLY_S)
         other.close()
-        _expect_free(subject.open())
+        _expect_program_ends(subject.open())
         subject.close_lines()
 
 
-def _expect_free(line: OutgoingConnection) -> None:
+def _expect_program_ends(line: OutgoingConnection) -> None:
     """Expect that a program that waits for a second ends soon, with or without a client."""
     remaining_s = _END_TIMEOUT_S
     while (status := line.ask("get_status")).value in BUSY:

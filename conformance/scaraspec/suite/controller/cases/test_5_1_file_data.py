@@ -35,10 +35,10 @@ _SIZES = (1, 200, 201, 400, 450)
 _CONTENT = content_of(450)
 
 
-def _chunks(
+def _downloaded_chunks(
     subject: ControllerUnderTest, line: OutgoingConnection, content: bytes = _CONTENT
 ) -> list[Chunk]:
-    """Return the chunks that the controller sends of a file, valid or not."""
+    """Upload a file, and return the chunks of its download, valid or not."""
     name = subject.new_name()
     upload(line, name, content)
     return [chunk_of(frame) for frame in download_replies(line, name)]
@@ -51,7 +51,7 @@ def _chunks(
 def test_structure(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every chunk of a download is one fileData."""
     for size in examples(_SIZES):
-        _chunks(subject, line, content_of(size))
+        _downloaded_chunks(subject, line, content_of(size))
 
 
 @case("5.1/1", name="torn", slow=True)
@@ -96,14 +96,14 @@ def test_size_of_the_structure(subject: ControllerUnderTest, line: OutgoingConne
 def test_file_size(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every chunk of a download states the size of the whole file."""
     for size in examples(_SIZES):
-        for chunk in _chunks(subject, line, content_of(size)):
+        for chunk in _downloaded_chunks(subject, line, content_of(size)):
             expect_equal(chunk.file_size, size, "fileSize is not the size of the file")
 
 
 @case("5.1/4")
 def test_position(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every chunk of a download has the byte offset that it states."""
-    for chunk in _chunks(subject, line):
+    for chunk in _downloaded_chunks(subject, line):
         expect_position(chunk, _CONTENT)
 
 
@@ -111,7 +111,7 @@ def test_position(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
 def test_length(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every chunk of a download states the number of valid bytes in its buffer: 1 to 200."""
     for size in examples(_SIZES):
-        for chunk in _chunks(subject, line, content_of(size)):
+        for chunk in _downloaded_chunks(subject, line, content_of(size)):
             expect_length(chunk)
             expect_content(chunk, content_of(size))
 
@@ -120,7 +120,7 @@ def test_length(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 def test_within_the_file(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """No chunk of a download exceeds its fileSize."""
     for size in examples(_SIZES):
-        for chunk in _chunks(subject, line, content_of(size)):
+        for chunk in _downloaded_chunks(subject, line, content_of(size)):
             expect_within(chunk, size)
 
 
@@ -135,9 +135,9 @@ def test_end_of_a_download(subject: ControllerUnderTest, line: OutgoingConnectio
             message = "a download does not end where position + length is fileSize"
             expect_equal(last.position + last.length, size, message)
             expect_nothing_more(line, "something followed the last chunk of a download", "5.1/7")
-            answer = line.ask("download_name", data=name)
+            reply = line.ask("download_name", data=name)
             message = "no other download can begin after the last chunk of a download"
-            expect(answer.accepted, message, expected="1", observed=f"{answer}")
+            expect(reply.accepted, message, expected="1", observed=f"{reply}")
             line = reconnect(subject, line)
 
 
@@ -147,9 +147,9 @@ def test_end_of_an_upload(subject: ControllerUnderTest, line: OutgoingConnection
     for size in examples(_SIZES):
         first, second = subject.new_name(), subject.new_name()
         upload(line, first, content_of(size))
-        answer = line.ask("upload_name", data=second)
+        reply = line.ask("upload_name", data=second)
         message = "no other upload can begin after the last chunk of an upload"
-        expect(answer.accepted, message, expected="1", observed=f"{answer}")
+        expect(reply.accepted, message, expected="1", observed=f"{reply}")
         send(line, Chunk(1, 0, 1, b"!"))
         delete(line, first)
         delete(line, second)
@@ -161,7 +161,7 @@ def test_end_of_an_upload(subject: ControllerUnderTest, line: OutgoingConnection
 def test_ascending(subject: ControllerUnderTest, line: OutgoingConnection, size: int) -> None:
     """A download of any size comes in ascending order, without gap or overlap."""
     expected_position = 0
-    for chunk in _chunks(subject, line, content_of(size)):
+    for chunk in _downloaded_chunks(subject, line, content_of(size)):
         expect_equal(chunk.position, expected_position, "a chunk does not follow the previous one")
         expected_position += chunk.length
     expect_equal(expected_position, size, "a download does not reach the end of its file")
@@ -191,8 +191,8 @@ def test_existing_file(subject: ControllerUnderTest, line: OutgoingConnection) -
     """An upload to an existing name is refused, and its chunks are refused, too."""
     name = subject.new_name()
     upload(line, name, _CONTENT)
-    answer = line.ask("upload_name", data=name)
-    expect(not answer.accepted, "an existing name was accepted", expected="0", observed="1")
+    reply = line.ask("upload_name", data=name)
+    expect(not reply.accepted, "an existing name was accepted", expected="0", observed="1")
     accepted = offer(line, Chunk(3, 0, 3, b"new"))
     message = "content for an existing name was accepted"
     expect(not accepted, message, expected="0", observed="1")
@@ -301,7 +301,7 @@ def test_overlap(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 
 @case("5.1/13", name="other-size")
 def test_file_size_changed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A file whose later chunk states a smaller size is refused, or complete with that size."""
+    """A file whose later chunk states a smaller size is refused, or is complete with that size."""
     content, name = content_of(600), subject.new_name()
     begin_upload(line, name)
     send(line, Chunk(600, 0, 200, content[:200]))

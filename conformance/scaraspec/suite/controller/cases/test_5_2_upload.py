@@ -51,8 +51,8 @@ with CC, or consist of the end byte alone."""
 
 
 def _expect_refused(line: OutgoingConnection, name: bytes, message: str) -> None:
-    answer = line.ask("upload_name", data=name)
-    expect(not answer.accepted, message, expected="0", observed=f"{answer}")
+    reply = line.ask("upload_name", data=name)
+    expect(not reply.accepted, message, expected="0", observed=f"{reply}")
 
 
 # The name
@@ -83,11 +83,11 @@ def test_long_names(subject: ControllerUnderTest, line: OutgoingConnection) -> N
     for size in examples((29, 30, 31, 60, 120, 200)):
         short = subject.new_name()
         name = short[:-4] + b"n" * (size - len(short)) + short[-4:]
-        answer = line.ask("upload_name", data=name)
+        reply = line.ask("upload_name", data=name)
         if size <= 30:
             message = UserMessage("a name of {size} bytes was refused", size=size)
-            expect(answer.accepted, message, expected="1", observed=f"{answer}")
-        if not answer.accepted:
+            expect(reply.accepted, message, expected="1", observed=f"{reply}")
+        if not reply.accepted:
             message = UserMessage("a name of {size} bytes is refused", size=size)
             subject.tolerate("5.2/2", "name_max", "30", message)
             continue
@@ -225,7 +225,7 @@ def test_refused_chunks_are_answered(
     for chunk in examples((Chunk(600, 0, 201, bytes(200)), Chunk(100, 0, 101, bytes(200)))):
         begin_upload(line, subject.new_name())
         try:
-            answer = line.ask("upload_chunk", chunk)
+            reply = line.ask("upload_chunk", chunk)
         except NoReply:
             if line.ending is None:
                 raise
@@ -237,27 +237,27 @@ def test_refused_chunks_are_answered(
                 length=chunk.length,
                 file_size=chunk.file_size,
             )
-            refused = answer.accepted is False
-            expect(refused, message, expected="0", observed=f"{answer}")
+            refused = reply.accepted is False
+            expect(refused, message, expected="0", observed=f"{reply}")
             expect_nothing_more(line, "a chunk got two replies", "5.2/6")
         line = reconnect(subject, line)
 
 
 def _other_order_is_illegal(length: int) -> bool:
-    """Whether a length is out of bounds in both byte orders, so that no valid length is meant."""
+    """Whether a length is out of bounds in the other byte order, too."""
     return int.from_bytes(length.to_bytes(4, "little")) > BUFFER_BYTES
 
 
 _too_long = st.integers(BUFFER_BYTES + 1, _MAX_UINT32).filter(_other_order_is_illegal)
 
 
-def _out_of_bounds(
-    subject: ControllerUnderTest, line: OutgoingConnection, header: Chunk, taken_before: int = 0
+def _expect_chunk_refused(
+    subject: ControllerUnderTest, line: OutgoingConnection, header: Chunk, accepted_before: int = 0
 ) -> None:
-    """Send a chunk that must not be accepted, after `taken_before` valid ones."""
+    """Send `accepted_before` valid chunks, and then one that must be refused."""
     subject.clear(line)
     begin_upload(line, subject.new_name())
-    for chunk in list(chunks_of(content_of(header.file_size)))[:taken_before]:
+    for chunk in list(chunks_of(content_of(header.file_size)))[:accepted_before]:
         send(line, chunk)
     accepted = offer(line, header)
     message = UserMessage(
@@ -282,7 +282,7 @@ def _out_of_bounds(
 def test_length_over_the_buffer(subject: ControllerUnderTest, length: int, before: int) -> None:
     """A chunk with a length over 200 is refused, as the first chunk or a later one."""
     header = Chunk(1000, 200 * before, length, bytes(BUFFER_BYTES))
-    _out_of_bounds(subject, subject.open(), header, before)
+    _expect_chunk_refused(subject, subject.open(), header, before)
 
 
 @case("5.2/10", name="long-frame")
@@ -310,7 +310,7 @@ def test_beyond_the_file(subject: ControllerUnderTest, size: int, excess: int) -
     length = min(rest + excess, BUFFER_BYTES)
     if rest + length <= BUFFER_BYTES or length > rest:
         header = Chunk(size, 200 * before, length, bytes(BUFFER_BYTES))
-        _out_of_bounds(subject, subject.open(), header, before)
+        _expect_chunk_refused(subject, subject.open(), header, before)
 
 
 @case("5.2/10", name="position")
@@ -332,7 +332,7 @@ def test_position_beyond_the_file(subject: ControllerUnderTest) -> None:
     ):
         header = Chunk(600, position, BUFFER_BYTES, bytes(BUFFER_BYTES))
         for before in examples((0, 1)):
-            _out_of_bounds(subject, subject.open(), header, before)
+            _expect_chunk_refused(subject, subject.open(), header, before)
 
 
 @case("5.2/11")
@@ -388,8 +388,8 @@ def test_chunk_on_another_connection(
     name, content = subject.new_name(), content_of(450)
     begin_upload(line, name)
     other = subject.open()
-    answer = try_request(other, "upload_chunk", Chunk(450, 0, 200, bytes(200)))
-    expect(answer is None or not answer.accepted, "a chunk without a name was accepted")
+    reply = try_request(other, "upload_chunk", Chunk(450, 0, 200, bytes(200)))
+    expect(reply is None or not reply.accepted, "a chunk without a name was accepted")
     for chunk in chunks_of(content):
         send(line, chunk)
     expect_stored(other, name, content, "5.2/11")
@@ -501,7 +501,9 @@ def test_one_name_on_two_connections(
     if not any(accepted):
         return
     downloaded = download(lines[0], name)
-    whole = [content for content, all_taken in zip(contents, accepted, strict=True) if all_taken]
+    whole = [
+        content for content, all_accepted in zip(contents, accepted, strict=True) if all_accepted
+    ]
     expect(
         downloaded in whole,
         "two uploads under one name were mixed",
@@ -533,10 +535,10 @@ def test_delimiters_in_the_content(subject: ControllerUnderTest, line: OutgoingC
     for content in examples(contents):
         expect_round_trip(subject, line, content, "5.2/14")
     for sizes in _SPECIAL_SEGMENT_SIZES:
-        _in_segments(subject, line, b"\xaa\xcc" * 100, sizes)
+        _upload_in_segments(subject, line, b"\xaa\xcc" * 100, sizes)
 
 
-def _in_segments(
+def _upload_in_segments(
     subject: ControllerUnderTest, line: OutgoingConnection, content: bytes, sizes: tuple[int, ...]
 ) -> None:
     """Send a file of one chunk in segments of these sizes, and the rest in a last segment."""
@@ -545,12 +547,12 @@ def _in_segments(
     chunk = line.request("upload_chunk", Chunk(len(content), 0, len(content), content)).encode()
     send_in(line, pieces(chunk, sizes), subject, SEGMENT_S)
     try:
-        answer = line.reply("upload_chunk", within_s=CHUNK_S)
+        reply = line.reply("upload_chunk", within_s=CHUNK_S)
     except NoReply as error:
         error.requirement = "2/5"
         raise
     message = "a chunk that arrived in several segments was refused"
-    expect(answer.accepted, message, expected="1", observed=f"{answer}", requirement="2/5")
+    expect(reply.accepted, message, expected="1", observed=f"{reply}", requirement="2/5")
     expect_stored(line, name, content, "2/5")
 
 
@@ -577,7 +579,7 @@ def test_any_size(subject: ControllerUnderTest, line: OutgoingConnection, size: 
     expect_round_trip(subject, line, content_of(size), "5.2/16")
 
 
-def _large(subject: ControllerUnderTest, line: OutgoingConnection, size: int) -> None:
+def _check_large_file(subject: ControllerUnderTest, line: OutgoingConnection, size: int) -> None:
     """Upload and download a large file; if there is no room, the first chunk is refused.
 
     Its place is between two other files, which must not change.
@@ -624,22 +626,22 @@ def _expect_too_large(subject: ControllerUnderTest, line: OutgoingConnection, si
 @case("5.2/16", "5.2/12", name="51200")
 def test_size_51200(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file of 256 full chunks is stored unchanged."""
-    _large(subject, line, 51_200)
+    _check_large_file(subject, line, 51_200)
 
 
 @case("5.2/16", "5.2/12", name="65535")
 def test_size_65535(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The largest file whose size fits 16 bits is stored unchanged."""
-    _large(subject, line, 65_535)
+    _check_large_file(subject, line, 65_535)
 
 
 @case("5.2/16", "5.2/12", name="65536")
 def test_size_65536(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The smallest file whose size does not fit 16 bits is stored unchanged."""
-    _large(subject, line, 65_536)
+    _check_large_file(subject, line, 65_536)
 
 
 @case("5.2/16", "5.2/12", name="70000")
 def test_size_70000(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file whose positions do not fit 16 bits is stored unchanged."""
-    _large(subject, line, _LARGEST_BYTES)
+    _check_large_file(subject, line, _LARGEST_BYTES)

@@ -1,6 +1,6 @@
 """Clause 5.3: download a file from the controller (0x54, 0x56; L765-787).
 
-Where no state may be changed, a program that is already stored is downloaded, and its content is
+If state changes are not allowed, a program that is already stored is downloaded. Its content is
 unknown.
 """
 
@@ -57,18 +57,18 @@ _CONTENT = content_of(650)
 
 
 def _expect_refused(line: OutgoingConnection, name: bytes, message: str) -> None:
-    answer = line.ask("download_name", data=name)
-    expect(not answer.accepted, message, expected="0", observed=f"{answer}")
+    reply = line.ask("download_name", data=name)
+    expect(not reply.accepted, message, expected="0", observed=f"{reply}")
 
 
 def _begin_download(line: OutgoingConnection, name: bytes) -> Chunk:
     """Request an existing file, and return its first chunk, which is not answered yet."""
-    answer = line.ask("download_name", data=name)
+    reply = line.ask("download_name", data=name)
     expect(
-        answer.accepted,
+        reply.accepted,
         "an existing file was refused",
         expected="1",
-        observed=f"{answer}",
+        observed=f"{reply}",
         requirement="5.3/2",
     )
     chunk = next_chunk(line)
@@ -78,7 +78,7 @@ def _begin_download(line: OutgoingConnection, name: bytes) -> Chunk:
 
 
 def _skip_if_last(chunk: Chunk) -> Chunk:
-    """Return the chunk, if another one follows it.
+    """Return the chunk if another one follows it.
 
     Raises:
         CaseSkipped: It is the last chunk of its file.
@@ -360,7 +360,7 @@ def _continues(line: OutgoingConnection, within_s: float) -> bool:
     return not refuses_an_answer(next_frame.frame) and not is_cancelled(next_frame)
 
 
-def _after_refusal(
+def _refuse_chunk(
     subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, refuse_at: int
 ) -> None:
     """Refuse one chunk of a download: only the same chunk may be sent again."""
@@ -400,11 +400,11 @@ def _after_refusal(
 @case("5.3/9", name="first")
 def test_first_chunk_refused(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A download does not continue after its first chunk is refused."""
-    _after_refusal(subject, line, upload_some_file(subject, line, _CONTENT), 0)
+    _refuse_chunk(subject, line, upload_some_file(subject, line, _CONTENT), 0)
 
 
 def _continues_too_late(line: OutgoingConnection) -> bool:
-    """Answer a chunk, and return whether the next one arrives, where none is allowed."""
+    """Answer a chunk, and return whether the next one arrives although the download is over."""
     try:
         line.answer_chunk(accepted=True)
     except NoReply:
@@ -418,14 +418,14 @@ def _continues_too_late(line: OutgoingConnection) -> bool:
 @case("5.3/9", name="middle")
 def test_middle_chunk_refused(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A download does not continue after a middle chunk is refused."""
-    _after_refusal(subject, line, upload_some_file(subject, line, _CONTENT), 2)
+    _refuse_chunk(subject, line, upload_some_file(subject, line, _CONTENT), 2)
 
 
 @case("5.3/9", name="last", hazards=(Hazard.STATE,))
 def test_last_chunk_refused(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A download does not continue after its last chunk is refused, and can be started again."""
     name = upload_some_file(subject, line, _CONTENT)
-    _after_refusal(subject, line, name, 3)
+    _refuse_chunk(subject, line, name, 3)
     line = reconnect(subject, line)
     expect_stored(line, name, _CONTENT, "5.3/9")
 

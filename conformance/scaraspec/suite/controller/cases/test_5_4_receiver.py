@@ -59,9 +59,9 @@ def test_missing_name(subject: ControllerUnderTest, line: OutgoingConnection) ->
     name = subject.new_name()
     line.ask("download_name", data=name)
     for _ in range(3):
-        answer = line.ask("upload_name", data=name)
+        reply = line.ask("upload_name", data=name)
         message = "the name of a missing file was refused"
-        expect(answer.accepted, message, expected="1", observed=f"{answer}")
+        expect(reply.accepted, message, expected="1", observed=f"{reply}")
         send(line, Chunk(1, 0, 1, b"!"))
         expect_stored(line, name, b"!", "5.4/1")
         delete(line, name)
@@ -75,12 +75,12 @@ def test_name_on_a_second_connection(
     subject.require_multiple_connections()
     for connection in (line, subject.open(), line):
         name = subject.new_name()
-        answer = connection.ask("upload_name", data=name)
+        reply = connection.ask("upload_name", data=name)
         message = "the name of a missing file was refused"
-        expect(answer.accepted, message, expected="1", observed=f"{answer}")
+        expect(reply.accepted, message, expected="1", observed=f"{reply}")
         send(connection, Chunk(1, 0, 1, b"!"))
         expect_stored(line, name, b"!", "5.4/1")
-        line.sync()  # the download ends for the controller, too: it may allow one at a time
+        line.sync()  # the controller may allow one transfer at a time: it must see the end
 
 
 @case("5.4/2")
@@ -89,9 +89,9 @@ def test_existing_name(subject: ControllerUnderTest, line: OutgoingConnection) -
     name = subject.new_name()
     upload(line, name, _CONTENT)
     for _ in range(2):
-        answer = line.ask("upload_name", data=name)
+        reply = line.ask("upload_name", data=name)
         message = "the name of an existing file was accepted"
-        expect(not answer.accepted, message, expected="0", observed=f"{answer}")
+        expect(not reply.accepted, message, expected="0", observed=f"{reply}")
         download(line, name)
         line = reconnect(subject, line)
 
@@ -116,9 +116,9 @@ def test_each_of_many_names(subject: ControllerUnderTest, line: OutgoingConnecti
         if full:
             break
     for name in names:
-        answer = line.ask("upload_name", data=name)
+        reply = line.ask("upload_name", data=name)
         message = "the name of an existing file was accepted"
-        expect(not answer.accepted, message, expected="0", observed=f"{answer}")
+        expect(not reply.accepted, message, expected="0", observed=f"{reply}")
 
 
 @case("5.4/3")
@@ -148,7 +148,7 @@ def test_end_is_found(subject: ControllerUnderTest, line: OutgoingConnection) ->
 
 @case("5.4/4", name="short-chunks")
 @given(lengths=st.permutations([1, 7, 64, 128, 200]))
-def test_end_behind_short_chunks(
+def test_end_after_short_chunks(
     subject: ControllerUnderTest, line: OutgoingConnection, lengths: list[int]
 ) -> None:
     """A file in chunks of any lengths ends where position + length is fileSize, not earlier."""
@@ -232,7 +232,7 @@ def _track_of_pauses(subject: ControllerUnderTest, limits: Limits) -> Track:
 
 
 def _track_to_observe(subject: ControllerUnderTest, silence_s: float, limits: Limits) -> Track:
-    """Return a track with a pause after which it is observed whether an upload is still open."""
+    """Return a track that checks after a pause whether an upload is still open."""
     _, start = _upload_start(subject, 1)
 
     def check_state(line: OutgoingConnection, silence: Silence) -> None:
@@ -266,7 +266,7 @@ def _track_of_timeout(subject: ControllerUnderTest, limits: Limits, sent_chunks:
         )
         line = _expect_served(subject, line, "a timeout")
         _expect_transfer(subject, line, "a timeout")
-        _expect_nothing_left(subject, line, name, _CONTENT[: 200 * sent_chunks]).close()
+        _expect_no_leftover(subject, line, name, _CONTENT[: 200 * sent_chunks]).close()
 
     return Track(start, ((limits.over_s, check_over),))
 
@@ -277,7 +277,10 @@ def _track_of_timeout(subject: ControllerUnderTest, limits: Limits, sent_chunks:
 def _expect_served(
     subject: ControllerUnderTest, line: OutgoingConnection, event: str
 ) -> OutgoingConnection:
-    """Return the connection after another command is served; a new one if only that is served."""
+    """Expect that another command is served, and return the connection that was used.
+
+    It is a new connection if only a new one is served.
+    """
     try:
         line.ask("get_status")
     except NoReply as error:
@@ -308,7 +311,7 @@ def _expect_transfer(subject: ControllerUnderTest, line: OutgoingConnection, eve
         ) from None
 
 
-def _expect_nothing_left(
+def _expect_no_leftover(
     subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, sent_part: bytes
 ) -> OutgoingConnection:
     """Expect that an interrupted upload leaves no file, or the beginning of it (A-5-12).
@@ -336,17 +339,17 @@ def _expect_nothing_left(
         subject.tolerate("5.4/7", "partial_keep", "keep", message)
         delete(line, name)
     remaining_s = limits_of(subject).over_s  # a lost connection may be detected by its silence
-    while not (answer := line.ask("upload_name", data=name)).accepted and remaining_s > 0:
+    while not (reply := line.ask("upload_name", data=name)).accepted and remaining_s > 0:
         if line.ask("delete_program", data=name).accepted:
             message = "an empty file of an interrupted upload is kept"
             subject.tolerate("5.4/7", "partial_keep", "keep", message)
         line.wait(_POLL_S)
         remaining_s -= _POLL_S
     expect(
-        answer.accepted,
+        reply.accepted,
         "the name of an interrupted upload cannot be used again, and no file of it can be deleted",
         expected="1",
-        observed=f"{answer}",
+        observed=f"{reply}",
         requirement="5.4/1",
     )
     for chunk in _CHUNKS:
@@ -355,7 +358,9 @@ def _expect_nothing_left(
     return line
 
 
-def _break_uploads(subject: ControllerUnderTest, end: Callable[[OutgoingConnection], None]) -> None:
+def _interrupt_uploads(
+    subject: ControllerUnderTest, end: Callable[[OutgoingConnection], None]
+) -> None:
     """Interrupt an upload at every chunk with `end`."""
     for count in examples(range(len(_CHUNKS))):
         name, start = _upload_start(subject, count)
@@ -363,7 +368,7 @@ def _break_uploads(subject: ControllerUnderTest, end: Callable[[OutgoingConnecti
         start(line)
         end(line)
         line = subject.open() if line.closed else reconnect(subject, line)
-        _expect_nothing_left(subject, line, name, _CONTENT[: 200 * count]).close()
+        _expect_no_leftover(subject, line, name, _CONTENT[: 200 * count]).close()
 
 
 @case("5.4/7", "5.4/1", name="closed")
@@ -373,7 +378,7 @@ def test_connection_closed(subject: ControllerUnderTest) -> None:
     It may stay open until its timeout, and block others until then (A-5-17).
     """
     subject.notices_leaving()
-    _break_uploads(subject, OutgoingConnection.close)
+    _interrupt_uploads(subject, OutgoingConnection.close)
     if subject.transfers_outlive:
         message = "an upload whose connection ended blocks others until its timeout"
         subject.tolerate("5.4/7", "A-5-17", "outlives", message)
@@ -383,13 +388,13 @@ def test_connection_closed(subject: ControllerUnderTest) -> None:
 def test_connection_reset(subject: ControllerUnderTest) -> None:
     """An upload whose connection is reset at any chunk leaves nothing but the sent part."""
     subject.notices_leaving()
-    _break_uploads(subject, OutgoingConnection.reset)
+    _interrupt_uploads(subject, OutgoingConnection.reset)
 
 
 @case("5.4/7", "5.4/1", name="refused")
 def test_chunk_refused(subject: ControllerUnderTest) -> None:
-    """An upload of which any chunk is refused leaves nothing but the sent part."""
-    _break_uploads(subject, _offer_invalid_chunk)
+    """An upload leaves nothing but the sent part if one of its chunks is refused."""
+    _interrupt_uploads(subject, _offer_invalid_chunk)
 
 
 def _offer_invalid_chunk(line: OutgoingConnection) -> None:
@@ -430,9 +435,9 @@ def test_served_after_an_empty_file(subject: ControllerUnderTest, line: Outgoing
     begin_upload(line, name)
     line.send("upload_chunk", Chunk(0, 0, 0, b""))
     line.wait(0.2)
-    answers = transfer_frames(line)  # the reply, if any, is open (A-5-10)
+    replies = transfer_frames(line)  # the reply, if any, is open (A-5-10)
     accepted = any(
-        received.name == "upload_chunk" and received.value is True for received in answers
+        received.name == "upload_chunk" and received.value is True for received in replies
     )
     line = _expect_recovery(subject, line, "an empty file")
     if accepted:
@@ -473,13 +478,13 @@ def _expect_other_commands(
         command for command in _OTHER_COMMANDS if command not in subject.ics.unsupported
     ):
         try:
-            answer = line.ask(name)
+            reply = line.ask(name)
         except NoReply as error:
             error.requirement = "5.4/8"
             raise
         if name == "get_status":
             message = "the status changes during a file transfer"
-            expect_equal(answer.value, status, message, requirement="4.8/3")
+            expect_equal(reply.value, status, message, requirement="4.8/3")
 
 
 @case("5.4/8", "4.8/3", name="upload")
@@ -500,20 +505,22 @@ def test_commands_during_an_upload(subject: ControllerUnderTest, line: OutgoingC
 def _upload_between_other_commands(
     subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, other: bytes
 ) -> None:
-    listed = _listed(subject, line, name, other)
+    listed = _other_programs(subject, line, name, other)
     status = line.ask("get_status").value
     begin_upload(line, name)
     for chunk in _CHUNKS:
         _expect_other_commands(subject, line, status)
         line.ask("delete_program", data=other)
         message = "the program list changed during an upload"
-        expect_equal(_listed(subject, line, name, other), listed, message, requirement="5.4/8")
+        expect_equal(
+            _other_programs(subject, line, name, other), listed, message, requirement="5.4/8"
+        )
         if {"get_time", "set_time"}.isdisjoint(subject.ics.unsupported):
             line.ask("set_time", shifted(read(subject, line).time, _CLOCK_SHIFT))
         send(line, chunk, "5.4/8", "a chunk was refused after other commands")
 
 
-def _listed(
+def _other_programs(
     subject: ControllerUnderTest, line: OutgoingConnection, *excluded: bytes
 ) -> list[bytes]:
     """Return the listed programs without these, sorted; empty if the list is not supported."""
@@ -525,7 +532,7 @@ def _listed(
 def test_commands_during_a_download(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Other commands are answered between the chunks of a download, and the file is complete."""
     name = upload_some_file(subject, line, _CONTENT)
-    listed = _listed(subject, line)
+    listed = _other_programs(subject, line)
     status = line.ask("get_status").value
     line.ask("download_name", data=name)
     content = b""
@@ -534,7 +541,7 @@ def test_commands_during_a_download(subject: ControllerUnderTest, line: Outgoing
             content += chunk.data
             _expect_other_commands(subject, line, status)
             message = "the program list changed during a download"
-            expect_equal(_listed(subject, line), listed, message)
+            expect_equal(_other_programs(subject, line), listed, message)
     except CaseFailed as error:
         error.requirement = "5.4/8"
         raise

@@ -22,7 +22,7 @@ from scaraspec.suite.program_files.layout import CODE_20
 from scaraspec.suite.program_files.writing import OUTPUTS, compare, curve, number, set_output, wait
 from scaraspec.user_message import UserMessage
 
-_WATCHED_S: Final = 1.0
+_OBSERVATION_S: Final = 1.0
 """How long an accepted damaged file may run without a final result."""
 
 _MANY_NODES: Final = 60
@@ -46,7 +46,7 @@ def _expect_not_run(
     with subject.observer.overlooking(CODE_20):
         if not robot.accepts(content):
             return
-    result = robot.ended(within_s=robot.ours_s(_WATCHED_S))
+    result = robot.ended(within_s=robot.ours_s(_OBSERVATION_S))
     expect(
         result is None or not result.done,
         UserMessage("{description} is reported as run", description=description),
@@ -90,7 +90,7 @@ def test_one_wrong_letter(subject: ControllerUnderTest, line: OutgoingConnection
         positions = [*range(len(MAGIC)), *range(len(valid) - len(FOOTER), len(valid))]
 
         @given(st.sampled_from(positions), st.integers(0, 7))
-        def never_run(position: int, bit: int) -> None:
+        def flip_and_check(position: int, bit: int) -> None:
             wrong = bytearray(valid)
             wrong[position] ^= 1 << bit
             description = UserMessage(
@@ -98,7 +98,7 @@ def test_one_wrong_letter(subject: ControllerUnderTest, line: OutgoingConnection
             )
             _expect_not_run(subject, robot, bytes(wrong), description)
 
-        never_run()
+        flip_and_check()
 
 
 @case("6.5/28", name="sizes", hazards=PROGRAMS)

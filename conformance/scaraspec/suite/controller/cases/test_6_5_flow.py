@@ -265,8 +265,8 @@ def test_drawn_programs(subject: ControllerUnderTest, line: OutgoingConnection) 
         # Random programs are short; shrinking one would take hundreds of runs.
         @settings(max_examples=max(1, settings().max_examples // 2), phases=(Phase.generate,))
         @given(blocks, variables)
-        def performs(block: Block, values: dict[int, int]) -> None:
+        def run_and_check(block: Block, values: dict[int, int]) -> None:
             assume(is_told(block, values))
             robot.performs(block, values)
 
-        performs()
+        run_and_check()

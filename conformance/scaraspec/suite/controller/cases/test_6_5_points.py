@@ -123,8 +123,8 @@ def test_straight_move(subject: ControllerUnderTest, line: OutgoingConnection) -
 def test_several_moves(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Points belong to the move before them: two moves of two points end at the fourth point.
 
-    A move of many points ends at the last one. After an emergency stop on the way back, the arm
-    does not move.
+    A move of many points ends at the last one. The arm does not move after an emergency stop during
+    the way back.
     """
     with bench(subject, line) as robot, arm(subject, line, robot) as robot_arm:
         home, speed = robot_arm.home, robot_arm.speed_percent

@@ -255,7 +255,7 @@ def _expect_waiting(
     *,
     for_s: float = _WATCH_S,
 ) -> None:
-    """Expect that a program does not continue for a while."""
+    """Expect that a program is still waiting after some time."""
     line.wait(robot.ours_s(for_s))
     result = robot.ended()
     expect(

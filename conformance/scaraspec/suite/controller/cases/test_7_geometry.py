@@ -97,8 +97,8 @@ def test_meaningless_angles(subject: ControllerUnderTest, line: OutgoingConnecti
     with arm_returned(subject, line) as pose:
         for theta_y, theta_z in examples(((7.0, 0.0), (0.0, 7.0), (-3.5, 3.5))):
             target_pose = pose._replace(theta_y=theta_y, theta_z=theta_z)
-            answer = ask_move(subject, line, target_pose)
-            if not answer.accepted:
+            reply = ask_move(subject, line, target_pose)
+            if not reply.accepted:
                 message = "a move with thetaY or thetaZ is refused"
                 subject.tolerate("7/2", "theta_yz", "reject", message)
                 continue
@@ -121,8 +121,8 @@ def test_one_geometry(subject: ControllerUnderTest, line: OutgoingConnection) ->
     require_command(subject, MOVE)
     with arm_returned(subject, line) as pose:
         joints = joints_of(line)
-        second_pose, answer = begin_step_somewhere(subject, line)
-        expect_accepted(MOVE, answer)
+        second_pose, reply = begin_step_somewhere(subject, line)
+        expect_accepted(MOVE, reply)
         expect_success(subject, line, MOVE)
         second_joints, current = joints_of(line), pose_of(line)
         expect(

@@ -59,9 +59,9 @@ def _expect_code(subject: ControllerUnderTest, data: bytes) -> None:
         )
 
 
-def _code_of(answer: ReceivedFrame) -> bytes:
+def _code_of(reply: ReceivedFrame) -> bytes:
     """Return the data after the separator of a refusal or a failure; empty if there is none."""
-    return answer.frame.data[3 if answer.frame.tagged else 2 :]
+    return reply.frame.data[3 if reply.frame.tagged else 2 :]
 
 
 @case("8/1", "8/2", "8/3")
@@ -77,11 +77,11 @@ def test_refusals(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
     missing = subject.new_name()
     for name, data in examples(((RUN, missing), (SIMULATE, missing), (MOVE, _UNREACHABLE_MOVE))):
         if name not in subject.ics.unsupported:
-            answer = line.ask(name, data=data)
-            if answer.accepted:  # the problem may be detected late (A-4.15-1, A-4.24-5)
+            reply = line.ask(name, data=data)
+            if reply.accepted:  # the problem may be detected late (A-4.15-1, A-4.24-5)
                 wait_for_result(subject, line, name)
-            elif answer.accepted is False and _code_of(answer):
-                _expect_code(subject, _code_of(answer))
+            elif reply.accepted is False and _code_of(reply):
+                _expect_code(subject, _code_of(reply))
 
 
 @case("8/2", "8/1", "8/3", name="busy", hazards=_MOTION)
@@ -89,9 +89,9 @@ def test_refusals_of_a_busy_robot(subject: ControllerUnderTest, line: OutgoingCo
     """While a program runs, status and refusals have codes of the table."""
     with executing_task(subject, line, RUN):
         _expect_code(subject, line.ask("get_status").frame.data)
-        answer = try_request(line, LOCK)
-        if answer is not None and answer.accepted is False and _code_of(answer):
-            _expect_code(subject, _code_of(answer))
+        reply = try_request(line, LOCK)
+        if reply is not None and reply.accepted is False and _code_of(reply):
+            _expect_code(subject, _code_of(reply))
 
 
 @case("8/5", hazards=_MOTION)
@@ -100,11 +100,11 @@ def test_missing_program(subject: ControllerUnderTest, line: OutgoingConnection)
     subject.moved = True
     for name in examples((RUN, SIMULATE)):
         require_command(subject, name)
-        answer = line.ask(name, subject.new_name())
-        if answer.accepted:
-            answer = wait_for_result(subject, line, name)
+        reply = line.ask(name, subject.new_name())
+        if reply.accepted:
+            reply = wait_for_result(subject, line, name)
         expect_equal(
-            answer.code,
+            reply.code,
             _MISSING_PROGRAM,
             UserMessage("{name} of a missing program does not fail with code 20", name=name),
         )
@@ -116,11 +116,11 @@ def test_deleted_program(subject: ControllerUnderTest, line: OutgoingConnection)
     program = start_program(subject, line, RUN, 0).program
     wait_for_result(subject, line, RUN)
     line.ask("delete_program", program)
-    answer = line.ask(RUN, program)
-    if answer.accepted:
-        answer = wait_for_result(subject, line, RUN)
+    reply = line.ask(RUN, program)
+    if reply.accepted:
+        reply = wait_for_result(subject, line, RUN)
     message = "the run of a deleted program does not fail with code 20"
-    expect_equal(answer.code, _MISSING_PROGRAM, message)
+    expect_equal(reply.code, _MISSING_PROGRAM, message)
 
 
 # ---------------------------------------------------------------------- motor faults
@@ -158,9 +158,9 @@ def test_codes_of_faults(subject: ControllerUnderTest, line: OutgoingConnection)
                     observed=f"{status}",
                     requirement="8/4",
                 )
-                answer = line.ask(MOVE, data=_UNREACHABLE_MOVE)
-                if answer.accepted is False and _code_of(answer):
-                    _expect_code(subject, _code_of(answer))
+                reply = line.ask(MOVE, data=_UNREACHABLE_MOVE)
+                if reply.accepted is False and _code_of(reply):
+                    _expect_code(subject, _code_of(reply))
 
 
 @case("8/2", "8/1", "8/3", name="failure", needs=_FAULTS, hazards=_MOTION)

@@ -1,7 +1,7 @@
-"""Requests in any order: the effect of one is visible in another, sooner or later.
+"""Requests in any order: each request shows the effects of the earlier ones.
 
 Each command is judged in its own clause. These cases find state that leaks, is kept too long or is
-lost, and faults that need many requests.
+lost, and faults that appear only after many requests.
 """
 
 import itertools
@@ -106,7 +106,7 @@ def _run_in_any_order(
 
         @settings(max_examples=-(-examples // share), phases=(Phase.generate,))
         @given(sequences(operations, 2 + examples // 2))
-        def each(steps: list[Step]) -> None:
+        def run_steps(steps: list[Step]) -> None:
             if not failed and (failure := attempt(subject, operations, names, steps)):
                 retry = partial(attempt, subject, operations, names, like=failure)
                 until_ns = subject.now_ns + _SHRINK_NS
@@ -116,7 +116,7 @@ def _run_in_any_order(
                 raise error
 
         with skip_if_other_program_runs(subject):
-            each()
+            run_steps()
 
 
 @case("3/31", "5.2/12", "4.10/11", name="long-use", hazards=_STATE)

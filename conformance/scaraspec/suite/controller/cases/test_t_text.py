@@ -35,20 +35,20 @@ _FREE_TEXT: Final = ("get_version", "list_programs", "get_running_program")  # a
 _DECIMAL: Final = re.compile(rb"-?[0-9]+(\.[0-9]+)?")
 
 
-def _expect_no_defects(answers: list[ReceivedFrame], *defects: Defect) -> None:
+def _expect_no_defects(replies: list[ReceivedFrame], *defects: Defect) -> None:
     """Fail the case if a payload has one of these defects.
 
     Raises:
         CaseFailed: A payload has one.
     """
-    for answer in answers:
-        issues = answer.seen.parsed.decoded.issues if answer.seen.parsed else ()
+    for reply in replies:
+        issues = reply.seen.parsed.decoded.issues if reply.seen.parsed else ()
         for issue in issues:
             if issue.defect in defects:
                 message = UserMessage(
-                    "{command}: {defect}", command=answer.seen.name, defect=issue.text
+                    "{command}: {defect}", command=reply.seen.name, defect=issue.text
                 )
-                raise CaseFailed(message, observed=show(answer.frame.data))
+                raise CaseFailed(message, observed=show(reply.frame.data))
 
 
 # ---------------------------------------------------------------------- separators
@@ -57,10 +57,10 @@ def _expect_no_defects(answers: list[ReceivedFrame], *defects: Defect) -> None:
 @case("T/1")
 def test_separators(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """In the reply to every query, fields are separated by a single |."""
-    answers = ask_all(subject, line)
-    _expect_no_defects(answers, Defect.SPACE_FOR_BAR, Defect.BLANKS)
-    # The number of fields is another matter if single separators are present.
-    suspicious = [a for a in answers if b"||" in a.frame.data or b"|" not in a.frame.data]
+    replies = ask_all(subject, line)
+    _expect_no_defects(replies, Defect.SPACE_FOR_BAR, Defect.BLANKS)
+    # If single separators are present, another case judges the number of fields.
+    suspicious = [a for a in replies if b"||" in a.frame.data or b"|" not in a.frame.data]
     _expect_no_defects(suspicious, Defect.FIELD_COUNT)
 
 
@@ -69,8 +69,8 @@ def test_separator_before_a_code(subject: ControllerUnderTest, line: OutgoingCon
     """The refusal of a missing program has a single | before the code (A-0-2)."""
     for name in examples((RUN, SIMULATE)):
         require_command(subject, name)
-        answer = line.ask(name, subject.new_name())
-        replies = [answer, wait_for_result(subject, line, name)] if answer.accepted else [answer]
+        reply = line.ask(name, subject.new_name())
+        replies = [reply, wait_for_result(subject, line, name)] if reply.accepted else [reply]
         _expect_no_defects(replies, Defect.SPACE_FOR_BAR, Defect.FIELD_COUNT)
 
 
@@ -80,9 +80,9 @@ def test_separators_in_a_list(subject: ControllerUnderTest, line: OutgoingConnec
     uploaded = [subject.new_name() for _ in range(3)]
     for name in uploaded:
         upload(line, name, short_program(subject))
-    answer = line.ask("list_programs")
-    _expect_no_defects([answer], Defect.SPACE_FOR_BAR, Defect.BLANKS, Defect.EMPTY_NAME)
-    names: tuple[bytes, ...] = answer.value.names if answer.value else ()
+    reply = line.ask("list_programs")
+    _expect_no_defects([reply], Defect.SPACE_FOR_BAR, Defect.BLANKS, Defect.EMPTY_NAME)
+    names: tuple[bytes, ...] = reply.value.names if reply.value else ()
     for name in names:
         stripped = name.strip(b" ,;\t")
         expect(
@@ -99,32 +99,32 @@ def test_separators_in_a_list(subject: ControllerUnderTest, line: OutgoingConnec
 @case("T/2")
 def test_no_quotation_marks(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """No reply contains the quotation marks of the examples."""
-    answers = ask_all(subject, line)
-    _expect_no_defects(answers, Defect.QUOTES)
-    for answer in answers:
+    replies = ask_all(subject, line)
+    _expect_no_defects(replies, Defect.QUOTES)
+    for reply in replies:
         quotation_marks = [
             quotation_mark
             for quotation_mark in ('"', "“", "”")
-            if quotation_mark.encode() in answer.frame.data
+            if quotation_mark.encode() in reply.frame.data
         ]
-        if answer.seen.name not in _FREE_TEXT:
-            expect(not quotation_marks, "a reply contains a quotation mark", observed=f"{answer}")
+        if reply.seen.name not in _FREE_TEXT:
+            expect(not quotation_marks, "a reply contains a quotation mark", observed=f"{reply}")
 
 
 @case("T/3")
 def test_digits_are_characters(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Flags and digits in replies are ASCII characters, not binary values."""
-    answers = [*ask_all(subject, line), line.ask("download_name", subject.new_name())]
+    replies = [*ask_all(subject, line), line.ask("download_name", subject.new_name())]
     if subject.access.needs_login:
-        answers.append(line.ask("login", subject.password))
-    _expect_no_defects(answers, Defect.BINARY)
-    for answer in answers:
-        if answer.seen.name in ("get_time", "get_status", "get_digital_outputs"):
-            text = answer.frame.data.rstrip(b"\0")
+        replies.append(line.ask("login", subject.password))
+    _expect_no_defects(replies, Defect.BINARY)
+    for reply in replies:
+        if reply.seen.name in ("get_time", "get_status", "get_digital_outputs"):
+            text = reply.frame.data.rstrip(b"\0")
             expect(
                 text.isascii() and text.decode("latin-1").isprintable(),
                 "digits are not ASCII characters",
-                observed=f"{answer}",
+                observed=f"{reply}",
             )
 
 
@@ -134,24 +134,24 @@ def test_flags_of_settings(subject: ControllerUnderTest, line: OutgoingConnectio
     require_command(subject, "set_gripper_center")
     center = line.ask("get_gripper_center").value
     name = subject.new_name()
-    answers = [line.ask("set_gripper_center", center), line.ask("upload_name", name)]
-    _expect_no_defects(answers, Defect.BINARY)
+    replies = [line.ask("set_gripper_center", center), line.ask("upload_name", name)]
+    _expect_no_defects(replies, Defect.BINARY)
 
 
 @case("T/4")
 def test_ends_of_texts(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """No reply continues after its last character; a NUL and a | are only warned of."""
-    for answer in ask_all(subject, line):
-        data = answer.frame.data
+    """No reply continues after its last character; a NUL or a | at the end is tolerated."""
+    for reply in ask_all(subject, line):
+        data = reply.frame.data
         text = data.rstrip(b"\0")
         expect(
-            b"\0" not in text or answer.seen.name == "get_running_program",
+            b"\0" not in text or reply.seen.name == "get_running_program",
             "a text continues after a NUL",
             expected="nothing after the last character",
             observed=show(data),
         )
         expect(
-            answer.seen.name in _FREE_TEXT or text == text.rstrip(b" \r\n\t"),
+            reply.seen.name in _FREE_TEXT or text == text.rstrip(b" \r\n\t"),
             "a text ends with a blank or a line end",
             expected="nothing after the last character",
             observed=show(data),
@@ -257,8 +257,8 @@ def test_codes_of_refusals(subject: ControllerUnderTest, line: OutgoingConnectio
     for name, data in examples(((RUN, missing), (SIMULATE, missing), (MOVE, unreachable))):
         if name in subject.ics.unsupported:
             continue
-        answer = line.ask(name, data=data)
-        replies = [answer, wait_for_result(subject, line, name)] if answer.accepted else [answer]
+        reply = line.ask(name, data=data)
+        replies = [reply, wait_for_result(subject, line, name)] if reply.accepted else [reply]
         _expect_no_defects(replies, Defect.CODE)
 
 
