@@ -1,6 +1,6 @@
-"""Mistakes of other hands in the store: names, lists, and the default program.
+"""Faulty controllers: file names, the program list and the default program.
 
-Each is found by a case of a requirement that it violates.
+For each fault, a case of the violated requirement must fail.
 """
 
 import re
@@ -23,11 +23,10 @@ from scaraspec.virtual_controller.session import Request, Session
 Try = Callable[..., Any]
 
 
-class OneByteTooMany(ControllerCore):
-    """A part of the list may have 256 bytes, of which its length byte says 0."""
+class SendsListPartOf256Bytes(ControllerCore):
+    """A part of the list may have 256 bytes; its length byte is then 0."""
 
     def list_programs(self, request: Request) -> NameListPart | Silence:
-        """Send it."""
         data = b"|".join((b"0", *self.store.names()))
         if len(data) != 256:
             return super().list_programs(request)
@@ -35,118 +34,107 @@ class OneByteTooMany(ControllerCore):
         return SILENCE
 
 
-class HidesWhatRuns(ControllerCore):
-    """The program that runs is not in the list."""
+class HidesRunningProgram(ControllerCore):
+    """The running program is not in the list."""
 
     def is_program(self, name: bytes) -> bool:
-        """Whether it is listed."""
         task = self.robot.task
         return super().is_program(name) and (task is None or task.program != name)
 
 
-class HidesItsDefault(ControllerCore):
+class HidesDefaultProgram(ControllerCore):
     """The default program is not in the list."""
 
     def list_programs(self, request: Request) -> NameListPart:
-        """Leave it out."""
         part = super().list_programs(request)
         hidden = self.store.settings.default_program
         return part._replace(names=tuple(name for name in part.names if name != hidden))
 
 
-class ForgetsItsDefault(ControllerCore):
-    """Whichever program is deleted, there is no default one any more."""
+class ForgetsDefaultAtDeletion(ControllerCore):
+    """The deletion of any program removes the default program."""
 
     def delete_program(self, request: Request) -> bool:
-        """Forget it."""
         deleted: bool = super().delete_program(request)
         if deleted:
             self.save(default_program=b"")
         return deleted
 
 
-class OneProgram(ControllerCore):
-    """The default program and the one that was run last are the same."""
+class RunSetsDefault(ControllerCore):
+    """A program that is run becomes the default program."""
 
     def run_program(self, request: Request) -> Acceptance:
-        """Make it the default one."""
-        answer = super().run_program(request)
-        if answer is ACCEPTED:
+        reply = super().run_program(request)
+        if reply is ACCEPTED:
             self.save(default_program=request.value)
-        return answer
+        return reply
 
 
-class LatestProgram(SendsAfterTheEnd):
-    """The program that was uploaded last is the default one."""
+class UploadSetsDefault(SendsAfterTheEnd):
+    """A program that is uploaded becomes the default program."""
 
-    def uploaded(self, session: Session, name: bytes) -> None:  # noqa: ARG002 - whoever sent it
-        """Make it so."""
+    def uploaded(self, session: Session, name: bytes) -> None:  # noqa: ARG002 - unused
         self.save(default_program=name)
 
 
-class NamesNoDefaultMeanwhile(ControllerCore):
-    """While a program runs another default program is answered "1", and forgotten."""
+class IgnoresDefaultDuringRun(ControllerCore):
+    """While a program runs, setting the default program is answered "1" and has no effect."""
 
     def set_default_program(self, request: Request) -> bool:
-        """Forget it."""
         return self.robot.task is not None or super().set_default_program(request)
 
 
-class SixteenLetters(ControllerCore):
+class Compares16Bytes(ControllerCore):
     """Names are compared by their first 16 bytes."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Take another name for the one that is asked for."""
         if frame.opcode in self.opcodes and frame.data not in self.store:
-            like = [name for name in self.store.names() if name[:16] == frame.data[:16]]
-            frame = frame._replace(data=(like or [frame.data])[0])
+            similar = [name for name in self.store.names() if name[:16] == frame.data[:16]]
+            frame = frame._replace(data=(similar or [frame.data])[0])
         super().handle(session, frame, now_s)
 
     opcodes = frozenset({0x30, 0x0C})
 
 
-class SixteenNew(SixteenLetters):
-    """So they are where a new one is asked for."""
+class Compares16BytesOfNewNames(Compares16Bytes):
+    """A new name is compared by its first 16 bytes."""
 
     opcodes = frozenset({0x50})
 
 
-class SixteenKilobytes(ControllerCore):
-    """What is longer than a buffer is no program, and is not listed."""
+class ListsUpTo16Kilobytes(ControllerCore):
+    """A file that is longer than 16 kilobytes is not listed as a program."""
 
     def is_program(self, name: bytes) -> bool:
-        """Whether it is listed."""
         return super().is_program(name) and len(self.store.read(name)) <= 16_384
 
 
-class SameLetters(ControllerCore):
-    """Names are told apart by the sum of their characters."""
+class IgnoresLetterOrder(ControllerCore):
+    """Names with the same letters in another order are not distinguished."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Take one for the other."""
         if frame.opcode in (0x0C, 0x54):
-            like = (name for name in self.store.names() if sorted(name) == sorted(frame.data))
-            frame = frame._replace(data=next(like, frame.data))
+            similar = (name for name in self.store.names() if sorted(name) == sorted(frame.data))
+            frame = frame._replace(data=next(similar, frame.data))
         super().handle(session, frame, now_s)
 
 
-class EveryObject(ControllerCore):
-    """The store is an object of a language in which every object has something by this name."""
+class FindsInheritedName(ControllerCore):
+    """The store is an object of a language in which every object has an attribute of this name."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Find it."""
         if frame.data == b"__proto__":
             frame = frame._replace(data=self.store.names()[0])
         super().handle(session, frame, now_s)
 
 
-class SetOnce(ControllerCore):
-    """What was set last is not set again, though it may have ceased to be so."""
+class IgnoresRepeatedSetting(ControllerCore):
+    """A setting that repeats the last one is answered 1 and ignored, even if it changed since."""
 
     last: Frame | None = None
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Answer that it is done."""
         if frame.opcode not in (0x0E, 0x43):
             super().handle(session, frame, now_s)
         elif frame == self.last:
@@ -156,69 +144,65 @@ class SetOnce(ControllerCore):
             super().handle(session, frame, now_s)
 
 
-class DefaultPlace(SendsAfterTheEnd):
-    """The default program is a place in the store: who comes to it next inherits it."""
+class NextUploadBecomesDefault(SendsAfterTheEnd):
+    """The default program is a slot of the store:
 
-    heir = False
+    the next upload after its deletion takes the slot.
+    """
+
+    slot_is_free = False
 
     def delete_program(self, request: Request) -> bool:
-        """Leave the place."""
         before = self.store.settings.default_program
         deleted: bool = super().delete_program(request)
-        self.heir = self.heir or (deleted and before == request.value)
+        self.slot_is_free = self.slot_is_free or (deleted and before == request.value)
         return deleted
 
-    def uploaded(self, session: Session, name: bytes) -> None:  # noqa: ARG002 - whoever sends it
-        """Take it."""
-        if self.heir:
-            self.heir = False
+    def uploaded(self, session: Session, name: bytes) -> None:  # noqa: ARG002 - unused
+        if self.slot_is_free:
+            self.slot_is_free = False
             self.save(default_program=name)
 
 
-class ShortNamesHideLong(ControllerCore):
-    """A program whose name begins as another's is not listed."""
+class HidesNamesWithSamePrefix(ControllerCore):
+    """A program whose name begins with the name of another one is not listed."""
 
     def is_program(self, name: bytes) -> bool:
-        """Whether it is listed."""
         stems = (other.rpartition(b".")[0] for other in self.store.names() if other != name)
         return super().is_program(name) and not any(name.startswith(stem) for stem in stems)
 
 
-class ThirtyTwo(ControllerCore):
-    """No more than 32 programs are listed."""
+class Lists32Programs(ControllerCore):
+    """At most 32 programs are listed."""
 
     def is_program(self, name: bytes) -> bool:
-        """Whether it is listed."""
         return super().is_program(name) and name in self.store.names()[:32]
 
 
 class DeletesByPattern(ControllerCore):
-    """Any character stands for the dot in the name of what is to be deleted."""
+    """The name of a deletion is used as a pattern, in which a dot matches any character."""
 
     def remove(self, name: bytes) -> bool:
-        """Delete what matches."""
         for other in self.store.names():
             if other != name and re.fullmatch(name, other):
                 super().remove(other)
         return super().remove(name)
 
 
-class DeletesByBeginning(ControllerCore):
-    """What begins with the name is deleted with it."""
+class DeletesByPrefix(ControllerCore):
+    """A deletion also deletes the files whose names begin with the name."""
 
     def remove(self, name: bytes) -> bool:
-        """Delete it."""
         for other in self.store.names():
             if other != name and other.startswith(name):
                 super().remove(other)
         return super().remove(name)
 
 
-class TakesZeroForNothing(ControllerCore):
-    """A file that holds 0 alone is not there for who asks for it."""
+class HidesFileOfZero(ControllerCore):
+    """A file whose only content is the character 0 cannot be downloaded."""
 
     def download_name(self, request: Request) -> bool:
-        """Refuse it."""
         name = request.value
         return (name not in self.store or self.store.read(name) != b"0") and (
             super().download_name(request)
@@ -226,60 +210,61 @@ class TakesZeroForNothing(ControllerCore):
 
 
 @pytest.mark.parametrize(
-    ("core", "tries", "requirement"),
+    ("core", "only", "requirement"),
     [
-        (SixteenLetters, "4.15/7", "4.15/7"),
-        (SixteenLetters, "4.11/4", "4.11/4"),
-        (SixteenKilobytes, "4.10/11", "4.10/11"),
-        (SameLetters, "4.11/4", "4.11/4"),
-        (SameLetters, "5.3/3", "5.3/3"),
-        (EveryObject, "4.11/4", "4.11/4"),
-        (EveryObject, "4.15/7", "4.15/7"),
-        (EveryObject, "5.3/3", "5.3/3"),
-        # What is set is set, also where it was set to the same the last time.
-        (SetOnce, "4.12/4", "4.13/3"),
-        (SetOnce, "6.5/19", "4.32/6"),
-        (DefaultPlace, "4.12/4", "4.12/4"),
-        (ShortNamesHideLong, "4.10/11", "4.10/11"),
-        (ThirtyTwo, "4.10/11", "4.10/11"),
-        (HidesWhatRuns, "4.10/11", "4.10/11"),
-        (OneByteTooMany, "4.10/9", "4.10/9"),
-        # What is deleted goes alone, and what is stored is there whatever it holds.
+        (Compares16Bytes, "4.15/7", "4.15/7"),
+        (Compares16Bytes, "4.11/4", "4.11/4"),
+        (ListsUpTo16Kilobytes, "4.10/11", "4.10/11"),
+        (IgnoresLetterOrder, "4.11/4", "4.11/4"),
+        (IgnoresLetterOrder, "5.3/3", "5.3/3"),
+        (FindsInheritedName, "4.11/4", "4.11/4"),
+        (FindsInheritedName, "4.15/7", "4.15/7"),
+        (FindsInheritedName, "5.3/3", "5.3/3"),
+        # A setting takes effect even if it repeats the last one.
+        (IgnoresRepeatedSetting, "4.12/4", "4.13/3"),
+        (IgnoresRepeatedSetting, "6.5/19", "4.32/6"),
+        (NextUploadBecomesDefault, "4.12/4", "4.12/4"),
+        (HidesNamesWithSamePrefix, "4.10/11", "4.10/11"),
+        (Lists32Programs, "4.10/11", "4.10/11"),
+        (HidesRunningProgram, "4.10/11", "4.10/11"),
+        (SendsListPartOf256Bytes, "4.10/9", "4.10/9"),
+        # A deletion deletes only the named file, and a stored file exists whatever its content is.
         (DeletesByPattern, "4.11/3", "4.10/11"),
-        (DeletesByBeginning, "4.11/3", "4.10/11"),
-        (TakesZeroForNothing, "5.2/14", "5.2/14"),
-        # Names that differ only at their end are those of different files.
-        (SixteenNew, "4.10/4", "5.2/2"),
-        # A program is listed as long as it is stored, also while it is the default one.
-        (HidesItsDefault, "4.13/3", "4.10/11"),
-        # It is the default one until another is named, whatever is deleted or run since.
-        (ForgetsItsDefault, "4.12/4", "4.13/3"),
-        (NamesNoDefaultMeanwhile, "4.13/6", "4.13/3"),
-        (OneProgram, "4.13/6", "4.13/3"),
+        (DeletesByPrefix, "4.11/3", "4.10/11"),
+        (HidesFileOfZero, "5.2/14", "5.2/14"),
+        # Names that differ only at their end belong to different files.
+        (Compares16BytesOfNewNames, "4.10/4", "5.2/2"),
+        # A stored program is listed, also while it is the default program.
+        (HidesDefaultProgram, "4.13/3", "4.10/11"),
+        # The default program stays until another one is set, whatever is deleted or run.
+        (ForgetsDefaultAtDeletion, "4.12/4", "4.13/3"),
+        (IgnoresDefaultDuringRun, "4.13/6", "4.13/3"),
+        (RunSetsDefault, "4.13/6", "4.13/3"),
     ],
 )
-def test_it_is_found(tried: Try, core: type[ControllerCore], tries: str, requirement: str) -> None:
-    """A case of what it tries fails, for what is violated."""
-    assert requirement in tried(core, tries, examples=1).failed
+def test_fault_is_detected(
+    tried: Try, core: type[ControllerCore], only: str, requirement: str
+) -> None:
+    """One of the cases that run fails for the violated requirement."""
+    assert requirement in tried(core, only, examples=1).failed
 
 
-def test_who_takes_the_latest_program_for_the_default_one_is_found(tried: Try) -> None:
-    """It is found without any motion, too: the default program is the one that was named."""
+def test_upload_as_default_is_detected_without_motion(tried: Try) -> None:
+    """A case that needs no motion detects that an upload changes the default program."""
     allowed = (Hazard.READ_ONLY, Hazard.STATE)
-    assert "4.13/3" in tried(LatestProgram, "4.13/3", allowed=allowed).failed
+    assert "4.13/3" in tried(UploadSetsDefault, "4.13/3", allowed=allowed).failed
 
 
 class FindsNoProgram(ControllerCore):
-    """Whatever it is to run does not exist."""
+    """Every program is refused as missing."""
 
     def run_program(self, _: Request) -> Acceptance:
-        """Refuse it."""
         return refused("20")
 
 
-def test_what_is_seen_of_many_files_is_told_once(tried: Try) -> None:
-    """Which of its files it was of makes no finding of its own."""
+def test_observations_of_many_files_are_one_finding(tried: Try) -> None:
+    """The judge reports the same violation for different files as one finding."""
     cases = tried(FindsNoProgram, "4.15/4", "4/8", "8/5").values()
-    wrong = (case for case in cases if case.verdict is Verdict.FAIL)
-    (seen,) = (case for case in wrong if case.id.startswith("8/5.seen"))
+    failed = (case for case in cases if case.verdict is Verdict.FAIL)
+    (seen,) = (case for case in failed if case.id.startswith("8/5.seen"))
     assert seen.message.endswith(" times")
