@@ -413,8 +413,9 @@ class CaseRunner:
                 ]
                 return Outcome(case, Verdict.ERROR, cause=Cause.SUITE, message=message)
         if self.subject.tolerated:
-            readings = tuple((key, option) for _, key, option, _ in self.subject.tolerated)
-            message, observed = self.subject.tolerated[0][3], " = ".join(readings[0])
+            first = self.subject.tolerated[0]
+            readings = tuple((each.key, each.option) for each in self.subject.tolerated)
+            message, observed = first.message, f"{first.key} = {first.option}"
             return Outcome(
                 case, Verdict.TOLERATED, message=message, observed=observed, readings=readings
             )

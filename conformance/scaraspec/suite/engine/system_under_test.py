@@ -1,7 +1,7 @@
 """System under test: the interface of a controller or client for the case runner."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from scaraspec.suite.engine.connection import Connection
 from scaraspec.suite.engine.ics import Ics
@@ -16,6 +16,22 @@ class StopFailure:
     message: str
     expected: str
     observed: str
+
+
+class ToleratedReading(NamedTuple):
+    """A listed reading that a case has observed and that does not fail it.
+
+    Attributes:
+        requirement: The requirement that the reading concerns; empty for none.
+        key: The key of the open point, or its entry in the register.
+        option: The option that the subject follows.
+        message: What was observed, one sentence.
+    """
+
+    requirement: str
+    key: str
+    option: str
+    message: str
 
 
 class Interference:
@@ -46,7 +62,7 @@ class SystemUnderTest(Protocol):
 
     Attributes:
         observer: Watches everything.
-        tolerated: What the running case saw of listed readings: requirement, key, option, sentence.
+        tolerated: The listed readings that the running case has observed.
         found: The readings that were found out, by key.
         survival: The requirement that it violates by not surviving a case; empty for the case's.
         off: It was switched off, and has not come back.
@@ -54,7 +70,7 @@ class SystemUnderTest(Protocol):
     """
 
     observer: Observer
-    tolerated: list[tuple[str, str, str, str]]
+    tolerated: list[ToleratedReading]
     found: dict[str, str]
     survival: str
     off: bool

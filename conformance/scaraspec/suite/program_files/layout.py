@@ -7,13 +7,14 @@ it makes of them, it does not move (A-6.1-2). What programs do is not judged her
 
 from contextlib import suppress
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import Final
 
 from scaraspec.protocol.program_files import LAYOUTS, Layout, Program
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.controller.harness.requests.motion import IDLE, release_latch, status_of
+from scaraspec.suite.controller.harness.traits import LayoutTrial
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
 from scaraspec.suite.program_files.writing import EMPTY, layout_of, wait_program
 from scaraspec.user_message import UserMessage
@@ -21,25 +22,10 @@ from scaraspec.user_message import UserMessage
 CODE_20: Final = "8/5"
 """What the judge may find of a file that is damaged, or that is right in another layout only."""
 
-LISTED: Final = "layout of programs that are listed"
-"""Known of a subject: a layout of which a program is listed; it has a byte order of its own, which
-need not be that of the chunks (A-6.1-4)."""
-
-_KNOWN: Final = "program layout"
-_TRIAL: Final = "trial of the program layout"
-_CONFIGURED: Final = "configuration of programs"
 TRIAL_S: Final = 3
 """For how many of the subject's seconds a program waits by which its layout is found."""
 _DAMAGED: Final = ("05", "20")  # A-4.15-2: what a file is refused with that is no program
 _NS: Final = 1e9
-
-
-class Trial(NamedTuple):
-    """When a run was asked for, answered, and ended, in seconds since the Unix epoch."""
-
-    asked_s: float
-    replied_s: float
-    ended_s: float
 
 
 def find_layout(subject: ControllerUnderTest, line: OutgoingConnection) -> Layout:
@@ -52,38 +38,38 @@ def find_layout(subject: ControllerUnderTest, line: OutgoingConnection) -> Layou
         CaseFailed: The subject runs a program in no layout (6.5/26).
         CaseInconclusive: It did not when it was asked before, or its state lets it run none.
     """
-    if _KNOWN not in subject.known:
+    traits = subject.traits
+    if not traits.program_layout_tried:
         release_latch(subject, line)
         with subject.observer.overlooking(CODE_20):
             try:
-                found, subject.known[_TRIAL] = _find(subject, line)
+                layout, traits.layout_trial = _find(subject, line)
             except CaseFailed:
-                subject.known[_KNOWN] = None
+                traits.program_layout_tried = True
                 raise
-        subject.known[_KNOWN] = found
-        subject.follows("prog_layout", found.reading)
-    known = known_layout(subject)
-    if known is None:
+        traits.program_layout, traits.program_layout_tried = layout, True
+        subject.follows("prog_layout", layout.reading)
+    if traits.program_layout is None:
         raise CaseInconclusive("the subject runs programs in no layout of the document")
-    return known
+    return traits.program_layout
 
 
-def trial_of(subject: ControllerUnderTest) -> Trial:
+def trial_of(subject: ControllerUnderTest) -> LayoutTrial:
     """How the program ran by which the layout was found, which waited for `TRIAL_S` seconds."""
-    trial: Trial = subject.known[_TRIAL]
+    trial = subject.traits.layout_trial
+    assert trial is not None, "`find_layout` was called before"
     return trial
 
 
 def known_layout(subject: ControllerUnderTest) -> Layout | None:
     """The layout that was found, if one was."""
-    layout: Layout | None = subject.known.get(_KNOWN)
-    return layout
+    return subject.traits.program_layout
 
 
 def layout_in_use(subject: ControllerUnderTest) -> Layout:
     """The layout in which the subject was found to run or to list programs, or that it claims."""
-    listed: Layout | None = subject.known.get(LISTED)
-    return known_layout(subject) or listed or layout_of(subject.dialect)
+    traits = subject.traits
+    return traits.program_layout or traits.listed_layout or layout_of(subject.dialect)
 
 
 def short_program(subject: ControllerUnderTest) -> bytes:
@@ -99,19 +85,19 @@ def configured(subject: ControllerUnderTest, line: OutgoingConnection) -> Progra
     Raises:
         CaseInconclusive: It is nothing that a program can say.
     """
-    if _CONFIGURED not in subject.known:
+    traits = subject.traits
+    if traits.configured_program is None:
         tool, center = EMPTY.tool_position, EMPTY.tool_center
         with suppress(NoReply):
             tool = tuple(line.ask("get_initial_tool_position").value or tool)
             center = tuple(line.ask("get_gripper_center").value or center)
         try:
-            subject.known[_CONFIGURED] = replace(EMPTY, tool_position=tool, tool_center=center)
+            traits.configured_program = replace(EMPTY, tool_position=tool, tool_center=center)
         except ValueError as error:
             raise CaseInconclusive(
                 UserMessage("no program can carry what the subject tells: {error}", error=error)
             ) from None
-    base: Program = subject.known[_CONFIGURED]
-    return base
+    return traits.configured_program
 
 
 def twin_of(layout: Layout) -> Layout | None:
@@ -126,13 +112,13 @@ def twin_of(layout: Layout) -> Layout | None:
     )
 
 
-def _find(subject: ControllerUnderTest, line: OutgoingConnection) -> tuple[Layout, Trial]:
-    ended: tuple[Layout, Trial] | None = None
+def _find(subject: ControllerUnderTest, line: OutgoingConnection) -> tuple[Layout, LayoutTrial]:
+    ended: tuple[Layout, LayoutTrial] | None = None
     for layout in candidates(subject):
         trial = _try(subject, line, layout)
         if trial is None:
             continue
-        took_s = trial.ended_s - trial.asked_s
+        took_s = trial.ended_s - trial.requested_s
         if took_s >= TRIAL_S / subject.ics.time_scale / 2:  # 6.5/20 is more exact
             return layout, trial
         ended = ended or (layout, trial)
@@ -160,7 +146,9 @@ def candidates(subject: ControllerUnderTest) -> list[Layout]:
     return sorted(LAYOUTS.values(), key=strangeness)
 
 
-def _try(subject: ControllerUnderTest, line: OutgoingConnection, layout: Layout) -> Trial | None:
+def _try(
+    subject: ControllerUnderTest, line: OutgoingConnection, layout: Layout
+) -> LayoutTrial | None:
     """How a waiting program of this layout runs; None where it does not end well.
 
     Where its result does not come that it has ended shows in the status, though not when: it may
@@ -170,7 +158,7 @@ def _try(subject: ControllerUnderTest, line: OutgoingConnection, layout: Layout)
     base = configured(subject, line)
     upload(line, name, wait_program(subject.dialect, TRIAL_S, layout=layout, base=base))
     subject.moved = True
-    asked_s = subject.now_ns / _NS
+    requested_s = subject.now_ns / _NS
     answer = line.ask("run_program", name)
     if not answer.accepted:
         if answer.code is not None and answer.code not in _DAMAGED:
@@ -182,8 +170,8 @@ def _try(subject: ControllerUnderTest, line: OutgoingConnection, layout: Layout)
         result = line.result("run_program", within_s=TRIAL_S + subject.reply_s, untagged=True)
     except NoReply:
         if status_of(subject, line) == IDLE:
-            return Trial(asked_s, answer.time_s, asked_s)
+            return LayoutTrial(requested_s, answer.time_s, requested_s)
         if line.ask("emergency_stop").accepted:
             line.result("emergency_stop")
         return None
-    return Trial(asked_s, answer.time_s, result.time_s) if result.done else None
+    return LayoutTrial(requested_s, answer.time_s, result.time_s) if result.done else None

@@ -45,8 +45,6 @@ _QUERY_OF_SETTING: Final = {
 }
 """Each setting, and the query that returns the value that was set."""
 
-FETCHES_PARTS: Final = "fetches parts"
-"""The key in `discoveries`: whether the client requests each part of a list (A-4.10-3)."""
 _SET_OUTPUT: Final = "set_digital_output"
 _OUTPUTS: Final = "get_digital_outputs"
 _SUCCESS_PREFIX: Final = b"1|"

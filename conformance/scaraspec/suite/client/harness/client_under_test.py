@@ -17,6 +17,7 @@ from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.driver import DriverEndedError, DriverError
 from scaraspec.suite.client.harness.driver_values import matches, to_display_text
 from scaraspec.suite.client.harness.incoming_connection import PASSWORD, IncomingConnection
+from scaraspec.suite.client.harness.traits import ClientTraits
 from scaraspec.suite.engine.connection import Connection, pump
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
@@ -28,7 +29,7 @@ from scaraspec.suite.engine.expectations import (
 )
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.observer import Observer
-from scaraspec.suite.engine.system_under_test import Interference
+from scaraspec.suite.engine.system_under_test import Interference, ToleratedReading
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.transports.link import Link
 from scaraspec.user_message import UserMessage
@@ -57,9 +58,9 @@ class ClientUnderTest:
 
     Attributes:
         dialect: The readings that the suite uses towards the client.
-        tolerated: The listed readings seen in this case: requirement, key, option, message.
+        tolerated: The listed readings that the running case has observed.
         found: The readings that were detected, by key.
-        discoveries: What cases find out once for the whole run, by a name of their own.
+        traits: What was detected once for the whole run.
         idle_status: What the client reports for an idle robot. A value other than 00 has failed
             once; later it is accepted in place of 00.
         polled: The requests that the client has sent without being told to.
@@ -70,9 +71,9 @@ class ClientUnderTest:
     def __init__(self, access: Access, ics: Ics, observer: Observer) -> None:
         self.access, self.ics, self.observer = access, ics, observer
         self.dialect = ics.dialect
-        self.tolerated: list[tuple[str, str, str, str]] = []
+        self.tolerated: list[ToleratedReading] = []
         self.found: dict[str, str] = {}
-        self.discoveries: dict[str, Any] = {}
+        self.traits = ClientTraits()
         self.idle_status: Any = None
         self.polled: set[Frame] = set()
         self.survival = ""
@@ -292,7 +293,7 @@ class ClientUnderTest:
     @property
     def untried(self) -> str:
         """Why the case has no verdict: the client refused every operation. Empty otherwise."""
-        declined = any(key == _DECLINED for _, key, _, _ in self.tolerated)
+        declined = any(each.key == _DECLINED for each in self.tolerated)
         if not declined or any(call.request_seen for call in self._calls):
             return ""
         return "the client refuses every operation of this case without sending a request"
@@ -555,7 +556,7 @@ class ClientUnderTest:
 
     def tolerate(self, requirement: str, key: str, option: str, message: str) -> None:
         """Note that the client follows a listed reading, or causes only a warning."""
-        self.tolerated.append((requirement, key, option, message))
+        self.tolerated.append(ToleratedReading(requirement, key, option, message))
 
     # ------------------------------------------------------------------ what it can do
 
@@ -565,7 +566,7 @@ class ClientUnderTest:
         Raises:
             CaseSkipped: The client, or its driver, runs one operation at a time.
         """
-        if "concurrent" not in self.discoveries:
+        if self.traits.concurrent is None:
             one, other = self.prefer_unpolled(
                 "get_version", "get_status", "get_time", "get_joint_angles"
             )
@@ -581,10 +582,9 @@ class ClientUnderTest:
             line.reply(other, data=REPLIES[other])
             self.wait_for_answer(first)
             self.wait_for_answer(second)
-            self.discoveries["concurrent"] = (
-                came and first.ok
-            )  # otherwise the second was sent after a timeout of the first
-        if not self.discoveries["concurrent"]:
+            # without success of the first, the second may follow a timeout of the first
+            self.traits.concurrent = came and bool(first.ok)
+        if not self.traits.concurrent:
             raise CaseSkipped("the client runs one operation at a time")
 
     def prefer_unpolled(self, *names: str) -> tuple[str, str]:

@@ -13,7 +13,7 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import Chunk
-from scaraspec.suite.client.harness.auto_responder import FETCHES_PARTS, REPLIES, AutoResponder
+from scaraspec.suite.client.harness.auto_responder import REPLIES, AutoResponder
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.engine.connection import Connection, ReceivedFrame
 from scaraspec.suite.engine.expectations import (
@@ -152,7 +152,7 @@ class IncomingConnection(Connection):
                 self.inbox.remove(poll)
                 if poll.name in REPLIES:
                     self._subject.polled.add(poll.frame)
-                fetched = bool(self._subject.discoveries.get(FETCHES_PARTS))
+                fetched = bool(self._subject.traits.requests_list_parts)
                 frames = self.auto_responder.reply_frames(
                     poll, self._subject.programs, fetched=fetched
                 )

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import Final
 
-from scaraspec.suite.client.harness.auto_responder import FETCHES_PARTS
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
@@ -57,21 +56,20 @@ def serve_list(
 
 def fetches_parts(subject: ClientUnderTest, line: IncomingConnection) -> bool:
     """Whether the client requests each part of a list; found out once, with a list of two."""
-    if FETCHES_PARTS not in subject.discoveries:
+    if subject.traits.requests_list_parts is None:
         call = subject.begin("list_programs")
         serve_list(subject, line, call, list_parts("a.rob", "b.rob", per_part=1))
         subject.wait_for_answer(call)
-    return bool(subject.discoveries[FETCHES_PARTS])
+    return bool(subject.traits.requests_list_parts)
 
 
 def _await_fetching(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Wait for the request of the next part. Whether the client sends one is found out once."""
     timeout_s = {None: _FETCH_S, False: 0.0, True: subject.answer_timeout_s}
-    known = subject.discoveries.get(FETCHES_PARTS)
     try:
-        line.request("list_programs", within_s=timeout_s[known])
+        line.request("list_programs", within_s=timeout_s[subject.traits.requests_list_parts])
     except NoReply:
-        subject.discoveries[FETCHES_PARTS] = False
+        subject.traits.requests_list_parts = False
     else:
-        subject.discoveries[FETCHES_PARTS] = True
+        subject.traits.requests_list_parts = True
         subject.found["list_cont"] = "request"

@@ -125,23 +125,22 @@ def require_query_while_executing(subject: ClientUnderTest, line: IncomingConnec
     Raises:
         CaseSkipped: The client, or its driver, does not.
     """
-    if "query while executing" not in subject.discoveries:
+    traits = subject.traits
+    if traits.queries_while_executing is None:
         first = begin_and_accept(subject, line, RUN)
         name, _ = subject.prefer_unpolled("get_version", "get_time", "get_joint_angles")
         second = subject.begin(name)
         with suppress(NoReply):
             line.request(name, within_s=_PARALLEL_S)
-            subject.discoveries["query while executing"] = True
+            traits.queries_while_executing = True
             line.reply(name, data=REPLIES[name])
         line.result(RUN.name)
         expect_finished(subject, first)
-        if (
-            not subject.discoveries.setdefault("query while executing", False)
-            and second.answer is None
-        ):
+        traits.queries_while_executing = bool(traits.queries_while_executing)
+        if not traits.queries_while_executing and second.answer is None:
             line.serve(second, data=REPLIES[name])
         subject.wait_for_answer(second)
-    if not subject.discoveries["query while executing"]:
+    if not traits.queries_while_executing:
         raise CaseSkipped("the client starts no operation while a command executes")
 
 
@@ -154,8 +153,8 @@ def require_while_executing(subject: ClientUnderTest, line: IncomingConnection, 
         CaseSkipped: The client does not, or does not implement it.
     """
     require_query_while_executing(subject, line)
-    key = f"{name} while executing"
-    if key not in subject.discoveries:
+    starts = subject.traits.starts_while_executing
+    if name not in starts:
         opening = OPENINGS.get(name, name)
         reply = REPLIES.get(name, b"0")
         if name in OPENINGS:
@@ -173,12 +172,12 @@ def require_while_executing(subject: ClientUnderTest, line: IncomingConnection, 
         finally:
             line.result(RUN.name)
             expect_finished(subject, run)
-        subject.discoveries[key] = call.request_seen
+        starts[name] = call.request_seen
         if not call.request_seen and call.answer is None:
             line.request(opening, call)
             line.reply(opening, data=reply)
         subject.wait_for_answer(call)
-    if not subject.discoveries[key]:
+    if not starts[name]:
         raise CaseSkipped(
             UserMessage(
                 "the client does not start {command} while another command executes", command=name

@@ -18,12 +18,13 @@ from scaraspec.suite.controller.harness.requests.ports import (
     still_inputs,
     with_port,
 )
+from scaraspec.suite.controller.harness.traits import LayoutTrial
 from scaraspec.suite.controller.harness.two_stage.tasks import probe_responsiveness
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, expect
 from scaraspec.suite.program_files.bench import EARLY_S, PROGRAMS, Bench, bench
-from scaraspec.suite.program_files.layout import TRIAL_S, Trial, trial_of, twin_of
+from scaraspec.suite.program_files.layout import TRIAL_S, trial_of, twin_of
 from scaraspec.suite.program_files.writing import (
     ANALOG,
     INPUTS,
@@ -120,18 +121,18 @@ def test_long_wait(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 def _expect_duration(subject: ControllerUnderTest, robot: Bench, waits: Sequence[int]) -> None:
     """Check the duration of a program that only waits for so many seconds."""
     ended_s = robot.finish(lasts_s=sum(waits)).time_s
-    _check_duration(subject, Trial(robot.started_s, robot.replied_s, ended_s), waits)
+    _check_duration(subject, LayoutTrial(robot.started_s, robot.replied_s, ended_s), waits)
 
 
-def _check_duration(subject: ControllerUnderTest, trial: Trial, waits: Sequence[int]) -> None:
+def _check_duration(subject: ControllerUnderTest, trial: LayoutTrial, waits: Sequence[int]) -> None:
     """Check the duration; each wait may be late."""
     seconds, scale = sum(waits), subject.ics.time_scale
     link_s = _LINK_S if scale > 1 else 0.0
     tolerance_s = sum(max(_SLACK_S, _SLACK_RATIO * wait_s) for wait_s in waits)
     longest_s = (seconds + tolerance_s) / scale + link_s
-    duration_text = f"{trial.ended_s - trial.asked_s:.2f} s"
+    duration_text = f"{trial.ended_s - trial.requested_s:.2f} s"
     expect(
-        trial.ended_s - trial.asked_s >= seconds / scale - EARLY_S,
+        trial.ended_s - trial.requested_s >= seconds / scale - EARLY_S,
         UserMessage("a wait of {seconds} s is too short", seconds=seconds),
         expected=f"at least {seconds / scale:g} s",
         observed=duration_text,

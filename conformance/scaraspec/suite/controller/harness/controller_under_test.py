@@ -7,7 +7,7 @@ what has to be put right again. No requirement is judged here.
 import itertools
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, Final
+from typing import Final
 
 from scaraspec.protocol.commands import BY_NAME, BY_OPCODE, RunningProgram
 from scaraspec.protocol.hazard import Hazard
@@ -17,6 +17,7 @@ from scaraspec.suite.controller.harness.other_clients import OtherClients
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.own_files import OwnFiles, random_token
 from scaraspec.suite.controller.harness.timeouts import ANSWERED, TimeoutPolicy
+from scaraspec.suite.controller.harness.traits import ControllerTraits
 from scaraspec.suite.engine.connection import Connection, ReceivedFrame, pump
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
@@ -29,7 +30,7 @@ from scaraspec.suite.engine.hooks import HookError
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.journal import Journal
 from scaraspec.suite.engine.observer import Observer
-from scaraspec.suite.engine.system_under_test import StopFailure
+from scaraspec.suite.engine.system_under_test import StopFailure, ToleratedReading
 from scaraspec.transports.link import Link, LinkError
 from scaraspec.user_message import UserMessage
 
@@ -53,19 +54,7 @@ _DELETE, _RUNNING = "delete_program", "get_running_program"
 _FILES_TOO: Final = ("login", _DELETE)  # of what the suite itself has stored
 _REMEDIES: Final = ("lock_joints", "reset")  # of joints that were left loose; of all else
 
-DEAF: Final = "deaf while it executes"
-"""Known of a subject: whether it answers nothing while it executes (A-4-3)."""
-
-LATCHED: Final = "latched"
-"""Known of a subject: whether an emergency stop may have latched it (A-4.17-2)."""
-
-DISPLACES: Final = "sends the first of several clients away when a further one comes"
-OUTLIVE: Final = "transfers outlive their connection"
-"""What is known of a robot with room for few transfers that ends one only for silence."""
-_NOTICES_LATE: Final = "sends clients away whose place another one has just left"
-_GREETING: Final = "opcodes of what comes on a new connection unasked"
-_MISTAKES: Final = "wrong passwords tried in sequences"
-_MOST_MISTAKES: Final = 5
+_MAX_WRONG_PASSWORDS: Final = 5
 
 
 class ControllerUnderTest:
@@ -83,10 +72,10 @@ class ControllerUnderTest:
 
     Attributes:
         dialect: The readings that it follows, as far as they were claimed or found out.
-        tolerated: What the running case saw of listed readings: requirement, key, option, sentence.
+        tolerated: The listed readings that the running case has observed.
         moved: Motion may be under way.
         off: It was shut down, and has not come back.
-        known: What cases found out once for all of the run, by a name of their own.
+        traits: What was detected once for the whole run.
         patience: How long to wait for what never came.
         unanswered: Commands that it never answered before the running case.
         files: Which files on the controller are the suite's own.
@@ -110,9 +99,9 @@ class ControllerUnderTest:
         self.access, self.ics, self.password = access, ics, password
         self.observer, self.allowed = observer, allowed
         self.dialect = ics.dialect
-        self.tolerated: list[tuple[str, str, str, str]] = []
+        self.tolerated: list[ToleratedReading] = []
         self.found: dict[str, str] = {}
-        self.known: dict[str, Any] = {}
+        self.traits = ControllerTraits()
         self.patience = TimeoutPolicy()
         self.unanswered: frozenset[str] = frozenset()
         self.survival = ANSWERED
@@ -201,7 +190,7 @@ class ControllerUnderTest:
                     line.close()  # a connection that is not served takes no place
                     if not refused or not attempts:
                         raise
-                    self.known.setdefault(_NOTICES_LATE, True)
+                    self.traits.closes_late = True
                 else:
                     return line
             elif not attempts or line.ends(within_s=_REFUSAL_S) is None:
@@ -223,7 +212,7 @@ class ControllerUnderTest:
         left = sum(line.closed_ns > since_ns for line in (*self._left, *self._lines))
         if not left or there + left < _FEW:
             return 1
-        if _NOTICES_LATE in self.known:
+        if self.traits.closes_late:
             self.pause(_RECONNECT_S)
             return 1
         return 2 if login else 1
@@ -267,7 +256,9 @@ class ControllerUnderTest:
 
     def _overlook_greeting(self, line: OutgoingConnection) -> None:
         """Drop what a subject sends unasked on every connection: the judge warns of it (A-3-16)."""
-        opcodes = self.known.setdefault(_GREETING, {seen.frame.opcode for seen in line.inbox})
+        if self.traits.greeting_opcodes is None:
+            self.traits.greeting_opcodes = frozenset(seen.frame.opcode for seen in line.inbox)
+        opcodes = self.traits.greeting_opcodes
         line.inbox[:] = [s for s in line.inbox if s.frame.tagged or s.frame.opcode not in opcodes]
 
     def pump_others(self, line: Connection, /) -> list[Link]:
@@ -310,7 +301,7 @@ class ControllerUnderTest:
     @property
     def takes_several(self) -> bool:
         """Whether several connections can be open at once, and none displaces another."""
-        many = self.dialect["max_clients"] == "many" and not self.known.get(DISPLACES)
+        many = self.dialect["max_clients"] == "many" and not self.traits.displaces_first_client
         return self.access.several and many
 
     def require_multiple_connections(self) -> None:
@@ -367,7 +358,7 @@ class ControllerUnderTest:
 
     def tolerate(self, requirement: str, key: str, option: str, message: str) -> None:
         """The subject follows a listed reading, or does what the register only warns of."""
-        self.tolerated.append((requirement, key, option, message))
+        self.tolerated.append(ToleratedReading(requirement, key, option, message))
 
     def follows(self, key: str, option: str) -> None:
         """It was found out which reading the subject follows; from now on it is spoken to so."""
@@ -379,20 +370,21 @@ class ControllerUnderTest:
     @property
     def transfers_outlive(self) -> bool:
         """Whether a transfer goes on until its time-out when its connection ends (5.4/5)."""
-        return not self.access.ends or bool(self.known.get(OUTLIVE))
+        return not self.access.ends or bool(self.traits.transfers_outlive_connection)
 
     def has_been_stopped(self) -> None:
         """An emergency stop was granted: perhaps the robot is latched (A-4.17-2)."""
-        self.known.setdefault(LATCHED, True)
+        if self.traits.may_be_latched is None:
+            self.traits.may_be_latched = True
 
     def may_mistake(self) -> bool:
         """Whether a sequence may try a wrong password: few do, so that the suite is not locked out.
 
         One in a run that may only change state, five where things may be lost (A-4.1-2).
         """
-        tried: int = self.known.get(_MISTAKES, 0)
-        self.known[_MISTAKES] = tried + 1
-        return tried < (_MOST_MISTAKES if Hazard.DESTRUCTIVE in self.allowed else 1)
+        tried = self.traits.wrong_passwords_tried
+        self.traits.wrong_passwords_tried += 1
+        return tried < (_MAX_WRONG_PASSWORDS if Hazard.DESTRUCTIVE in self.allowed else 1)
 
     def new_name(self, stem: str = "", *, lead: str = "") -> bytes:
         """A file name that is not in use.
@@ -440,7 +432,7 @@ class ControllerUnderTest:
         self.close_lines()
         self.unanswered = self.patience.unanswered()
         line = self.open()
-        busy_and_deaf = self.moved and self.known.get(DEAF)
+        busy_and_deaf = self.moved and self.traits.unresponsive_while_executing
         status = None if busy_and_deaf else line.ask("get_status").value
         if self.moved and (status != _READY or self._runs_ours(line)):
             if line.ask("emergency_stop").accepted:

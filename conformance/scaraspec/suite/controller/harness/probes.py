@@ -15,15 +15,13 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.controller.harness.controller_under_test import (
-    DISPLACES,
-    OUTLIVE,
     SILENCE_S,
     ControllerUnderTest,
 )
 from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
 from scaraspec.suite.engine.transfer_timeouts import limits_of
-from scaraspec.suite.program_files.layout import LISTED, candidates
+from scaraspec.suite.program_files.layout import candidates
 from scaraspec.suite.program_files.listed import program_names
 from scaraspec.suite.program_files.writing import wait_program
 
@@ -96,7 +94,7 @@ def _max_clients(subject: ControllerUnderTest) -> str | None:
     with suppress(CaseFailed):  # it may not serve so many
         for _ in range(_FURTHER):
             subject.open(login=False)
-        subject.known[DISPLACES] = first.ends(within_s=SILENCE_S) is not None
+        subject.traits.displaces_first_client = first.ends(within_s=SILENCE_S) is not None
     return "many"
 
 
@@ -139,13 +137,14 @@ def _breaks_off(subject: ControllerUnderTest) -> bool:
 
 def _look_how_long_it_lasts(subject: ControllerUnderTest) -> None:
     """Begin another upload: one that is broken off so may last until its time-out (A-5-17)."""
-    if OUTLIVE in subject.known:
+    traits = subject.traits
+    if traits.transfers_outlive_connection is not None:
         return
-    subject.known[OUTLIVE] = False
+    traits.transfers_outlive_connection = False
     if not _breaks_off(subject):
         subject.pause(limits_of(subject).over_s)
-        subject.known[OUTLIVE] = True
-        subject.known[OUTLIVE] = _breaks_off(subject)
+        traits.transfers_outlive_connection = True
+        traits.transfers_outlive_connection = _breaks_off(subject)
 
 
 def _endian(subject: ControllerUnderTest) -> str | None:
@@ -173,7 +172,7 @@ def _prog_layout(subject: ControllerUnderTest) -> str | None:
             line, name = subject.open(), subject.new_name()
             upload(line, name, wait_program(subject.dialect, 1, layout=layout))
             if name in program_names(subject, line):
-                subject.known[LISTED] = layout
+                subject.traits.listed_layout = layout
                 return layout.reading
             subject.settle()
     return None

@@ -23,8 +23,6 @@ from scaraspec.suite.controller.harness.state.preserve import alive
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import NoReply
 
-_LATE: Final = "late answers to malformed "
-
 
 class Malformed(NamedTuple):
     """One malformed payload.
@@ -107,10 +105,10 @@ def _late(
 
     A subject that has once stayed silent is not waited for again.
     """
-    if line.ending is None and subject.known.setdefault(f"{_LATE}{name}", True):
+    if line.ending is None and name not in subject.traits.no_late_reply:
         with suppress(NoReply):
             return line.reply(name)
-        subject.known[f"{_LATE}{name}"] = False
+        subject.traits.no_late_reply.add(name)
     return None
 
 

@@ -11,8 +11,6 @@ from typing import Final
 from scaraspec.judge.tolerances import STANDSTILL, differences, max_deviation
 from scaraspec.protocol.commands import BY_NAME, JointValues, MoveTarget, Pose
 from scaraspec.suite.controller.harness.controller_under_test import (
-    DEAF,
-    LATCHED,
     MOMENT_S,
     SILENCE_S,
     ControllerUnderTest,
@@ -37,13 +35,11 @@ IDLE: Final = "00"
 
 _POLL_S: Final = 0.05
 _SLICE_S: Final = 0.5
-_DEAF_JOGGING: Final = "deaf while it jogs"
 _PUT_OFF_S: Final = 0.2  # what is answered so late, and as by an idle robot, had to wait for it …
 _TIMES_LATER: Final = 3  # … where an idle robot is that much quicker
 _NS: Final = 1e9
 _READINGS: Final = 3
 _STOPS: Final = 2  # what was queued may begin once the first has ended (A-4-2)
-_LATCHES: Final = "latches"
 _MOVE, _RESET, _LOCK = "set_tool_coordinates", "reset", "lock_joints"
 
 
@@ -215,7 +211,7 @@ def _go_back(subject: ControllerUnderTest, line: OutgoingConnection, pose: Pose)
 
 def responsiveness_known(subject: ControllerUnderTest) -> bool:
     """Whether it is known if the robot answers queries while it executes."""
-    return DEAF in subject.known
+    return subject.traits.unresponsive_while_executing is not None
 
 
 def is_responsive(
@@ -231,29 +227,31 @@ def is_responsive(
         jogs: Whether a jog executes. A robot may be unresponsive only while it jogs, and the jog
             continues during the wait for a reply.
     """
-    if jogs and not subject.known.get(DEAF):
-        if _DEAF_JOGGING not in subject.known:
+    traits = subject.traits
+    if jogs and not traits.unresponsive_while_executing:
+        if traits.unresponsive_while_jogging is None:
             try:
                 line.ask("get_status", within_s=subject.ics.motion.jog_s)
             except NoReply:
                 if line.ending is not None:
                     return False
-                subject.known[_DEAF_JOGGING] = True
+                traits.unresponsive_while_jogging = True
             else:
-                subject.known[_DEAF_JOGGING] = False
-        return not subject.known[_DEAF_JOGGING]
-    if DEAF not in subject.known:
+                traits.unresponsive_while_jogging = False
+        return not traits.unresponsive_while_jogging
+    if traits.unresponsive_while_executing is None:
         try:
             waited_s, status = _timed_status(subject, line)
         except NoReply:
             if line.ending is not None:
                 return False
-            subject.known[DEAF] = True
+            traits.unresponsive_while_executing = True
         else:
             put_off = status not in BUSY and waited_s > _PUT_OFF_S
             usual_s = _timed_status(subject, line)[0] if put_off else 0.0
-            subject.known[DEAF] = put_off and waited_s > _TIMES_LATER * usual_s
-    return not subject.known[DEAF]
+            too_late = put_off and waited_s > _TIMES_LATER * usual_s
+            traits.unresponsive_while_executing = too_late
+    return not traits.unresponsive_while_executing
 
 
 def _timed_status(
@@ -350,7 +348,7 @@ def status_at_rest(line: OutgoingConnection) -> ReceivedFrame:
 
 def status_of(subject: ControllerUnderTest, line: OutgoingConnection) -> str | None:
     """The status; None where a robot that executes answers nothing (A-4-3)."""
-    deaf = subject.known.get(DEAF)
+    deaf = subject.traits.unresponsive_while_executing
     if deaf:
         _drop_late_replies(line)
     try:
@@ -423,7 +421,8 @@ def release_latch(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
 
     It shows in the status, or in that a move to where the arm stands is refused.
     """
-    if not subject.known.get(LATCHED):
+    traits = subject.traits
+    if not traits.may_be_latched:
         return
     if line.ask("get_status").value == IDLE:
         with _set_aside(line, _MOVE):
@@ -433,10 +432,10 @@ def release_latch(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
                     wait_for_end(subject, line, _MOVE)
                     break
         if answer.accepted:
-            if _LATCHES not in subject.known:
-                subject.known[LATCHED] = False
+            if not traits.latches:
+                traits.may_be_latched = False
             return
-    subject.known[_LATCHES] = True
+    traits.latches = True
     for remedy in (_RESET, _LOCK):  # it may have let go of its joints (A-4.25-1)
         with _set_aside(line, remedy):
             if remedy not in subject.ics.unsupported and line.ask(remedy).accepted:

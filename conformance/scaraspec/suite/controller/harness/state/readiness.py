@@ -26,7 +26,6 @@ from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 _MOVE: Final = "set_tool_coordinates"
 _READINGS: Final = 5
 _TRIES: Final = 2  # of two readings in a row one at least may lie within the travel
-_STOOD: Final = "what it said of where it stood before it stepped aside"
 
 
 def make_ready(subject: ControllerUnderTest) -> None:
@@ -60,7 +59,7 @@ def come_back(subject: ControllerUnderTest) -> list[str]:
     Returns:
         A sentence if it could not be brought back.
     """
-    stood: tuple[Pose, ...] = subject.known.pop(_STOOD, ())
+    stood, subject.traits.start_poses = subject.traits.start_poses, ()
     if not stood:
         return []
     try:
@@ -106,7 +105,7 @@ def _step_aside(
     subject: ControllerUnderTest, line: OutgoingConnection, stood: tuple[Pose, ...]
 ) -> None:
     """Go a step away from the ends of the travel, along one axis after another."""
-    subject.known.setdefault(_STOOD, stood)
+    subject.traits.start_poses = subject.traits.start_poses or stood
     step_mm = subject.ics.motion.step_mm
     for axis in AXES:
         for by in (step_mm,) * _TRIES + (-step_mm,) * _TRIES:

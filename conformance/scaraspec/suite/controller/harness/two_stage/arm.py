@@ -8,7 +8,6 @@ with points is for the cases to say.
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import Final
 
 from scaraspec.judge.tolerances import angle_difference, max_deviation
@@ -16,6 +15,7 @@ from scaraspec.protocol.commands import Point
 from scaraspec.protocol.program_files import Node
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
+from scaraspec.suite.controller.harness.traits import PointMeaning
 from scaraspec.suite.controller.harness.two_stage.tasks import require_responsive
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 from scaraspec.suite.program_files.bench import Bench
@@ -36,16 +36,9 @@ _LITTLE: Final = 0.5  # of a step
 _FAR_DEG: Final = 5.0
 
 
-class Meaning(StrEnum):
-    """What the four values of a point are: the options of reading `point_meaning`."""
-
-    JOINTS = "joints"
-    POSE = "pose"
-
-
 _STEPS: Final = {
-    Meaning.JOINTS: (0.5, 0.5, 2.0, 2.0),
-    Meaning.POSE: (2.0, 2.0, 2.0, 2.0),
+    PointMeaning.JOINTS: (0.5, 0.5, 2.0, 2.0),
+    PointMeaning.POSE: (2.0, 2.0, 2.0, 2.0),
 }
 """How far a step goes in each value where 5 mm are allowed: the ends of arms go farther."""
 
@@ -62,7 +55,7 @@ class Arm:
     subject: ControllerUnderTest
     line: OutgoingConnection
     robot: Bench
-    meaning: Meaning
+    meaning: PointMeaning
     home: Values
 
     @property
@@ -165,8 +158,8 @@ def _gripper_at_screw(line: OutgoingConnection) -> Iterator[None]:
             line.ask("set_gripper_center", before)
 
 
-def _place(line: OutgoingConnection, meaning: Meaning) -> Values:
-    name = "get_joint_angles" if meaning is Meaning.JOINTS else "get_tool_coordinates"
+def _place(line: OutgoingConnection, meaning: PointMeaning) -> Values:
+    name = "get_joint_angles" if meaning is PointMeaning.JOINTS else "get_tool_coordinates"
     value = line.ask(name).value
     if value is None:
         raise CaseInconclusive(UserMessage("{name} does not tell where the arm is", name=name))
@@ -180,16 +173,17 @@ def _place(line: OutgoingConnection, meaning: Meaning) -> Values:
     return a, b, c, d
 
 
-def _meaning(subject: ControllerUnderTest, line: OutgoingConnection, robot: Bench) -> Meaning:
+def _meaning(subject: ControllerUnderTest, line: OutgoingConnection, robot: Bench) -> PointMeaning:
     """What the values of a point are, found out once in a run by turning the gripper a little."""
-    if _KEY not in subject.known:
+    traits = subject.traits
+    if not traits.point_meaning_tried:
         require_responsive(subject, line)  # who cannot watch it does not move what is not known
-        subject.known[_KEY] = None
+        traits.point_meaning_tried = True
         claimed = subject.dialect[_KEY]
-        for meaning in sorted(Meaning, key=lambda each: each != claimed):
+        for meaning in sorted(PointMeaning, key=lambda each: each != claimed):
             made = Arm(subject, line, robot, meaning, _place(line, meaning))
             if any(_turns(made, share) for share in (_LITTLE, -_LITTLE)):
-                subject.known[_KEY] = meaning
+                traits.point_meaning = meaning
                 subject.follows(_KEY, str(meaning))
                 break
         else:
@@ -199,10 +193,9 @@ def _meaning(subject: ControllerUnderTest, line: OutgoingConnection, robot: Benc
                 observed="a refusal, a failure or another motion with both",
                 requirement="6.5/27",
             )
-    known: Meaning | None = subject.known[_KEY]
-    if known is None:
+    if traits.point_meaning is None:
         raise CaseInconclusive("the values of a point are neither those of 0x3C nor those of 0x38")
-    return known
+    return traits.point_meaning
 
 
 def _turns(made: Arm, share: float) -> bool:
@@ -211,7 +204,7 @@ def _turns(made: Arm, share: float) -> bool:
     It is simulated first, then run and watched: when anything else moves, it is stopped.
     """
     line, robot = made.line, made.robot
-    *still, gripper_before = _place(line, Meaning.JOINTS)
+    *still, gripper_before = _place(line, PointMeaning.JOINTS)
     there = made.step(made.home, _GRIPPER, share)
     for way in ([there], [made.home]):
         name = robot.store(robot.file(straight(made.speed_percent, way)))
@@ -220,7 +213,7 @@ def _turns(made: Arm, share: float) -> bool:
                 return False
             left_s = made.subject.longest_s
             while (result := robot.ended(command)) is None:
-                *others, gripper = _place(line, Meaning.JOINTS)
+                *others, gripper = _place(line, PointMeaning.JOINTS)
                 moved = max(abs(a - b) for a, b in zip(still, others, strict=True))
                 far = abs(angle_difference(gripper, gripper_before)) > _FAR_DEG
                 if left_s <= 0 or moved > REACHED or far:
