@@ -32,7 +32,7 @@ class RecordingPlan:
     robot: RobotConfig
     controller: Tcp | Serial | Rfcomm
     listen: tuple[str, int]
-    client_line: serial_relay.SerialEndpoint | None = None
+    client_line: serial_relay.SerialAddress | None = None
 
     @classmethod
     def of(cls, robot: RobotConfig) -> "RecordingPlan":
@@ -53,7 +53,7 @@ class RecordingPlan:
                         address=join_host_port(*client),
                     )
                 )
-            client_line, listen = _endpoint(client), ("127.0.0.1", 0)
+            client_line, listen = client, ("127.0.0.1", 0)
         else:
             listen = split_host_port(robot.listen, lowest_port=0)
         if robot.mode is not Mode.EXPLICIT and (client_line or not isinstance(controller, Tcp)):
@@ -75,7 +75,7 @@ class RecordingPlan:
         """The route to the controller."""
         if isinstance(self.controller, Tcp):
             return route(self.robot.mode, *self.controller)
-        return serial_relay.SerialRoute(_endpoint(self.controller))
+        return serial_relay.SerialRoute(self.controller)
 
     def sinks(self, viewer_url: str | None) -> tuple[SinkFactory, ...]:
         """Return the factories of the sinks: the files, and the viewer if there is one."""
@@ -129,9 +129,3 @@ async def record(
     ):
         recording.drain_s = drain_s
         yield recording
-
-
-def _endpoint(link: Serial | Rfcomm) -> serial_relay.SerialEndpoint:
-    if isinstance(link, Serial):
-        return serial_relay.SerialPort(*link)
-    return serial_relay.RfcommChannel(*link)

@@ -8,6 +8,42 @@ from scaraspec.transports.url import Rfcomm
 from scaraspec.user_message import UserMessage
 
 
+def rfcomm_socket() -> socket.socket:
+    """Return a new RFCOMM socket.
+
+    Raises:
+        OSError: The system has no Bluetooth sockets; the message states the alternative.
+    """
+    try:
+        return socket.socket(socket.AF_BLUETOOTH, socket.SOCK_STREAM, socket.BTPROTO_RFCOMM)
+    except (AttributeError, OSError):
+        raise OSError(
+            "this system has no Bluetooth sockets; bind the device to a serial port "
+            "(rfcomm bind) and use serial:///dev/rfcomm0"
+        ) from None
+
+
+def open_channel(address: Rfcomm, timeout_s: float | None = None) -> socket.socket:
+    """Return a socket that is connected to a channel of a paired device.
+
+    Args:
+        address: The device and its channel.
+        timeout_s: Timeout of the connection and of the socket, in seconds; None for the timeout
+            of the system.
+
+    Raises:
+        OSError: The system has no Bluetooth sockets, or the device does not respond.
+    """
+    connected = rfcomm_socket()
+    try:
+        connected.settimeout(timeout_s)
+        connected.connect(tuple(address))
+    except OSError:
+        connected.close()
+        raise
+    return connected
+
+
 def connect_rfcomm(address: Rfcomm, timeout_s: float) -> SocketLink:
     """Connect to a channel of a paired device.
 
@@ -15,23 +51,11 @@ def connect_rfcomm(address: Rfcomm, timeout_s: float) -> SocketLink:
         LinkError: The system has no Bluetooth sockets, or the device does not respond.
     """
     try:
-        family, protocol = socket.AF_BLUETOOTH, socket.BTPROTO_RFCOMM
-        connected = socket.socket(family, socket.SOCK_STREAM, protocol)
-    except (AttributeError, OSError):
-        raise LinkError(
-            UserMessage(
-                "cannot connect to {address}: this system has no Bluetooth sockets; bind "
-                "the device to a serial port (rfcomm bind) and use serial:///dev/rfcomm0",
-                address=address,
-            )
-        ) from None
-    try:
-        connected.settimeout(timeout_s)
-        connected.connect(tuple(address))
+        return SocketLink(open_channel(address, timeout_s))
+    except TimeoutError:
+        reason = f"no response within {timeout_s:g} s"
     except OSError as error:
-        connected.close()
-        reason = error.strerror or f"no response within {timeout_s:g} s"
-        raise LinkError(
-            UserMessage("cannot connect to {address}: {reason}", address=address, reason=reason)
-        ) from None
-    return SocketLink(connected)
+        reason = error.strerror or f"{error}"
+    raise LinkError(
+        UserMessage("cannot connect to {address}: {reason}", address=address, reason=reason)
+    )

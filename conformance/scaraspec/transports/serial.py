@@ -3,12 +3,55 @@
 import importlib
 import time
 from collections.abc import Sequence
+from typing import Any
 
 from scaraspec.transports.clock import now_ns
 from scaraspec.transports.link import Arrival, Ending, LinkError
 from scaraspec.transports.tcp import SEND_TIMEOUT_S
 from scaraspec.transports.url import Serial
 from scaraspec.user_message import UserMessage
+
+
+def load_pyserial() -> Any:
+    """Return the module of pyserial, an optional extra.
+
+    Raises:
+        OSError: pyserial is not installed; the message states how to install it.
+    """
+    try:
+        return importlib.import_module("serial")
+    except ImportError:
+        raise OSError("serial lines need pyserial: pip install 'scaraspec[serial]'") from None
+
+
+def open_port(
+    address: Serial, *, read_timeout_s: float | None = None, write_timeout_s: float | None = None
+) -> Any:
+    """Open a serial device (8N1) for this process alone.
+
+    Args:
+        address: The device and its baud rate.
+        read_timeout_s: Timeout of a read call, in seconds; None for no timeout.
+        write_timeout_s: Timeout of a write call, in seconds; None for no timeout.
+
+    Returns:
+        The port, a ``serial.Serial`` of pyserial.
+
+    Raises:
+        OSError: pyserial is not installed, the device cannot be opened, or the system does not
+            support the baud rate.
+    """
+    pyserial = load_pyserial()
+    try:
+        return pyserial.Serial(
+            address.device,
+            address.baud,
+            timeout=read_timeout_s,
+            write_timeout=write_timeout_s,
+            exclusive=True,
+        )
+    except ValueError as error:  # a baud rate that the system does not support
+        raise OSError(f"{error}") from None
 
 
 class SerialLink:
@@ -22,14 +65,8 @@ class SerialLink:
 
     def __init__(self, address: Serial) -> None:
         try:
-            pyserial = importlib.import_module("serial")  # an optional extra
-        except ImportError:
-            raise LinkError("serial links need pyserial: pip install 'scaraspec[serial]'") from None
-        try:
-            self._port = pyserial.Serial(
-                address.device, address.baud, write_timeout=SEND_TIMEOUT_S, exclusive=True
-            )
-        except (OSError, ValueError) as error:
+            self._port = open_port(address, write_timeout_s=SEND_TIMEOUT_S)
+        except OSError as error:
             raise LinkError(
                 UserMessage("cannot open {address}: {error}", address=address, error=error)
             ) from None

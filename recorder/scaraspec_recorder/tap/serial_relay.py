@@ -10,7 +10,6 @@ client connects.
 """
 
 import asyncio
-import importlib
 import logging
 import select
 import socket
@@ -22,6 +21,9 @@ from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol
 
+from scaraspec.transports.rfcomm import open_channel, rfcomm_socket
+from scaraspec.transports.serial import load_pyserial, open_port
+from scaraspec.transports.url import Rfcomm, Serial
 from scaraspec_recorder.child_process import ChildProcess, ignore_signals
 from scaraspec_recorder.tap import tcp
 
@@ -64,79 +66,31 @@ class Device(Protocol):
         """Close the line. No thread may read or write."""
 
 
-class SerialEndpoint(Protocol):
-    """Address of a serial line. Picklable; `str` returns its URL."""
-
-    def check(self) -> None:
-        """Check that this system supports such lines.
-
-        Raises:
-            OSError: It does not; the text says what to do.
-        """
-
-    def open(self) -> Device:
-        """Open the line.
-
-        Raises:
-            OSError: It does not exist or is in use.
-        """
+SerialAddress = Serial | Rfcomm
+"""Address of a serial line; `str` returns its URL."""
 
 
-@dataclass(frozen=True, slots=True)
-class SerialPort:
-    """A serial port: a device such as ``/dev/ttyUSB0``, ``/dev/rfcomm0`` or ``COM3``; 8N1."""
+def check_supported(address: SerialAddress) -> None:
+    """Check that this system supports such lines.
 
-    device: str
-    baud: int
-
-    def check(self) -> None:
-        """See `SerialEndpoint.check`."""
-        _pyserial()
-
-    def open(self) -> Device:
-        """Open it for this process alone; see `SerialEndpoint.open`."""
-        try:
-            port = _pyserial().Serial(self.device, self.baud, timeout=_POLL_S, exclusive=True)
-        except ValueError as error:  # a baud rate that the system does not support
-            raise OSError(f"cannot open {self}: {error}") from None
-        return _Port(port)
-
-    def __str__(self) -> str:
-        return f"serial://{self.device}?baud={self.baud}"
+    Raises:
+        OSError: It does not; the message states what to do.
+    """
+    if isinstance(address, Serial):
+        load_pyserial()
+    else:
+        rfcomm_socket().close()
 
 
-@dataclass(frozen=True, slots=True)
-class RfcommChannel:
-    """An RFCOMM channel of a paired Bluetooth device."""
+def open_device(address: SerialAddress) -> Device:
+    """Open a serial line.
 
-    address: str
-    channel: int
-
-    def check(self) -> None:
-        """See `SerialEndpoint.check`."""
-        self._socket().close()
-
-    def open(self) -> Device:
-        """Connect to it; see `SerialEndpoint.open`."""
-        sock = self._socket()
-        try:
-            sock.connect((self.address, self.channel))
-        except OSError:
-            sock.close()
-            raise
-        return _Channel(sock)
-
-    def __str__(self) -> str:
-        return f"rfcomm://{self.address}/{self.channel}"
-
-    def _socket(self) -> socket.socket:
-        try:
-            return socket.socket(socket.AF_BLUETOOTH, socket.SOCK_STREAM, socket.BTPROTO_RFCOMM)
-        except (AttributeError, OSError):
-            raise OSError(
-                "this system offers no Bluetooth sockets: bind the device to a serial port "
-                "(rfcomm bind) and use serial:///dev/rfcomm0"
-            ) from None
+    Raises:
+        OSError: The device does not exist, does not respond or is in use.
+    """
+    if isinstance(address, Serial):
+        return _Port(open_port(address, read_timeout_s=_POLL_S))
+    return _Channel(open_channel(address))
 
 
 class SerialBridge:
@@ -224,18 +178,18 @@ class SerialBridge:
 class SerialRoute:
     """The route to a controller on a serial line. One client at a time."""
 
-    end: SerialEndpoint
+    address: SerialAddress
     _line: SerialBridge | None = field(default=None, init=False)
-    _turn: asyncio.Lock = field(default_factory=asyncio.Lock, init=False)
+    _connect_lock: asyncio.Lock = field(default_factory=asyncio.Lock, init=False)
 
     def listen(self, host: str, port: int) -> socket.socket:
         """Listen, if serial lines are supported; see `Route.listen`."""
-        self.end.check()
+        check_supported(self.address)
         return tcp.listen(host, port)
 
     def target(self, client: socket.socket) -> str:  # noqa: ARG002 - the same for all clients
         """Return the URL of the line."""
-        return str(self.end)
+        return str(self.address)
 
     async def connect_upstream(self, client: socket.socket) -> socket.socket:  # noqa: ARG002 - see above
         """Open the line and return a socket that is connected to it.
@@ -243,46 +197,48 @@ class SerialRoute:
         Raises:
             OSError: The line cannot be opened, or another client uses it.
         """
-        async with self._turn:
-            dialling = asyncio.create_task(asyncio.to_thread(self._dial))
+        async with self._connect_lock:
+            connecting = asyncio.create_task(asyncio.to_thread(self._connect))
             try:
-                return await asyncio.shield(dialling)
+                return await asyncio.shield(connecting)
             except asyncio.CancelledError:  # the client disconnected
                 with suppress(OSError):
-                    (await dialling).close()
+                    (await connecting).close()
                 raise
 
-    def _dial(self) -> socket.socket:
+    def _connect(self) -> socket.socket:
         if self._line:
             if not self._line.finished.wait(LINE_WAIT_S):
                 raise OSError("another client uses the line")
             self._line.close()
-        device = self.end.open()
+        device = open_device(self.address)
         try:
             near, far = _connected_pair()
         except OSError:
             device.close()
             raise
-        self._line = SerialBridge(str(self.end), device, far)
+        self._line = SerialBridge(str(self.address), device, far)
         near.settimeout(0)
         return near
 
 
 @asynccontextmanager
-async def relay_serial_client(end: SerialEndpoint, address: tuple[str, int]) -> AsyncIterator[None]:
+async def relay_serial_client(
+    client: SerialAddress, tap_address: tuple[str, int]
+) -> AsyncIterator[None]:
     """Connect a client on a serial line to a tap while the context is active.
 
     A child process opens the line whenever it is available and connects it to the tap.
 
     Args:
-        end: The client's line.
-        address: Address that the tap listens on; see `recording.Recording.address`.
+        client: Address of the client's line.
+        tap_address: Address that the tap listens on; see `recording.Recording.address`.
 
     Raises:
         OSError: This system does not support such lines.
     """
-    end.check()
-    child = ChildProcess("client-line", run_serial_client, end, address)
+    check_supported(client)
+    child = ChildProcess("client-line", run_serial_client, client, tap_address)
     try:
         child.start()
         yield
@@ -290,40 +246,42 @@ async def relay_serial_client(end: SerialEndpoint, address: tuple[str, int]) -> 
         await child.stop(_STOP_S)
 
 
-def run_serial_client(end: SerialEndpoint, address: tuple[str, int], line: socket.socket) -> None:
-    """Main function of the client process: relay the client's line until `line` is closed."""
+def run_serial_client(
+    client: SerialAddress, tap_address: tuple[str, int], control_line: socket.socket
+) -> None:
+    """Relay the client's line until `control_line` is closed; the main function of a process."""
     ignore_signals()
     logged = ""
     while True:
         try:
-            carried = _call(end, address)
+            bridge = _connect_client(client, tap_address)
         except OSError as error:
             if str(error) != logged:  # retries may continue for weeks; log each error once
                 logged = str(error)
                 _log.warning("the client's line cannot be opened: %s", error)
         else:
             logged = ""
-            while not (carried.finished.is_set() or _is_closed(line, _POLL_S)):
+            while not (bridge.finished.is_set() or _is_closed(control_line, _POLL_S)):
                 pass
-            carried.close()
-        if _is_closed(line, RETRY_S):
+            bridge.close()
+        if _is_closed(control_line, RETRY_S):
             return
 
 
-def _call(end: SerialEndpoint, address: tuple[str, int]) -> SerialBridge:
-    device = end.open()
+def _connect_client(client: SerialAddress, tap_address: tuple[str, int]) -> SerialBridge:
+    device = open_device(client)
     try:
-        return SerialBridge(str(end), device, socket.create_connection(address))
+        return SerialBridge(str(client), device, socket.create_connection(tap_address))
     except OSError:
         device.close()
         raise
 
 
-def _is_closed(line: socket.socket, timeout_s: float) -> bool:
-    """Whether the recorder closes this line within `timeout_s`."""
-    line.settimeout(timeout_s)
+def _is_closed(control_line: socket.socket, timeout_s: float) -> bool:
+    """Whether the recorder closes the control line within `timeout_s`."""
+    control_line.settimeout(timeout_s)
     try:
-        return not line.recv(1)
+        return not control_line.recv(1)
     except TimeoutError:
         return False
 
@@ -370,13 +328,6 @@ class _Channel:
 
     def close(self) -> None:
         self._sock.close()
-
-
-def _pyserial() -> Any:
-    try:
-        return importlib.import_module("serial")  # an optional extra
-    except ImportError:
-        raise OSError("serial lines need pyserial: pip install 'scaraspec[serial]'") from None
 
 
 def _connected_pair() -> tuple[socket.socket, socket.socket]:

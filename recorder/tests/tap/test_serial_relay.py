@@ -19,12 +19,11 @@ import pytest
 from journal import Journal, lines
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.traffic.wire import Kind
+from scaraspec.transports.url import Rfcomm, Serial
 from scaraspec_recorder.recording import record
 from scaraspec_recorder.spool.records import Record
 from scaraspec_recorder.tap import serial_relay, tcp
 from scaraspec_recorder.tap.serial_relay import (
-    RfcommChannel,
-    SerialPort,
     SerialRoute,
     relay_serial_client,
 )
@@ -44,7 +43,7 @@ class Pty:
         tty.setraw(self._device)  # from the beginning, as a cable is
         name.unlink(missing_ok=True)
         name.symlink_to(os.ttyname(self._device))
-        self.end = SerialPort(str(name), 115_200)
+        self.address = Serial(str(name), 115_200)
 
     def close(self) -> None:
         """Pull the cable."""
@@ -160,7 +159,7 @@ def test_bytes_pass_unchanged_and_are_all_recorded(cable: Any, seed: int) -> Non
 
     async def test() -> None:
         controller = cable("controller")
-        async with Bench(SerialRoute(controller.end)) as bench:
+        async with Bench(SerialRoute(controller.address)) as bench:
             reader, writer = await bench.connect()
 
             await write(writer, up[:1])  # what comes before the device is open, nobody hears
@@ -181,7 +180,7 @@ def test_bytes_pass_unchanged_and_are_all_recorded(cable: Any, seed: int) -> Non
                 reader.readexactly(len(down)),
             )
             assert (first + arrived_up, arrived_down) == (up, down)
-            assert bench.records[0].note.endswith(f" > {controller.end}")
+            assert bench.records[0].note.endswith(f" > {controller.address}")
         assert (bench.stream(A2C), bench.stream(C2A)) == (up, down)
 
     run(test)
@@ -192,7 +191,7 @@ def test_a_hang_up_reaches_the_client_as_a_reset_behind_the_data(cable: Any) -> 
 
     async def test() -> None:
         controller = cable("controller")
-        async with Bench(SerialRoute(controller.end)) as bench:
+        async with Bench(SerialRoute(controller.address)) as bench:
             reader, writer = await bench.connect()
             await write(writer, b"hello")
             assert await to_thread(controller.receive, 5) == b"hello"
@@ -210,7 +209,7 @@ def test_a_line_that_is_not_there_refuses_the_client(tmp_path: Path) -> None:
     """The client is cut off, and the record says why."""
 
     async def test() -> None:
-        async with Bench(SerialRoute(SerialPort(str(tmp_path / "nothing"), 9600))) as bench:
+        async with Bench(SerialRoute(Serial(str(tmp_path / "nothing"), 9600))) as bench:
             reader, _ = await bench.connect()
             with pytest.raises(ConnectionResetError):
                 await reader.read(1)
@@ -225,7 +224,7 @@ def test_a_client_that_is_cut_off_frees_the_line(cable: Any) -> None:
 
     async def test() -> None:
         controller = cable("controller")
-        async with Bench(SerialRoute(controller.end)) as bench:
+        async with Bench(SerialRoute(controller.address)) as bench:
             for _ in range(3):
                 _, writer = await bench.connect()
                 await write(writer, b"hello")
@@ -240,7 +239,7 @@ def test_who_has_finished_still_gets_answers_until_the_next_client_comes(cable: 
 
     async def test() -> None:
         controller = cable("controller")
-        async with Bench(SerialRoute(controller.end)) as bench:
+        async with Bench(SerialRoute(controller.address)) as bench:
             first, first_writer = await bench.connect()
             await write(first_writer, b"last")
             first_writer.write_eof()
@@ -266,7 +265,7 @@ def test_a_second_client_does_not_disturb_the_first(
 
     async def test() -> None:
         controller = cable("controller")
-        async with Bench(SerialRoute(controller.end)) as bench:
+        async with Bench(SerialRoute(controller.address)) as bench:
             first, first_writer = await bench.connect()
             await write(first_writer, b"mine")
             assert await to_thread(controller.receive, 4) == b"mine"
@@ -293,7 +292,7 @@ def test_a_controller_that_takes_nothing_blocks_the_client(cable: Any) -> None:
                 sent.extend(block)
                 await write(writer, block)
 
-        async with Bench(SerialRoute(controller.end)) as bench:
+        async with Bench(SerialRoute(controller.address)) as bench:
             _, writer = await bench.connect()
             with pytest.raises(TimeoutError):
                 await asyncio.wait_for(send_much(writer), 0.3)  # silence that long means blocked
@@ -313,10 +312,10 @@ def test_a_client_on_a_line_of_its_own(cable: Any, tmp_path: Path) -> None:
 
     async def test() -> None:
         controller = cable("controller")
-        way, inside = SerialRoute(controller.end), ("127.0.0.1", 0)
+        way, inside = SerialRoute(controller.address), ("127.0.0.1", 0)
         async with record(way, inside, tmp_path / "out", [Journal]) as recording:
             client = cable("client")
-            async with relay_serial_client(client.end, recording.address):
+            async with relay_serial_client(client.address, recording.address):
                 await until(lambda: recording.progress.connections == 1)
                 await to_thread(exchange, client, controller)
                 client.close()
@@ -345,7 +344,7 @@ def test_a_clients_line_hangs_up_where_the_controller_ends(cable: Any) -> None:
     async def test() -> None:
         client = cable("client")
         with tcp.listen("127.0.0.1", 0) as server:
-            async with relay_serial_client(client.end, server.getsockname()):
+            async with relay_serial_client(client.address, server.getsockname()):
                 for _ in range(2):
                     await to_thread(talk, client, server)
 
@@ -372,13 +371,7 @@ def test_a_system_without_such_lines_says_so(monkeypatch: pytest.MonkeyPatch) ->
     """Before anything is recorded, in one sentence with the way out."""
     monkeypatch.delattr(socket, "AF_BLUETOOTH", raising=False)
     with pytest.raises(OSError, match="rfcomm bind"):
-        SerialRoute(RfcommChannel("AA:BB:CC:DD:EE:FF", 1)).listen("127.0.0.1", 0)
+        SerialRoute(Rfcomm("AA:BB:CC:DD:EE:FF", 1)).listen("127.0.0.1", 0)
     monkeypatch.setitem(sys.modules, "serial", None)
     with pytest.raises(OSError, match=r"pip install 'scaraspec\[serial\]'"):
-        SerialRoute(SerialPort("COM3", 9600)).listen("127.0.0.1", 0)
-
-
-def test_ends_are_written_as_users_write_them() -> None:
-    """The recording names a line by its URL."""
-    assert str(SerialPort("/dev/ttyUSB0", 115_200)) == "serial:///dev/ttyUSB0?baud=115200"
-    assert str(RfcommChannel("AA:BB:CC:DD:EE:FF", 1)) == "rfcomm://AA:BB:CC:DD:EE:FF/1"
+        SerialRoute(Serial("COM3", 9600)).listen("127.0.0.1", 0)
