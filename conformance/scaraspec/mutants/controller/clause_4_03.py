@@ -1,87 +1,58 @@
-"""Faults of clause 4.3: the network settings as they are told."""
+"""Mutants of clause 4.3: the reported network settings."""
 
-from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.operators.controller.replies import AltersLengths, AltersReplies
-
-_GET_NETWORK = 0x04
+from scaraspec.mutants.controller import row
+from scaraspec.mutants.operators.controller.replies import first_reply, length_byte
 
 
-@mutant("network-between-blanks", "4.3/2")
-class NetworkBetweenBlanks(AltersReplies):
-    """Address, mask and gateway are separated by blanks."""
-
-    opcode = _GET_NETWORK
-
-    def altered(self, data: bytes) -> bytes:
-        """Take the bars away."""
-        return data.replace(b"|", b" ")
+def _named(data: bytes) -> bytes:
+    names = (b"ip=", b"mask=", b"gw=")
+    return b"|".join(a + b for a, b in zip(names, data.split(b"|"), strict=True))
 
 
-@mutant("network-without-gateway", "4.3/2")
-class NetworkWithoutGateway(AltersReplies):
-    """The gateway is not told."""
-
-    opcode = _GET_NETWORK
-
-    def altered(self, data: bytes) -> bytes:
-        """Leave the last field away."""
-        return data.rpartition(b"|")[0]
+def _hexadecimal(data: bytes) -> bytes:
+    fields = [field.split(b".") for field in data.split(b"|")]
+    return b"|".join(b".".join(b"%X" % int(part) for part in parts) for parts in fields)
 
 
-@mutant("network-with-names", "4.3/2", "4.3/3")
-class NetworkWithNames(AltersReplies):
-    """Each field bears its name."""
-
-    opcode = _GET_NETWORK
-
-    def altered(self, data: bytes) -> bytes:
-        """Add them."""
-        names = (b"ip=", b"mask=", b"gw=")
-        return b"|".join(a + b for a, b in zip(names, data.split(b"|"), strict=True))
-
-
-@mutant("network-in-hexadecimal", "4.3/3")
-class NetworkInHexadecimal(AltersReplies):
-    """The parts of the addresses are hexadecimal."""
-
-    opcode = _GET_NETWORK
-
-    def altered(self, data: bytes) -> bytes:
-        """Write them so."""
-        fields = [
-            b".".join(b"%X" % int(part) for part in field.split(b".")) for field in data.split(b"|")
-        ]
-        return b"|".join(fields)
-
-
-@mutant("mask-of256", "4.3/3")
-class MaskOf256(AltersReplies):
-    """The mask is told as 256 in place of 255."""
-
-    opcode = _GET_NETWORK
-
-    def altered(self, data: bytes) -> bytes:
-        """Count one too many."""
-        return data.replace(b"255", b"256")
-
-
-@mutant("network-length-as-printed", "4.3/4")
-class NetworkLengthAsPrinted(AltersLengths):
-    """The length byte is one short, as in the document's row."""
-
-    opcode = _GET_NETWORK
-
-    def length(self, size_bytes: int) -> int:
-        """Miscount."""
-        return size_bytes - 1
-
-
-@mutant("network-length-of-the-fields-alone", "4.3/4")
-class NetworkLengthOfTheFieldsAlone(AltersLengths):
-    """The length byte counts the fields and not the bars."""
-
-    opcode = _GET_NETWORK
-
-    def length(self, size_bytes: int) -> int:
-        """Leave two bars out."""
-        return size_bytes - 2
+row(
+    "network-between-blanks",
+    "4.3/2",
+    "Address, mask and gateway are separated by blanks.",
+    first_reply("get_network", lambda data: data.replace(b"|", b" ")),
+)
+row(
+    "network-without-gateway",
+    "4.3/2",
+    "The gateway is not reported.",
+    first_reply("get_network", lambda data: data.rpartition(b"|")[0]),
+)
+row(
+    "network-with-names",
+    "4.3/2 4.3/3",
+    "Each field begins with its name.",
+    first_reply("get_network", _named),
+)
+row(
+    "network-in-hexadecimal",
+    "4.3/3",
+    "The parts of the addresses are hexadecimal.",
+    first_reply("get_network", _hexadecimal),
+)
+row(
+    "mask-of256",
+    "4.3/3",
+    "The parts of the mask are 256 in place of 255.",
+    first_reply("get_network", lambda data: data.replace(b"255", b"256")),
+)
+row(
+    "network-length-as-printed",
+    "4.3/4",
+    "The length byte is one too small, as in the document's table.",
+    length_byte("get_network", lambda size_bytes: size_bytes - 1),
+)
+row(
+    "network-length-of-the-fields-alone",
+    "4.3/4",
+    "The length byte counts the fields but not the separators.",
+    length_byte("get_network", lambda size_bytes: size_bytes - 2),
+)

@@ -75,3 +75,24 @@ def executing(*commands: str) -> Condition:
     return lambda core, _request: (
         core.robot.task is not None and core.robot.task.request.command.name in commands
     )
+
+
+def after(command: str, act: Callable[[ControllerCore, Request, Any], Any]) -> Core:
+    """The command is executed; `act` receives its answer and returns what is sent instead."""
+
+    def execute(core: ControllerCore, request: Request) -> Any:
+        return act(core, request, getattr(super(changed, core), command)(request))
+
+    changed = on_request(command, execute)
+    return changed
+
+
+def decoded(command: str, change: Callable[[ControllerCore, Frame, Any], Any]) -> Core:
+    """The value of requests is changed after they are decoded; it is None for wrong data."""
+
+    class Decoded(ControllerCore):
+        def _value(self, received: Command, frame: Frame) -> Any:
+            value = super()._value(received, frame)
+            return change(self, frame, value) if received.name == command else value
+
+    return Decoded
