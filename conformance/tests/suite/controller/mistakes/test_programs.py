@@ -29,9 +29,9 @@ from scaraspec.protocol.program_files import (
     WaitSeconds,
     parse,
 )
+from scaraspec.virtual_controller import interpreter
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED, Silence
 from scaraspec.virtual_controller.core import ControllerCore
-from scaraspec.virtual_controller.interpreter import Run
 from scaraspec.virtual_controller.session import Request, Session
 
 Try = Callable[..., Any]
@@ -51,7 +51,7 @@ def with_interpreter(run: type[interpreter.Run]) -> type[ControllerCore]:
 class _KeepsStoppedRun(ControllerCore, ABC):
     """The next run takes over some state of a stopped run."""
 
-    last: Run | None = None
+    last: interpreter.Run | None = None
 
     def run_program(self, request: Request) -> Acceptance | Silence:
         reply = super().run_program(request)
