@@ -226,9 +226,9 @@ def _reason(error: OSError | UnicodeError) -> str:
 def _announce(ready_file: Path, where: str) -> None:
     """Write the file atomically."""
     with _writing(ready_file):
-        beside = ready_file.with_name(f".{ready_file.name}.{os.getpid()}")
-        beside.write_text(f"{where}\n")
-        beside.replace(ready_file)
+        temporary = ready_file.with_name(f".{ready_file.name}.{os.getpid()}")
+        temporary.write_text(f"{where}\n")
+        temporary.replace(ready_file)
 
 
 @contextlib.contextmanager

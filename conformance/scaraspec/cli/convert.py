@@ -25,10 +25,10 @@ _PATH = click.Path(path_type=Path)
 def _write_mcap(capture: McapCapture | PcapCapture, target: Path) -> None:
     needs_login = capture.needs_login
     session = {} if needs_login else {LINK: SERIAL}
-    deriver = Decoder([McapSink(target.open("wb"), session)], Judge(needs_login=needs_login))
+    decoder = Decoder([McapSink(target.open("wb"), session)], Judge(needs_login=needs_login))
     for event in capture:
-        deriver.write(event)
-    deriver.close()
+        decoder.write(event)
+    decoder.close()
 
 
 def _draw(capture: McapCapture | PcapCapture, target: Path) -> None:

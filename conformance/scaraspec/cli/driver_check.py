@@ -54,11 +54,9 @@ def _steps(driver: Driver, timeout_s: float) -> Iterator[str]:
         DriverError: A step failed.
     """
     yield "it starts"
-    made_up = driver.wait(driver.begin("levitate"), timeout_s)
-    if not made_up.unimplemented:
-        raise DriverError(
-            UserMessage("an unknown operation is answered {made_up}", made_up=made_up)
-        )
+    answer = driver.wait(driver.begin("levitate"), timeout_s)
+    if not answer.unimplemented:
+        raise DriverError(UserMessage("an unknown operation is answered {answer}", answer=answer))
     yield "an unknown operation is answered unimplemented"
     with closing(socket.create_server(("127.0.0.1", 0))) as listener:
         listener.settimeout(timeout_s)

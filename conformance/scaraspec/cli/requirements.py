@@ -50,27 +50,27 @@ class Coverage:
                     self._cases.setdefault((role, judged), []).append(case.id)
 
     def of(self, requirement: Requirement) -> dict[str, object]:
-        """Rules and cases by method; the reason where there are none."""
-        told: dict[str, object] = {}
+        """Return the rules and cases by test method; the reason if there are none."""
+        tests: dict[str, object] = {}
         if Method.PASSIVE in requirement.testable:
-            told["capture"] = _RULES[requirement.id] or UNDECIDED.get(requirement.id, "no rule")
+            tests["capture"] = _RULES[requirement.id] or UNDECIDED.get(requirement.id, "no rule")
         for role, method in METHODS.items():
             if method in requirement.testable:
-                told[role.value] = self._cases.get((role, requirement.id), "no case")
+                tests[role.value] = self._cases.get((role, requirement.id), "no case")
         if Method.STATIC in requirement.testable:
-            told["file"] = "scaraspec program check"
-        return told or {"untested": _HARM}
+            tests["file"] = "scaraspec program check"
+        return tests or {"untested": _HARM}
 
     def missing(self, requirement: Requirement) -> bool:
-        """Whether it could be tested in a way in which it is not, for no reason."""
+        """Return whether a test method applies, has no test, and no reason is given."""
         return any(what in ("no rule", "no case") for what in self.of(requirement).values())
 
 
-def _told(what: object) -> str:
-    """One way of testing, in words."""
-    if isinstance(what, int):
-        return f"{what} rule" + "s" * (what > 1)
-    return ", ".join(what) if isinstance(what, list) else str(what)
+def _tests_text(tests: object) -> str:
+    """Return the tests of one method as text."""
+    if isinstance(tests, int):
+        return f"{tests} rule" + "s" * (tests > 1)
+    return ", ".join(tests) if isinstance(tests, list) else str(tests)
 
 
 def _as_json(requirement: Requirement, coverage: Coverage) -> dict[str, object]:
@@ -123,7 +123,9 @@ def command(clause: str | None, entry: str | None, *, uncovered: bool, as_json: 
     for r in chosen:
         facts = (r.where, r.binds.value, r.strength.value, r.hazard.value)
         console.print(f"[bold]{r.id}[/]  {', '.join(fact for fact in facts if fact)}")
-        tested = "; ".join(f"{way}: {_told(what)}" for way, what in coverage.of(r).items())
+        tested = "; ".join(
+            f"{method}: {_tests_text(tests)}" for method, tests in coverage.of(r).items()
+        )
         console.print(Padding(Text(f"{r.sentence}\n{tested}"), (0, 0, 0, 8)))
     click.echo(f"{len(chosen)} of {len(REQUIREMENTS)} requirements")
 
