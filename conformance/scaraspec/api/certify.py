@@ -46,7 +46,7 @@ _SILENT = Progress()
 def plan(options: Options, role: Role = Role.CONTROLLER) -> Sequence[Case]:
     """Return the cases that a run with these options considers; nothing is sent.
 
-    `suite.engine.plan.why_not` gives the reason why a case is skipped.
+    `suite.engine.plan.skip_reason` gives the reason why a case is skipped.
 
     Raises:
         SuiteError: The suite is defective.
@@ -120,7 +120,7 @@ def controller(  # noqa: PLR0913 - independent options of a run
                 take=files.record,
                 report=progress.case_ends,
                 announce=progress.case_begins,
-                stall_s=stalls.stood_still_s,
+                stall_s=stalls.take_longest_stall_s,
                 interruption=interruption,
             ),
             files,
@@ -180,7 +180,7 @@ def client(  # noqa: PLR0913 - independent options of a run
                 take=files.record,
                 report=progress.case_ends,
                 announce=progress.case_begins,
-                stall_s=stalls.stood_still_s,
+                stall_s=stalls.take_longest_stall_s,
                 interruption=interruption,
             ),
             files,

@@ -60,7 +60,7 @@ def pytest_configure(config: pytest.Config) -> None:
     folder = Path(os.environ.get("SCARASPEC_STATE") or state_directory())
     held = ExitStack()
     try:
-        setting = ControllerAdapter(
+        adapter = ControllerAdapter(
             UrlAccess(url, config.getoption("--patience")),
             Ics.read(Path(ics)) if ics else Ics(),
             config.getoption("--subject-password").encode(),
@@ -83,7 +83,7 @@ def pytest_configure(config: pytest.Config) -> None:
     ) as error:
         raise pytest.UsageError(str(error)) from None
     config.add_cleanup(held.close)
-    run = Run(setting, verbose=True)
+    run = Run(adapter, verbose=True)
     config.stash[_RUN] = run
     config.pluginmanager.register(run.case_runner)
 

@@ -45,9 +45,9 @@ class Play:
 
     def says(self, opcode: int, data: bytes = b"", *, tagged: bool = False) -> list[Event]:
         """Receive a frame from the controller."""
-        return self.hears(Frame(C2A, opcode, data, tagged).encode())
+        return self.wait_for_any(Frame(C2A, opcode, data, tagged).encode())
 
-    def hears(self, data: bytes) -> list[Event]:
+    def wait_for_any(self, data: bytes) -> list[Event]:
         """Receive bytes."""
         return self.core.feed(data, self.now_s)
 

@@ -59,7 +59,7 @@ def test_a_request_waits_for_the_reply_with_its_opcode(play: Any) -> None:
     assert play.says(0x08, b"1.0.0") == [UnexpectedFrame(Frame(C2A, 0x08, b"1.0.0"))]
     assert not time.settled
     reply = Frame(C2A, 0x07, TIME)
-    assert play.hears(reply.encode()) == [FrameAccepted(time, reply), OperationSettled(time)]
+    assert play.wait_for_any(reply.encode()) == [FrameAccepted(time, reply), OperationSettled(time)]
     assert time.outcome() == NOON
 
 
@@ -122,7 +122,7 @@ def test_any_split_of_the_stream_gives_the_same_events(new_play: Any, data: st.D
         events: list[Any] = []
         skipped = b""
         for start, stop in pairwise(bounds):
-            for event in play.hears(stream[start:stop]):
+            for event in play.wait_for_any(stream[start:stop]):
                 if isinstance(event, Skipped):
                     skipped += event.data
                 elif isinstance(event, UnexpectedFrame):
@@ -151,7 +151,7 @@ def test_nothing_that_arrives_raises(new_play: Any, happenings: list[bytes | flo
     exchanges.append(play.begin(play.core.upload(b"a.rob", b"content")))
     for happening in happenings:
         if isinstance(happening, bytes):
-            play.hears(happening)
+            play.wait_for_any(happening)
         else:
             play.waits(happening)
         play.sent()
@@ -173,7 +173,7 @@ def test_data_may_contain_start_and_end_bytes(play: Any) -> None:
 def test_invalid_bytes_are_skipped_and_recorded(play: Any) -> None:
     """3/19, 3/20, 3/22: stray bytes, a wrong end byte and an undefined opcode lose no reply."""
     time = play.ask("get_time")
-    play.hears(b"\x00\xaa garbage \xcc\x09\x02\x30\x30\x00")
+    play.wait_for_any(b"\x00\xaa garbage \xcc\x09\x02\x30\x30\x00")
     play.says(0xEE, b"?")
     play.says(0x07, TIME)
     assert time.outcome() == NOON
@@ -192,12 +192,12 @@ def test_a_partial_frame_times_out_after_two_seconds(play: Any) -> None:
     """A-3-11: a false start byte with a large length blocks for 2 s; a pause of 1 s is harmless."""
     time = play.ask("get_time")
     reply = Frame(C2A, 0x07, TIME).encode()
-    play.hears(reply[:5])
+    play.wait_for_any(reply[:5])
     play.waits(1.0)
-    play.hears(reply[5:])
+    play.wait_for_any(reply[5:])
     assert time.outcome() == NOON
     time = play.ask("get_time")
-    play.hears(b"\xcc\x08\xff" + reply)
+    play.wait_for_any(b"\xcc\x08\xff" + reply)
     assert not time.settled
     play.waits(2.0)
     assert time.outcome() == NOON
@@ -222,11 +222,11 @@ def test_an_arriving_reply_extends_the_timeout(play: Any) -> None:
     time = play.ask("get_time")
     for byte in Frame(C2A, 0x07, TIME).encode():
         play.waits(1)
-        play.hears(bytes((byte,)))
+        play.wait_for_any(bytes((byte,)))
     assert time.outcome() == NOON
     time = play.ask("get_time")
     for _ in range(300):
-        play.hears(b"\xcc")
+        play.wait_for_any(b"\xcc")
         play.waits(1)
     assert isinstance(time.error, ReplyTimeout)
 
@@ -550,7 +550,7 @@ def test_a_lost_link_settles_everything(play: Any) -> None:
 def test_a_frame_hidden_in_an_unfinished_one_counts_when_the_link_ends(play: Any) -> None:
     """3/20: the bytes of the partial frame are searched again."""
     time = play.ask("get_time")
-    play.hears(b"\xcc\x08\xff" + Frame(C2A, 0x07, TIME).encode())
+    play.wait_for_any(b"\xcc\x08\xff" + Frame(C2A, 0x07, TIME).encode())
     play.core.connection_lost("it ended", play.now_s)
     assert time.outcome() == NOON
 

@@ -7,7 +7,7 @@ from scaraspec.mutants.controller_run import Robot, certified
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.engine.ics import Ics
-from scaraspec.suite.engine.plan import ALL, Options, why_not
+from scaraspec.suite.engine.plan import ALL, Options, skip_reason
 from scaraspec.suite.engine.run import collect
 from scaraspec.virtual_controller.core import ControllerCore
 
@@ -17,7 +17,7 @@ from scaraspec.virtual_controller.core import ControllerCore
 def test_no_requirement_is_lost(most: int, *, undefined: bool) -> None:
     """Whatever is allowed, what a slow case judges is judged by one that is not slow, too."""
     options = Options(allowed=frozenset(list(Hazard)[:most]), undefined=undefined)
-    cases = [case for case in collect(options) if not why_not(case, options, Ics())]
+    cases = [case for case in collect(options) if not skip_reason(case, options, Ics())]
     everything = {requirement for case in cases for requirement in case.requirements}
     quick = {requirement for case in cases if not case.slow for requirement in case.requirements}
     assert quick == everything

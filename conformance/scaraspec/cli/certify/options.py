@@ -74,7 +74,7 @@ def statement_of(ics: Path | None, transfer_timeout: float | None) -> Ics:
     """
     statement = Ics.read(ics) if ics else Ics()
     if transfer_timeout is not None:
-        statement = statement.claiming(xfer_timeout=f"{transfer_timeout:g}")
+        statement = statement.with_claims(xfer_timeout=f"{transfer_timeout:g}")
     return statement
 
 

@@ -25,7 +25,7 @@ from scaraspec.suite.engine.case import Case
 from scaraspec.suite.engine.case_runner import Outcome
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
-from scaraspec.suite.engine.plan import Options, why_not
+from scaraspec.suite.engine.plan import Options, skip_reason
 
 _RISKS: Final = {
     Hazard.READ_ONLY: "send queries only",
@@ -37,8 +37,8 @@ _RISKS: Final = {
 
 def show_plan(cases: Sequence[Case], options: Options, statement: Ics, console: Console) -> None:
     """Print how many cases run, by hazard, and why the others are skipped."""
-    runs = [case for case in cases if not why_not(case, options, statement)]
-    skipped = Counter(why for case in cases if (why := why_not(case, options, statement)))
+    runs = [case for case in cases if not skip_reason(case, options, statement)]
+    skipped = Counter(why for case in cases if (why := skip_reason(case, options, statement)))
     console.print(f"{len(runs)} of {len(cases)} cases will run:", soft_wrap=True)
     counts = Counter(case.hazard for case in runs)
     for hazard in Hazard:
@@ -56,7 +56,7 @@ def confirm_motion(cases: Sequence[Case], options: Options, statement: Ics) -> N
     Raises:
         Problem: The user declines.
     """
-    runs = [case for case in cases if not why_not(case, options, statement)]
+    runs = [case for case in cases if not skip_reason(case, options, statement)]
     if not any(Hazard.MOTION in case.hazards for case in runs) or not sys.stdin.isatty():
         return
     motion = statement.motion

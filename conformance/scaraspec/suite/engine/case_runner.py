@@ -27,9 +27,9 @@ from scaraspec.suite.engine.expectations import (
     NoReply,
     Unreadable,
 )
-from scaraspec.suite.engine.hypothesis_profile import Drawing
+from scaraspec.suite.engine.hypothesis_profile import HypothesisProfile
 from scaraspec.suite.engine.journal import JournalError
-from scaraspec.suite.engine.plan import Options, wanted, why_not
+from scaraspec.suite.engine.plan import Options, is_selected, skip_reason
 from scaraspec.suite.engine.system_under_test import SystemUnderTest
 from scaraspec.traffic.events import FrameSeen, InvalidBytes
 from scaraspec.user_message import UserMessage
@@ -118,7 +118,7 @@ class CaseRunner:
         cases: The collected cases that the options select.
         items: The pytest items of these cases, in the same order.
         outcomes: The outcomes so far, in the order of the run.
-        mistakes: Errors of the suite itself; a run with any of them is invalid.
+        suite_errors: Errors of the suite itself; a run with any of them is invalid.
     """
 
     def __init__(  # noqa: PLR0913 - the collaborators of a run
@@ -136,11 +136,11 @@ class CaseRunner:
         self.outcomes: list[Outcome] = []
         self.cases: list[Case] = []
         self.items: list[pytest.Item] = []
-        self.mistakes: list[str] = []
+        self.suite_errors: list[str] = []
         self._callbacks = callbacks or Callbacks()
         self._completed, self._verbose = completed, verbose
         self._dead = self._unmoved = ""
-        self._drawing = Drawing(options.examples)
+        self._drawing = HypothesisProfile(options.examples)
         self._at_last = self._ready = self._stop_reported = False
         self._failed: set[str] = set()
         self._sighted: set[str] = set()
@@ -168,7 +168,7 @@ class CaseRunner:
         cases = {item: case_of(item) for item in items if is_case(item)}
         ids = [case.id for case in cases.values()]
         if twice := {i for i in ids if ids.count(i) > 1}:
-            self.mistakes.append(f"several cases have the same id: {', '.join(sorted(twice))}")
+            self.suite_errors.append(f"several cases have the same id: {', '.join(sorted(twice))}")
         chosen = [item for item in cases if self._tries(cases[item])]
         chosen.sort(key=lambda item: cases[item].turn)
         self.cases = [cases[item] for item in chosen]
@@ -178,12 +178,12 @@ class CaseRunner:
             items.clear()
 
     def _tries(self, case: Case) -> bool:
-        return case.role is self._role and wanted(case, self.options)
+        return case.role is self._role and is_selected(case, self.options)
 
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
         """Report a file of the suite that cannot be imported as a mistake of the suite."""
         if report.failed:
-            self.mistakes.append(str(report.longrepr))
+            self.suite_errors.append(str(report.longrepr))
 
     def pytest_runtest_protocol(
         self, item: pytest.Item, nextitem: pytest.Item | None
@@ -242,7 +242,7 @@ class CaseRunner:
         """The outcome of a case that need not run; None if it must run."""
         if case.id in self._completed:
             return Outcome(case, Verdict.NONE, message="an earlier session has completed this case")
-        why = why_not(case, self.options, self.subject.ics)
+        why = skip_reason(case, self.options, self.subject.ics)
         if not why and self._failed.issuperset(case.requirements) and not self.options.exhaustive:
             why = UserMessage(
                 "{requirements} failed already: repeat with --exhaustive to run its other cases",
@@ -353,7 +353,7 @@ class CaseRunner:
         self._end_if_asked()
         outcome = self._unless_withheld(self._outcome(case))
         if outcome.requirement in _STOP_WORKS:
-            subject.stop_has_failed(outcome.requirement, outcome.message)
+            subject.report_stop_failure(outcome.requirement, outcome.message)
         self._report_stop(case, outcome)
         frames = subject.observer.evidence
         if case.last:
@@ -384,8 +384,8 @@ class CaseRunner:
     def _outcome(self, case: Case) -> Outcome:
         """The outcome that follows from the exception that the case raised."""
         raised = _innermost(self._raised)
-        if raised is None and self.subject.untried:
-            raised = CaseSkipped(self.subject.untried)
+        if raised is None and self.subject.no_verdict_reason:
+            raised = CaseSkipped(self.subject.no_verdict_reason)
         match raised:
             case None:
                 pass
@@ -484,7 +484,7 @@ class CaseRunner:
             return Outcome(
                 case,
                 Verdict.FAIL,
-                subject.survival or case.requirements[0],
+                subject.survival_requirement or case.requirements[0],
                 Cause.SUBJECT,
                 message,
                 expected,

@@ -152,7 +152,7 @@ class Connection:
         self.wait(within_s)
         return self.ending
 
-    def awaited(
+    def wait_for_frame(
         self, wanted: Callable[[FrameSeen], bool], within_s: float, message: str
     ) -> ReceivedFrame:
         """Wait for a frame, and take it.
@@ -168,16 +168,16 @@ class Connection:
                     return ReceivedFrame(seen, seen.value)
             if self.link.now_s > deadline_s or not self._more(deadline_s):
                 when = "" if self.ending else f" in {within_s:g} s"
-                raise self.no_answer(f"{message}{when}")
+                raise self.no_reply_error(f"{message}{when}")
 
-    def hears(self, within_s: float) -> bool:
+    def wait_for_any(self, within_s: float) -> bool:
         """Wait for a frame and leave it in the inbox; return whether one is there."""
         deadline_s = self.link.now_s + within_s
         while not self.inbox and self.link.now_s <= deadline_s and self._more(deadline_s):
             pass
         return bool(self.inbox)
 
-    def no_answer(self, message: str) -> NoReply:
+    def no_reply_error(self, message: str) -> NoReply:
         """What to raise where something that is due has not come."""
         came = [f"{seen.frame}" for seen in self.inbox]
         came += [f"no frame: {show(noise.data)}" for noise in self.invalid_bytes]
@@ -203,7 +203,7 @@ class Connection:
     def _more(self, deadline_s: float) -> bool:
         """Wait for anything to come; False once the time is up or the connection has ended."""
         while True:
-            if self.over:
+            if self.ended:
                 return False
             others = self._holder.pump_others(self)
             if self._receive(min(deadline_s, self.link.now_s + self.link.step_s), others):
@@ -222,13 +222,13 @@ class Connection:
         return self._streams[self._theirs].held_bytes > 0
 
     @property
-    def over(self) -> bool:
+    def ended(self) -> bool:
         """Whether it has been ended, by whomever."""
         return self.closed or self.ending is not None
 
     def _receive(self, deadline_s: float, others: Sequence[Link] = ()) -> bool:
         """Take one arrival; whether there was one before anything came elsewhere."""
-        if self.over:
+        if self.ended:
             return False
         with self._holder.observer.interruption:
             try:
@@ -323,8 +323,8 @@ def pump(wires: Iterable[Connection], besides: Connection) -> list[Link]:
     """Take what is there on all wires but one; give the links of those that are still open."""
     links = []
     for wire in wires:
-        if wire is not besides and not wire.over:
+        if wire is not besides and not wire.ended:
             wire.pump()
-            if not wire.over:
+            if not wire.ended:
                 links.append(wire.link)
     return links

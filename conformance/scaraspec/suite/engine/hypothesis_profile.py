@@ -1,4 +1,4 @@
-"""Drawing: how hypothesis draws for a run, which a seed alone decides.
+"""Hypothesis profile: how hypothesis draws for a run, which a seed alone decides.
 
 By itself it tries constants of the modules that it takes for the user's own as well. Those are all
 of ours in a source tree and none in an installation, and of a tree those that happen to be loaded:
@@ -15,7 +15,7 @@ from hypothesis.internal.conjecture import providers
 _PROFILE: Final = "scaraspec-suite"
 
 
-class Drawing:
+class HypothesisProfile:
     """Settles how hypothesis draws, from `begin` to `end`.
 
     Args:

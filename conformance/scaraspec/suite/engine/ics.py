@@ -78,7 +78,7 @@ class Ics:
         return self.dialect.seconds("xfer_timeout") or 30.0
 
     @property
-    def beyond_the_judge(self) -> frozenset[str]:
+    def undecidable_requirements(self) -> frozenset[str]:
         """What the judge cannot decide, who knows neither when 0x05 applies nor how time runs."""
         network = _ON_NETWORK if self.network_applies == "after-restart" else frozenset()
         return network | (_ON_TIME if self.time_scale != 1 else frozenset())
@@ -100,7 +100,7 @@ class Ics:
                 told[f"motion.{each.name}"] = f"{value}"
         return told
 
-    def claiming(self, **choices: str) -> Self:
+    def with_claims(self, **choices: str) -> Self:
         """This statement with further claims.
 
         Raises:

@@ -75,9 +75,9 @@ class Observer:
         self.sightings: list[Sighting] = []
         self.case = ""
         self.recent: deque[FrameSeen | InvalidBytes] = deque(maxlen=_RECENT_FRAMES)
-        self.unasked: deque[FrameSeen] = deque(maxlen=_RECENT_FRAMES)
+        self.unsolicited: deque[FrameSeen] = deque(maxlen=_RECENT_FRAMES)
         """The last first replies that answer nothing, not even late (A-3-16)."""
-        self._role, self._beyond = role, ics.beyond_the_judge
+        self._role, self._beyond = role, ics.undecidable_requirements
         self._take, self._hear = take, hear
         self._overlooked = ""
 
@@ -97,9 +97,9 @@ class Observer:
         self.recent.append(seen)
 
     @property
-    def told_unasked(self) -> frozenset[int]:
+    def unsolicited_opcodes(self) -> frozenset[int]:
         """The opcodes of what the subject has told of itself lately (A-3-16)."""
-        return frozenset(seen.frame.opcode for seen in self.unasked)
+        return frozenset(seen.frame.opcode for seen in self.unsolicited)
 
     @property
     def evidence(self) -> tuple[FrameSeen | InvalidBytes, ...]:
@@ -107,7 +107,7 @@ class Observer:
         return tuple(self.recent)[-_EVIDENCE_FRAMES:]
 
     @contextmanager
-    def overlooking(self, requirement: str) -> Iterator[None]:
+    def ignoring(self, requirement: str) -> Iterator[None]:
         """Ignore findings of the judge about this requirement in the body.
 
         For what the judge cannot know: that a file which it takes for right need not be right for
@@ -130,7 +130,7 @@ class Observer:
             if not isinstance(item, Finding):
                 happening = item
                 if isinstance(item, UnsolicitedReply) and not (item.late or item.seen.frame.tagged):
-                    self.unasked.append(item.seen)
+                    self.unsolicited.append(item.seen)
             elif item.requirement in (self._overlooked, *self._beyond) or happening is None:
                 continue
             elif blamed(item, happening) is self._role:

@@ -62,7 +62,7 @@ def hazards(text: str) -> frozenset[Hazard]:
     return frozenset({Hazard.READ_ONLY, *(known[name] for name in names)})
 
 
-def why_not(case: Case, options: Options, ics: Ics) -> str:
+def skip_reason(case: Case, options: Options, ics: Ics) -> str:
     """Why a case cannot run; empty where it can."""
     if missing := case.hazards - options.allowed - {Hazard.READ_ONLY}:
         names = ",".join(sorted(hazard.value for hazard in missing))
@@ -77,7 +77,7 @@ def why_not(case: Case, options: Options, ics: Ics) -> str:
     return ""
 
 
-def wanted(case: Case, options: Options) -> bool:
+def is_selected(case: Case, options: Options) -> bool:
     """Whether a case judges anything that was asked for."""
     if options.attended and not case.attended:
         return False

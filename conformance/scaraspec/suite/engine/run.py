@@ -33,7 +33,7 @@ from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.journal import JournalError
 from scaraspec.suite.engine.observer import Observer, Sighting, Take, speaks
-from scaraspec.suite.engine.plan import Options, wanted
+from scaraspec.suite.engine.plan import Options, is_selected
 from scaraspec.suite.engine.system_under_test import SystemUnderTest
 from scaraspec.user_message import UserMessage
 
@@ -53,7 +53,7 @@ def collect(options: Options, role: Role = Role.CONTROLLER) -> list[cases.Case]:
     Raises:
         SuiteError: The suite itself is defective.
     """
-    return [case for case, _ in _cases_in(CASES[role], role) if wanted(case, options)]
+    return [case for case, _ in _cases_in(CASES[role], role) if is_selected(case, options)]
 
 
 class SuiteError(Exception):
@@ -134,7 +134,7 @@ class Run(Generic[P]):
     after it.
 
     Args:
-        setting: The subject, and how it is tested.
+        adapter: The subject, and how it is tested.
         earlier: The results of an interrupted run. Its completed cases do not run again.
         take: Receives every wire event, for a recording.
         report: Called with each outcome and the number of cases.
@@ -150,7 +150,7 @@ class Run(Generic[P]):
 
     def __init__(  # noqa: PLR0913 - the collaborators of a run
         self,
-        setting: RoleAdapter[P],
+        adapter: RoleAdapter[P],
         *,
         earlier: Results | None = None,
         take: Take = lambda _: None,
@@ -160,32 +160,32 @@ class Run(Generic[P]):
         interruption: Interruption | None = None,
         verbose: bool = False,
     ) -> None:
-        self.setting = setting
+        self.adapter = adapter
         self._stats = SessionStats()
         self._observer = Observer(
-            setting.role,
-            setting.ics,
-            needs_login=setting.needs_login,
+            adapter.role,
+            adapter.ics,
+            needs_login=adapter.needs_login,
             take=take,
             hear=self._stats.add,
             interruption=interruption,
         )
         self.interruption = self._observer.interruption
-        self._subject = setting.subject(self._observer)
+        self._subject = adapter.subject(self._observer)
         cases_before = earlier.cases if earlier else ()
         self._earlier = {
             c.id: c for c in cases_before if c.verdict is not Verdict.NONE and c.requirements
         }
         self.case_runner = CaseRunner(
             self._subject,
-            setting.role,
-            setting.options,
+            adapter.role,
+            adapter.options,
             Callbacks(
                 report=report,
                 announce=announce,
                 before_last=self._put_back,
-                before_motion=partial(setting.make_ready, self._subject),
-                watch=partial(setting.watch, self._subject),
+                before_motion=partial(adapter.make_ready, self._subject),
+                watch=partial(adapter.watch, self._subject),
                 stall_s=stall_s,
             ),
             completed=frozenset(self._earlier),
@@ -221,8 +221,8 @@ class Run(Generic[P]):
         return self.build_results()
 
     def _try_cases(self) -> None:
-        role, options = self.setting.role, self.setting.options
-        files = {file for case, file in _cases_in(CASES[role], role) if wanted(case, options)}
+        role, options = self.adapter.role, self.adapter.options
+        files = {file for case, file in _cases_in(CASES[role], role) if is_selected(case, options)}
         if files:  # without any, pytest would look for tests elsewhere
             _pytest(self.case_runner, role, options, *sorted(files))
 
@@ -235,7 +235,7 @@ class Run(Generic[P]):
         """
         try:
             self._state = self._begun()
-            self.setting.probe(self._subject)
+            self.adapter.probe(self._subject)
         except JournalError:
             raise
         except (CaseFailed, CaseInconclusive) as error:
@@ -249,25 +249,25 @@ class Run(Generic[P]):
     def _begun(self) -> Mapping[str, Any]:
         """The state of the subject; a client that reports a wrong state has failed."""
         try:
-            return self.setting.begin(self._subject)
+            return self.adapter.begin(self._subject)
         except CaseFailed as error:
-            if not error.requirement or self.setting.role is not Role.CLIENT:
+            if not error.requirement or self.adapter.role is not Role.CLIENT:
                 raise
             self.case_runner.outcomes.append(_wrong_from_the_start(error))
             self._subject.close_lines()
-            return self.setting.begin(self._subject)
+            return self.adapter.begin(self._subject)
 
     def end(self) -> None:
         """Restore everything. A difference that remains is reported and stays in the journal."""
         if not self._subject.off:  # otherwise it was restored before it was switched off
             self._put_back()
-        self._problems += self.setting.finish(self._subject, self._state)
+        self._problems += self.adapter.finish(self._subject, self._state)
         self.case_runner.outcomes += [_set_up("restore", problem) for problem in self._problems]
         self._observer.close()
 
     def _put_back(self) -> None:
         case, self._observer.case = self._observer.case, ""
-        self._problems = self.setting.put_back(self._subject, self._state)
+        self._problems = self.adapter.put_back(self._subject, self._state)
         self._subject.close_lines()
         self._observer.case = case
 
@@ -284,8 +284,8 @@ class Run(Generic[P]):
         for each in made:
             for requirement in each.requirements:
                 by_requirement[requirement].append(each)
-        setting = self.setting
-        scope = setting.options.only
+        adapter = self.adapter
+        scope = adapter.options.only
         requirements = tuple(
             RequirementResult(
                 entry.id,
@@ -294,23 +294,23 @@ class Run(Generic[P]):
             )
             for entry in REQUIREMENTS.values()
             if entry.id in by_requirement
-            or (METHODS[setting.role] in entry.testable and (scope is None or entry.id in scope))
+            or (METHODS[adapter.role] in entry.testable and (scope is None or entry.id in scope))
         )
         return Results(
             tool=Tool.own(),
             subject=model.Subject(
-                setting.role,
-                setting.ics.name,
-                setting.ics.version,
-                setting.link,
-                setting.capture,
-                setting.ics.summary,
+                adapter.role,
+                adapter.ics.name,
+                adapter.ics.version,
+                adapter.link,
+                adapter.capture,
+                adapter.ics.summary,
                 self._subject.complaints,
             ),
-            role=setting.role,
+            role=adapter.role,
             verdict=conclude(Counter(each.verdict for each in made)),
             counts=dict.fromkeys(Verdict, 0) | Counter(each.verdict for each in made),
-            readings={setting.role.value: self._dialect()},
+            readings={adapter.role.value: self._dialect()},
             requirements=requirements,
             cases=made,
             session=self._stats.session(),
@@ -336,10 +336,10 @@ class Run(Generic[P]):
 
         A probe may have found what the subject takes; what it sends by itself outweighs that.
         """
-        ics = self.setting.ics
+        ics = self.adapter.ics
         claims = {key: ics.dialect[key] for key in ics.claimed}
-        readings = dict(readings_of(self._observer.judge, speaks(self.setting.role), claims))
-        for key, option in self._subject.found.items():
+        readings = dict(readings_of(self._observer.judge, speaks(self.adapter.role), claims))
+        for key, option in self._subject.detected_readings.items():
             if key == "endian" and key in readings and readings[key].options:
                 continue
             default = option == READINGS[key].default
@@ -360,7 +360,7 @@ class Run(Generic[P]):
                 continue  # who lets a request wait is silent until then
             if key == "op_get_default" and self._serves(seen):
                 continue
-            if key == "default_none" and self.setting.ics.dialect["on_unknown"] == "0":
+            if key == "default_none" and self.adapter.ics.dialect["on_unknown"] == "0":
                 continue  # of 0x0D and 0x13 the one that it does not know is answered so, too
             if READINGS[key].unit is None:
                 message = UserMessage(
@@ -380,7 +380,7 @@ class Run(Generic[P]):
     def _serves(self, seen: ReadingSeen) -> bool:
         """Whether a claim of opcodes may be true although others than those were seen."""
         if seen.claimed == "both":  # each is seen by itself, and perhaps only one was asked for
-            return "op_get_default" not in self._subject.found
+            return "op_get_default" not in self._subject.detected_readings
         return seen.claimed == "0x0D" and "both" in seen.options
 
     def _case(self, outcome: Outcome) -> Case:
@@ -438,7 +438,7 @@ class Run(Generic[P]):
         )
 
     def _replay(self, requirement: str) -> str:
-        replay = self.setting.replay
+        replay = self.adapter.replay
         only = f" --only {requirement}" if requirement else ""
         return f"{replay}{only}" if replay else ""
 
@@ -510,8 +510,8 @@ def _pytest(case_runner: CaseRunner, role: Role, options: Options, *where: Path)
         [*map(str, where), *alone, *quiet, *drawn, *heard, "--import-mode=importlib"],
         plugins=[case_runner],
     )
-    if case_runner.mistakes:
-        raise SuiteError(case_runner.mistakes[0])
+    if case_runner.suite_errors:
+        raise SuiteError(case_runner.suite_errors[0])
     if status is pytest.ExitCode.INTERRUPTED:
         raise KeyboardInterrupt
     if status not in _FINISHED:

@@ -24,7 +24,7 @@ class StallDetector:
         self._lock = threading.Lock()
         self._last_ns, self._longest_s = monotonic_ns(), 0.0
 
-    def stood_still_s(self) -> float:
+    def take_longest_stall_s(self) -> float:
         """How long at most nothing happened here since this was asked last; 0 for what is usual."""
         with self._lock:
             self._look()

@@ -10,7 +10,7 @@ from scaraspec.suite.engine.observer import Observer
 
 @dataclass(frozen=True, slots=True)
 class StopFailure:
-    """What is wrong with a controller's emergency stop, and which requirement says so."""
+    """A failure of the emergency stop of a controller, and the requirement that it violates."""
 
     requirement: str
     message: str
@@ -35,13 +35,13 @@ class ToleratedReading(NamedTuple):
 
 
 class Interference:
-    """What other clients do to a subject during a run: nothing is known of it.
+    """What other clients do to a subject during a run. This base class knows of none.
 
     A failure that another client may have caused does not count.
     """
 
     def begin(self) -> None:
-        """A case begins, or is repeated."""
+        """Begin a case, or its repetition."""
 
     @property
     def suspected(self) -> bool:
@@ -49,91 +49,92 @@ class Interference:
         return False
 
     def passed_again(self) -> None:
-        """The running case has failed and was suspected, and has passed when it was repeated."""
+        """Note that the running case has failed, was suspected, and has passed when repeated."""
 
     def reason(self, case: str) -> str:
-        """Why a failure of this case does not count; empty if it does."""
+        """Return why a failure of this case does not count; empty if it counts."""
         del case
         return ""
 
 
 class SystemUnderTest(Protocol):
-    """A subject.
+    """The controller or client under test, called the subject.
 
     Attributes:
-        observer: Watches everything.
+        observer: Observes the traffic.
         tolerated: The listed readings that the running case has observed.
-        found: The readings that were found out, by key.
-        survival: The requirement that it violates by not surviving a case; empty for the case's.
-        off: It was switched off, and has not come back.
-        notices: What the reader of the results must know first.
+        detected_readings: The readings that were detected, by key.
+        survival_requirement: The requirement that the subject violates if it does not survive a
+            case; empty for the first requirement of the case.
+        off: The subject was switched off and has not come back.
+        notices: Sentences at the head of the results.
     """
 
     observer: Observer
     tolerated: list[ToleratedReading]
-    found: dict[str, str]
-    survival: str
+    detected_readings: dict[str, str]
+    survival_requirement: str
     off: bool
     notices: list[str]
 
     @property
     def stop_failure(self) -> StopFailure | None:
-        """What is wrong with the emergency stop; None as long as nothing is."""
+        """The failure of the emergency stop; None if none was observed."""
 
-    def stop_has_failed(self, requirement: str, message: str) -> None:
-        """A case has found that the emergency stop does not work."""
+    def report_stop_failure(self, requirement: str, message: str) -> None:
+        """Note that a case has shown that the emergency stop does not work."""
 
     def notify(self, sentence: str) -> None:
-        """Say what the reader of the results must know first."""
+        """Add a sentence to the head of the results."""
 
     @property
     def withheld(self) -> str:
-        """Why a request of the running case was not sent; empty if all were."""
+        """Why a request of the running case was not sent; empty if all were sent."""
 
     def begin_case(self) -> None:
-        """A case begins: nothing was tolerated or withheld in it."""
+        """Reset the state that belongs to one case: tolerated readings, withheld requests."""
 
     @property
     def others(self) -> Interference:
-        """What other clients do to it."""
+        """What other clients do to the subject."""
 
     @property
-    def untried(self) -> str:
-        """Why a case that raised nothing has found out nothing; empty where it has."""
+    def no_verdict_reason(self) -> str:
+        """Why a case that raised nothing has no verdict; empty if it has one."""
 
     @property
     def ics(self) -> Ics:
-        """What it claims."""
+        """The implementation conformance statement of the subject."""
 
     @property
     def complaints(self) -> str:
-        """The end of what its process complained of."""
+        """The end of the stderr of the subject's process; empty if the suite did not start it."""
 
     @property
     def now_ns(self) -> int:
-        """The present instant in nanoseconds since the Unix epoch."""
+        """The current time in nanoseconds since the Unix epoch."""
 
     def open(self) -> Connection:
-        """A connection with a login.
+        """Return a connection that is logged in.
 
         Raises:
-            CaseFailed: There is none to be had.
+            CaseFailed: The subject does not connect, or the login fails.
         """
 
     def close_lines(self) -> None:
-        """End every connection."""
+        """Close every connection."""
 
     def settle(self) -> None:
-        """Bring it back to rest, and show that it is alive.
+        """Bring the subject to rest after a case, and check that it still responds.
 
         Raises:
-            CaseFailed: It is not.
-            CaseInconclusive: It does not come to rest.
+            CaseFailed: The subject does not respond correctly.
+            CaseInconclusive: The subject does not come to rest.
         """
 
     def revive(self) -> None:
-        """Restart it, if possible.
+        """Restart the subject if possible.
 
         Raises:
-            CaseInconclusive: It failed.
+            CaseInconclusive: The restart failed.
         """

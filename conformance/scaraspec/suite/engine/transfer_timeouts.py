@@ -1,7 +1,7 @@
-"""Limits: after what silence a transfer may and must have ended (A-5-13), and how long one was.
+"""Timeouts of a transfer (5.4, A-5-13), and the measurement of a silence.
 
-A transfer survives 25 s of silence and has ended after 60 s; where it ends before 27 s or lives on
-after 35 s, that is reported. A limit that the subject claims scales all four.
+A transfer must survive 25 s of silence and must have ended after 60 s. An end before 27 s or after
+35 s is reported. A timeout that the subject claims scales all four values.
 """
 
 from typing import Final, NamedTuple
@@ -14,43 +14,50 @@ _DOCUMENT_S: Final = 30.0  # L763, L787, L795
 _NS: Final = 1e9
 
 
-class Limits(NamedTuple):
-    """How long a silence may and must be for a transfer to end, in seconds."""
+class TransferTimeouts(NamedTuple):
+    """The limits of a silence within a transfer, in seconds.
 
-    survived_s: float
+    Attributes:
+        must_survive_s: A transfer survives a silence of this length.
+        early_s: A transfer that ends before this is reported.
+        late_s: A transfer that ends after this is reported.
+        must_end_s: A transfer has ended after a silence of this length.
+    """
+
+    must_survive_s: float
     early_s: float
     late_s: float
-    over_s: float
+    must_end_s: float
 
 
-def limits_of(subject: SystemUnderTest) -> Limits:
-    """The limits of a subject."""
+def transfer_timeouts_of(subject: SystemUnderTest) -> TransferTimeouts:
+    """Return the timeouts for this subject."""
     scale = subject.ics.transfer_s / _DOCUMENT_S
-    return Limits(25 * scale, 27 * scale, 35 * scale, 60 * scale)
+    return TransferTimeouts(25 * scale, 27 * scale, 35 * scale, 60 * scale)
 
 
 class Silence:
-    """How long nothing has been sent on a connection."""
+    """Measures for how long nothing has been sent on a connection."""
 
     def __init__(self, subject: SystemUnderTest) -> None:
         self._subject = subject
         self._since_ns = subject.now_ns
 
     @property
-    def passed_s(self) -> float:
-        """How many seconds it has lasted until now."""
+    def elapsed_s(self) -> float:
+        """The duration of the silence until now, in seconds."""
         return (self._subject.now_ns - self._since_ns) / _NS
 
-    def in_time(self, limit_s: float) -> None:
-        """Continue only while it is within the limit: a slow machine must cause no failure.
+    def require_within(self, limit_s: float) -> None:
+        """Require that the silence is not too long: a slow machine must not cause a failure.
 
         Raises:
-            CaseInconclusive: It is longer.
+            CaseInconclusive: The silence is longer than the limit.
         """
-        if self.passed_s > limit_s:
+        if self.elapsed_s > limit_s:
             raise CaseInconclusive(
                 UserMessage(
                     "this machine is too slow: a silence lasted {passed_s:.3f} s",
-                    passed_s=self.passed_s,
+                    passed_s=self.elapsed_s,
                 )
             )

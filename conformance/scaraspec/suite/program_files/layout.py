@@ -41,14 +41,14 @@ def find_layout(subject: ControllerUnderTest, line: OutgoingConnection) -> Layou
     traits = subject.traits
     if not traits.program_layout_tried:
         release_latch(subject, line)
-        with subject.observer.overlooking(CODE_20):
+        with subject.observer.ignoring(CODE_20):
             try:
                 layout, traits.layout_trial = _find(subject, line)
             except CaseFailed:
                 traits.program_layout_tried = True
                 raise
         traits.program_layout, traits.program_layout_tried = layout, True
-        subject.follows("prog_layout", layout.reading)
+        subject.set_reading("prog_layout", layout.reading)
     if traits.program_layout is None:
         raise CaseInconclusive("the subject runs programs in no layout of the document")
     return traits.program_layout

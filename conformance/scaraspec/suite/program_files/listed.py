@@ -96,7 +96,7 @@ def _next(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFra
         try:
             return line.reply("list_programs", within_s=_PUSHED_S)
         except NoReply:
-            subject.follows("list_cont", "request")
+            subject.set_reading("list_cont", "request")
     return line.ask("list_programs")
 
 

@@ -268,7 +268,7 @@ def test_two_cases_of_one_name_are_a_mistake(trial: Try) -> None:
 def test_a_wrong_claim_is_a_failure_of_its_own(trial: Try) -> None:
     """The statement of conformance is held against what is seen."""
     text = "@case('4.8/2')\ndef test_one(line):\n    line.ask('get_status')\n"
-    claim = Ics().claiming(prelogin="all")
+    claim = Ics().with_claims(prelogin="all")
     results = trial(text, ics=claim)
     assert only(results, "claim.prelogin").verdict is Verdict.FAIL
 

@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given, seed
 from hypothesis import strategies as st
 
-from scaraspec.suite.engine.hypothesis_profile import Drawing
+from scaraspec.suite.engine.hypothesis_profile import HypothesisProfile
 
 EXAMPLES = 50
 
 
 def _drawn() -> list[tuple[str, int]]:
     taken = []
-    drawing = Drawing(EXAMPLES)
+    drawing = HypothesisProfile(EXAMPLES)
     drawing.begin()
 
     @seed(0)

@@ -78,9 +78,9 @@ def test_what_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     instants_s = iter((0, 0.4, 2.4, 2.8))
     monkeypatch.setattr(pulse, "monotonic_ns", lambda: int(next(instants_s) * 1e9))
     beating = StallDetector()
-    assert beating.stood_still_s() == 0
-    assert beating.stood_still_s() == pytest.approx(2)
-    assert beating.stood_still_s() == 0
+    assert beating.take_longest_stall_s() == 0
+    assert beating.take_longest_stall_s() == pytest.approx(2)
+    assert beating.take_longest_stall_s() == 0
     assert next(instants_s, None) is None
 
 

@@ -60,7 +60,9 @@ def test_login_comes_first(subject: ClientUnderTest) -> None:
     """The client sends the login as the first request on each connection."""
     for _ in range(2):
         line, call = subject.begin_connect()
-        first = line.awaited(lambda _: True, subject.answer_timeout_s, "the client sent no login")
+        first = line.wait_for_frame(
+            lambda _: True, subject.answer_timeout_s, "the client sent no login"
+        )
         expect_equal(first.seen.name, "login", "the first request is not a login")
         line.reply("login")
         subject.expect_done(call)

@@ -190,7 +190,7 @@ def _ignored(
     with suppress(NoReply):  # the client has closed the connection
         line.send_bytes(b"".join(map(Frame.encode, frames)))
         line.wait(_SHORT_S)
-    if line.over:
+    if line.ended:
         subject.wait_for_answer(call)
     if call.answer is None:
         return True
@@ -203,7 +203,7 @@ def _given_up(
 ) -> IncomingConnection:
     """Continue after the client has aborted an operation because of an unexpected frame."""
     subject.tolerate(requirement, "A-3-9", "close", "the client aborted the operation")
-    if not line.over:
+    if not line.ended:
         return line
     subject.wait_for_answer(subject.begin("disconnect"))
     return subject.open()

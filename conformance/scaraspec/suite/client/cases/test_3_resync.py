@@ -55,7 +55,7 @@ _HALVES: Final = (
 def _settles(line: IncomingConnection, call: Call, within_s: float) -> bool:
     """Whether the operation or the connection ends within this time."""
     for _ in range(round(within_s / _TURN_S)):
-        if call.answer is not None or line.over:
+        if call.answer is not None or line.ended:
             return True
         line.wait(_TURN_S)
     return False
@@ -94,7 +94,7 @@ def _recovers(
                 observed="neither",
                 requirement=requirement,
             )
-    if not line.over and (call.answer is None or call.ok):
+    if not line.ended and (call.answer is None or call.ok):
         subject.expect_result(call, "00", requirement=requirement)
         return line
     subject.expect_failure(call, requirement=requirement)

@@ -115,7 +115,7 @@ def test_no_operation_after_a_refused_login(subject: ClientUnderTest) -> None:
         ("get_status", "get_version", "list_programs", "delete_program", "emergency_stop")
     ):
         call = begin_operation(subject, name)
-        if line.over or sent_or_answered(subject, line, call) is None:
+        if line.ended or sent_or_answered(subject, line, call) is None:
             subject.expect_failure(call)
         _expect_logins(line)
 

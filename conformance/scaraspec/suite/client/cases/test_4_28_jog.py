@@ -83,7 +83,7 @@ def test_byte(subject: ClientUnderTest, line: IncomingConnection) -> None:
     expect(
         not forms, "the form of the jog byte changes", expected=f"always {form}", observed="both"
     )
-    subject.found["jog_byte"] = form
+    subject.detected_readings["jog_byte"] = form
     if form == "binary":
         subject.tolerate(
             "4.28/2", "jog_byte", form, "the client sends the direction of a jog as a binary number"

@@ -47,7 +47,7 @@ from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import NoReply, expect, expect_equal, expect_in
 from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.suite.engine.strategies import NAME_CHARACTERS
-from scaraspec.suite.engine.transfer_timeouts import limits_of
+from scaraspec.suite.engine.transfer_timeouts import transfer_timeouts_of
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.user_message import UserMessage
 
@@ -434,7 +434,7 @@ def _download_to_an_invalid_folder(
         line.reply("download_name")
         line.send_chunk(Chunk(1, 0, 1, b"!"))
         request_or_none(subject, line, call, "download_chunk", subject.silence_s)
-    subject.wait_for_answer(call, within_s=limits_of(subject).over_s)
+    subject.wait_for_answer(call, within_s=transfer_timeouts_of(subject).must_end_s)
     message = "the client reports a successful download without a file"
     expect(not call.ok or local.exists(), message, expected="an error", observed=f"{call}")
     return expect_served(subject, line, "a download that cannot be written")
@@ -480,7 +480,7 @@ def test_answers_of_the_wrong_opcode(subject: ClientUnderTest, line: IncomingCon
         upload.accept_name()
         chunk = upload.next_chunk()
         _offer_wrong(line, "upload_chunk")
-        if not line.over:
+        if not line.ended:
             upload.accept_chunk(chunk.length)
     if _goes_on(upload, line):
         upload.finish()
@@ -489,7 +489,7 @@ def test_answers_of_the_wrong_opcode(subject: ClientUnderTest, line: IncomingCon
 
 
 def _goes_on(upload: Upload, line: IncomingConnection) -> bool:
-    return upload.call.answer is None and not line.over
+    return upload.call.answer is None and not line.ended
 
 
 def _offer_wrong(line: IncomingConnection, command: str) -> None:

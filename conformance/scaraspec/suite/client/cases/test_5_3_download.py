@@ -115,7 +115,7 @@ def test_refusal_is_an_answer(subject: ClientUnderTest, line: IncomingConnection
         download = _sent(subject, line, count)
         answered = download.offer_chunk(Chunk(650, 200 * count, 201, bytes(200)))
         expect(
-            answered is False or (answered is None and line.over),
+            answered is False or (answered is None and line.ended),
             "the client did not answer an invalid chunk with 0",
             expected="0",
             observed="1" if answered else "silence",
@@ -179,7 +179,7 @@ def test_error_signals(subject: ClientUnderTest, line: IncomingConnection, signa
         expect(
             not taken, "the client took the error signal for content", expected="0", observed="1"
         )
-        if not line.over:
+        if not line.ended:
             again = download.offer_chunk(_CHUNKS[count])
             message = "the client continues a download after the error signal"
             expect(not again, message, expected="0 or silence", observed="1")

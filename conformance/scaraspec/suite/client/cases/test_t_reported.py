@@ -183,7 +183,7 @@ def test_queries_after_an_invalid_reply(subject: ClientUnderTest, line: Incoming
         nonlocal line
         call, _ = request_operation(subject, line, name)
         line.reply(name, data=b"?")
-        if not subject.answers_within(call, _SOON_S) and not line.over:
+        if not subject.answers_within(call, _SOON_S) and not line.ended:
             line.reply(name, data=REPLIES[name])  # the client ignored the invalid reply
         subject.wait_for_answer(call)
         line = ensure_open(subject, line)

@@ -59,12 +59,12 @@ class ClientUnderTest:
     Attributes:
         dialect: The readings that the suite uses towards the client.
         tolerated: The listed readings that the running case has observed.
-        found: The readings that were detected, by key.
+        detected_readings: The readings that were detected, by key.
         traits: What was detected once for the whole run.
         idle_status: What the client reports for an idle robot. A value other than 00 has failed
             once; later it is accepted in place of 00.
         polled: The requests that the client has sent without being told to.
-        survival: Empty: see `system_under_test.SystemUnderTest`.
+        survival_requirement: Empty: see `system_under_test.SystemUnderTest`.
         off: Always False: a client is not switched off.
     """
 
@@ -72,11 +72,11 @@ class ClientUnderTest:
         self.access, self.ics, self.observer = access, ics, observer
         self.dialect = ics.dialect
         self.tolerated: list[ToleratedReading] = []
-        self.found: dict[str, str] = {}
+        self.detected_readings: dict[str, str] = {}
         self.traits = ClientTraits()
         self.idle_status: Any = None
         self.polled: set[Frame] = set()
-        self.survival = ""
+        self.survival_requirement = ""
         self.off = False
         self.notices: list[str] = []
         self.others = Interference()
@@ -210,7 +210,7 @@ class ClientUnderTest:
 
     def _next(self, line: IncomingConnection, *, judged: bool) -> IncomingConnection | None:
         """Return the next connection if the client closed this one without sending a byte."""
-        silent = line.over and not (line.inbox or line.invalid_bytes)
+        silent = line.ended and not (line.inbox or line.invalid_bytes)
         link = self.access.accept(self.access.now_s + _SHORT_WAIT_S) if silent else None
         return None if link is None else self._connected(link, judged=judged)
 
@@ -226,7 +226,7 @@ class ClientUnderTest:
             )
 
     def _open_line(self) -> IncomingConnection | None:
-        return next((line for line in self._lines if not line.over), None)
+        return next((line for line in self._lines if not line.ended), None)
 
     def pump_others(self, line: Connection, /) -> list[Link]:
         """Receive on the other connections. Return the links that may receive more."""
@@ -279,7 +279,7 @@ class ClientUnderTest:
         """Empty: every request of a case is sent."""
         return ""
 
-    def stop_has_failed(self, requirement: str, message: str) -> None:
+    def report_stop_failure(self, requirement: str, message: str) -> None:
         """Do nothing: a client has no emergency stop of its own."""
 
     def notify(self, sentence: str) -> None:
@@ -291,7 +291,7 @@ class ClientUnderTest:
         self.tolerated.clear()
 
     @property
-    def untried(self) -> str:
+    def no_verdict_reason(self) -> str:
         """Why the case has no verdict: the client refused every operation. Empty otherwise."""
         declined = any(each.key == _DECLINED for each in self.tolerated)
         if not declined or any(call.request_seen for call in self._calls):

@@ -19,7 +19,7 @@ from scaraspec.suite.client.harness.incoming_connection import IncomingConnectio
 from scaraspec.suite.engine.chunks import chunk_of, expect_next
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect, expect_equal
-from scaraspec.suite.engine.transfer_timeouts import limits_of
+from scaraspec.suite.engine.transfer_timeouts import transfer_timeouts_of
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.user_message import UserMessage
 
@@ -48,7 +48,7 @@ def request_or_none(
         answered = call.answer is not None
         if answered:
             remaining_s = min(remaining_s, subject.silence_s)
-        last = line.over or remaining_s <= 0
+        last = line.ended or remaining_s <= 0
         with suppress(NoReply):
             return line.request(command, within_s=min(_SLICE_S, max(remaining_s, 0)))
         if last or (answered and not line.unfinished):
@@ -88,7 +88,7 @@ def expect_transfer_failed(
     Raises:
         CaseFailed: It does not.
     """
-    _settled(subject, call, limits_of(subject).over_s + _GRACE_S, requirement)
+    _settled(subject, call, transfer_timeouts_of(subject).must_end_s + _GRACE_S, requirement)
     subject.expect_failure(call, requirement=requirement)
 
 
@@ -316,7 +316,7 @@ def serve_read_back(
 ) -> None:
     """Serve a client that downloads the file after an upload to compare it (A-5-21)."""
     deadline_s = subject.access.now_s + subject.answer_timeout_s
-    while not (subject.access.attended or line.over or subject.answers_within(call, _SLICE_S)):
+    while not (subject.access.attended or line.ended or subject.answers_within(call, _SLICE_S)):
         if subject.access.now_s >= deadline_s:
             break
         if any(seen.name == "download_name" for seen in line.inbox):
@@ -434,7 +434,7 @@ class Download:
         if answer is None or not answer.accepted:
             self._subject.require_timely(self.call)
         if answer is None:
-            error = self._line.no_answer(
+            error = self._line.no_reply_error(
                 UserMessage(
                     "the client did not answer the chunk at {position} of a file of"
                     " {size_bytes} bytes",

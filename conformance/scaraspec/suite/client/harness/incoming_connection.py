@@ -23,7 +23,7 @@ from scaraspec.suite.engine.expectations import (
     OperationRefused,
     expect_equal,
 )
-from scaraspec.suite.engine.transfer_timeouts import limits_of
+from scaraspec.suite.engine.transfer_timeouts import transfer_timeouts_of
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.wire import Kind
 from scaraspec.transports.link import Link
@@ -97,7 +97,7 @@ class IncomingConnection(Connection):
         begun_s = self._subject.access.now_s
         try:
             with self._subject.expecting(call):
-                request = self.awaited(
+                request = self.wait_for_frame(
                     wanted,
                     timeout_s,
                     UserMessage("the client did not send {command}", command=name),
@@ -105,20 +105,20 @@ class IncomingConnection(Connection):
         except OperationRefused as refusal:
             self.finish()
             if self.inbox or self.invalid_bytes:  # the client has sent something else
-                raise self.no_answer(f"{refusal}") from None
+                raise self.no_reply_error(f"{refusal}") from None
             refusal.after_s = self._subject.access.now_s - begun_s
             if refusal.after_s > _ALONE_S:
                 self._subject.require_single_connection()
             raise
         except NoReply:
-            if self._subject.access.attended and within_s is None and not self.over:
+            if self._subject.access.attended and within_s is None and not self.ended:
                 raise CaseSkipped(
                     UserMessage(
                         "the operator did not do the step within {timeout_s:g} s",
                         timeout_s=timeout_s,
                     )
                 ) from None
-            if within_s is None and not self.over:
+            if within_s is None and not self.ended:
                 self._subject.require_single_connection()
             raise
         finally:
@@ -144,7 +144,7 @@ class IncomingConnection(Connection):
             return
         self._answering = True
         try:
-            while not (self.over or self.mid_frame):
+            while not (self.ended or self.mid_frame):
                 unwanted = [seen for seen in self.inbox if not self._wanted(seen)]
                 poll = self.auto_responder.next_poll(unwanted, self._subject.access.now_s)
                 if poll is None:
@@ -183,7 +183,7 @@ class IncomingConnection(Connection):
         )
         spoken_ns = [since_ns, *(time_ns for time_ns in self._sent_ns if time_ns > since_ns), *due]
         silence_s = max((then - at for at, then in pairwise(spoken_ns)), default=0) / _NS
-        if silence_s > limits_of(self._subject).early_s:
+        if silence_s > transfer_timeouts_of(self._subject).early_s:
             raise CaseInconclusive(
                 UserMessage(
                     "this machine or the client is too slow: the suite sent nothing for"

@@ -426,7 +426,7 @@ def sent_or_answered(
         CaseSkipped: The client does not implement the operation.
     """
     deadline_s = subject.access.now_s + subject.answer_timeout_s
-    while call.answer is None and not _brought_about(line, call) and not line.over:
+    while call.answer is None and not _brought_about(line, call) and not line.ended:
         if subject.access.now_s >= deadline_s:
             break
         line.wait(_TURN_S)

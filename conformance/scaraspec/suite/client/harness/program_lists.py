@@ -72,4 +72,4 @@ def _await_fetching(subject: ClientUnderTest, line: IncomingConnection) -> None:
         subject.traits.requests_list_parts = False
     else:
         subject.traits.requests_list_parts = True
-        subject.found["list_cont"] = "request"
+        subject.detected_readings["list_cont"] = "request"

@@ -15,7 +15,7 @@ from scaraspec.suite.engine.expectations import (
     NoReply,
     OperationRefused,
 )
-from scaraspec.suite.engine.transfer_timeouts import Silence, limits_of
+from scaraspec.suite.engine.transfer_timeouts import Silence, transfer_timeouts_of
 from scaraspec.user_message import UserMessage
 
 _LOOK_S: Final = 0.02
@@ -42,13 +42,13 @@ def expect_survives_silence(
         CaseFailed: The client has aborted the transfer.
         CaseInconclusive: The silence was longer than intended.
     """
-    limits, silence = limits_of(subject), Silence(subject)
-    subject.pause(limits.survived_s * share)
-    passed_s = silence.passed_s
+    limits, silence = transfer_timeouts_of(subject), Silence(subject)
+    subject.pause(limits.must_survive_s * share)
+    passed_s = silence.elapsed_s
     try:
         message = UserMessage(
             "the client aborted a transfer within {survived_s:g} s of silence",
-            survived_s=limits.survived_s * share,
+            survived_s=limits.must_survive_s * share,
         )
         subject.expect_pending(call, message)
         go_on()
@@ -70,21 +70,21 @@ def expect_given_up(subject: ClientUnderTest, call: Call, requirement: str) -> N
     Raises:
         CaseFailed: It aborts at another time, or reports success.
     """
-    limits, silence = limits_of(subject), Silence(subject)
-    while call.answer is None and silence.passed_s < limits.over_s:
+    limits, silence = transfer_timeouts_of(subject), Silence(subject)
+    while call.answer is None and silence.elapsed_s < limits.must_end_s:
         subject.pause(_LOOK_S)
-    passed_s = silence.passed_s
+    passed_s = silence.elapsed_s
     try:
         subject.expect_failure(call, within_s=_GRACE_S)
     except CaseFailed as error:
         error.requirement = requirement
         raise
-    if passed_s < limits.survived_s:
+    if passed_s < limits.must_survive_s:
         raise CaseFailed(
             UserMessage(
                 "the client aborted a transfer after {passed_s:.2f} s of silence", passed_s=passed_s
             ),
-            expected=f"at least {limits.survived_s:.2f} s",
+            expected=f"at least {limits.must_survive_s:.2f} s",
             observed=f"{passed_s:.2f} s",
             requirement=requirement,
         )
@@ -105,16 +105,16 @@ def expect_given_up_despite_queries(
         CaseFailed: It does not.
         CaseSkipped: The client sends no other query while a transfer runs.
     """
-    limits, silence = limits_of(subject), Silence(subject)
+    limits, silence = transfer_timeouts_of(subject), Silence(subject)
     name, _ = subject.prefer_unpolled("get_version", "get_status", "get_time")
     asks = True
-    while asks and call.answer is None and silence.passed_s < limits.over_s:
+    while asks and call.answer is None and silence.elapsed_s < limits.must_end_s:
         asks, query = False, subject.begin(name)
         with suppress(NoReply, OperationRefused):
-            line.request(name, query, within_s=limits.survived_s / 2)
+            line.request(name, query, within_s=limits.must_survive_s / 2)
             line.reply(name, data=REPLIES[name])
             asks = True
-        subject.pause(limits.survived_s / 4)
+        subject.pause(limits.must_survive_s / 4)
     if not asks and call.answer is None:
         raise CaseSkipped("the client sends no other query during a transfer")
     try:

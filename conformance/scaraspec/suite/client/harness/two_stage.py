@@ -116,7 +116,7 @@ def reopen(subject: ClientUnderTest, line: IncomingConnection) -> IncomingConnec
 
 def ensure_open(subject: ClientUnderTest, line: IncomingConnection) -> IncomingConnection:
     """Return this connection, or a new one if the client has ended it."""
-    return subject.open() if line.over else line
+    return subject.open() if line.ended else line
 
 
 def require_query_while_executing(subject: ClientUnderTest, line: IncomingConnection) -> None:

@@ -58,7 +58,7 @@ def test_port(subject: ControllerUnderTest) -> None:
 @case("2/13")
 def test_one_after_the_other(subject: ControllerUnderTest) -> None:
     """A hundred clients connect one after another, send a request, and close."""
-    subject.notices_leaving()
+    subject.require_close_detection()
     for _ in range(_CLIENTS):
         line = _connect(subject)
         line.ask("get_status")
@@ -68,7 +68,7 @@ def test_one_after_the_other(subject: ControllerUnderTest) -> None:
 @case("2/13", name="leaving")
 def test_ways_of_disconnecting(subject: ControllerUnderTest) -> None:
     """A hundred clients disconnect in abnormal ways; the next client is still served."""
-    subject.notices_leaving()
+    subject.require_close_detection()
     for number in range(_CLIENTS):
         _disconnect(_connect(subject), number % 5)
     _connect(subject).ask("get_status")
@@ -122,7 +122,7 @@ def test_second_client(subject: ControllerUnderTest) -> None:
     """
     if not subject.access.several:
         raise CaseSkipped("this link carries only one connection at a time")
-    unsolicited = subject.observer.told_unasked
+    unsolicited = subject.observer.unsolicited_opcodes
     first = subject.open()
     version, time = (first.request(name).encode() for name in ("get_version", "get_time"))
     first.send_bytes(version[:2])

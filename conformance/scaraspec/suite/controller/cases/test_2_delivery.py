@@ -57,7 +57,7 @@ def test_cut_at_every_byte(subject: ControllerUnderTest) -> None:
 def test_slowly(subject: ControllerUnderTest) -> None:
     """A request sent byte by byte, and a login in three parts, are answered despite 1 s pauses."""
     parts = {subject.open(): ("get_status", pieces(GET_STATUS, (1, 1, 1)))}
-    if not subject.takes_several:
+    if not subject.supports_multiple_connections:
         _send_slowly(subject, parts)
         parts.clear()
         subject.close_lines()

@@ -273,7 +273,7 @@ def test_motion(subject: ControllerUnderTest) -> None:
     expect_equal(status, "00", "a command sent without a login is executed")
     message = "the arm moved without a login"
     expect(deviation <= STANDSTILL, message, observed=f"by {deviation:.2f}")
-    if subject.takes_several:
+    if subject.supports_multiple_connections:
         with outputs_kept(line):
             with executing_task(subject, line, RUN, queries=False):
                 client.ask(("set_digital_output", PortValue(port, int(not before[-1]))))

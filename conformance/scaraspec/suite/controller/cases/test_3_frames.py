@@ -158,7 +158,7 @@ def test_long_replies(subject: ControllerUnderTest, line: OutgoingConnection) ->
 def test_nothing_while_idle(subject: ControllerUnderTest) -> None:
     """A connection is silent before the login, after it, and after a query."""
     lines = [subject.open(login=False)]
-    if subject.takes_several:
+    if subject.supports_multiple_connections:
         lines.append(subject.open())
         with suppress(CaseFailed):  # three connections may be too many (A-2-2)
             lines.append(subject.open())
@@ -166,7 +166,7 @@ def test_nothing_while_idle(subject: ControllerUnderTest) -> None:
     subject.pause(_IDLE_S)
     for line in lines:
         _expect_silence(subject, line)
-    if not subject.takes_several:
+    if not subject.supports_multiple_connections:
         if subject.access.needs_login:
             subject.log_in(line)
         line.ask("get_status")

@@ -34,7 +34,7 @@ from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseSkipped, NoReply, expect, expect_equal
 from scaraspec.suite.engine.file_contents import content_of
-from scaraspec.suite.engine.transfer_timeouts import Silence, limits_of
+from scaraspec.suite.engine.transfer_timeouts import Silence, transfer_timeouts_of
 from scaraspec.suite.program_files.listed import store_program
 from scaraspec.user_message import UserMessage
 
@@ -118,7 +118,7 @@ def test_undefined_opcodes_in_an_upload(subject: ControllerUnderTest) -> None:
             _send_with_query(subject, line, Frame(A2C, opcode))
             if line.ending is not None:
                 raise CaseSkipped("the controller closes the connection after an undefined opcode")
-        if silence.passed_s > limits_of(subject).survived_s:
+        if silence.elapsed_s > transfer_timeouts_of(subject).must_survive_s:
             raise CaseSkipped("the transfer may have timed out between so many replies")
         message = "an upload chunk was refused after undefined opcodes"
         send(line, chunk, "3/21", message)
@@ -179,7 +179,7 @@ def _expect_own_opcodes(
     """Expect no reply to an undefined opcode, or replies with the same opcode."""
     if line.ending is not None:
         subject.tolerate("3/21", "on_unknown", "close", "the connection was closed")
-    unsolicited = subject.observer.told_unasked - opcodes
+    unsolicited = subject.observer.unsolicited_opcodes - opcodes
     for received in line.inbox:
         if received.frame.opcode in unsolicited:
             continue

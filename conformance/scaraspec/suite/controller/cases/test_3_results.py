@@ -225,7 +225,7 @@ def test_no_result_after_refusal_while_busy(
         refused = []
         for name, value in requests.items():
             reply = try_request(line, name, value)
-            task.lasts()
+            task.require_executing()
             if name != RUN and (reply is None or reply.accepted is False):
                 refused.append(name)
     _expect_no_results(line, refused)

@@ -292,11 +292,11 @@ def test_bystander(subject: ControllerUnderTest) -> None:
 @case("3/29")
 def test_half_frames(subject: ControllerUnderTest) -> None:
     """After a connection ends within a frame, the next one is served and is not affected."""
-    subject.notices_leaving()
+    subject.require_close_detection()
     for part in examples(_PARTIAL_FRAMES):
         line = subject.open(judged=False)
         line.send_bytes(part)
-        if subject.takes_several:
+        if subject.supports_multiple_connections:
             _expect_served(subject)
             line.close()
         else:
@@ -308,7 +308,7 @@ def test_half_frames(subject: ControllerUnderTest) -> None:
 @case("3/29", name="reset")
 def test_cut_off_in_a_frame(subject: ControllerUnderTest) -> None:
     """After a connection is reset within a frame, the next one is served."""
-    subject.notices_leaving()
+    subject.require_close_detection()
     for part in examples(_PARTIAL_FRAMES):
         line = subject.open(judged=False)
         line.send_bytes(part)
@@ -325,7 +325,7 @@ def test_half_close_in_a_frame(subject: ControllerUnderTest) -> None:
         line = subject.open(judged=False)
         line.send_bytes(part)
         line.half_close()
-        if not subject.takes_several:
+        if not subject.supports_multiple_connections:
             line.close()
         _expect_served(subject)
         line.close()

@@ -77,7 +77,7 @@ def test_right_password(subject: ControllerUnderTest) -> None:
 def test_repeated_logins(subject: ControllerUnderTest) -> None:
     """The password is accepted on several connections, some of them at the same time."""
     needs_login(subject)
-    parallel = subject.takes_several
+    parallel = subject.supports_multiple_connections
     for number in range(1, _LOGINS + 1):
         line = subject.open(login=False)
         message = UserMessage("login {number} with the correct password was refused", number=number)

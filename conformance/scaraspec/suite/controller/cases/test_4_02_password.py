@@ -100,7 +100,7 @@ def test_former_password(subject: ControllerUnderTest) -> None:
     """A change with the former password is refused on connections that were open at the change."""
     former_password, checked = subject.password, False
     with password_kept(subject):
-        lines = [subject.open() for _ in range(2 if subject.takes_several else 1)]
+        lines = [subject.open() for _ in range(2 if subject.supports_multiple_connections else 1)]
         expect_changed(lines[0], former_password, PLAIN_PASSWORD)
         for line in lines:
             try:

@@ -168,7 +168,7 @@ def test_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 def _run_and_check(
     subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, other: bytes
 ) -> None:
-    second_line = subject.open() if subject.takes_several else line
+    second_line = subject.open() if subject.supports_multiple_connections else line
     try:
         begin_or_skip(subject, line, "run_program", name)
         first = clock_before = None

@@ -142,7 +142,7 @@ def test_delete_running_program(subject: ControllerUnderTest, line: OutgoingConn
     """A running program is deleted or kept (A-4.11-1), as the reply to the deletion states."""
     with executing_task(subject, line, RUN) as task:
         reply = try_request(line, "delete_program", task.program)
-        task.lasts()
+        task.require_executing()
     if reply is None:
         raise CaseSkipped("the robot did not answer a deletion while a program ran (A-4-3)")
     listed = task.program in program_names(subject, line)

@@ -72,7 +72,9 @@ def test_default_program_is_returned(
                 requirement="4.12/3",
             )
         reply_opcodes = {f"0x{reply.frame.opcode:02X}" for reply in replies}
-        subject.follows("op_get_default", "both" if len(reply_opcodes) > 1 else reply_opcodes.pop())
+        subject.set_reading(
+            "op_get_default", "both" if len(reply_opcodes) > 1 else reply_opcodes.pop()
+        )
 
 
 @case("4.12/4", "4.13/3", hazards=(Hazard.DESTRUCTIVE, Hazard.STATE), name="deleted")

@@ -221,7 +221,7 @@ def test_unfinished_upload(subject: ControllerUnderTest, line: OutgoingConnectio
     require_command(subject, RUN)
     subject.moved = True
     name = subject.new_name()
-    other = subject.open() if subject.takes_several else line
+    other = subject.open() if subject.supports_multiple_connections else line
     if not other.ask("upload_name", name).accepted:
         return
     first = try_request(line, RUN, name)
@@ -249,7 +249,7 @@ def test_second_run(subject: ControllerUnderTest, line: OutgoingConnection) -> N
                 expected="0|01",
                 observed=f"{reply}",
             )
-        if subject.takes_several:
+        if subject.supports_multiple_connections:
             reply = try_request(subject.open(), RUN, other)
             expect(
                 reply is None or not reply.accepted,

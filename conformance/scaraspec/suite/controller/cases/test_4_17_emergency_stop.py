@@ -126,8 +126,8 @@ def test_stop(subject: ControllerUnderTest, line: OutgoingConnection, name: str)
     """A stop interrupts each command: "1", "11", and at most one result of the command itself."""
     with executing_task(subject, line, name, queries=False) as task:
         reply = line.ask(STOP)
-        if not reply.accepted and task.over:
-            task.lasts()
+        if not reply.accepted and task.finished:
+            task.require_executing()
         expect(
             reply.accepted,
             UserMessage("the stop was refused while {name} executed", name=name),
@@ -147,8 +147,8 @@ def _skip_if_over(reply: ReceivedFrame, task: Task) -> None:
     Raises:
         CaseSkipped: The simulation had ended.
     """
-    if task.name == SIMULATE and task.over_before(reply):
-        task.lasts()
+    if task.name == SIMULATE and task.finished_before(reply):
+        task.require_executing()
 
 
 def _expect_interrupted(line: OutgoingConnection, task: Task) -> None:
@@ -195,8 +195,8 @@ def test_stop_right_after_start(
             subject.tolerate("4.17/6", "pipelining", "one", message)
             reply = line.ask(STOP)
         task = Task(name, line)
-        if not reply.accepted and task.over:
-            task.lasts()
+        if not reply.accepted and task.finished:
+            task.require_executing()
         _skip_if_over(reply, task)
         expect_stopped(subject, line, reply)
         _expect_interrupted(line, task)
@@ -225,8 +225,8 @@ def test_stop_within_a_transfer(subject: ControllerUnderTest, line: OutgoingConn
                 else:
                     send(line, next(chunks_of(content_of(_FILE_BYTES))))
                 reply = line.ask(STOP)
-                if not reply.accepted and task.over:
-                    task.lasts()
+                if not reply.accepted and task.finished:
+                    task.require_executing()
                 expect(
                     reply.accepted,
                     "the stop of a program was refused between two chunks of a file",
@@ -300,7 +300,7 @@ def test_standstill(subject: ControllerUnderTest, line: OutgoingConnection, name
         line.wait(_SHORT_S)
         reply = line.ask(STOP)
         if not reply.accepted:
-            task.lasts()
+            task.require_executing()
         expect_stopped(subject, line, reply)
         stopped_joints, stopped_pose = joints_of(line), pose_of(line)
         for pause_s in _PAUSES_S:

@@ -46,7 +46,7 @@ def test_refused_during_a_run(subject: ControllerUnderTest, line: OutgoingConnec
     with initial_position_at_pose(subject, line), executing_task(subject, line, RUN) as task:
         for _ in range(3):
             reply = try_request(line, RESET)
-            task.lasts()
+            task.require_executing()
             expect(
                 reply is not None and text_of(reply) in (b"0|01", b"0 01"),
                 "the reset was not refused with 01 while a program ran",
@@ -55,7 +55,7 @@ def test_refused_during_a_run(subject: ControllerUnderTest, line: OutgoingConnec
             )
         status = line.ask("get_status")
         expect(
-            status.value == "01" or task.over,
+            status.value == "01" or task.finished,
             "the running program ended after a refused reset",
             expected="01",
             observed=f"{status}",

@@ -76,7 +76,7 @@ def test_not_during_motion(
         return
     with locked_afterwards(subject, line), executing_task(subject, line, name) as task:
         reply = try_request(line, RELEASE)
-        task.lasts()
+        task.require_executing()
         expect(
             reply is None or not reply.accepted,
             UserMessage("the joints were released while {name} executed", name=name),

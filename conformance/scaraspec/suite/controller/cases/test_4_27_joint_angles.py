@@ -57,7 +57,7 @@ def test_while_moving(subject: ControllerUnderTest, line: OutgoingConnection) ->
                 observed=" ".join(invalid.data.hex(" ") for invalid in line.invalid_bytes),
                 requirement="4.27/3",
             )
-            if task.over:
+            if task.finished:
                 break
             line.wait(0.02)
 
@@ -80,7 +80,7 @@ def test_idle_joints_stay(subject: ControllerUnderTest, line: OutgoingConnection
             expected=f"{first}",
             observed=f"{current}",
         )
-    other = joints_of(subject.open()) if subject.takes_several else first
+    other = joints_of(subject.open()) if subject.supports_multiple_connections else first
     expect(
         max_deviation(first, other) <= STANDSTILL,
         "another connection returned other joint angles",

@@ -242,9 +242,9 @@ def test_to_the_limit(subject: ControllerUnderTest, line: OutgoingConnection) ->
 @case("4.28/5", "4.17/6", name="lost-link", hazards=_MOTION)
 def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """When its client disconnects, a jog ends, or the next client can stop it (A-2-8)."""
-    subject.notices_leaving()
+    subject.require_close_detection()
     require_responsive(subject, line)
-    other = subject.open() if subject.takes_several else None
+    other = subject.open() if subject.supports_multiple_connections else None
     with arm_returned(subject, other or line):
         jog_somewhere(subject, line)
         line.close()

@@ -37,7 +37,7 @@ def test_not_while_a_program_runs(subject: ControllerUnderTest, line: OutgoingCo
         raise CaseSkipped("a robot that queues the request would shut down when the program ends")
     with executing_task(subject, line, RUN) as task:
         reply = try_request(line, _SHUTDOWN)
-        task.lasts()
+        task.require_executing()
         expect(
             reply is not None and reply.accepted is False and reply.code == "01",
             "the shutdown was not refused with 01 while a program ran",
@@ -47,7 +47,7 @@ def test_not_while_a_program_runs(subject: ControllerUnderTest, line: OutgoingCo
         )
         status = line.ask("get_status")
         expect(
-            status.value == "01" or task.over,
+            status.value == "01" or task.finished,
             "the running program ended after a refused shutdown",
             expected="01",
             observed=f"{status}",

@@ -193,7 +193,7 @@ def test_stopped_commands_fail(subject: ControllerUnderTest, line: OutgoingConne
     """A command that an emergency stop ends fails with "00|code", or has no result of its own."""
     for name in examples(name for name in STATES if name not in {JOG, *subject.ics.unsupported}):
         with executing_task(subject, line, name, queries=False) as task:
-            task.lasts()
+            task.require_executing()
             stop(subject, line)
             result = interrupted_result(line, name)
             if result is not None and result.done is not True:
@@ -308,13 +308,13 @@ def test_busy(subject: ControllerUnderTest, line: OutgoingConnection, name: str)
     This also holds for requests on another connection.
     """
     values = harmless_requests(subject, line)
-    second_line = subject.open() if subject.takes_several else line
+    second_line = subject.open() if subject.supports_multiple_connections else line
     with executing_task(subject, line, name) as task:
         for other, value in examples(values.items()):
             if subject.dialect["busy_reply"] != "queue":
                 expect_busy(subject, line, task, other, value)
                 expect_busy(subject, second_line, task, other, value)
-            task.lasts()
+            task.require_executing()
 
 
 @case("4/6", "4.24/8", name="afterwards", hazards=_MOTION, slow=True)
@@ -401,12 +401,12 @@ def test_never_idle_while_executing(
         for _ in range(_POLLS):
             status = line.ask("get_status")
             expect(
-                status.value != IDLE or task.over,
+                status.value != IDLE or task.finished,
                 UserMessage("the status is 00 while {name} executes", name=name),
                 expected=task.state,
                 observed=f"{status}",
             )
-            if task.over:
+            if task.finished:
                 break
             line.wait(0.01)
         for query in known_to(subject):
@@ -624,7 +624,7 @@ def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 
     The same holds if the program ends while no client is connected.
     """
-    subject.notices_leaving()
+    subject.require_close_detection()
     require_responsive(subject, line)
     for end in examples((line.close, None)):
         first_client = line if end else subject.open()

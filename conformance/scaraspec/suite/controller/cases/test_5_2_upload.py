@@ -400,7 +400,7 @@ def test_chunk_after_the_connection_was_lost(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
     """A chunk on a new connection is refused: the upload ended with the old connection."""
-    subject.notices_leaving()
+    subject.require_close_detection()
     for end in examples((OutgoingConnection.close, OutgoingConnection.reset)):
         begin_upload(line, subject.new_name())
         send(line, Chunk(450, 0, 200, bytes(200)))
@@ -592,7 +592,7 @@ def _check_large_file(subject: ControllerUnderTest, line: OutgoingConnection, si
     begin_upload(line, name)
     first, *others = chunks_of(content)
     if not line.ask("upload_chunk", first, within_s=CHUNK_S).accepted:
-        line.in_time()
+        line.require_timely()
         _expect_too_large(subject, reconnect(subject, line), size)
         return
     for chunk in others:

@@ -48,7 +48,7 @@ from scaraspec.suite.engine.expectations import (
     expect_equal,
 )
 from scaraspec.suite.engine.file_contents import content_of
-from scaraspec.suite.engine.transfer_timeouts import Silence, limits_of
+from scaraspec.suite.engine.transfer_timeouts import Silence, transfer_timeouts_of
 from scaraspec.suite.program_files.listed import INHERITED
 from scaraspec.traffic.transfers import refuses_an_answer
 from scaraspec.user_message import UserMessage
@@ -261,7 +261,7 @@ def test_no_chunk_is_repeated(subject: ControllerUnderTest, line: OutgoingConnec
     """A chunk that is not answered for some seconds is not sent again."""
     name = upload_some_file(subject, line, _CONTENT)
     _begin_download(line, name)
-    line.wait(limits_of(subject).survived_s / 5)
+    line.wait(transfer_timeouts_of(subject).must_survive_s / 5)
     expect_nothing_more(line, "an unanswered chunk was followed by another one", "5.3/6")
 
 
@@ -274,7 +274,7 @@ def test_silence_of_the_client(subject: ControllerUnderTest, line: OutgoingConne
     name = upload_some_file(subject, line, _CONTENT)
     times = min(2, len(download_replies(line, name)) - 1)  # a stored program may have fewer chunks
     line.close()
-    limits = limits_of(subject)
+    limits = transfer_timeouts_of(subject)
 
     after_name, after_chunk = (partial(_begin, name=name, answered=answered) for answered in (0, 1))
 
@@ -285,16 +285,16 @@ def test_silence_of_the_client(subject: ControllerUnderTest, line: OutgoingConne
         ]
         message = "something was sent while the answer to a chunk was pending"
         expect(not chunks, message, observed=f"{chunks}", requirement="5.3/6")
-        silence.in_time(limits.early_s)
+        silence.require_within(limits.early_s)
         if not _continues(connection, CHUNK_S):
             message = UserMessage(
                 "an answer to a chunk was not accepted after {survived_s:g} s",
-                survived_s=limits.survived_s,
+                survived_s=limits.must_survive_s,
             )
             raise CaseFailed(message, expected="the next chunk", observed="none")
 
     def check_early(connection: OutgoingConnection, silence: Silence) -> None:
-        passed_s = silence.passed_s
+        passed_s = silence.elapsed_s
         if not _continues(connection, subject.reply_s) and passed_s < subject.transfer_s:
             message = UserMessage(
                 "a download is aborted before {passed_s:g} s of silence", passed_s=passed_s
@@ -311,7 +311,7 @@ def test_silence_of_the_client(subject: ControllerUnderTest, line: OutgoingConne
 
     def check_over(connection: OutgoingConnection, _: Silence) -> None:
         message = UserMessage(
-            "an answer to a chunk was accepted after {over_s:g} s", over_s=limits.over_s
+            "an answer to a chunk was accepted after {over_s:g} s", over_s=limits.must_end_s
         )
         continued = _continues_too_late(connection)
         expect(not continued, message, expected="no further chunk", observed="the next chunk")
@@ -323,12 +323,12 @@ def test_silence_of_the_client(subject: ControllerUnderTest, line: OutgoingConne
         [
             Track(
                 partial(_begin_after_download, name=name),
-                ((limits.survived_s, check_survived),) * times,
+                ((limits.must_survive_s, check_survived),) * times,
             ),
             Track(after_name, ((limits.early_s, check_early),)),
             Track(after_name, ((limits.late_s, check_late),)),
             *(
-                Track(begin_upload, ((limits.over_s, check_over),))
+                Track(begin_upload, ((limits.must_end_s, check_over),))
                 for begin_upload in (after_name, after_chunk)[:times]
             ),
         ],

@@ -40,7 +40,7 @@ from scaraspec.suite.engine.chunks import chunk_of
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect, expect_equal
 from scaraspec.suite.engine.file_contents import content_of
-from scaraspec.suite.engine.transfer_timeouts import Limits, Silence, limits_of
+from scaraspec.suite.engine.transfer_timeouts import Silence, TransferTimeouts, transfer_timeouts_of
 from scaraspec.suite.program_files.listed import program_names, store_program
 from scaraspec.user_message import UserMessage
 
@@ -169,7 +169,7 @@ def test_end_after_short_chunks(
 @case("5.4/5", "5.4/6", "5.4/7")
 def test_silence(subject: ControllerUnderTest) -> None:
     """An upload continues after two pauses of 25 s and ends after 60 s of silence."""
-    limits = limits_of(subject)
+    limits = transfer_timeouts_of(subject)
     run_tracks(
         subject,
         [
@@ -197,7 +197,7 @@ def _upload_start(
     return name, start
 
 
-def _track_of_pauses(subject: ControllerUnderTest, limits: Limits) -> Track:
+def _track_of_pauses(subject: ControllerUnderTest, limits: TransferTimeouts) -> Track:
     """Return a track with pauses of 25 s after the name and after a chunk, and then the rest.
 
     A complete upload precedes it, whose timeout must not apply to this one.
@@ -213,11 +213,11 @@ def _track_of_pauses(subject: ControllerUnderTest, limits: Limits) -> Track:
     def check_survived(line: OutgoingConnection, silence: Silence, chunk: Chunk) -> None:
         accepted = offer(line, chunk, within_s=CHUNK_S)
         if not accepted:
-            silence.in_time(limits.early_s + (CHUNK_S if accepted is None else 0))
+            silence.require_within(limits.early_s + (CHUNK_S if accepted is None else 0))
             _expect_served(subject, line, "a timeout")
             message = UserMessage(
                 "an upload was aborted after {survived_s:g} s of silence",
-                survived_s=limits.survived_s,
+                survived_s=limits.must_survive_s,
             )
             raise CaseFailed(message, expected="1", observed="0 or silence", requirement="5.4/5")
 
@@ -227,16 +227,18 @@ def _track_of_pauses(subject: ControllerUnderTest, limits: Limits) -> Track:
             send(line, chunk)
         expect_stored(line, name, _CONTENT, "5.4/5")
 
-    first = (limits.survived_s, lambda line, silence: check_survived(line, silence, _CHUNKS[0]))
-    return Track(start_after_another, (first, (limits.survived_s, check_rest)))
+    first = (limits.must_survive_s, lambda line, silence: check_survived(line, silence, _CHUNKS[0]))
+    return Track(start_after_another, (first, (limits.must_survive_s, check_rest)))
 
 
-def _track_to_observe(subject: ControllerUnderTest, silence_s: float, limits: Limits) -> Track:
+def _track_to_observe(
+    subject: ControllerUnderTest, silence_s: float, limits: TransferTimeouts
+) -> Track:
     """Return a track that checks after a pause whether an upload is still open."""
     _, start = _upload_start(subject, 1)
 
     def check_state(line: OutgoingConnection, silence: Silence) -> None:
-        passed_s = silence.passed_s
+        passed_s = silence.elapsed_s
         still_open = offer(line, _CHUNKS[1])
         if still_open and silence_s >= limits.late_s:
             message = UserMessage(
@@ -252,14 +254,18 @@ def _track_to_observe(subject: ControllerUnderTest, silence_s: float, limits: Li
     return Track(start, ((silence_s, check_state),))
 
 
-def _track_of_timeout(subject: ControllerUnderTest, limits: Limits, sent_chunks: int) -> Track:
+def _track_of_timeout(
+    subject: ControllerUnderTest, limits: TransferTimeouts, sent_chunks: int
+) -> Track:
     """Return a track with a pause of 60 s, after which the upload must be over."""
     name, start = _upload_start(subject, sent_chunks)
 
     def check_over(line: OutgoingConnection, _: Silence) -> None:
         expect(
             not offer(line, _CHUNKS[sent_chunks]),
-            UserMessage("a chunk was accepted after {over_s:g} s of silence", over_s=limits.over_s),
+            UserMessage(
+                "a chunk was accepted after {over_s:g} s of silence", over_s=limits.must_end_s
+            ),
             expected="0",
             observed="1",
             requirement="5.4/5",
@@ -268,7 +274,7 @@ def _track_of_timeout(subject: ControllerUnderTest, limits: Limits, sent_chunks:
         _expect_transfer(subject, line, "a timeout")
         _expect_no_leftover(subject, line, name, _CONTENT[: 200 * sent_chunks]).close()
 
-    return Track(start, ((limits.over_s, check_over),))
+    return Track(start, ((limits.must_end_s, check_over),))
 
 
 # The state after an interrupted transfer
@@ -338,7 +344,9 @@ def _expect_no_leftover(
         message = "the part that was sent of an interrupted upload is kept"
         subject.tolerate("5.4/7", "partial_keep", "keep", message)
         delete(line, name)
-    remaining_s = limits_of(subject).over_s  # a lost connection may be detected by its silence
+    remaining_s = transfer_timeouts_of(
+        subject
+    ).must_end_s  # a lost connection may be detected by its silence
     while not (reply := line.ask("upload_name", data=name)).accepted and remaining_s > 0:
         if line.ask("delete_program", data=name).accepted:
             message = "an empty file of an interrupted upload is kept"
@@ -377,7 +385,7 @@ def test_connection_closed(subject: ControllerUnderTest) -> None:
 
     It may stay open until its timeout, and block others until then (A-5-17).
     """
-    subject.notices_leaving()
+    subject.require_close_detection()
     _interrupt_uploads(subject, OutgoingConnection.close)
     if subject.transfers_outlive:
         message = "an upload whose connection ended blocks others until its timeout"
@@ -387,7 +395,7 @@ def test_connection_closed(subject: ControllerUnderTest) -> None:
 @case("5.4/7", "5.4/1", name="reset")
 def test_connection_reset(subject: ControllerUnderTest) -> None:
     """An upload whose connection is reset at any chunk leaves nothing but the sent part."""
-    subject.notices_leaving()
+    subject.require_close_detection()
     _interrupt_uploads(subject, OutgoingConnection.reset)
 
 

@@ -390,7 +390,7 @@ def test_hundredths(subject: ControllerUnderTest, line: OutgoingConnection) -> N
             result = robot.ended(within_s=robot.ours_s(_INPUT_TIMEOUT_S))
             if result is not None:
                 expect(result.done, "a valid program failed", expected="11", observed=f"{result}")
-                subject.follows("wait_scale", reading)
+                subject.set_reading("wait_scale", reading)
                 break
             robot.stop()
         else:

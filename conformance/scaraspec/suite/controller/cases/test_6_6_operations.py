@@ -234,9 +234,9 @@ def test_result_of_a_comparison(subject: ControllerUnderTest, line: OutgoingConn
         observed=f"branches executed, of the true and the false comparison: {sorted(outcomes)}",
     )
     if outcomes == {as_compared}:
-        subject.follows("cmp_result", "output")
+        subject.set_reading("cmp_result", "output")
         return
-    subject.follows("cmp_result", "polarity")
+    subject.set_reading("cmp_result", "polarity")
     message = "a result other than 0 in the file inverts a comparison"
     subject.tolerate("6.6a/2", "cmp_result", "polarity", message)
 

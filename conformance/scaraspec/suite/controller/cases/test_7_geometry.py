@@ -79,7 +79,7 @@ def test_tool_point_is_constant(subject: ControllerUnderTest, line: OutgoingConn
     """The same pose is returned each time on every connection."""
     require_command(subject, "get_tool_coordinates")
     first = pose_of(line)
-    lines = [line, subject.open()] if subject.takes_several else [line]
+    lines = [line, subject.open()] if subject.supports_multiple_connections else [line]
     for connection in lines:
         current = pose_of(connection)
         expect(

@@ -100,11 +100,11 @@ class ControllerUnderTest:
         self.observer, self.allowed = observer, allowed
         self.dialect = ics.dialect
         self.tolerated: list[ToleratedReading] = []
-        self.found: dict[str, str] = {}
+        self.detected_readings: dict[str, str] = {}
         self.traits = ControllerTraits()
         self.patience = TimeoutPolicy()
         self.unanswered: frozenset[str] = frozenset()
-        self.survival = ANSWERED
+        self.survival_requirement = ANSWERED
         self.complaints = ""
         self.moved = False
         self.off = False
@@ -147,7 +147,7 @@ class ControllerUnderTest:
         """What is wrong with the emergency stop."""
         return self.guard.stop.failure
 
-    def stop_has_failed(self, requirement: str, message: str) -> None:
+    def report_stop_failure(self, requirement: str, message: str) -> None:
         """A case has found that the emergency stop does not work."""
         self.guard.stop.fail(requirement, message, "", "")
 
@@ -162,7 +162,7 @@ class ControllerUnderTest:
         self.guard.stop.withheld = ""
 
     @property
-    def untried(self) -> str:
+    def no_verdict_reason(self) -> str:
         """Nothing: whatever a case asks of a controller finds something out."""
         return ""
 
@@ -205,7 +205,7 @@ class ControllerUnderTest:
         """
         if not self.access.ends:
             return 1
-        there = sum(not line.over for line in self._lines)
+        there = sum(not line.ended for line in self._lines)
         if self._may_serve_one and not there:
             return _RECONNECTS
         since_ns = self.now_ns - round(_RECONNECT_S * 1e9)
@@ -220,7 +220,7 @@ class ControllerUnderTest:
     @property
     def _may_serve_one(self) -> bool:
         """Whether it serves one client at a time, or this is not known yet (A-2-2)."""
-        known = {*self.found, *self.ics.claimed}
+        known = {*self.detected_readings, *self.ics.claimed}
         return self.dialect["max_clients"] == "one" or "max_clients" not in known
 
     def _open(self, *, judged: bool) -> OutgoingConnection:
@@ -280,7 +280,7 @@ class ControllerUnderTest:
                 return
         self.access.pause(for_s)
 
-    def is_tried(self, requirement: str) -> bool:
+    def is_case_about(self, requirement: str) -> bool:
         """Whether the running case is about this requirement."""
         case = self.observer.case
         return case == requirement or case.startswith(f"{requirement}.")
@@ -299,7 +299,7 @@ class ControllerUnderTest:
             raise RuntimeError(f"{command.name} is not allowed: the case is not marked for it")
 
     @property
-    def takes_several(self) -> bool:
+    def supports_multiple_connections(self) -> bool:
         """Whether several connections can be open at once, and none displaces another."""
         many = self.dialect["max_clients"] == "many" and not self.traits.displaces_first_client
         return self.access.several and many
@@ -314,10 +314,10 @@ class ControllerUnderTest:
             raise CaseSkipped("this link carries one connection at a time")
         if self.dialect["max_clients"] != "many":
             raise CaseSkipped("the subject serves one client at a time (max_clients)")
-        if not self.takes_several:
+        if not self.supports_multiple_connections:
             raise CaseSkipped("the subject sends a client away when a further one comes (A-2-2)")
 
-    def notices_leaving(self) -> None:
+    def require_close_detection(self) -> None:
         """Go on only where the subject notices that a client is gone.
 
         Raises:
@@ -360,9 +360,9 @@ class ControllerUnderTest:
         """The subject follows a listed reading, or does what the register only warns of."""
         self.tolerated.append(ToleratedReading(requirement, key, option, message))
 
-    def follows(self, key: str, option: str) -> None:
+    def set_reading(self, key: str, option: str) -> None:
         """It was found out which reading the subject follows; from now on it is spoken to so."""
-        self.found[key] = option
+        self.detected_readings[key] = option
         self.dialect = self.dialect.replace(**{key: option})
 
     # ------------------------------------------------------------------ state
@@ -372,12 +372,12 @@ class ControllerUnderTest:
         """Whether a transfer goes on until its time-out when its connection ends (5.4/5)."""
         return not self.access.ends or bool(self.traits.transfers_outlive_connection)
 
-    def has_been_stopped(self) -> None:
+    def note_accepted_stop(self) -> None:
         """An emergency stop was granted: perhaps the robot is latched (A-4.17-2)."""
         if self.traits.may_be_latched is None:
             self.traits.may_be_latched = True
 
-    def may_mistake(self) -> bool:
+    def may_try_wrong_password(self) -> bool:
         """Whether a sequence may try a wrong password: few do, so that the suite is not locked out.
 
         One in a run that may only change state, five where things may be lost (A-4.1-2).

@@ -136,7 +136,7 @@ class Model:
         self._subject, self._acts, self._names = subject, acts, names
         self._password = subject.password
         self._lines = [self._connection()]
-        if subject.takes_several:
+        if subject.supports_multiple_connections:
             self._lines += [self._connection() for _ in range(_LINES - 1)]
         self._constant: dict[str, bytes] = {}
         self._files: dict[bytes, bytes] = {}
@@ -253,9 +253,9 @@ class Model:
         return "log in again"
 
     def _log_in_wrongly(self, _: Step, _line: OutgoingConnection) -> str | None:
-        if not (self._subject.takes_several and self._subject.access.needs_login):
+        if not (self._subject.supports_multiple_connections and self._subject.access.needs_login):
             return None
-        if not self._subject.may_mistake():
+        if not self._subject.may_try_wrong_password():
             return None
         other = self._subject.open(login=False)
         try:
@@ -300,7 +300,7 @@ class Model:
         return f"set the password {show(new)}"
 
     def _mistake_password(self, _: Step, line: OutgoingConnection) -> str | None:
-        if not self._subject.access.needs_login or not self._subject.may_mistake():
+        if not self._subject.access.needs_login or not self._subject.may_try_wrong_password():
             return None
         answer = change(line, self._password + b"-no", PLAIN_PASSWORD)
         expect(

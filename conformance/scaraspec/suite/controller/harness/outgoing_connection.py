@@ -18,7 +18,7 @@ from scaraspec.protocol.payloads import FinalResult, NameListPart, NoData, Outco
 from scaraspec.suite.controller.harness.timeouts import Due
 from scaraspec.suite.engine.connection import Connection, ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
-from scaraspec.suite.engine.transfer_timeouts import limits_of
+from scaraspec.suite.engine.transfer_timeouts import transfer_timeouts_of
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.transfers import NAMES
 from scaraspec.transports.link import Link
@@ -108,13 +108,13 @@ class OutgoingConnection(Connection):
             opcode = command.alternate_opcode
         return Frame(A2C, opcode, payload)
 
-    def in_time(self) -> None:
+    def require_timely(self) -> None:
         """Go on only where the latest two frames followed each other as a transfer needs it.
 
         Raises:
             CaseInconclusive: A transfer may have been over between them: this machine is too slow.
         """
-        if (pause_s := self._pause_ns / _NS) > limits_of(self._subject).early_s:
+        if (pause_s := self._pause_ns / _NS) > transfer_timeouts_of(self._subject).early_s:
             raise CaseInconclusive(
                 UserMessage(
                     "this machine is too slow: a frame followed {pause_s:.3f} s late",
@@ -142,7 +142,7 @@ class OutgoingConnection(Connection):
 
     def _drop_unasked(self, command: Command) -> None:
         """Drop what came of itself: it answers no later request (A-3-16), and may be outdated."""
-        if unasked := [seen.place for seen in self._subject.observer.unasked]:
+        if unasked := [seen.place for seen in self._subject.observer.unsolicited]:
             self.inbox[:] = [
                 seen
                 for seen in self.inbox
@@ -167,7 +167,7 @@ class OutgoingConnection(Connection):
             f"{name} was not answered",
         )
         if name == "emergency_stop" and answer.accepted:
-            self._subject.has_been_stopped()
+            self._subject.note_accepted_stop()
         if name == "list_programs":
             self.listing = isinstance(answer.value, NameListPart) and answer.value.more
         return answer
@@ -188,7 +188,7 @@ class OutgoingConnection(Connection):
         """
         due, opcode = Due(name, result=True), BY_NAME[name].opcode
         in_vain = self._subject.patience.given_up(due)
-        untagged = untagged or (in_vain and not self._subject.is_tried(due.requirement))
+        untagged = untagged or (in_vain and not self._subject.is_case_about(due.requirement))
         answer = self._due(
             due,
             lambda seen: (
@@ -212,12 +212,12 @@ class OutgoingConnection(Connection):
         """Wait for what is due: for its full time unless told otherwise, or it never comes."""
         patience, asked_s = self._subject.patience, full_s if within_s is None else within_s
         try:
-            answer = self.awaited(wanted, patience.within_s(due, asked_s), message)
+            answer = self.wait_for_frame(wanted, patience.within_s(due, asked_s), message)
         except NoReply as error:
             error.owed = due.requirement
             if patience.given_up(due):
                 error.requirement = due.requirement
-            if asked_s >= full_s and not self.over:
+            if asked_s >= full_s and not self.ended:
                 patience.missed(due)
             raise
         if answer.frame.tagged or not due.result:
@@ -279,7 +279,7 @@ class OutgoingConnection(Connection):
                 before.append(seen)
             if not self._more(deadline_s):
                 self.inbox[:0] = before
-                raise self.no_answer("get_status was not answered")
+                raise self.no_reply_error("get_status was not answered")
 
     def collect_replies(self) -> list[FrameSeen]:
         """As `sync`, and where nothing came a moment longer: not all answer in order (A-3-14).
@@ -312,14 +312,14 @@ class OutgoingConnection(Connection):
         A frame that was begun is spoilt, a transfer is over after its time-out (L763, L795), and
         what is still being answered comes.
         """
-        if self.over:
+        if self.ended:
             return
         with suppress(CaseFailed):
             notices = self._subject.access.ends
             if not notices and self.mid_frame:
                 self.send_bytes(bytes(MAX_FRAME_BYTES))
             if self._subject.transfers_outlive and self._may_transfer:
-                self.wait(limits_of(self._subject).over_s)
+                self.wait(transfer_timeouts_of(self._subject).must_end_s)
             if not notices:
                 self.sync()
 

@@ -20,7 +20,7 @@ from scaraspec.suite.controller.harness.controller_under_test import (
 )
 from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
-from scaraspec.suite.engine.transfer_timeouts import limits_of
+from scaraspec.suite.engine.transfer_timeouts import transfer_timeouts_of
 from scaraspec.suite.program_files.layout import candidates
 from scaraspec.suite.program_files.listed import program_names
 from scaraspec.suite.program_files.writing import wait_program
@@ -47,7 +47,7 @@ def probe_all(subject: ControllerUnderTest) -> None:
             continue
         try:
             if (option := probe.look(subject)) is not None:
-                subject.follows(probe.key, option)
+                subject.set_reading(probe.key, option)
             subject.settle()
         except (CaseFailed, CaseInconclusive):
             subject.close_lines()
@@ -142,7 +142,7 @@ def _look_how_long_it_lasts(subject: ControllerUnderTest) -> None:
         return
     traits.transfers_outlive_connection = False
     if not _breaks_off(subject):
-        subject.pause(limits_of(subject).over_s)
+        subject.pause(transfer_timeouts_of(subject).must_end_s)
         traits.transfers_outlive_connection = True
         traits.transfers_outlive_connection = _breaks_off(subject)
 
@@ -167,7 +167,7 @@ def _endian(subject: ControllerUnderTest) -> str | None:
 
 def _prog_layout(subject: ControllerUnderTest) -> str | None:
     """Store a program of each layout until one is listed: others need not be (A-6.1-2)."""
-    with subject.observer.overlooking(_LISTED):
+    with subject.observer.ignoring(_LISTED):
         for layout in candidates(subject):
             line, name = subject.open(), subject.new_name()
             upload(line, name, wait_program(subject.dialect, 1, layout=layout))

@@ -11,7 +11,7 @@ from scaraspec.suite.controller.harness.controller_under_test import ControllerU
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import CHUNK_S, begin_upload, incoming, offer
 from scaraspec.suite.engine.expectations import CaseFailed
-from scaraspec.suite.engine.transfer_timeouts import Silence, limits_of
+from scaraspec.suite.engine.transfer_timeouts import Silence, transfer_timeouts_of
 
 _INSTANT_S: Final = 1e-6
 
@@ -45,7 +45,7 @@ class _Running:
     @property
     def due_s(self) -> float:
         """How long it is until the next step."""
-        return self._left[0][0] - self._silence.passed_s
+        return self._left[0][0] - self._silence.elapsed_s
 
     def go_on(self) -> bool:
         """Take the next step; whether another one follows."""
@@ -64,8 +64,8 @@ def run_tracks(subject: ControllerUnderTest, tracks: list[Track], *, at_once: bo
     late chunk may be ignored (A-5-16), would outlast the pause of another track; and where a track
     that has ended leaves a transfer that has to be waited for.
     """
-    limits = limits_of(subject)
-    apart = limits.late_s + subject.reply_s < 2 * limits.survived_s
+    limits = transfer_timeouts_of(subject)
+    apart = limits.late_s + subject.reply_s < 2 * limits.must_survive_s
     at_once = at_once and not subject.transfers_outlive and (apart or _refuses_strays(subject))
     waiting = list(tracks)
     while waiting:
@@ -91,7 +91,7 @@ def _run(subject: ControllerUnderTest, running: list[_Running]) -> None:
 
 def uploads_at_once(subject: ControllerUnderTest) -> bool:
     """Whether connections have uploads of their own, at once (A-5-17)."""
-    if not subject.takes_several:
+    if not subject.supports_multiple_connections:
         return False
     lines = [subject.open(), subject.open()]
     try:
@@ -107,7 +107,7 @@ def uploads_at_once(subject: ControllerUnderTest) -> bool:
 
 def downloads_at_once(subject: ControllerUnderTest, name: bytes) -> bool:
     """Whether connections have downloads of their own, at once, of a file that is there."""
-    if not subject.takes_several:
+    if not subject.supports_multiple_connections:
         return False
     lines = [subject.open(), subject.open()]
     try:

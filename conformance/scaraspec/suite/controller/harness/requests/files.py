@@ -86,7 +86,7 @@ def send(
     """
     answer = line.ask("upload_chunk", chunk, within_s=CHUNK_S)
     if not answer.accepted:
-        line.in_time()
+        line.require_timely()
     expect(
         answer.accepted,
         message
@@ -242,7 +242,7 @@ def _chunk_frame(line: OutgoingConnection) -> ReceivedFrame:
     try:
         return line.reply("download_chunk", within_s=CHUNK_S)
     except NoReply as error:
-        line.in_time()
+        line.require_timely()
         error.requirement = "5.3/4"
         raise
 
@@ -351,7 +351,7 @@ def leftover_content(line: OutgoingConnection, name: bytes) -> bytes | None:
             chunk = chunk_of(line.reply("download_chunk"))
         except NoReply:
             if content:
-                line.in_time()
+                line.require_timely()
             break
         content += chunk.data
         line.answer_chunk(accepted=True)

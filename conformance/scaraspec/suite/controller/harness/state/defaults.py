@@ -82,7 +82,7 @@ def _by_the_other_opcode(
     told = ask_default(subject, line, other)
     if told is None or says_nothing(told):
         return None
-    subject.follows("op_get_default", f"0x{other:02X}")
+    subject.set_reading("op_get_default", f"0x{other:02X}")
     return told
 
 

@@ -184,7 +184,7 @@ def _meaning(subject: ControllerUnderTest, line: OutgoingConnection, robot: Benc
             made = Arm(subject, line, robot, meaning, _place(line, meaning))
             if any(_turns(made, share) for share in (_LITTLE, -_LITTLE)):
                 traits.point_meaning = meaning
-                subject.follows(_KEY, str(meaning))
+                subject.set_reading(_KEY, str(meaning))
                 break
         else:
             raise CaseFailed(

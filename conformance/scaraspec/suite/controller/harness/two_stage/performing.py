@@ -75,7 +75,7 @@ def _ended(
 
 def _status(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFrame:
     """The status, which only the cases of 4/7 judge."""
-    return status_at_rest(line) if subject.is_tried("4/7") else line.ask("get_status")
+    return status_at_rest(line) if subject.is_case_about("4/7") else line.ask("get_status")
 
 
 def _simply(

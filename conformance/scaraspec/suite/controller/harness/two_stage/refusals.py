@@ -121,9 +121,9 @@ def expect_busy(
         message = "another jog replaced the one before"
         subject.tolerate("4/6", "A-4.28-5", "replace", message)
         return
-    if task.over_before(answer):
+    if task.finished_before(answer):
         with locked_afterwards(subject, line) if name == RELEASE else nullcontext():
-            task.lasts()
+            task.require_executing()
     expect(
         not answer.accepted,
         UserMessage("{name} was accepted while {task} executed", name=name, task=task.name),

@@ -218,7 +218,7 @@ def begin_jog(
             continue
         if answer.accepted or answer.code in BUSY:
             if notation != spoken:
-                subject.follows("jog_byte", notation)
+                subject.set_reading("jog_byte", notation)
             return answer
         first = first or answer
     if first is None:
@@ -300,7 +300,7 @@ class Task:
         return STATES[self.name]
 
     @property
-    def over(self) -> bool:
+    def finished(self) -> bool:
         """Whether its final result is there."""
         self.line.pump()
         return any(self._ends(seen) for seen in self.line.inbox)
@@ -308,7 +308,7 @@ class Task:
     def _ends(self, seen: FrameSeen) -> bool:
         return seen.frame.tagged and seen.frame.opcode == BY_NAME[self.name].opcode
 
-    def over_before(self, answer: ReceivedFrame) -> bool:
+    def finished_before(self, answer: ReceivedFrame) -> bool:
         """Whether its final result came before an answer, or on another connection about then."""
         where = answer.seen.place
         if answer.accepted and where.connection != self.line.name:
@@ -322,13 +322,13 @@ class Task:
             for seen in self.line.inbox
         )
 
-    def lasts(self) -> None:
+    def require_executing(self) -> None:
         """Go on only while it executes.
 
         Raises:
             CaseSkipped: It is over: it was too short to find anything out.
         """
-        if self.over:
+        if self.finished:
             raise CaseSkipped(
                 UserMessage("{command} ended before the case could send a query", command=self.name)
             )
@@ -482,7 +482,7 @@ def wait_for_result(
             name=name,
             longest=longest,
         )
-        error = line.no_answer(message)
+        error = line.no_reply_error(message)
         error.expected = f"{C2A.start:02X} 90 {BY_NAME[name].opcode:02X} …"
         error.requirement = SUCCESS[name]
         raise error
