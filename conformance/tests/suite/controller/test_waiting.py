@@ -9,7 +9,7 @@ from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.controller.harness.access import MemoryAccess
 from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
-from scaraspec.suite.controller.harness.two_stage.tasks import RUN, start_program
+from scaraspec.suite.controller.harness.two_stage.commands import RUN, start_program
 from scaraspec.suite.engine.expectations import NoReply
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.observer import Observer

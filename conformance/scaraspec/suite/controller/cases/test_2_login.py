@@ -27,11 +27,8 @@ from scaraspec.suite.controller.harness.requests.motion import (
 from scaraspec.suite.controller.harness.requests.passwords import rotated
 from scaraspec.suite.controller.harness.requests.ports import expect_outputs, outputs, outputs_kept
 from scaraspec.suite.controller.harness.suite_passwords import PLAIN_PASSWORD
-from scaraspec.suite.controller.harness.two_stage.tasks import (
-    RUN,
-    executing_task,
-    upload_wait_program,
-)
+from scaraspec.suite.controller.harness.two_stage.commands import RUN, upload_wait_program
+from scaraspec.suite.controller.harness.two_stage.tasks import executing_task
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import (

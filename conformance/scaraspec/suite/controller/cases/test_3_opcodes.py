@@ -24,12 +24,9 @@ from scaraspec.suite.controller.harness.requests.ports import ALL_OUTPUTS, outpu
 from scaraspec.suite.controller.harness.requests.queries import known_to
 from scaraspec.suite.controller.harness.state.defaults import default_kept, expect_default
 from scaraspec.suite.controller.harness.state.preserve import kept
-from scaraspec.suite.controller.harness.two_stage.tasks import (
-    RUN,
-    executing_task,
-    interrupted_result,
-    require_command,
-)
+from scaraspec.suite.controller.harness.two_stage.commands import RUN, require_command
+from scaraspec.suite.controller.harness.two_stage.results import interrupted_result
+from scaraspec.suite.controller.harness.two_stage.tasks import executing_task
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseSkipped, NoReply, expect, expect_equal

@@ -29,11 +29,9 @@ from scaraspec.suite.controller.harness.requests.queries import (
     replies_to,
     some_queries,
 )
-from scaraspec.suite.controller.harness.two_stage.tasks import (
-    jog_somewhere,
-    require_command,
-    wait_for_result,
-)
+from scaraspec.suite.controller.harness.two_stage.commands import require_command
+from scaraspec.suite.controller.harness.two_stage.results import wait_for_result
+from scaraspec.suite.controller.harness.two_stage.tasks import jog_somewhere
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import given

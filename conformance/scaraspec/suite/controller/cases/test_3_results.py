@@ -22,23 +22,22 @@ from scaraspec.suite.controller.harness.requests.motion import (
 )
 from scaraspec.suite.controller.harness.requests.queries import ask_all
 from scaraspec.suite.controller.harness.state.preserve import alive
-from scaraspec.suite.controller.harness.two_stage.performing import perform
-from scaraspec.suite.controller.harness.two_stage.tasks import (
+from scaraspec.suite.controller.harness.two_stage.commands import (
     JOG,
     MOVE,
     RUN,
     SIMULATE,
     STOP,
     TWO_STAGE,
-    executing_task,
     expect_accepted,
     harmless_requests,
-    probe_responsiveness,
     require_command,
     start_program,
     try_request,
-    wait_for_result,
 )
+from scaraspec.suite.controller.harness.two_stage.performing import perform
+from scaraspec.suite.controller.harness.two_stage.results import wait_for_result
+from scaraspec.suite.controller.harness.two_stage.tasks import executing_task, probe_responsiveness
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, NoReply, expect

@@ -9,15 +9,15 @@ from scaraspec.suite.controller.harness.controller_under_test import ControllerU
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import status_behind, stop_motion
 from scaraspec.suite.controller.harness.requests.queries import known_to
+from scaraspec.suite.controller.harness.two_stage.commands import JOG, MOVE, RESET, begin_or_skip
 from scaraspec.suite.controller.harness.two_stage.executing import (
-    begin_or_skip,
     expect_status,
     require_no_fault,
     skip_if_other_program_runs,
     store_wait_program,
     wait_until_idle,
 )
-from scaraspec.suite.controller.harness.two_stage.tasks import JOG, MOVE, RESET, executing_task
+from scaraspec.suite.controller.harness.two_stage.tasks import executing_task
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import (
     CaseFailed,

@@ -10,15 +10,14 @@ from scaraspec.suite.controller.harness.requests.clock import Reading, expect_ra
 from scaraspec.suite.controller.harness.requests.motion import stop_motion
 from scaraspec.suite.controller.harness.state.defaults import default_kept
 from scaraspec.suite.controller.harness.state.preserve import patient
+from scaraspec.suite.controller.harness.two_stage.commands import RUN, begin_or_skip, start_program
 from scaraspec.suite.controller.harness.two_stage.executing import (
     ask_while_executing,
-    begin_or_skip,
     expect_idle,
-    poll_result,
     skip_if_other_program_runs,
     store_wait_program,
 )
-from scaraspec.suite.controller.harness.two_stage.tasks import RUN, start_program, wait_for_result
+from scaraspec.suite.controller.harness.two_stage.results import poll_result, wait_for_result
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import (

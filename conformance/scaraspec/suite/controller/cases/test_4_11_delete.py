@@ -13,7 +13,8 @@ from scaraspec.suite.controller.harness.malformed.payloads import Malformed, mal
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import NameRefused, expect_stored, upload
 from scaraspec.suite.controller.harness.requests.motion import stop_motion
-from scaraspec.suite.controller.harness.two_stage.tasks import RUN, executing_task, try_request
+from scaraspec.suite.controller.harness.two_stage.commands import RUN, try_request
+from scaraspec.suite.controller.harness.two_stage.tasks import executing_task
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseSkipped, expect

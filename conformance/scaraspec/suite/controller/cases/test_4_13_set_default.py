@@ -13,12 +13,9 @@ from scaraspec.suite.controller.harness.requests.motion import (
     stop_motion,
 )
 from scaraspec.suite.controller.harness.state.defaults import default_kept, expect_default
-from scaraspec.suite.controller.harness.two_stage.tasks import (
-    RUN,
-    probe_responsiveness,
-    start_program,
-    wait_for_result,
-)
+from scaraspec.suite.controller.harness.two_stage.commands import RUN, start_program
+from scaraspec.suite.controller.harness.two_stage.results import wait_for_result
+from scaraspec.suite.controller.harness.two_stage.tasks import probe_responsiveness
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseFailed, expect

@@ -9,22 +9,23 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.requests.files import NameRefused
 from scaraspec.suite.controller.harness.requests.motion import BUSY, stop_motion
 from scaraspec.suite.controller.harness.state.defaults import default_kept
-from scaraspec.suite.controller.harness.two_stage.refusals import expect_missing_program
-from scaraspec.suite.controller.harness.two_stage.tasks import (
+from scaraspec.suite.controller.harness.two_stage.commands import (
     BRIEFLY_S,
     RUN,
-    executing_task,
     expect_accepted,
-    expect_success,
     require_command,
-    require_responsive,
     start_program,
-    stop_while_idle,
     try_request,
     upload_short_program,
     upload_wait_program,
+)
+from scaraspec.suite.controller.harness.two_stage.refusals import expect_missing_program
+from scaraspec.suite.controller.harness.two_stage.results import (
+    expect_success,
+    stop_while_idle,
     wait_for_result,
 )
+from scaraspec.suite.controller.harness.two_stage.tasks import executing_task, require_responsive
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect

@@ -7,21 +7,20 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.controller.harness.requests.motion import BUSY, joints_of, stop_motion
 from scaraspec.suite.controller.harness.requests.ports import outputs, outputs_kept, settable
+from scaraspec.suite.controller.harness.two_stage.commands import (
+    RUN,
+    SIMULATE,
+    expect_accepted,
+    start_program,
+    upload_wait_program,
+)
 from scaraspec.suite.controller.harness.two_stage.refusals import (
     expect_first_reply,
     expect_missing_program,
     text_of,
 )
-from scaraspec.suite.controller.harness.two_stage.tasks import (
-    RUN,
-    SIMULATE,
-    executing_task,
-    expect_accepted,
-    expect_success,
-    require_responsive,
-    start_program,
-    upload_wait_program,
-)
+from scaraspec.suite.controller.harness.two_stage.results import expect_success
+from scaraspec.suite.controller.harness.two_stage.tasks import executing_task, require_responsive
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import expect

@@ -26,9 +26,7 @@ from scaraspec.suite.controller.harness.requests.motion import (
     stop_motion,
     target,
 )
-from scaraspec.suite.controller.harness.two_stage.performing import perform
-from scaraspec.suite.controller.harness.two_stage.refusals import text_of
-from scaraspec.suite.controller.harness.two_stage.tasks import (
+from scaraspec.suite.controller.harness.two_stage.commands import (
     JOG,
     MOVE,
     RESET,
@@ -36,16 +34,19 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     SIMULATE,
     STATES,
     STOP,
-    Task,
-    executing_task,
     expect_accepted,
-    expect_success,
-    interrupted_result,
     require_command,
     start_program,
     upload_wait_program,
+)
+from scaraspec.suite.controller.harness.two_stage.performing import perform
+from scaraspec.suite.controller.harness.two_stage.refusals import text_of
+from scaraspec.suite.controller.harness.two_stage.results import (
+    expect_success,
+    interrupted_result,
     wait_for_result,
 )
+from scaraspec.suite.controller.harness.two_stage.tasks import Task, executing_task
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples

@@ -12,21 +12,22 @@ from scaraspec.suite.controller.harness.requests.motion import (
     stop,
     stop_motion,
 )
-from scaraspec.suite.controller.harness.two_stage.performing import expect_standstill
-from scaraspec.suite.controller.harness.two_stage.refusals import expect_busy, text_of
-from scaraspec.suite.controller.harness.two_stage.tasks import (
+from scaraspec.suite.controller.harness.two_stage.commands import (
     RESET,
     RUN,
     SIMULATE,
     begin,
-    executing_task,
     expect_accepted,
-    expect_success,
-    initial_position_at_pose,
     require_command,
     start_program,
     try_request,
-    wait_for_result,
+)
+from scaraspec.suite.controller.harness.two_stage.performing import expect_standstill
+from scaraspec.suite.controller.harness.two_stage.refusals import expect_busy, text_of
+from scaraspec.suite.controller.harness.two_stage.results import expect_success, wait_for_result
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    executing_task,
+    initial_position_at_pose,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples

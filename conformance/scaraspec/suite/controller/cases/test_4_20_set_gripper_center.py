@@ -15,14 +15,10 @@ from scaraspec.suite.controller.harness.requests.motion import joints_of
 from scaraspec.suite.controller.harness.requests.poses import expect_numbers, gripper_of, initial_of
 from scaraspec.suite.controller.harness.state.defaults import default_kept, expect_default
 from scaraspec.suite.controller.harness.state.preserve import kept
+from scaraspec.suite.controller.harness.two_stage.commands import RESET, begin, require_command
 from scaraspec.suite.controller.harness.two_stage.executing import skip_if_other_program_runs
-from scaraspec.suite.controller.harness.two_stage.tasks import (
-    RESET,
-    begin,
-    expect_success,
-    initial_position_at_pose,
-    require_command,
-)
+from scaraspec.suite.controller.harness.two_stage.results import expect_success
+from scaraspec.suite.controller.harness.two_stage.tasks import initial_position_at_pose
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect

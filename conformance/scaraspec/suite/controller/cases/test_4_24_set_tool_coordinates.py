@@ -29,17 +29,16 @@ from scaraspec.suite.controller.harness.requests.motion import (
     target,
 )
 from scaraspec.suite.controller.harness.state.preserve import alive
-from scaraspec.suite.controller.harness.two_stage.performing import perform
-from scaraspec.suite.controller.harness.two_stage.refusals import expect_first_reply, text_of
-from scaraspec.suite.controller.harness.two_stage.tasks import (
+from scaraspec.suite.controller.harness.two_stage.commands import (
     MOVE,
     expect_accepted,
-    expect_success,
-    probe_responsiveness,
     require_command,
     try_request,
-    wait_for_result,
 )
+from scaraspec.suite.controller.harness.two_stage.performing import perform
+from scaraspec.suite.controller.harness.two_stage.refusals import expect_first_reply, text_of
+from scaraspec.suite.controller.harness.two_stage.results import expect_success, wait_for_result
+from scaraspec.suite.controller.harness.two_stage.tasks import probe_responsiveness
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given

@@ -5,21 +5,23 @@ import pytest
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.two_stage.performing import perform
-from scaraspec.suite.controller.harness.two_stage.refusals import expect_first_reply, text_of
-from scaraspec.suite.controller.harness.two_stage.tasks import (
+from scaraspec.suite.controller.harness.two_stage.commands import (
     LOCK,
     MOVE,
     RELEASE,
     RUN,
     STATES,
-    executing_task,
-    locked_afterwards,
-    release_joints,
     require_command,
     try_request,
+)
+from scaraspec.suite.controller.harness.two_stage.performing import perform
+from scaraspec.suite.controller.harness.two_stage.refusals import expect_first_reply, text_of
+from scaraspec.suite.controller.harness.two_stage.results import (
+    locked_afterwards,
+    release_joints,
     wait_for_result,
 )
+from scaraspec.suite.controller.harness.two_stage.tasks import executing_task
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import expect
 from scaraspec.user_message import UserMessage

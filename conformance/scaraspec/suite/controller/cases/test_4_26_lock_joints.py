@@ -5,17 +5,19 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import joints_of
-from scaraspec.suite.controller.harness.two_stage.performing import perform
-from scaraspec.suite.controller.harness.two_stage.refusals import expect_first_reply, text_of
-from scaraspec.suite.controller.harness.two_stage.tasks import (
+from scaraspec.suite.controller.harness.two_stage.commands import (
     LOCK,
     MOVE,
     RELEASE,
     begin,
+    require_command,
+)
+from scaraspec.suite.controller.harness.two_stage.performing import perform
+from scaraspec.suite.controller.harness.two_stage.refusals import expect_first_reply, text_of
+from scaraspec.suite.controller.harness.two_stage.results import (
     expect_success,
     locked_afterwards,
     release_joints,
-    require_command,
     wait_for_result,
 )
 from scaraspec.suite.engine.case import case

@@ -12,13 +12,13 @@ from scaraspec.suite.controller.harness.requests.motion import (
     pose_of,
     same_place,
 )
-from scaraspec.suite.controller.harness.two_stage.tasks import (
+from scaraspec.suite.controller.harness.two_stage.commands import (
     MOVE,
-    executing_task,
     expect_accepted,
-    expect_success,
     require_command,
 )
+from scaraspec.suite.controller.harness.two_stage.results import expect_success
+from scaraspec.suite.controller.harness.two_stage.tasks import executing_task
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import expect
 

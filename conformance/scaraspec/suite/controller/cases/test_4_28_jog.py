@@ -24,18 +24,19 @@ from scaraspec.suite.controller.harness.requests.motion import (
     stop_motion,
 )
 from scaraspec.suite.controller.harness.state.preserve import alive
-from scaraspec.suite.controller.harness.two_stage.refusals import expect_first_reply, text_of
-from scaraspec.suite.controller.harness.two_stage.tasks import (
+from scaraspec.suite.controller.harness.two_stage.commands import (
     JOG,
     STOP,
-    begin_jog,
     expect_accepted,
-    interrupted_result,
-    jog_somewhere,
     require_command,
-    require_responsive,
     try_request,
-    wait_for_result,
+)
+from scaraspec.suite.controller.harness.two_stage.refusals import expect_first_reply, text_of
+from scaraspec.suite.controller.harness.two_stage.results import interrupted_result, wait_for_result
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    begin_jog,
+    jog_somewhere,
+    require_responsive,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples

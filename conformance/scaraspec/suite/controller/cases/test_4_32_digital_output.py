@@ -22,15 +22,9 @@ from scaraspec.suite.controller.harness.requests.ports import (
     settable,
     with_port,
 )
-from scaraspec.suite.controller.harness.two_stage.tasks import (
-    JOG,
-    LOCK,
-    MOVE,
-    RELEASE,
-    executing_task,
-    locked_afterwards,
-    release_joints,
-)
+from scaraspec.suite.controller.harness.two_stage.commands import JOG, LOCK, MOVE, RELEASE
+from scaraspec.suite.controller.harness.two_stage.results import locked_afterwards, release_joints
+from scaraspec.suite.controller.harness.two_stage.tasks import executing_task
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import CaseSkipped, expect, expect_equal, expect_in

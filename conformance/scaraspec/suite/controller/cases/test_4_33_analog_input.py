@@ -6,7 +6,7 @@ from typing import Final
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.state.preserve import alive
-from scaraspec.suite.controller.harness.two_stage.tasks import try_request
+from scaraspec.suite.controller.harness.two_stage.commands import try_request
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import expect

@@ -5,13 +5,9 @@ from typing import Final
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
+from scaraspec.suite.controller.harness.two_stage.commands import RUN, require_command, try_request
 from scaraspec.suite.controller.harness.two_stage.refusals import text_of
-from scaraspec.suite.controller.harness.two_stage.tasks import (
-    RUN,
-    executing_task,
-    require_command,
-    try_request,
-)
+from scaraspec.suite.controller.harness.two_stage.tasks import executing_task
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import (
     CaseFailed,

@@ -42,15 +42,7 @@ from scaraspec.suite.controller.harness.requests.queries import (
     replies_to,
     some_queries,
 )
-from scaraspec.suite.controller.harness.two_stage.performing import expect_standstill, perform
-from scaraspec.suite.controller.harness.two_stage.refusals import (
-    expect_busy,
-    expect_failure,
-    expect_first_reply,
-    expect_refusal,
-    text_of,
-)
-from scaraspec.suite.controller.harness.two_stage.tasks import (
+from scaraspec.suite.controller.harness.two_stage.commands import (
     BRIEFLY_S,
     JOG,
     LOCK,
@@ -62,19 +54,31 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     STOP,
     TWO_STAGE,
     begin,
-    executing_task,
     expect_accepted,
-    expect_success,
     harmless_requests,
-    initial_position_at_pose,
-    interrupted_result,
-    probe_responsiveness,
     require_command,
-    require_responsive,
     start_program,
     try_request,
     upload_wait_program,
+)
+from scaraspec.suite.controller.harness.two_stage.performing import expect_standstill, perform
+from scaraspec.suite.controller.harness.two_stage.refusals import (
+    expect_busy,
+    expect_failure,
+    expect_first_reply,
+    expect_refusal,
+    text_of,
+)
+from scaraspec.suite.controller.harness.two_stage.results import (
+    expect_success,
+    interrupted_result,
     wait_for_result,
+)
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    executing_task,
+    initial_position_at_pose,
+    probe_responsiveness,
+    require_responsive,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame

@@ -29,7 +29,7 @@ from scaraspec.suite.controller.harness.requests.files import (
     transfer_frames,
     upload,
 )
-from scaraspec.suite.controller.harness.two_stage.tasks import try_request
+from scaraspec.suite.controller.harness.two_stage.commands import try_request
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import NoReply, expect

@@ -15,7 +15,7 @@ from scaraspec.suite.controller.harness.requests.ports import (
     set_output,
     with_port,
 )
-from scaraspec.suite.controller.harness.two_stage.tasks import BRIEFLY_S
+from scaraspec.suite.controller.harness.two_stage.commands import BRIEFLY_S
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import CaseInconclusive, expect, expect_equal

@@ -17,12 +17,12 @@ from scaraspec.suite.controller.harness.requests.motion import (
     pose_deviation,
     pose_of,
 )
-from scaraspec.suite.controller.harness.two_stage.tasks import (
+from scaraspec.suite.controller.harness.two_stage.commands import (
     MOVE,
     expect_accepted,
-    expect_success,
     require_command,
 )
+from scaraspec.suite.controller.harness.two_stage.results import expect_success
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, expect

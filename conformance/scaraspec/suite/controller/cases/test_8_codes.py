@@ -11,17 +11,17 @@ from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.two_stage.tasks import (
+from scaraspec.suite.controller.harness.two_stage.commands import (
     LOCK,
     MOVE,
     RUN,
     SIMULATE,
-    executing_task,
     require_command,
     start_program,
     try_request,
-    wait_for_result,
 )
+from scaraspec.suite.controller.harness.two_stage.results import wait_for_result
+from scaraspec.suite.controller.harness.two_stage.tasks import executing_task
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples

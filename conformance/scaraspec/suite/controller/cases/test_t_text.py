@@ -15,13 +15,13 @@ from scaraspec.suite.controller.harness.controller_under_test import ControllerU
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import expect_stored, send, upload
 from scaraspec.suite.controller.harness.requests.queries import ask_all
-from scaraspec.suite.controller.harness.two_stage.tasks import (
+from scaraspec.suite.controller.harness.two_stage.commands import (
     MOVE,
     RUN,
     SIMULATE,
     require_command,
-    wait_for_result,
 )
+from scaraspec.suite.controller.harness.two_stage.results import wait_for_result
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given

@@ -58,17 +58,16 @@ from scaraspec.suite.controller.harness.requests.queries import known_to
 from scaraspec.suite.controller.harness.state.defaults import expect_default
 from scaraspec.suite.controller.harness.state.preserve import alive
 from scaraspec.suite.controller.harness.suite_passwords import PLAIN_PASSWORD
-from scaraspec.suite.controller.harness.two_stage.tasks import (
+from scaraspec.suite.controller.harness.two_stage.commands import (
     MOVE,
     RUN,
     SIMULATE,
     STATES,
     STOP,
     expect_accepted,
-    expect_success,
-    stop_while_idle,
     try_request,
 )
+from scaraspec.suite.controller.harness.two_stage.results import expect_success, stop_while_idle
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect, expect_equal
 from scaraspec.suite.program_files.layout import configured, layout_in_use
 from scaraspec.suite.program_files.listed import program_names, store_program

@@ -18,13 +18,8 @@ from scaraspec.suite.controller.harness.model import VALUES, Model, Step
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.state.password import restore_password
 from scaraspec.suite.controller.harness.state.preserve import kept, password_kept
-from scaraspec.suite.controller.harness.two_stage.tasks import (
-    MOVE,
-    RUN,
-    SIMULATE,
-    STOP,
-    probe_responsiveness,
-)
+from scaraspec.suite.controller.harness.two_stage.commands import MOVE, RUN, SIMULATE, STOP
+from scaraspec.suite.controller.harness.two_stage.tasks import probe_responsiveness
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 from scaraspec.suite.engine.shrink import Failure
 

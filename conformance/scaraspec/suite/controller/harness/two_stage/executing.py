@@ -5,7 +5,7 @@ A command may end just before a query. Such a reply is not counted as a failure.
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Any, Final
+from typing import Final
 
 from hypothesis.errors import Flaky
 
@@ -15,6 +15,7 @@ from scaraspec.protocol.fields import show
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import upload
+from scaraspec.suite.controller.harness.two_stage.results import poll_result
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
 from scaraspec.suite.program_files.layout import configured, find_layout
@@ -42,22 +43,6 @@ def store_wait_program(
     name = name or subject.new_name()
     upload(line, name, wait_program(subject.dialect, seconds, layout=layout, base=base))
     return name
-
-
-def begin_or_skip(
-    subject: ControllerUnderTest, line: OutgoingConnection, command: str, value: Any = None
-) -> None:
-    """Begin a two-stage command; a refusal skips the case (see `tasks.begin`).
-
-    Raises:
-        CaseSkipped: The subject refuses the command.
-    """
-    subject.moved = True
-    answer = line.ask(command, value)
-    if not answer.accepted:
-        raise CaseSkipped(
-            UserMessage("{command} was refused: {answer}", command=command, answer=answer)
-        )
 
 
 @contextmanager
@@ -97,16 +82,6 @@ def _program_of_others(subject: ControllerUnderTest, line: OutgoingConnection) -
     if status not in _RUNNING or not isinstance(told, RunningProgram):
         return b""
     return b"" if told.name.startswith(subject.files.prefix) else told.name
-
-
-def poll_result(
-    line: OutgoingConnection, command: str, within_s: float = 0.0
-) -> ReceivedFrame | None:
-    """The final result of a command, if it comes by then."""
-    try:
-        return line.result(command, within_s=within_s)
-    except NoReply:
-        return None
 
 
 def ask_while_executing(

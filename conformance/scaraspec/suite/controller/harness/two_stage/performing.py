@@ -18,7 +18,7 @@ from scaraspec.suite.controller.harness.requests.motion import (
     status_at_rest,
     target,
 )
-from scaraspec.suite.controller.harness.two_stage.tasks import (
+from scaraspec.suite.controller.harness.two_stage.commands import (
     JOG,
     LOCK,
     MOVE,
@@ -29,14 +29,18 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     STOP,
     begin,
     expect_accepted,
-    initial_position_at_pose,
-    interrupted_result,
-    jog_somewhere,
-    locked_afterwards,
-    release_joints,
     require_command,
     start_program,
+)
+from scaraspec.suite.controller.harness.two_stage.results import (
+    interrupted_result,
+    locked_afterwards,
+    release_joints,
     wait_for_result,
+)
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    initial_position_at_pose,
+    jog_somewhere,
 )
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import expect

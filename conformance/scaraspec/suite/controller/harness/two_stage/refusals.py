@@ -13,15 +13,9 @@ from scaraspec.protocol.fields import Defect
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import BUSY
-from scaraspec.suite.controller.harness.two_stage.tasks import (
-    JOG,
-    RELEASE,
-    STOP,
-    Task,
-    locked_afterwards,
-    try_request,
-    wait_for_result,
-)
+from scaraspec.suite.controller.harness.two_stage.commands import JOG, RELEASE, STOP, try_request
+from scaraspec.suite.controller.harness.two_stage.results import locked_afterwards, wait_for_result
+from scaraspec.suite.controller.harness.two_stage.tasks import Task
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import expect
 from scaraspec.user_message import UserMessage

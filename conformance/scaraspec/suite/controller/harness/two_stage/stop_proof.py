@@ -27,16 +27,16 @@ from scaraspec.suite.controller.harness.requests.motion import (
     same_place,
     wait_for_end,
 )
-from scaraspec.suite.controller.harness.two_stage.tasks import (
+from scaraspec.suite.controller.harness.two_stage.commands import (
     JOG,
     LOCK,
     MOVE,
     RESET,
     RUN,
     STOP,
-    jog_somewhere,
     start_program,
 )
+from scaraspec.suite.controller.harness.two_stage.tasks import jog_somewhere
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
 
 _UNDER_WAY_S: Final = 0.1

@@ -1,0 +1,129 @@
+"""Results: how a case ends a two-stage command and waits for its final result."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.direction import C2A
+from scaraspec.suite.controller.harness.controller_under_test import (
+    SILENCE_S,
+    ControllerUnderTest,
+)
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
+from scaraspec.suite.controller.harness.requests.motion import (
+    BUSY,
+    status_of,
+    stop_motion,
+    wait_for_end,
+)
+from scaraspec.suite.controller.harness.timeouts import SUCCESS
+from scaraspec.suite.controller.harness.two_stage.commands import LOCK, RELEASE, STOP, begin
+from scaraspec.suite.engine.connection import ReceivedFrame
+from scaraspec.suite.engine.expectations import CaseFailed, NoReply
+from scaraspec.user_message import UserMessage
+
+
+def stop_while_idle(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+    """Stop a robot that is idle: that is refused, or done at once (A-4.17-1), and stops nothing.
+
+    What begins afterwards goes on.
+    """
+    subject.moved = True
+    if STOP not in subject.ics.unsupported and line.ask(STOP).accepted:
+        wait_for_result(subject, line, STOP)
+        stop_motion(subject, line)
+
+
+def wait_for_result(
+    subject: ControllerUnderTest,
+    line: OutgoingConnection,
+    name: str,
+    *,
+    within_s: float | None = None,
+) -> ReceivedFrame:
+    """Wait for a final result; see `wait_for_end`.
+
+    Raises:
+        NoReply: It does not come.
+    """
+    answer = wait_for_end(subject, line, name, within_s=within_s)
+    if answer is None:
+        longest = "motion.longest_s of the ICS at most"
+        message = UserMessage(
+            "no final result of {name} came while the robot was busy ({longest}) or after it",
+            name=name,
+            longest=longest,
+        )
+        error = line.no_reply_error(message)
+        error.expected = f"{C2A.start:02X} 90 {BY_NAME[name].opcode:02X} …"
+        error.requirement = SUCCESS[name]
+        raise error
+    return answer
+
+
+def expect_success(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str
+) -> ReceivedFrame:
+    """Wait for the successful end of a task.
+
+    Raises:
+        CaseFailed: It has another end, or none.
+    """
+    answer = wait_for_result(subject, line, name)
+    if answer.frame.data.rstrip(b"\0") != b"11":
+        raise CaseFailed(
+            UserMessage("{name} does not end with success", name=name),
+            expected="11",
+            observed=f"{answer}",
+            requirement=SUCCESS[name],
+        )
+    return answer
+
+
+def release_joints(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> tuple[ReceivedFrame, ReceivedFrame | None]:
+    """Release the joints: the first reply, and the final result.
+
+    That is None where it only comes when the joints are locked again (A-4.25-2).
+
+    Raises:
+        CaseFailed: The idle robot refuses it.
+    """
+    first = begin(subject, line, RELEASE)
+    left_s = subject.reply_s
+    while True:
+        with suppress(NoReply):
+            return first, line.result(RELEASE, within_s=SILENCE_S)
+        left_s -= SILENCE_S
+        if left_s <= 0 or status_of(subject, line) not in (*BUSY, None):
+            return first, None
+
+
+@contextmanager
+def locked_afterwards(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[None]:
+    """Lock the joints afterwards, whatever has happened."""
+    try:
+        yield
+    finally:
+        with suppress(CaseFailed):
+            if line.ask(LOCK).accepted:
+                wait_for_result(subject, line, LOCK)
+
+
+def interrupted_result(line: OutgoingConnection, name: str) -> ReceivedFrame | None:
+    """The final result of what a stop has ended, where it has one (A-4.17-4)."""
+    try:
+        return line.result(name, within_s=SILENCE_S)
+    except NoReply:
+        return None
+
+
+def poll_result(
+    line: OutgoingConnection, command: str, within_s: float = 0.0
+) -> ReceivedFrame | None:
+    """The final result of a command, if it comes by then."""
+    try:
+        return line.result(command, within_s=within_s)
+    except NoReply:
+        return None
