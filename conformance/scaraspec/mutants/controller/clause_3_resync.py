@@ -1,304 +1,251 @@
-"""Faults of clause 3: what bytes that are no frame, and frames that stop, do to the controller."""
+"""Mutants of clause 3: the effect of bytes that are no frame, and of unfinished frames."""
 
 from typing import Any
 
-from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.operators.controller.connections import Mortal, OtherFramer, Skips
+from scaraspec.mutants.controller import Core, mutant, row
+from scaraspec.mutants.operators.controller.connections import (
+    Crashes,
+    HandlesSkipped,
+    crashes_on_bytes,
+    crashes_on_skipped,
+    on_skipped,
+    other_framer,
+    received_bytes,
+)
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame, Skipped, SkipReason, StreamItem
-from scaraspec.protocol.readings import Dialect
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.request_framer import RequestFramer
 from scaraspec.virtual_controller.session import Action, Carrier, Session
 
+
+def _deaf_after(why: SkipReason) -> Core:
+    """Bytes are ignored on a connection after a run of skipped bytes."""
+
+    class Deaf(RequestFramer):
+        _deaf = False
+
+        def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
+            found = [] if self._deaf else super().receive(data, now_s)
+            self._deaf |= any(isinstance(item, Skipped) and item.why is why for item in found)
+            return found
+
+    return other_framer(Deaf)
+
+
+def _restart(core: Crashes, _session: Session, item: Skipped, now_s: float) -> None:
+    if item.why is SkipReason.BAD_END:
+        core.crash(now_s)
+        core.crashed = False
+
+
+def _refuse_login(core: Crashes, session: Session, item: Skipped, _now_s: float) -> None:
+    if item.why is SkipReason.STRAY:
+        core.emit(session, Frame(C2A, 0x01, b"0"))
+
+
+def _answer_list(core: Crashes, session: Session, item: Skipped, _now_s: float) -> None:
+    if item.why is SkipReason.BAD_END and len(item.data) > 1:
+        core.emit(session, Frame(C2A, 0x0B, b"0"))
+
+
+def _contains_frame(data: bytes) -> bool:
+    inside = any(frame in data[4:] for frame in (b"\xaa\x07\0\xcc", b"\xaa\x08\0\xcc"))
+    return inside and data[:1] == b"\xaa" and data[2:3] != b"\0" and data[-1:] == b"\x55"
+
+
+def _is_reply(data: bytes) -> bool:
+    return data[:1] == b"\xcc" and data[-1:] == b"\xaa"
+
+
 # Stray bytes
 
+row(
+    "dies-of-stray-bytes",
+    "3/19",
+    "The controller crashes on bytes before a start byte.",
+    crashes_on_skipped(lambda item: item.why is SkipReason.STRAY),
+)
+row(
+    "dies-of-much-garbage",
+    "3/19",
+    "The controller crashes on more than 4096 stray bytes at once.",
+    crashes_on_skipped(lambda item: len(item.data) > 4096),
+    subtle=True,
+)
+row(
+    "dies-of-zeros",
+    "3/19",
+    "The controller crashes on a hundred zeros.",
+    crashes_on_skipped(lambda item: item.data.startswith(b"\0" * 100)),
+)
+row(
+    "restarts-at-wrong-end",
+    "3/20",
+    "The controller restarts after a wrong end byte: every connection is closed.",
+    on_skipped(_restart),
+    subtle=True,
+)
+row(
+    "deaf-after-stray-bytes",
+    "3/19 3/31",
+    "After stray bytes all bytes on a connection are ignored, but it stays open.",
+    _deaf_after(SkipReason.STRAY),
+)
+row(
+    "answers-stray-bytes",
+    "3/19",
+    "Stray bytes are answered as a refused login.",
+    on_skipped(_refuse_login),
+)
+row(
+    "says-nak",
+    "3/19 3/20 3/10",
+    "Bytes that are no frame are answered with a frame of the opcode 0x15.",
+    on_skipped(lambda core, session, _item, _now_s: core.emit(session, Frame(C2A, 0x15))),
+)
 
-@mutant("dies-of-stray-bytes", "3/19")
-class DiesOfStrayBytes(Skips):
-    """Bytes ahead of a start byte end the program."""
+# Malformed frames
 
-    def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - one signature
-        """Die."""
-        if item.why is SkipReason.STRAY:
-            self.die(now_s)
-
-
-@mutant("dies-of-much-garbage", "3/19", subtle=True)
-class DiesOfMuchGarbage(Skips):
-    """More than 4096 stray bytes at once end the program."""
-
-    def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - one signature
-        """Die."""
-        if len(item.data) > 4096:
-            self.die(now_s)
-
-
-@mutant("dies-of-zeros", "3/19")
-class DiesOfZeros(Skips):
-    """A hundred zeros end the program."""
-
-    def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - one signature
-        """Die."""
-        if item.data.startswith(b"\0" * 100):
-            self.die(now_s)
-
-
-@mutant("restarts-at-wrong-end", "3/20", subtle=True)
-class RestartsAtWrongEnd(Skips):
-    """A wrong end byte ends the program, which is started anew at once: every client is cut off."""
-
-    def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - one signature
-        """Die, and live again."""
-        if item.why is SkipReason.BAD_END:
-            self.die(now_s)
-            self.dead = False
-
-
-class _Deaf(RequestFramer):
-    """Hears nothing any more once it has met what it cannot stand."""
-
-    deaf = False
-
-    def unbearable(self, item: Skipped) -> bool:
-        """Whether it is that."""
-        return item.why is SkipReason.STRAY
-
-    def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
-        found = [] if self.deaf else super().receive(data, now_s)
-        self.deaf = self.deaf or any(
-            self.unbearable(item) for item in found if isinstance(item, Skipped)
-        )
-        return found
-
-
-@mutant("deaf-after-stray-bytes", "3/19", "3/31")
-class DeafAfterStrayBytes(OtherFramer):
-    """After stray bytes nothing is heard any more on a connection, which stays open."""
-
-    framer = _Deaf
-
-
-@mutant("answers-stray-bytes", "3/19")
-class AnswersStrayBytes(Skips):
-    """Stray bytes are answered as a login that failed."""
-
-    def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - one signature
-        """Answer."""
-        if item.why is SkipReason.STRAY:
-            self.emit(session, Frame(C2A, 0x01, b"0"))
-
-
-@mutant("says-nak", "3/19", "3/20", "3/10")
-class SaysNak(Skips):
-    """Bytes that are no frame are answered with a frame of the opcode 0x15."""
-
-    def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - one signature
-        """Answer."""
-        self.emit(session, Frame(C2A, 0x15))
-
-
-# Spoilt frames
-
-
-@mutant("dies-of-wrong-ends", "3/20")
-class DiesOfWrongEnds(Skips):
-    """A wrong end byte ends the program."""
-
-    def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - one signature
-        """Die."""
-        if item.why is SkipReason.BAD_END:
-            self.die(now_s)
-
-
-@mutant("dies-of-swapped-end", "3/20", subtle=True)
-class DiesOfSwappedEnd(Skips):
-    """An end byte of 0xEC, a digit of which is wrong, ends the program."""
-
-    def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - one signature
-        """Die."""
-        if item.data.endswith(b"\xec"):
-            self.die(now_s)
-
-
-class _DeafAfterBadEnd(_Deaf):
-    def unbearable(self, item: Skipped) -> bool:
-        return item.why is SkipReason.BAD_END
-
-
-@mutant("deaf-after-wrong-ends", "3/20", "3/31")
-class DeafAfterWrongEnds(OtherFramer):
-    """After a wrong end byte nothing is heard any more on a connection, which stays open."""
-
-    framer = _DeafAfterBadEnd
+row(
+    "dies-of-wrong-ends",
+    "3/20",
+    "The controller crashes on a wrong end byte.",
+    crashes_on_skipped(lambda item: item.why is SkipReason.BAD_END),
+)
+row(
+    "dies-of-swapped-end",
+    "3/20",
+    "The controller crashes on the end byte 0xEC, in which one bit is wrong.",
+    crashes_on_skipped(lambda item: item.data.endswith(b"\xec")),
+    subtle=True,
+)
+row(
+    "deaf-after-wrong-ends",
+    "3/20 3/31",
+    "After a wrong end byte all bytes on a connection are ignored, but it stays open.",
+    _deaf_after(SkipReason.BAD_END),
+)
 
 
 @mutant("hundred-wrong-frames", "3/20", subtle=True)
-class HundredWrongFrames(Skips):
-    """After a hundred spoilt frames, on whatever connections, nobody is served any more."""
+class CrashesOnHundredthFrame(HandlesSkipped):
+    """The controller crashes on the hundredth frame with a wrong end byte, on any connections."""
 
-    def __init__(self, *args: Any) -> None:
-        super().__init__(*args)
-        self._count = 0
+    _count = 0
 
-    def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - one signature
-        """Count."""
+    def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - overrides
         self._count += item.why is SkipReason.BAD_END
         if self._count == 100:
-            self.die(now_s)
+            self.crash(now_s)
 
 
-@mutant("dies-of-client-tags", "3/20")
-class DiesOfClientTags(Mortal):
-    """A tag from a client ends the program."""
-
-    def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
-        """Die."""
-        if data.startswith(b"\xaa\x90"):
-            self.die(now_s)
-        return super().receive(connection, data, now_s)
-
-
-@mutant("answers-with-next-opcode", "3/20")
-class AnswersWithNextOpcode(Skips):
-    """A spoilt frame is answered under the opcode of another command."""
-
-    def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - one signature
-        """Answer."""
-        if item.why is SkipReason.BAD_END and len(item.data) > 1:
-            self.emit(session, Frame(C2A, 0x0B, b"0"))
-
-
-@mutant("dies-of-lengths-in-digits", "3/20")
-class DiesOfLengthsInDigits(Mortal):
-    """A frame that is shorter than its length of 0x30 says ends the program."""
-
-    def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
-        """Die."""
-        if data[2:4] == b"\x30\xcc":
-            self.die(now_s)
-        return super().receive(connection, data, now_s)
+row(
+    "dies-of-client-tags",
+    "3/20",
+    "The controller crashes on a tag from a client.",
+    crashes_on_bytes(lambda data: data.startswith(b"\xaa\x90")),
+)
+row(
+    "answers-with-next-opcode",
+    "3/20",
+    "A frame with a wrong end byte is answered with the opcode of another command.",
+    on_skipped(_answer_list),
+)
+row(
+    "dies-of-lengths-in-digits",
+    "3/20",
+    "The controller crashes on a frame that is shorter than its length byte of 0x30.",
+    crashes_on_bytes(lambda data: data[2:4] == b"\x30\xcc"),
+)
 
 
 @mutant("dies-of-truncation", "3/20", subtle=True)
-class DiesOfTruncation(Mortal):
-    """A frame that is cut behind its fifth byte, and followed by another, ends the program."""
+class CrashesOnTruncation(Crashes):
+    """The controller crashes on a frame that follows one cut after its fifth byte."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
-        self._short: set[int] = set()
+        self._cut: set[int] = set()
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
-        """Die."""
-        if connection in self._short and data[:1] == b"\xaa":
-            self.die(now_s)
+        if connection in self._cut and data[:1] == b"\xaa":
+            self.crash(now_s)
         if data[:1] == b"\xaa" and len(data) == 5 and data[2] > 2:
-            self._short.add(connection)
+            self._cut.add(connection)
         return super().receive(connection, data, now_s)
 
 
-@mutant("dies-of-frame-in-frame", "3/20", subtle=True)
-class DiesOfFrameInFrame(Mortal):
-    """A whole frame inside of a spoilt one ends the program."""
-
-    def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
-        """Die."""
-        inside = any(frame in data[4:] for frame in (b"\xaa\x07\0\xcc", b"\xaa\x08\0\xcc"))
-        if inside and data[:1] == b"\xaa" and data[2:3] != b"\0" and data[-1:] == b"\x55":
-            self.die(now_s)
-        return super().receive(connection, data, now_s)
-
-
-@mutant("dies-of-lengths-that-count-all", "3/20")
-class DiesOfLengthsThatCountAll(Mortal):
-    """A length that counts the whole frame makes the program wait for ever, with all clients."""
-
-    def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
-        """Die."""
-        if data[:1] == b"\xaa" and len(data) > 4 and data[2] == len(data) - 1:
-            self.die(now_s)
-        return super().receive(connection, data, now_s)
-
-
-@mutant("dies-of-printed-lengths", "3/20")
-class DiesOfPrintedLengths(Skips):
-    """A request for a download with the length that the document prints ends the program."""
-
-    def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - one signature
-        """Die."""
-        if item.why is SkipReason.BAD_END and item.data[1:2] == b"\x54":
-            self.die(now_s)
-
+row(
+    "dies-of-frame-in-frame",
+    "3/20",
+    "The controller crashes on a complete frame inside a malformed one.",
+    crashes_on_bytes(_contains_frame),
+    subtle=True,
+)
+row(
+    "dies-of-lengths-that-count-all",
+    "3/20",
+    "The controller crashes on a length that counts the whole frame.",
+    crashes_on_bytes(
+        lambda data: data[:1] == b"\xaa" and len(data) > 4 and data[2] == len(data) - 1
+    ),
+)
+row(
+    "dies-of-printed-lengths",
+    "3/20",
+    "The controller crashes on a request for a download with the length that is printed.",
+    crashes_on_skipped(lambda item: item.why is SkipReason.BAD_END and item.data[1:2] == b"\x54"),
+)
 
 # The other direction
 
-
-@mutant("dies-of-its-own-form", "3/23")
-class DiesOfItsOwnForm(Mortal):
-    """A frame in the controller's own form ends the program."""
-
-    def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
-        """Die."""
-        if data[:1] == b"\xcc" and data[-1:] == b"\xaa" and len(data) > 3:
-            self.die(now_s)
-        return super().receive(connection, data, now_s)
+row(
+    "dies-of-its-own-form",
+    "3/23",
+    "The controller crashes on a frame with the start and end bytes of a reply.",
+    crashes_on_bytes(lambda data: _is_reply(data) and len(data) > 3),
+)
 
 
 @mutant("answers-in-the-other-form", "3/23", "3/32")
-class AnswersInTheOtherForm(ControllerCore):
-    """A frame in the controller's own form is answered in the client's."""
+class AnswersRepliesAsClient(ControllerCore):
+    """A frame in the form of a reply is answered with a frame in the form of a request."""
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
-        """Answer."""
         session = self.sessions.get(connection)
-        if session and data[:1] == b"\xcc" and data[-1:] == b"\xaa":
+        if session and _is_reply(data):
             self.transmit(session, b"\xaa" + data[1:2] + b"\x01\x30\xcc")
         return super().receive(connection, data, now_s)
 
 
-@mutant("takes-replies-for-requests", "3/23")
-class TakesRepliesForRequests(ControllerCore):
-    """A frame in the controller's own form is answered with the network settings."""
+row(
+    "takes-replies-for-requests",
+    "3/23",
+    "A frame in the form of a reply is answered with the network settings.",
+    received_bytes(lambda data: b"\xaa\x04\x00\xcc" if _is_reply(data) else data),
+)
 
-    def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
-        """Answer."""
-        if data[:1] == b"\xcc" and data[-1:] == b"\xaa":
-            return super().receive(connection, b"\xaa\x04\x00\xcc", now_s)
-        return super().receive(connection, data, now_s)
-
-
-# Frames that stop
+# Unfinished frames
 
 
 @mutant("half-frames-block-all", "3/29", subtle=True)
-class HalfFramesBlockAll(ControllerCore):
-    """While one client is in the middle of a frame, the others are not heard."""
+class IgnoresOthersDuringFrame(ControllerCore):
+    """While one client is in the middle of a frame, bytes of the others are ignored."""
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
-        """Hear nobody else."""
         for number, session in self.sessions.items():
             if number != connection and session.framer.deadline_s is not None:
                 return []
         return super().receive(connection, data, now_s)
 
 
-class _Patient(RequestFramer):
-    def __init__(self, dialect: Dialect) -> None:
-        super().__init__(dialect.replace(partial_timeout="none"))
+class KeepsPartialFrame(ControllerCore):
+    """The next connection uses the framer of one that was closed during a frame."""
 
-
-@mutant("half-frames-go-on", "3/29", subtle=True)
-class HalfFramesGoOn(OtherFramer):
-    """What the last client has half sent stays in the buffer of the next one, for ever."""
-
-    framer = _Patient
-
-    def __init__(self, *args: Any) -> None:
-        super().__init__(*args)
-        self._left: RequestFramer | None = None
+    _left: RequestFramer | None = None
 
     def close(self, connection: int, now_s: float) -> list[Action]:
-        """Keep what is left over."""
         session = self.sessions.get(connection)
         self._left = session.framer if session and session.framer.held_bytes else None
         return super().close(connection, now_s)
@@ -309,36 +256,41 @@ class HalfFramesGoOn(OtherFramer):
             self.sessions[connection].framer, self._left = self._left, None
 
 
+row(
+    "half-frames-go-on",
+    "3/29",
+    "A partial frame never times out, and stays in the buffer of the next connection.",
+    KeepsPartialFrame,
+    other_framer(lambda dialect: RequestFramer(dialect.replace(partial_timeout="none"))),
+    subtle=True,
+)
+
+
 @mutant("dies-of-cut-frames", "3/29", subtle=True)
-class DiesOfCutFrames(Mortal):
-    """A connection that ends in the data of a frame ends the program."""
+class CrashesOnCutFrame(Crashes):
+    """The controller crashes when a connection is closed after 100 bytes of a frame."""
 
     def close(self, connection: int, now_s: float) -> list[Action]:
-        """Die."""
         session = self.sessions.get(connection)
         cut = session is not None and session.framer.held_bytes > 100
         actions = super().close(connection, now_s)
         if cut:
-            self.die(now_s)
-            return actions + self._take_actions()
-        return actions
+            self.crash(now_s)
+        return actions + self._take_actions()
 
 
-@mutant("dies-of-silence", "3/29")
-class DiesOfSilence(Skips):
-    """When the rest of a frame does not come in time, the program ends."""
-
-    def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - one signature
-        """Die."""
-        if item.why is SkipReason.TRUNCATED:
-            self.die(now_s)
+row(
+    "dies-of-silence",
+    "3/29",
+    "The controller crashes when a partial frame times out.",
+    crashes_on_skipped(lambda item: item.why is SkipReason.TRUNCATED),
+)
 
 
 @mutant("three-half-frames", "3/29", subtle=True)
-class ThreeHalfFrames(ControllerCore):
-    """While three clients are in the middle of a frame, no new one is served."""
+class IgnoresFourthPartialFrame(ControllerCore):
+    """While three clients are in the middle of a frame, bytes of the others are ignored."""
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
-        """Serve no more."""
-        half = [n for n, s in self.sessions.items() if s.framer.held_bytes and n != connection]
-        return [] if len(half) >= 3 else super().receive(connection, data, now_s)
+        partial = [n for n, s in self.sessions.items() if s.framer.held_bytes and n != connection]
+        return [] if len(partial) >= 3 else super().receive(connection, data, now_s)

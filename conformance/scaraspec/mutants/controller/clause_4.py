@@ -1,333 +1,255 @@
-"""Faults of clause 4: what the two-stage commands share."""
+"""Mutants of clause 4: what the two-stage commands have in common."""
 
+from collections.abc import Callable
 from typing import Any
 
-from scaraspec.mutants.controller import mutant
-from scaraspec.protocol.commands import BY_NAME, BY_OPCODE, Command
+from scaraspec.mutants.controller import Core, mutant, row
+from scaraspec.mutants.operators.controller.replies import (
+    TWO_STAGE,
+    early_result,
+    final_result,
+    first_reply,
+    outcome,
+)
+from scaraspec.mutants.operators.controller.requests import (
+    accepts,
+    after,
+    answer_when,
+    executing,
+    ignores,
+)
+from scaraspec.protocol.commands import BY_NAME, Command
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
-from scaraspec.virtual_controller.behaviour import SILENCE
-from scaraspec.virtual_controller.behaviour.base import ACCEPTED
+from scaraspec.virtual_controller.behaviour.base import ACCEPTED, refused
 from scaraspec.virtual_controller.core import ControllerCore
+from scaraspec.virtual_controller.robot import DONE
 from scaraspec.virtual_controller.session import Request, Session
 
-_TWO_STAGE = frozenset(opcode for opcode, command in BY_OPCODE.items() if command.two_stage)
+
+def _replies_at_end(command: str) -> Core:
+    """The first reply that accepts a command is sent together with its final result."""
+    opcode = BY_NAME[command].opcode
+
+    class RepliesAtEnd(ControllerCore):
+        def emit(self, session: Session, frame: Frame) -> None:
+            if frame.opcode == opcode and frame.data == b"1" and not frame.tagged:
+                return
+            if frame.opcode == opcode and frame.tagged:
+                super().emit(session, Frame(C2A, opcode, b"1"))
+            super().emit(session, frame)
+
+    return RepliesAtEnd
 
 
-def _is_first_reply(frame: Frame) -> bool:
-    return frame.opcode in _TWO_STAGE and not frame.tagged
+def _ends_refused(command: str, ending: Callable[[Acceptance], Outcome]) -> Core:
+    """A refused command has a final result."""
+
+    def conclude(core: ControllerCore, request: Request, answer: Acceptance) -> Acceptance:
+        if not answer.accepted:
+            core.send_result(request, ending(answer))
+        return answer
+
+    return after(command, conclude)
+
+
+def _idle_during(command: str) -> Core:
+    """The status is 00 while a command executes."""
+    return answer_when("get_status", executing(command), "00")
+
+
+def _lock_for_others(core: ControllerCore, request: Request, answer: Acceptance) -> Acceptance:
+    task = core.robot.task
+    if task is None or task.request.session is request.session:
+        return answer
+    core.send_result(request, DONE)
+    return ACCEPTED
+
+
+def _ends_soon(core: ControllerCore, request: Request) -> bool:
+    task = core.robot.task
+    return (
+        task is not None and bool(task.program) and task.activity.next_event_s - request.now_s < 0.1
+    )
 
 
 # ---------------------------------------------------------------------- first replies
 
-
-@mutant("says-eleven-first", "4/1")
-class SaysElevenFirst(ControllerCore):
-    """The first reply of acceptance has the form of the final result."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Write 11 for 1."""
-        if _is_first_reply(frame) and frame.data == b"1":
-            frame = frame._replace(data=b"11")
-        super().emit(session, frame)
-
-
-@mutant("says-ok", "4/1")
-class SaysOk(ControllerCore):
-    """A lock is accepted with a word."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Write OK for 1."""
-        if frame.opcode == 0x3B and frame.data == b"1":
-            frame = frame._replace(data=b"OK")
-        super().emit(session, frame)
-
-
-@mutant("refuses-without-reason", "4/1")
-class RefusesWithoutReason(ControllerCore):
-    """A refusal is a bare 0, without its code."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Leave the code away."""
-        if _is_first_reply(frame) and frame.data.startswith(b"0|"):
-            frame = frame._replace(data=b"0")
-        super().emit(session, frame)
-
-
-@mutant("refuses-without-bar", "4/1")
-class RefusesWithoutBar(ControllerCore):
-    """A refusal has no bar between the flag and the code."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Leave the bar away."""
-        if _is_first_reply(frame) and frame.data.startswith(b"0|"):
-            frame = frame._replace(data=frame.data.replace(b"|", b""))
-        super().emit(session, frame)
-
-
-@mutant("refuses-in-form-of-result", "4/1")
-class RefusesInFormOfResult(ControllerCore):
-    """A refusal has the form of a failed final result."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Write 00 for 0."""
-        if _is_first_reply(frame) and frame.data.startswith(b"0|"):
-            frame = frame._replace(data=b"0" + frame.data)
-        super().emit(session, frame)
-
-
-@mutant("refuses-with-unlisted-code", "4/4", "8/2")
-class RefusesWithUnlistedCode(ControllerCore):
-    """A missing program is refused with 32, which is 20 in hexadecimal taken for a number."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Write the code as a decimal number."""
-        if _is_first_reply(frame) and frame.data == b"0|20":
-            frame = frame._replace(data=b"0|32")
-        super().emit(session, frame)
-
-
-@mutant("blames-the-wrong-motor", "4/4", subtle=True)
-class BlamesTheWrongMotor(ControllerCore):
-    """A fault of the inner arm's motor refuses commands with the outer arm's code."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Shift the code."""
-        if _is_first_reply(frame) and frame.data == b"0|11":
-            frame = frame._replace(data=b"0|12")
-        super().emit(session, frame)
-
-
-@mutant("overlooks-position-fault", "4/4")
-class OverlooksPositionFault(ControllerCore):
-    """A robot with the fault 05 still accepts a jog."""
-
-    def jog(self, request: Request) -> Acceptance:
-        """Refuse for other faults alone."""
-        return ACCEPTED if self.plant.fault_code == "05" else super().jog(request)
-
-
-@mutant("overlooks-angle-fault", "4/4")
-class OverlooksAngleFault(ControllerCore):
-    """A robot with the fault 06 still accepts a move."""
-
-    def set_tool_coordinates(self, request: Request) -> Acceptance:
-        """Refuse for other faults alone."""
-        if self.plant.fault_code == "06":
-            return ACCEPTED
-        return super().set_tool_coordinates(request)
-
-
-@mutant("answers-run-at-its-end", "4/14")
-class AnswersRunAtItsEnd(ControllerCore):
-    """The first reply to a run comes together with its final result."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Keep the first reply back until the end."""
-        if frame.opcode == 0x30 and frame.data == b"1" and not frame.tagged:
-            return
-        if frame.opcode == 0x30 and frame.tagged:
-            super().emit(session, Frame(C2A, 0x30, b"1"))
-        super().emit(session, frame)
-
-
-@mutant("answers-simulation-at-its-end", "4/14")
-class AnswersSimulationAtItsEnd(ControllerCore):
-    """The first reply to a simulation comes together with its final result."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Keep the first reply back until the end."""
-        if frame.opcode == 0x31 and frame.data == b"1" and not frame.tagged:
-            return
-        if frame.opcode == 0x31 and frame.tagged:
-            super().emit(session, Frame(C2A, 0x31, b"1"))
-        super().emit(session, frame)
-
-
-@mutant("answers-move-at-its-end", "4/14")
-class AnswersMoveAtItsEnd(ControllerCore):
-    """The first reply to a move comes together with its final result."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Keep the first reply back until the end."""
-        if frame.opcode == 0x39 and frame.data == b"1" and not frame.tagged:
-            return
-        if frame.opcode == 0x39 and frame.tagged:
-            super().emit(session, Frame(C2A, 0x39, b"1"))
-        super().emit(session, frame)
-
-
-@mutant("answers-reset-at-its-end", "4/14")
-class AnswersResetAtItsEnd(ControllerCore):
-    """The first reply to a reset comes together with its final result."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Keep the first reply back until the end."""
-        if frame.opcode == 0x33 and frame.data == b"1" and not frame.tagged:
-            return
-        if frame.opcode == 0x33 and frame.tagged:
-            super().emit(session, Frame(C2A, 0x33, b"1"))
-        super().emit(session, frame)
-
+row(
+    "says-eleven-first",
+    "4/1",
+    "The first reply of acceptance is 11, as in a final result.",
+    first_reply(TWO_STAGE, {b"1": b"11"}),
+)
+row(
+    "says-ok",
+    "4/1",
+    "The reply that accepts a lock is OK.",
+    first_reply("lock_joints", {b"1": b"OK"}),
+)
+row(
+    "refuses-without-reason",
+    "4/1",
+    "A refusal is 0 without a code.",
+    first_reply(TWO_STAGE, lambda data: data.partition(b"|")[0]),
+)
+row(
+    "refuses-without-bar",
+    "4/1",
+    "A refusal has no separator between the flag and the code.",
+    first_reply(TWO_STAGE, lambda data: data.replace(b"|", b"")),
+)
+row(
+    "refuses-in-form-of-result",
+    "4/1",
+    "A refusal begins with 00, as a failed final result.",
+    first_reply(TWO_STAGE, lambda data: b"0" + data if data.startswith(b"0|") else data),
+)
+row(
+    "refuses-with-unlisted-code",
+    "4/4 8/2",
+    "A missing program is refused with 32, which is hexadecimal 20 written in decimal.",
+    first_reply(TWO_STAGE, {b"0|20": b"0|32"}),
+)
+row(
+    "blames-the-wrong-motor",
+    "4/4",
+    "A fault of the inner arm's motor refuses commands with the outer arm's code.",
+    first_reply(TWO_STAGE, {b"0|11": b"0|12"}),
+    subtle=True,
+)
+row(
+    "overlooks-position-fault",
+    "4/4",
+    "A robot with the fault 05 accepts a jog.",
+    accepts("jog", lambda core, _request: core.plant.fault_code == "05"),
+)
+row(
+    "overlooks-angle-fault",
+    "4/4",
+    "A robot with the fault 06 accepts a move.",
+    accepts("set_tool_coordinates", lambda core, _request: core.plant.fault_code == "06"),
+)
+row(
+    "answers-run-at-its-end",
+    "4/14",
+    "The first reply to a run is sent together with its final result.",
+    _replies_at_end("run_program"),
+)
+row(
+    "answers-simulation-at-its-end",
+    "4/14",
+    "The first reply to a simulation is sent together with its final result.",
+    _replies_at_end("simulate_program"),
+)
+row(
+    "answers-move-at-its-end",
+    "4/14",
+    "The first reply to a move is sent together with its final result.",
+    _replies_at_end("set_tool_coordinates"),
+)
+row(
+    "answers-reset-at-its-end",
+    "4/14",
+    "The first reply to a reset is sent together with its final result.",
+    _replies_at_end("reset"),
+)
 
 # ---------------------------------------------------------------------- final results
 
-
-@mutant("ends-with-one", "4/2")
-class EndsWithOne(ControllerCore):
-    """A final result that tells of success has one digit."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Write 1 for 11."""
-        if frame.tagged and frame.data == b"11":
-            frame = frame._replace(data=b"1")
-        super().emit(session, frame)
-
-
-@mutant("ends-with-code", "4/2")
-class EndsWithCode(ControllerCore):
-    """A final result that tells of success bears a code too."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Add the code of an idle robot."""
-        if frame.tagged and frame.data == b"11":
-            frame = frame._replace(data=b"11|00")
-        super().emit(session, frame)
-
-
-@mutant("locks-with-one", "4/2")
-class LocksWithOne(ControllerCore):
-    """Of all commands the lock alone ends with one digit."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Write 1 for 11."""
-        if frame.tagged and frame.opcode == 0x3B:
-            frame = frame._replace(data=b"1")
-        super().emit(session, frame)
-
-
-@mutant("loses-results-in-transfers", "4/2", subtle=True)
-class LosesResultsInTransfers(ControllerCore):
-    """What ends while its client sends a file or fetches one is never told."""
-
-    def send_result(self, request: Request, outcome: Outcome) -> None:
-        """Tell it to nobody."""
-        if request.session.transfer is None:
-            super().send_result(request, outcome)
-
-
-@mutant("fails-without-code", "4/3")
-class FailsWithoutCode(ControllerCore):
-    """A failed final result has no code."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Leave the code away."""
-        if frame.tagged and frame.data.startswith(b"00"):
-            frame = frame._replace(data=b"00")
-        super().emit(session, frame)
-
-
-@mutant("fails-of-four-bytes", "4/3")
-class FailsOfFourBytes(ControllerCore):
-    """A failed final result has the form of a refusal."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Write 0 for 00."""
-        if frame.tagged and frame.data.startswith(b"00"):
-            frame = frame._replace(data=frame.data[1:])
-        super().emit(session, frame)
-
-
-@mutant("fault-ends-as-done", "4/3", "4.15/6")
-class FaultEndsAsDone(ControllerCore):
-    """A run during which a motor fails is said to be done."""
-
-    def send_result(self, request: Request, outcome: Outcome) -> None:
-        """Take no notice of faults."""
-        if request.command.name == "run_program" and self.plant.fault_code:
-            outcome = Outcome(done=True)
-        super().send_result(request, outcome)
-
-
-@mutant("fails-with-unlisted-code", "4/5", "8/2")
-class FailsWithUnlistedCode(ControllerCore):
-    """What a stop interrupts fails with a code that table 8-1 does not have."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Write FF for 00."""
-        if frame.tagged and frame.data == b"00|00":
-            frame = frame._replace(data=b"00|FF")
-        super().emit(session, frame)
-
-
-@mutant("fails-with-mirrored-code", "4/5")
-class FailsWithMirroredCode(ControllerCore):
-    """A failed final result names the motors in the order of another bit mask."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Write the outer arm as the wrist."""
-        if frame.tagged and frame.data == b"00|12":
-            frame = frame._replace(data=b"00|14")
-        super().emit(session, frame)
-
-
-@mutant("ends-before-it-begins", "3/16", "4/1")
-class EndsBeforeItBegins(ControllerCore):
-    """A lock's final result comes ahead of its first reply."""
-
-    def send_result(self, request: Request, outcome: Outcome) -> None:
-        """Send a lock's result at once."""
-        if request.command.name != "lock_joints":
-            super().send_result(request, outcome)
-            return
-        data = request.command.result.encode(outcome) if request.command.result else b""
-        self.emit(request.session, Frame(C2A, request.frame.opcode, data, tagged=True))
-
-
-@mutant("ends-what-it-refused", "3/17")
-class EndsWhatItRefused(ControllerCore):
-    """A refused run is followed by a failed final result."""
-
-    def run_program(self, request: Request) -> Acceptance:
-        """Conclude the refusal."""
-        answer = super().run_program(request)
-        if not answer.accepted:
-            self.send_result(request, Outcome(done=False, code=answer.code))
-        return answer
-
-
-@mutant("ends-stop-that-was-not-needed", "3/17")
-class EndsStopThatWasNotNeeded(ControllerCore):
-    """A stop of an idle robot is answered 0, and then 11."""
-
-    def emergency_stop(self, request: Request) -> Acceptance:
-        """Conclude it all the same."""
-        answer = super().emergency_stop(request)
-        if not answer.accepted:
-            self.send_result(request, Outcome(done=True))
-        return answer
+row(
+    "ends-with-one",
+    "4/2",
+    "A successful final result is 1 in place of 11.",
+    final_result(TWO_STAGE, {b"11": b"1"}),
+)
+row(
+    "ends-with-code",
+    "4/2",
+    "A successful final result has a code, too.",
+    final_result(TWO_STAGE, {b"11": b"11|00"}),
+)
+row(
+    "locks-with-one",
+    "4/2",
+    "The final result of a lock is 1 in place of 11.",
+    final_result("lock_joints", lambda _data: b"1"),
+)
+row(
+    "loses-results-in-transfers",
+    "4/2",
+    "A command that ends during a file transfer of its client has no final result.",
+    outcome(TWO_STAGE, lambda _core, request, ended: None if request.session.transfer else ended),
+    subtle=True,
+)
+row(
+    "fails-without-code",
+    "4/3",
+    "A failed final result has no code.",
+    final_result(TWO_STAGE, lambda data: data.partition(b"|")[0]),
+)
+row(
+    "fails-of-four-bytes",
+    "4/3",
+    "A failed final result begins with one 0, as a refusal.",
+    final_result(TWO_STAGE, lambda data: data.removeprefix(b"0")),
+)
+row(
+    "fault-ends-as-done",
+    "4/3 4.15/6",
+    "A run during which a motor fails ends with success.",
+    outcome("run_program", lambda core, _request, ended: DONE if core.plant.fault_code else ended),
+)
+row(
+    "fails-with-unlisted-code",
+    "4/5 8/2",
+    "A command that a stop interrupts fails with the code FF, which table 8-1 does not contain.",
+    final_result(TWO_STAGE, {b"00|00": b"00|FF"}),
+)
+row(
+    "fails-with-mirrored-code",
+    "4/5",
+    "A failed final result reports the wrist's motor when the outer arm's motor fails.",
+    final_result(TWO_STAGE, {b"00|12": b"00|14"}),
+)
+row(
+    "ends-before-it-begins",
+    "3/16 4/1",
+    "The final result of a lock is sent before its first reply.",
+    early_result("lock_joints"),
+)
+row(
+    "ends-what-it-refused",
+    "3/17",
+    "A refused run has a failed final result.",
+    _ends_refused("run_program", lambda answer: Outcome(done=False, code=answer.code)),
+)
+row(
+    "ends-stop-that-was-not-needed",
+    "3/17",
+    "An emergency stop of an idle robot is answered 0 and then 11.",
+    _ends_refused("emergency_stop", lambda _answer: DONE),
+)
 
 
 @mutant("ends-twice", "3/18")
-class EndsTwice(ControllerCore):
+class EndsSimulationsTwice(ControllerCore):
     """The final result of a simulation is sent twice."""
 
     def send_result(self, request: Request, outcome: Outcome) -> None:
-        """Conclude once more."""
         super().send_result(request, outcome)
         if request.command.name == "simulate_program":
             super().send_result(request, outcome)
 
 
 @mutant("repeats-the-last-result", "3/18", subtle=True)
-class RepeatsTheLastResult(ControllerCore):
-    """The reply to the first query behind a run's result is followed by that result again."""
+class RepeatsLastResult(ControllerCore):
+    """The first reply after the result of a run is followed by that result again."""
 
     _kept: Frame | None = None
 
     def emit(self, session: Session, frame: Frame) -> None:
-        """Keep the result, and send it behind the next reply."""
         kept, self._kept = self._kept, None
         super().emit(session, frame)
         if kept is not None:
@@ -337,13 +259,12 @@ class RepeatsTheLastResult(ControllerCore):
 
 
 @mutant("forgets-the-fortieth-result", "3/18", "4.15/5", subtle=True)
-class ForgetsTheFortiethResult(ControllerCore):
+class LosesFortiethResult(ControllerCore):
     """The fortieth run has no final result."""
 
     _ended = 0
 
     def send_result(self, request: Request, outcome: Outcome) -> None:
-        """Count the runs."""
         self._ended += request.command.name == "run_program" and outcome.done
         if self._ended != 40:
             super().send_result(request, outcome)
@@ -352,84 +273,58 @@ class ForgetsTheFortiethResult(ControllerCore):
 
 
 @mutant("loses-result-between-replies", "3/18", "4.15/5", subtle=True)
-class LosesResultBetweenReplies(ControllerCore):
-    """A run that ends less than a tenth of a second behind a query has no final result."""
+class LosesResultAfterQuery(ControllerCore):
+    """A run in which the time was requested after half a second has no final result."""
 
     _asked_s = -1.0
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Note when a query came."""
         if frame.opcode == 0x07:
             self._asked_s = now_s
         super().handle(session, frame, now_s)
 
     def send_result(self, request: Request, outcome: Outcome) -> None:
-        """Drop the result of a run that ends soon behind one."""
-        long_s = self._asked_s - request.now_s
-        if request.command.name != "run_program" or long_s < 0.5:
+        if request.command.name != "run_program" or self._asked_s - request.now_s < 0.5:
             super().send_result(request, outcome)
 
 
 # ---------------------------------------------------------------------- a busy robot
 
-
-class _Forgetful(ControllerCore):
-    """Forgets for one command that another one executes."""
-
-    forgets = ""
-    meanwhile = ""
-
-    def _reply(self, session: Session, command: Command, frame: Frame, answer: Any) -> None:
-        task = self.robot.task
-        if (
-            command.name == self.forgets
-            and isinstance(answer, Acceptance)
-            and not answer.accepted
-            and task is not None
-            and task.request.command.name == self.meanwhile
-        ):
-            answer = ACCEPTED
-        super()._reply(session, command, frame, answer)
-
-
-@mutant("moves-during-run", "4/6")
-class MovesDuringRun(_Forgetful):
-    """A move is accepted while a program runs."""
-
-    forgets, meanwhile = "set_tool_coordinates", "run_program"
-
-
-@mutant("runs-during-simulation", "4/6")
-class RunsDuringSimulation(_Forgetful):
-    """A run is accepted while a program is simulated."""
-
-    forgets, meanwhile = "run_program", "simulate_program"
-
-
-@mutant("locks-during-move", "4/6")
-class LocksDuringMove(_Forgetful):
-    """A lock is accepted while the arm moves."""
-
-    forgets, meanwhile = "lock_joints", "set_tool_coordinates"
-
-
-@mutant("moves-during-reset", "4/6")
-class MovesDuringReset(_Forgetful):
-    """A move is accepted while the robot resets."""
-
-    forgets, meanwhile = "set_tool_coordinates", "reset"
-
-
-@mutant("simulates-during-jog", "4/6")
-class SimulatesDuringJog(_Forgetful):
-    """A simulation is accepted during a jog."""
-
-    forgets, meanwhile = "simulate_program", "jog"
+row(
+    "moves-during-run",
+    "4/6",
+    "A move is accepted while a program runs.",
+    accepts("set_tool_coordinates", executing("run_program")),
+)
+row(
+    "runs-during-simulation",
+    "4/6",
+    "A run is accepted while a program is simulated.",
+    accepts("run_program", executing("simulate_program")),
+)
+row(
+    "locks-during-move",
+    "4/6",
+    "A lock is accepted while the arm moves.",
+    accepts("lock_joints", executing("set_tool_coordinates")),
+)
+row(
+    "moves-during-reset",
+    "4/6",
+    "A move is accepted while the robot resets.",
+    accepts("set_tool_coordinates", executing("reset")),
+)
+row(
+    "simulates-during-jog",
+    "4/6",
+    "A simulation is accepted during a jog.",
+    accepts("simulate_program", executing("jog")),
+)
 
 
 @mutant("starts-later", "4/6")
-class StartsLater(ControllerCore):
-    """A busy robot says nothing to a move, and begins it once it is free."""
+class QueuesMoves(ControllerCore):
+    """A busy robot does not answer a move and starts it when it is free."""
 
     def _defer_while_busy(self, session: Session, command: Command, frame: Frame) -> bool:
         if command.name == "set_tool_coordinates" and self.robot.task is not None:
@@ -440,61 +335,45 @@ class StartsLater(ControllerCore):
 
 @mutant("moves-after-refusal", "4/6", subtle=True)
 class MovesAfterRefusal(ControllerCore):
-    """A move that a running program has kept from is made behind it, without a word."""
+    """A move that was refused during a run starts after it, without any reply."""
 
-    _words = 0  # that are still said of it, and kept back
+    _frames = 0  # that are still made for the move: the refusal is sent, the others are not
 
     def set_tool_coordinates(self, request: Request) -> Acceptance:
-        """Put it off."""
         answer = super().set_tool_coordinates(request)
         task = self.robot.task
         if task is not None and task.state == "01":
             self._queue.append((request.session, request.frame))
-            self._words = 3  # the refusal, which is said, and what is not
+            self._frames = 3
         return answer
 
     def emit(self, session: Session, frame: Frame) -> None:
-        """Say the first word alone."""
-        if frame.opcode == BY_NAME["set_tool_coordinates"].opcode and self._words:
-            self._words -= 1
-            if self._words < 2:
+        if frame.opcode == 0x39 and self._frames:
+            self._frames -= 1
+            if self._frames < 2:
                 return
         super().emit(session, frame)
 
 
-@mutant("other-clients-may-move", "4/6", subtle=True)
-class OtherClientsMayMove(ControllerCore):
-    """Whether the robot is busy is asked for each connection, not for the robot."""
-
-    def lock_joints(self, request: Request) -> Acceptance:
-        """Look at one's own commands alone."""
-        task = self.robot.task
-        if task is not None and task.request.session is not request.session:
-            self.send_result(request, Outcome(done=True))
-            return ACCEPTED
-        return super().lock_joints(request)
-
-
-@mutant("busy-is-always-one", "4/15")
-class BusyIsAlwaysOne(ControllerCore):
-    """Every busy refusal bears 01, whatever executes."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Write 01 for all states."""
-        if _is_first_reply(frame) and frame.data in (b"0|02", b"0|03", b"0|04"):
-            frame = frame._replace(data=b"0|01")
-        super().emit(session, frame)
-
-
-@mutant("busy-is-always-moving", "4/15")
-class BusyIsAlwaysMoving(ControllerCore):
-    """A busy refusal during a run bears 04."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Write 04 for 01."""
-        if _is_first_reply(frame) and frame.data == b"0|01":
-            frame = frame._replace(data=b"0|04")
-        super().emit(session, frame)
+row(
+    "other-clients-may-move",
+    "4/6",
+    "A lock is refused only while a command of the same connection executes.",
+    after("lock_joints", _lock_for_others),
+    subtle=True,
+)
+row(
+    "busy-is-always-one",
+    "4/15",
+    "Every refusal of a busy robot has the code 01.",
+    first_reply(TWO_STAGE, dict.fromkeys((b"0|02", b"0|03", b"0|04"), b"0|01")),
+)
+row(
+    "busy-is-always-moving",
+    "4/15",
+    "A refusal during a run has the code 04.",
+    first_reply(TWO_STAGE, {b"0|01": b"0|04"}),
+)
 
 
 @mutant("busy-after-refusal", "4/15", "4.15/4", subtle=True)
@@ -504,10 +383,9 @@ class BusyAfterRefusal(ControllerCore):
     _stuck = False
 
     def run_program(self, request: Request) -> Acceptance:
-        """Forget to let the robot go on the way out."""
         if self._stuck:
             self._stuck = False
-            return Acceptance(accepted=False, code="01")
+            return refused("01")
         answer = super().run_program(request)
         self._stuck = answer.code == "20"
         return answer
@@ -515,155 +393,122 @@ class BusyAfterRefusal(ControllerCore):
 
 @mutant("busy-after-lost-client", "4/15", "4.15/4", subtle=True)
 class BusyAfterLostClient(ControllerCore):
-    """A program whose client was lost leaves the robot busy for runs."""
+    """After a client disconnects during its run, every run is refused as busy."""
 
     _stuck = False
 
     def close(self, connection: int, now_s: float) -> list[Any]:
-        """Note that a client went while its program ran."""
         task = self.robot.task
         if task is not None and task.program and task.request.session.connection == connection:
             self._stuck = True
         return super().close(connection, now_s)
 
     def run_program(self, request: Request) -> Acceptance:
-        """Refuse ever after."""
-        if self._stuck:
-            return Acceptance(accepted=False, code="01")
-        return super().run_program(request)
+        return refused("01") if self._stuck else super().run_program(request)
 
 
 @mutant("tires-after-forty-runs", "4/15", "4.15/5", subtle=True)
-class TiresAfterFortyRuns(ControllerCore):
+class BusyAfterFortyRuns(ControllerCore):
     """After forty runs every further one is refused as busy."""
 
     _runs = 0
 
     def run_program(self, request: Request) -> Acceptance:
-        """Run out of places for tasks."""
         self._runs += 1
-        if self._runs > 40:
-            return Acceptance(accepted=False, code="01")
-        return super().run_program(request)
+        return refused("01") if self._runs > 40 else super().run_program(request)
 
 
 # ---------------------------------------------------------------------- the status
 
 
 @mutant("status-lags", "4/7", subtle=True)
-class StatusLags(ControllerCore):
-    """The first status behind a final result is still that of the command which has ended."""
+class ReportsEndedState(ControllerCore):
+    """The first status after a final result is still that of the command that has ended."""
 
     _last = "00"
 
     def send_result(self, request: Request, outcome: Outcome) -> None:
-        """Keep the state of what ended with success."""
         states = {0x30: "01", 0x31: "02", 0x33: "03", 0x39: "04", 0x3D: "04"}
         if outcome.done:
             self._last = states.get(request.frame.opcode, "04")
         super().send_result(request, outcome)
 
     def get_status(self, request: Request) -> str:
-        """Tell the last state once."""
         last, self._last = self._last, "00"
         now = super().get_status(request)
         return last if now == "00" else now
 
 
 @mutant("simulation-never-ends", "4/7", subtle=True)
-class SimulationNeverEnds(ControllerCore):
-    """Behind a simulation the status stays 02 until something else executes."""
+class ReportsEndedSimulation(ControllerCore):
+    """The status stays 02 after a simulation until another command executes."""
 
     _simulated = False
 
     def send_result(self, request: Request, outcome: Outcome) -> None:
-        """Note what ended last."""
         self._simulated = request.command.name == "simulate_program"
         super().send_result(request, outcome)
 
     def get_status(self, request: Request) -> str:
-        """Tell of the simulation."""
         now = super().get_status(request)
         return "02" if self._simulated and now == "00" else now
 
 
-class _IdleDuring(ControllerCore):
-    """The status does not tell of one command."""
-
-    during = 0
-
-    def get_status(self, request: Request) -> str:
-        """Forget one command."""
-        task = self.robot.task
-        if task is not None and task.request.frame.opcode == self.during:
-            return "00"
-        return super().get_status(request)
-
-
-@mutant("idle-during-run", "4/8")
-class IdleDuringRun(_IdleDuring):
-    """The status is 00 while a program runs."""
-
-    during = 0x30
-
-
-@mutant("idle-during-simulation", "4/8")
-class IdleDuringSimulation(_IdleDuring):
-    """The status is 00 while a program is simulated."""
-
-    during = 0x31
-
-
-@mutant("idle-during-reset", "4/8")
-class IdleDuringReset(_IdleDuring):
-    """The status is 00 while the robot resets."""
-
-    during = 0x33
-
-
-@mutant("idle-during-move", "4/8")
-class IdleDuringMove(_IdleDuring):
-    """The status is 00 while the arm moves to a pose."""
-
-    during = 0x39
-
-
-@mutant("idle-during-jog", "4/8")
-class IdleDuringJog(_IdleDuring):
-    """The status is 00 during a jog."""
-
-    during = 0x3D
+row(
+    "idle-during-run",
+    "4/8",
+    "The status is 00 while a program runs.",
+    _idle_during("run_program"),
+)
+row(
+    "idle-during-simulation",
+    "4/8",
+    "The status is 00 while a program is simulated.",
+    _idle_during("simulate_program"),
+)
+row(
+    "idle-during-reset",
+    "4/8",
+    "The status is 00 while the robot resets.",
+    _idle_during("reset"),
+)
+row(
+    "idle-during-move",
+    "4/8",
+    "The status is 00 while the arm moves to a pose.",
+    _idle_during("set_tool_coordinates"),
+)
+row(
+    "idle-during-jog",
+    "4/8",
+    "The status is 00 during a jog.",
+    _idle_during("jog"),
+)
 
 
 @mutant("flickers-idle", "4/8", "4.8/4", subtle=True)
-class FlickersIdle(ControllerCore):
-    """Every tenth status during a run is 00."""
+class ReportsIdleSometimes(ControllerCore):
+    """Every tenth status is 00 even if a program runs."""
 
     _asked = 0
 
     def get_status(self, request: Request) -> str:
-        """Count."""
         self._asked += 1
         now = super().get_status(request)
         return "00" if now == "01" and self._asked % 10 == 0 else now
 
 
-@mutant("idle-before-the-result", "4/8", "4.8/4", subtle=True)
-class IdleBeforeTheResult(ControllerCore):
-    """The status is 00 for the last tenth of a second of a program, ahead of its result."""
-
-    def get_status(self, request: Request) -> str:
-        """Look at the clock a little too early."""
-        task = self.robot.task
-        if task is not None and task.program and task.activity.next_event_s - request.now_s < 0.1:
-            return "00"
-        return super().get_status(request)
-
-
-@mutant("deaf-for-the-version", "3/31", subtle=True)
-class DeafForTheVersion(ControllerCore):
-    """While a program runs the version is not told."""
-
-    def get_version(self, request: Request) -> Any:
-        """Say nothing."""
-        return SILENCE if self.robot.task is not None else super().get_version(request)
+row(
+    "idle-before-the-result",
+    "4/8 4.8/4",
+    "The status is 00 in the last tenth of a second of a program, before its result.",
+    answer_when("get_status", _ends_soon, "00"),
+    subtle=True,
+)
+row(
+    "deaf-for-the-version",
+    "3/31",
+    "A version request is not answered while a command executes.",
+    ignores("get_version", lambda core, _request: core.robot.task is not None),
+    subtle=True,
+)

@@ -1,84 +1,76 @@
-"""Faults between the clauses: state that leaks from one command into another, or errs late.
+"""Mutants that show only in sequences: one command changes the effect of another, or many do.
 
-Each command by itself is right; it takes others before it, or many of them, to show the fault.
+Each command alone is executed correctly.
 """
 
 from dataclasses import replace
 from datetime import datetime, timedelta
-from typing import Any, Final
+from typing import Any
 
-from scaraspec.mutants.controller import mutant
-from scaraspec.protocol.commands import PortValue
+from scaraspec.mutants.controller import mutant, row
+from scaraspec.mutants.operators.controller.requests import after
+from scaraspec.protocol.commands import PortValue, RunningProgram
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, NameListPart
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
-_LATE: Final = 300
-"""Requests behind which late faults show."""
 
-
-class _Counts(ControllerCore):
-    """Counts requests."""
-
-    def __init__(self, *args: Any) -> None:
-        super().__init__(*args)
-        self.requests = 0
+class _CountsRequests(ControllerCore):
+    _requests = 0
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Count."""
-        self.requests += 1
+        self._requests += 1
         super().handle(session, frame, now_s)
 
     @property
-    def late(self) -> bool:
-        """Whether many have come."""
-        return self.requests > _LATE
+    def _is_late(self) -> bool:
+        return self._requests > 300
 
 
 # ---------------------------------------------------------------------- files
 
 
-@mutant("any-deletion-forgets-the-default", "4.13/3", subtle=True)
-class AnyDeletionForgetsTheDefault(ControllerCore):
-    """Whatever program is deleted, the default one is forgotten with it."""
+def _truncate_last(core: ControllerCore, _request: Request, done: Any) -> Any:
+    names = core.store.names()
+    if len(names) > 1:
+        core.store.write(names[-1], core.store.read(names[-1])[:-1])
+    return done
 
-    def delete_program(self, request: Request) -> bool:
-        """Forget it."""
-        done = super().delete_program(request)
-        if done:
-            self.save(default_program=b"")
-        return done
+
+row(
+    "any-deletion-forgets-the-default",
+    "4.13/3",
+    "Deleting any program clears the default program.",
+    after("delete_program", lambda core, _request, done: done and core.save(default_program=b"")),
+    subtle=True,
+)
 
 
 @mutant("list-is-made-when-the-number-changes", "4.10/11", subtle=True)
-class ListIsMadeWhenTheNumberChanges(ControllerCore):
-    """The list is kept until there are more or fewer programs than when it was made."""
+class KeepsListOfSameLength(ControllerCore):
+    """The list of programs is updated only when their number has changed."""
 
-    def __init__(self, *args: Any) -> None:
-        super().__init__(*args)
-        self._names: list[bytes] = []
+    _names: tuple[bytes, ...] = ()
 
     def list_programs(self, request: Request) -> NameListPart:
-        """Tell what was kept."""
-        names = self.store.names()
+        names = tuple(self.store.names())
         if len(names) != len(self._names):
             self._names = names
         if self._names == names:
             return super().list_programs(request)
-        return NameListPart(more=False, names=tuple(self._names))
+        return NameListPart(more=False, names=self._names)
 
 
 @mutant("downloads-from-its-cache", "5.2/12", subtle=True)
-class DownloadsFromItsCache(ControllerCore):
-    """A file that was downloaded is kept in memory, even if it was the default and is deleted."""
+class DownloadsFromCache(ControllerCore):
+    """Downloads come from a cache, which still contains a default program that was deleted."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self._cache: dict[bytes, bytes] = {}
 
     def download_name(self, request: Request) -> bool:
-        """Send what was kept, where there is a file of this name."""
         name = request.value
         if name in self.store:
             content = self._cache.setdefault(name, self.store.read(name))
@@ -86,37 +78,30 @@ class DownloadsFromItsCache(ControllerCore):
         return super().download_name(request)
 
     def delete_program(self, request: Request) -> bool:
-        """Forget it, unless it is the default."""
         if request.value != self.store.settings.default_program:
             self._cache.pop(request.value, None)
         return super().delete_program(request)
 
 
-@mutant("setting-the-clock-truncates-the-last-upload", "5.2/12", subtle=True)
-class SettingTheClockTruncatesTheLastUpload(ControllerCore):
-    """The file that was uploaded last is still open, and loses its last byte with the clock."""
-
-    def set_time(self, request: Request) -> bool:
-        """Truncate it."""
-        names = self.store.names()
-        if names and len(names) > 1:
-            self.store.write(names[-1], self.store.read(names[-1])[:-1])
-        return super().set_time(request)
+row(
+    "setting-the-clock-truncates-the-last-upload",
+    "5.2/12",
+    "Setting the clock removes the last byte of the last of several programs.",
+    after("set_time", _truncate_last),
+    subtle=True,
+)
 
 
 # ---------------------------------------------------------------------- settings
 
 
 @mutant("initial-position-takes-the-centre-along", "4.20/3", subtle=True)
-class InitialPositionTakesTheCentreAlong(ControllerCore):
-    """An initial position that is set a second time sets the gripper centre to what it was."""
+class RestoresGripperCenter(ControllerCore):
+    """A second initial position restores the gripper centre that was set at the first one."""
 
-    def __init__(self, *args: Any) -> None:
-        super().__init__(*args)
-        self._saved: tuple[float, float, float] | None = None
+    _saved: tuple[float, float, float] | None = None
 
     def set_initial_tool_position(self, request: Request) -> bool:
-        """Save or bring back."""
         done = super().set_initial_tool_position(request)
         if done and self._saved is not None:
             self.save(gripper_center=self._saved)
@@ -125,28 +110,26 @@ class InitialPositionTakesTheCentreAlong(ControllerCore):
 
 
 @mutant("late-initial-positions-are-lost", "4.21/3", subtle=True)
-class LateInitialPositionsAreLost(_Counts):
-    """After three hundred requests an initial position is answered 1 and forgotten."""
+class LosesLateInitialPositions(_CountsRequests):
+    """After three hundred requests an initial position is answered 1 but not stored."""
 
     def set_initial_tool_position(self, request: Request) -> bool:
-        """Forget it."""
         before = self.store.settings.initial_tool_position
         done = super().set_initial_tool_position(request)
-        if self.late:
+        if self._is_late:
             self.save(initial_tool_position=before)
         return done
 
 
 @mutant("second-login-sets-the-clock-back", "4.5/4", subtle=True)
-class SecondLoginSetsTheClockBack(ControllerCore):
-    """A second login on a connection has the clock go on from the first, whatever was set since."""
+class SecondLoginSetsClockBack(ControllerCore):
+    """A second login on a connection undoes changes of the clock since the first."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self._first: dict[int, tuple[datetime, float]] = {}
 
     def login(self, request: Request) -> bool:
-        """Set it, as far as time has gone on since."""
         connection, clock = request.session.connection, self.plant.clock
         if request.session.logged_in and connection in self._first:
             time, then_s = self._first[connection]
@@ -157,15 +140,12 @@ class SecondLoginSetsTheClockBack(ControllerCore):
 
 
 @mutant("mistaken-password-blocks-the-next", "4.2/2", subtle=True)
-class MistakenPasswordBlocksTheNext(ControllerCore):
-    """Behind a change with a wrong old password, one with the right one is refused, once."""
+class RefusesChangeAfterMistake(ControllerCore):
+    """After a change with a wrong old password, the next change with the right one is refused."""
 
-    def __init__(self, *args: Any) -> None:
-        super().__init__(*args)
-        self._mistaken = False
+    _mistaken = False
 
     def set_password(self, request: Request) -> bool:
-        """Refuse it."""
         old, new = request.value
         if old == self.store.settings.password and self._mistaken and new != old:
             self._mistaken = False
@@ -178,15 +158,12 @@ class MistakenPasswordBlocksTheNext(ControllerCore):
 
 
 @mutant("refused-run-is-told", "4.9/4", subtle=True)
-class RefusedRunIsTold(ControllerCore):
-    """Behind a run that was refused because another one goes on, its name is told as running."""
+class ReportsRefusedRun(ControllerCore):
+    """After a run is refused because another one executes, its name is reported as running."""
 
-    def __init__(self, *args: Any) -> None:
-        super().__init__(*args)
-        self._wrong = b""
+    _wrong = b""
 
     def run_program(self, request: Request) -> Acceptance:
-        """Put the name down."""
         task = self.robot.task
         if task is None:
             self._wrong = b""
@@ -194,27 +171,24 @@ class RefusedRunIsTold(ControllerCore):
             self._wrong = request.value
         return super().run_program(request)
 
-    def get_running_program(self, request: Request) -> Any:
-        """Tell it."""
-        told = super().get_running_program(request)
-        return told._replace(name=self._wrong) if told is not None and self._wrong else told
+    def get_running_program(self, request: Request) -> RunningProgram | None:
+        running = super().get_running_program(request)
+        return running._replace(name=self._wrong) if running and self._wrong else running
 
 
 @mutant("stopped-simulation-undoes-the-setting", "4.32/6", subtle=True)
-class StoppedSimulationUndoesTheSetting(ControllerCore):
-    """A simulation that is stopped undoes the last setting of an output, as if it were its own."""
+class StoppedSimulationResetsOutput(ControllerCore):
+    """Stopping a simulation undoes the last setting of an output, even of a client."""
 
     _former: PortValue | None = None
 
-    def set_digital_output(self, request: Request) -> Any:
-        """Remember what was there."""
+    def set_digital_output(self, request: Request) -> bool:
         port, outputs = request.value.port, self.get_digital_outputs(request)
-        if answer := super().set_digital_output(request):
+        if done := super().set_digital_output(request):
             self._former = PortValue(port, int(outputs[-port]))
-        return answer
+        return done
 
     def emergency_stop(self, request: Request) -> Acceptance:
-        """Put it back."""
         task, former = self.robot.task, self._former
         if task is not None and task.state == "02" and former:
             self.plant.digital_outputs[former.port] = bool(former.value)
@@ -222,20 +196,18 @@ class StoppedSimulationUndoesTheSetting(ControllerCore):
 
 
 @mutant("late-runs-miss-their-program", "4.15/4", subtle=True)
-class LateRunsMissTheirProgram(_Counts):
-    """After three hundred requests a program that was deleted and sent anew is not found."""
+class LateRunsMissProgram(_CountsRequests):
+    """After three hundred requests a program that was deleted and uploaded again is not found."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self._deleted: set[bytes] = set()
 
     def delete_program(self, request: Request) -> bool:
-        """Note its name."""
         self._deleted.add(request.value)
         return super().delete_program(request)
 
     def run_program(self, request: Request) -> Acceptance:
-        """Look for another one."""
-        if self.late and request.value in self._deleted:
-            return super().run_program(replace(request, value=b"gone.rob"))
+        if self._is_late and request.value in self._deleted:
+            request = replace(request, value=b"gone.rob")
         return super().run_program(request)

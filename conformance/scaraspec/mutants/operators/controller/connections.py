@@ -1,51 +1,67 @@
-"""Breaking: where faults of clauses 2 and 3 take hold: bytes in and out, death, and lateness.
-
-No fault stands here.
-"""
+"""Operators that change connections: received bytes, crashes, and frames that are sent later."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Any
 
 from scaraspec.protocol.frames import Frame, Skipped, StreamItem
+from scaraspec.protocol.readings import Dialect
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.request_framer import RequestFramer
 from scaraspec.virtual_controller.session import Action, Carrier, Close, Session
 
-
-class OtherFramer(ControllerCore):
-    """Sessions have another kind of inlet."""
-
-    framer: type[RequestFramer] = RequestFramer
-
-    def _add_session(self, connection: int, carrier: Carrier) -> None:
-        super()._add_session(connection, carrier)
-        self.sessions[connection].framer = self.framer(self.dialect)
+Core = type[ControllerCore]
 
 
-class Mortal(ControllerCore):
-    """Can die: all clients are cut off, and nobody is taken any more."""
+def received_bytes(change: Callable[[bytes], bytes]) -> Core:
+    """The bytes that arrive together are changed."""
+
+    class ReceivedBytes(ControllerCore):
+        def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
+            return super().receive(connection, change(data), now_s)
+
+    return ReceivedBytes
+
+
+def other_framer(make: Callable[[Dialect], RequestFramer]) -> Core:
+    """Sessions use another request framer."""
+
+    class OtherFramer(ControllerCore):
+        def _add_session(self, connection: int, carrier: Carrier) -> None:
+            super()._add_session(connection, carrier)
+            self.sessions[connection].framer = make(self.dialect)
+
+    return OtherFramer
+
+
+def finds(receive: Callable[[RequestFramer, bytes, float], list[StreamItem]]) -> Core:
+    """`receive` of a session's framer is replaced."""
+    return other_framer(type("Finds", (RequestFramer,), {"receive": receive}))
+
+
+class Crashes(ControllerCore):
+    """Can crash: all connections are closed, and no new one is accepted."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
-        self.dead = False
+        self.crashed = False
 
-    def die(self, now_s: float) -> None:
+    def crash(self, now_s: float) -> None:
         """End every session."""
-        self.dead = True
+        self.crashed = True
         for session in list(self.sessions.values()):
             self._end(session, now_s)
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
-        """Take nobody when dead."""
-        return [Close(connection)] if self.dead else super().open(connection, now_s, link)
+        return [Close(connection)] if self.crashed else super().open(connection, now_s, link)
 
 
-class Skips(Mortal, ABC):
+class HandlesSkipped(Crashes, ABC):
     """Does something about bytes that are no frame."""
 
     @abstractmethod
     def skipped(self, session: Session, item: Skipped, now_s: float) -> None:
-        """What it does."""
+        """Called with each run of skipped bytes."""
 
     def _process_items(self, session: Session, found: list[StreamItem], now_s: float) -> None:
         for item in found:
@@ -54,20 +70,46 @@ class Skips(Mortal, ABC):
         super()._process_items(session, found, now_s)
 
 
+def on_skipped(skipped: Callable[[Crashes, Session, Skipped, float], None]) -> Core:
+    """`skipped` is called with each run of bytes that are no frame."""
+    return type("OnSkipped", (HandlesSkipped,), {"skipped": skipped})
+
+
+def crashes_on_skipped(when: Callable[[Skipped], bool]) -> Core:
+    """The controller crashes on bytes that are no frame, if the condition holds."""
+    return on_skipped(lambda core, _session, item, now_s: core.crash(now_s) if when(item) else None)
+
+
+def crashes_on_bytes(when: Callable[[bytes], bool]) -> Core:
+    """The controller crashes when the bytes that arrive together fulfil a condition."""
+
+    class CrashesOnBytes(Crashes):
+        def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
+            if when(data):
+                self.crash(now_s)
+            return super().receive(connection, data, now_s)
+
+    return CrashesOnBytes
+
+
 class SendsLater(ControllerCore):
-    """Sends frames when their time has come."""
+    """Sends frames some time after the current request."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
+        self.now_s = 0.0
         self._due: list[tuple[float, Session, Frame]] = []
 
-    def send_at(self, time_s: float, session: Session, frame: Frame) -> None:
-        """Send a frame at this instant, if its client is still there."""
-        self._due.append((time_s, session, frame))
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        self.now_s = now_s
+        super().handle(session, frame, now_s)
+
+    def send_later(self, delay_s: float, session: Session, frame: Frame) -> None:
+        """Send a frame after a time, if its client is still connected."""
+        self._due.append((self.now_s + delay_s, session, frame))
 
     @property
     def next_event_s(self) -> float | None:
-        """The sooner of what is due."""
         times_s = [time_s for time_s, _, _ in self._due]
         other_s = super().next_event_s
         return min(times_s if other_s is None else [*times_s, other_s], default=None)
@@ -78,15 +120,3 @@ class SendsLater(ControllerCore):
         self._due = [entry for entry in self._due if entry[0] > now_s]
         for _, session, frame in due:
             ControllerCore.emit(self, session, frame)
-
-
-class AltersBytes(ControllerCore, ABC):
-    """Sends other bytes for a frame."""
-
-    @abstractmethod
-    def altered(self, data: bytes) -> bytes:
-        """What is sent in place of these bytes of a frame."""
-
-    def transmit(self, session: Session, data: bytes) -> None:
-        """Send something else."""
-        super().transmit(session, self.altered(data))

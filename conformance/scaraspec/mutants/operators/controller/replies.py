@@ -10,8 +10,9 @@ from typing import Any, ClassVar
 
 from scaraspec.protocol.commands import BY_NAME, BY_OPCODE, Command
 from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.payloads import Outcome
 from scaraspec.virtual_controller.core import ControllerCore
-from scaraspec.virtual_controller.session import Session
+from scaraspec.virtual_controller.session import Request, Session
 
 Change = Callable[[bytes], bytes] | Mapping[bytes, bytes]
 Core = type[ControllerCore]
@@ -39,6 +40,36 @@ def _frame_data(command: str | tuple[str, ...], change: Change, *, tagged: bool)
             super().emit(session, frame)
 
     return FrameData
+
+
+def outcome(
+    command: str | tuple[str, ...],
+    change: Callable[[ControllerCore, Request, Outcome], Outcome | None],
+) -> Core:
+    """The outcomes of one or several commands are changed; for None no final result is sent."""
+    names = (command,) if isinstance(command, str) else command
+
+    class ChangedOutcome(ControllerCore):
+        def send_result(self, request: Request, outcome: Outcome) -> None:
+            changed: Outcome | None = outcome
+            if request.command.name in names:
+                changed = change(self, request, outcome)
+            if changed is not None:
+                super().send_result(request, changed)
+
+    return ChangedOutcome
+
+
+def early_result(command: str) -> Core:
+    """A final result that is ready with the first reply is sent before it."""
+
+    class EarlyResult(ControllerCore):
+        def send_result(self, request: Request, outcome: Outcome) -> None:
+            super().send_result(request, outcome)
+            if request.command.name == command:
+                self._send_deferred()
+
+    return EarlyResult
 
 
 def length_byte(command: str, change: Callable[[int], int]) -> Core:
