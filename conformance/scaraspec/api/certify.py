@@ -15,13 +15,12 @@ from scaraspec.suite.client.harness.attended import Attended
 from scaraspec.suite.controller.harness.access import UrlAccess
 from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.engine.case import Case
-from scaraspec.suite.engine.case_runner import Outcome
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.journal import Journal
+from scaraspec.suite.engine.outcome import Outcome
 from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.run import Run, collect
-from scaraspec.suite.engine.stall_detector import StallDetector
 from scaraspec.transports.connect import resolve_url
 
 
@@ -101,7 +100,6 @@ def controller(  # noqa: PLR0913 - independent options of a run
     with (
         Journal.of(resolve_url(url), folder, wait_s=lock_timeout_s) as journal,
         RunFolder(out, needs_login=access.needs_login) as files,
-        StallDetector() as stalls,
     ):
         adapter = ControllerAdapter(
             access,
@@ -120,7 +118,6 @@ def controller(  # noqa: PLR0913 - independent options of a run
                 take=files.record,
                 report=progress.case_ends,
                 announce=progress.case_begins,
-                stall_s=stalls.take_longest_stall_s,
                 interruption=interruption,
             ),
             files,
@@ -163,7 +160,6 @@ def client(  # noqa: PLR0913 - independent options of a run
     with (
         closing(access),
         RunFolder(out, resume=access.attended) as files,
-        StallDetector() as stalls,
     ):
         adapter = ClientAdapter(
             access,
@@ -180,7 +176,6 @@ def client(  # noqa: PLR0913 - independent options of a run
                 take=files.record,
                 report=progress.case_ends,
                 announce=progress.case_begins,
-                stall_s=stalls.take_longest_stall_s,
                 interruption=interruption,
             ),
             files,

@@ -39,6 +39,7 @@ class MemoryClient:
     """
 
     attended = False
+    real_time = False
     answer_timeout_s = 10.0
     host, port = LOOPBACK, _PORT
     connected_port = _PORT

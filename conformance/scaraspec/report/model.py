@@ -141,6 +141,25 @@ class Evidence:
 
 
 @dataclass(frozen=True, slots=True)
+class AttemptResult:
+    """One attempt of a case that was tried several times.
+
+    Attributes:
+        verdict: The verdict of this attempt alone.
+        requirement: The requirement that was violated; empty if none was.
+        message: One sentence.
+        late: Whether a message was missing or late during it.
+        stall_s: The longest stall of the tester's machine during it, in seconds; 0 for none.
+    """
+
+    verdict: Verdict
+    requirement: str = ""
+    message: str = ""
+    late: bool = False
+    stall_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class Case:
     """One test case or, for a capture, one finding.
 
@@ -158,6 +177,7 @@ class Case:
         replay: The reproduction command.
         wire: The evidence, in order of time within each occurrence.
         passing: For a failure, the last passing exchange of the same command.
+        attempts: The results of all attempts, if the case was tried several times.
     """
 
     id: str
@@ -173,6 +193,7 @@ class Case:
     replay: str = ""
     wire: tuple[Evidence, ...] = ()
     passing: tuple[Evidence, ...] = ()
+    attempts: tuple[AttemptResult, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,9 +22,9 @@ from scaraspec.operating_system import ending_signals
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.sanitizing import visible
 from scaraspec.suite.engine.case import Case
-from scaraspec.suite.engine.case_runner import Outcome
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
+from scaraspec.suite.engine.outcome import Outcome
 from scaraspec.suite.engine.plan import Options, skip_reason
 
 _RISKS: Final = {

@@ -5,7 +5,7 @@ the exception that it raised, on the readings that it tolerated, and on whether 
 alive before and after it. `run` joins the findings of the judge to the outcomes.
 """
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final
@@ -17,6 +17,7 @@ from hypothesis.errors import Flaky
 from scaraspec.judge.verdicts import Cause, Verdict
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.model import Role
+from scaraspec.suite.engine.attempts import Attempt, needs_another, settle
 from scaraspec.suite.engine.case import Case, case_of, declare_mark, is_case
 from scaraspec.suite.engine.connection import Connection
 from scaraspec.suite.engine.examples import counted
@@ -29,14 +30,14 @@ from scaraspec.suite.engine.expectations import (
 )
 from scaraspec.suite.engine.hypothesis_profile import HypothesisProfile
 from scaraspec.suite.engine.journal import JournalError
+from scaraspec.suite.engine.outcome import Outcome
 from scaraspec.suite.engine.plan import Options, is_selected, skip_reason
+from scaraspec.suite.engine.stall_detector import Stall
 from scaraspec.suite.engine.system_under_test import SystemUnderTest
-from scaraspec.traffic.events import FrameSeen, InvalidBytes
 from scaraspec.user_message import UserMessage
 
 _NS: Final = 1e9
 _SENTENCE: Final = 500
-_ATTEMPTS: Final = 3
 _WATCH_S: Final = 2.0
 _WATCH_MOST_S: Final = 10.0
 _WATCH_AGAIN_MOST_S: Final = 30.0
@@ -47,37 +48,6 @@ _REPEATS: Final = 2
 """How often a failed case must pass when it is repeated: a fault may depend on the time of day."""
 _STOP_WORKS: Final = ("4.17/6", "4.17/7")
 """Requirements whose failure means that the emergency stop was refused, or had no effect."""
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """The outcome of a case.
-
-    Attributes:
-        case: The case.
-        verdict: The verdict; ``none`` if the case did not run.
-        requirement: The requirement that was violated; empty if none was.
-        cause: Who is responsible if the case did not pass.
-        message: One sentence.
-        expected: What the document requires.
-        observed: What was observed instead.
-        duration_s: The duration in seconds, on the clock of the subject.
-        examples: The number of values that were tried; 0 if the case draws no values.
-        frames: The last frames of the case.
-        readings: The readings that were tolerated, as key and option.
-    """
-
-    case: Case
-    verdict: Verdict
-    requirement: str = ""
-    cause: Cause | None = None
-    message: str = ""
-    expected: str = ""
-    observed: str = ""
-    duration_s: float = 0.0
-    examples: int = 0
-    frames: tuple[FrameSeen | InvalidBytes, ...] = ()
-    readings: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +62,7 @@ class Callbacks:
             subject was restarted.
         watch: Called after a failure with a minimum duration in seconds. It checks whether another
             client has caused the failure.
-        stall_s: Returns for how many seconds this machine stood still since the last call.
+        stalls: Returns the stalls of this machine since the last call.
     """
 
     report: Callable[[Outcome, int], None] = lambda _outcome, _count: None
@@ -100,7 +70,7 @@ class Callbacks:
     before_last: Callable[[], None] = lambda: None
     before_motion: Callable[[], None] = lambda: None
     watch: Callable[[float], None] = lambda _for_s: None
-    stall_s: Callable[[], float] = lambda: 0.0
+    stalls: Callable[[], Sequence[Stall]] = tuple
 
 
 class CaseRunner:
@@ -259,34 +229,39 @@ class CaseRunner:
         return None
 
     def _run(self, case: Case, item: pytest.Item, nextitem: pytest.Item | None) -> Outcome:
-        """Run a case; repeat it if it did not pass and this machine stood still during it."""
+        """Run a case, and repeat it as `attempts` requires."""
         self._callbacks.announce(case)
-        for _ in range(1 if case.last else _ATTEMPTS):
-            self.subject.observer.begin(case.id)
-            self._callbacks.stall_s()
-            since = len(self.subject.observer.sightings)
-            outcome = self._attempt(case, item, nextitem)
-            still_s = self._callbacks.stall_s()
-            if not still_s or outcome.verdict not in (Verdict.FAIL, Verdict.INCONCLUSIVE):
-                again = partial(self._attempt, case, item, nextitem)
-                return self._unless_disturbed(outcome, since, again)
-            if self._dead:
+        attempts: list[Attempt] = []
+        since = len(self.subject.observer.sightings)
+        again = partial(self._attempt, case, item, nextitem)
+        while True:
+            restore_knowledge = self.subject.checkpoint()
+            attempts.append(again())
+            repeatable = self._is_repeatable(case, attempts[-1].outcome)
+            self.subject.observer.attempt.repeatable = repeatable
+            if not (repeatable and needs_another(attempts)):
                 break
-        message = UserMessage(
-            "this machine stood still for {still_s:.1f} s: {message}",
-            still_s=still_s,
-            message=outcome.message,
-        )
-        return replace(
-            outcome,
-            verdict=Verdict.INCONCLUSIVE,
-            requirement="",
-            cause=Cause.SET_UP,
-            message=message,
+            restore_knowledge()
+        outcome = settle(attempts, repeatable=repeatable)
+        return self._unless_disturbed(outcome, since, again)
+
+    def _is_repeatable(self, case: Case, outcome: Outcome) -> bool:
+        """Whether a case may be repeated after this outcome.
+
+        A case is not repeated after a failure of the emergency stop, if it is destructive, or if it
+        needs an operator.
+        """
+        return not (
+            self._dead
+            or case.last
+            or Hazard.DESTRUCTIVE in case.hazards
+            or self.options.attended
+            or self.subject.stop_failure
+            or outcome.requirement.startswith("4.17/")
         )
 
     def _unless_disturbed(
-        self, outcome: Outcome, since: int, again: Callable[[], Outcome]
+        self, outcome: Outcome, since: int, again: Callable[[], Attempt]
     ) -> Outcome:
         """The outcome of a case; inconclusive if another client may have caused its failure.
 
@@ -310,7 +285,7 @@ class CaseRunner:
             self._sighted |= found
         return unless_disturbed(outcome, reason)
 
-    def _repeat(self, again: Callable[[], Outcome], watched_s: float) -> None:
+    def _repeat(self, again: Callable[[], Attempt], watched_s: float) -> None:
         """Repeat a failed case: if it passes now, another client may have caused the failure.
 
         If it fails again, a client that acts periodically may have acted before and after the time
@@ -318,10 +293,10 @@ class CaseRunner:
         """
         lasted_s = watched_s
         for _ in range(_REPEATS):
-            since = len(self.subject.observer.sightings)
-            outcome = again()
-            lasted_s += outcome.duration_s
-            if outcome.verdict not in (Verdict.PASS, Verdict.TOLERATED) or self._found(since):
+            attempt = again()
+            lasted_s += attempt.outcome.duration_s
+            passed = attempt.outcome.verdict in (Verdict.PASS, Verdict.TOLERATED)
+            if not passed or attempt.violated:
                 break
         else:
             self.subject.others.passed_again()
@@ -335,7 +310,23 @@ class CaseRunner:
         found = {s.finding.requirement for s in sightings if s.finding.verdict is Verdict.FAIL}
         return found - self._failed - self._sighted
 
-    def _attempt(self, case: Case, item: pytest.Item, nextitem: pytest.Item | None) -> Outcome:
+    def _attempt(self, case: Case, item: pytest.Item, nextitem: pytest.Item | None) -> Attempt:
+        """Try a case once; findings that span a stall of this machine are dropped."""
+        observer = self.subject.observer
+        observer.begin(case.id)
+        self._callbacks.stalls()
+        since = len(observer.sightings)
+        outcome = self._try(case, item, nextitem)
+        stalls = self._callbacks.stalls()
+        observer.drop_stalled(since, stalls)
+        return Attempt(
+            outcome,
+            frozenset(self._found(since)),
+            observer.attempt.late,
+            max((stall.duration_s for stall in stalls), default=0.0),
+        )
+
+    def _try(self, case: Case, item: pytest.Item, nextitem: pytest.Item | None) -> Outcome:
         subject = self.subject
         subject.others.begin()
         if case.last and not self._at_last:

@@ -150,6 +150,8 @@ class Connection:
     def ends(self, *, within_s: float) -> Ending | None:
         """Wait for the subject to end the connection; None if it does not."""
         self.wait(within_s)
+        if self.ending is None:
+            self._holder.observer.report_late()
         return self.ending
 
     def wait_for_frame(
@@ -178,7 +180,8 @@ class Connection:
         return bool(self.inbox)
 
     def no_reply_error(self, message: str) -> NoReply:
-        """What to raise where something that is due has not come."""
+        """Return what to raise if a message that was due has not arrived."""
+        self._holder.observer.report_late()
         came = [f"{seen.frame}" for seen in self.inbox]
         came += [f"no frame: {show(noise.data)}" for noise in self.invalid_bytes]
         if self.ending:

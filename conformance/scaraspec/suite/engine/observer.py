@@ -5,7 +5,7 @@ sends is often wrong on purpose: only what the subject did counts.
 """
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Final
@@ -18,7 +18,9 @@ from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.report.model import Role
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
+from scaraspec.suite.engine.stall_detector import Stall
 from scaraspec.traffic.events import (
+    Ending,
     Exchange,
     FrameSeen,
     InvalidBytes,
@@ -34,12 +36,45 @@ _EVIDENCE_FRAMES: Final = 12
 """How many of them are kept as evidence of what it did last."""
 
 
-@dataclass(frozen=True, slots=True)
-class Sighting:
-    """What the judge found while a case ran."""
+@dataclass(eq=False, slots=True)
+class ObservedAttempt:
+    """What the observer knows about one attempt of a case.
+
+    Attributes:
+        case: The id of the case; empty between cases.
+        late: A message was missing or late.
+        repeatable: The case may be repeated after this attempt.
+    """
 
     case: str
+    late: bool = False
+    repeatable: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """A finding of the judge during a run.
+
+    Attributes:
+        attempt: The attempt during which it was found.
+        finding: The finding.
+        begin_ns: When its evidence began, in nanoseconds since the Unix epoch.
+        end_ns: When it was found.
+    """
+
+    attempt: ObservedAttempt
     finding: Finding
+    begin_ns: int
+    end_ns: int
+
+    @property
+    def case(self) -> str:
+        """The id of the case; empty between cases."""
+        return self.attempt.case
+
+    def spans(self, stall: Stall) -> bool:
+        """Return whether this machine stalled between the evidence and the finding."""
+        return self.begin_ns <= stall.end_ns and stall.begin_ns <= self.end_ns
 
 
 Take = Callable[[WireEvent], None]
@@ -73,7 +108,8 @@ class Observer:
         self.interruption = interruption or Interruption()
         self.judge = Judge(ics.dialect, needs_login=needs_login)
         self.sightings: list[Sighting] = []
-        self.case = ""
+        self.attempt = ObservedAttempt("")
+        self._time_ns = 0
         self.recent: deque[FrameSeen | InvalidBytes] = deque(maxlen=_RECENT_FRAMES)
         self.unsolicited: deque[FrameSeen] = deque(maxlen=_RECENT_FRAMES)
         """The last first replies that answer nothing, not even late (A-3-16)."""
@@ -81,14 +117,29 @@ class Observer:
         self._take, self._hear = take, hear
         self._overlooked = ""
 
+    @property
+    def case(self) -> str:
+        """The id of the running case; empty between cases."""
+        return self.attempt.case
+
     def begin(self, case: str) -> None:
-        """A case begins."""
-        self.case = case
+        """Begin an attempt of a case; an empty id ends it."""
+        self.attempt = ObservedAttempt(case)
         self.recent.clear()
+
+    def report_late(self) -> None:
+        """A message that was due did not arrive in time."""
+        self.attempt.late = True
+
+    def drop_stalled(self, since: int, stalls: Sequence[Stall]) -> None:
+        """Drop the findings from number `since` on that span a stall of this machine."""
+        kept = [s for s in self.sightings[since:] if not any(map(s.spans, stalls))]
+        self.sightings[since:] = kept
 
     def event(self, event: WireEvent, *, judged: bool) -> None:
         """Something passed; a connection that is not judged carries what is no protocol."""
         self._take(event)
+        self._time_ns = event.time_ns
         if judged:
             self._listen(self.judge.feed(event))
 
@@ -124,17 +175,35 @@ class Observer:
         self._listen(self.judge.close())
 
     def _listen(self, items: Iterator[TrafficEvent | Finding]) -> None:
-        happening: TrafficEvent | None = None
+        event: TrafficEvent | None = None
         for item in items:
             self._hear(item)
             if not isinstance(item, Finding):
-                happening = item
+                event = item
+                self.attempt.late = self.attempt.late or _is_late(item)
                 if isinstance(item, UnsolicitedReply) and not (item.late or item.seen.frame.tagged):
                     self.unsolicited.append(item.seen)
-            elif item.requirement in (self._overlooked, *self._beyond) or happening is None:
+            elif item.requirement in (self._overlooked, *self._beyond) or event is None:
                 continue
-            elif blamed(item, happening) is self._role:
-                self.sightings.append(Sighting(self.case, item))
+            elif blamed(item, event) is self._role:
+                begin_ns = self._begin_ns(item)
+                self.sightings.append(Sighting(self.attempt, item, begin_ns, self._time_ns))
+
+    def _begin_ns(self, finding: Finding) -> int:
+        """When the first byte of the evidence passed."""
+        begun_ns = {s.place: s.begun_ns for s in self.recent if isinstance(s, FrameSeen)}
+        times_ns = [begun_ns.get(place, place.time_ns) for place in finding.evidence]
+        return min(times_ns, default=self._time_ns)
+
+
+def _is_late(event: TrafficEvent) -> bool:
+    """Return whether a message was missing or late in this event."""
+    if isinstance(event, Exchange):
+        return event.overdue or event.ending in _WITHOUT_ANSWER
+    return isinstance(event, UnsolicitedReply) and event.late
+
+
+_WITHOUT_ANSWER: Final = (Ending.UNANSWERED, Ending.UNFINISHED, Ending.CUT_OFF, Ending.HUNG_UP)
 
 
 def speaks(role: Role) -> Direction:

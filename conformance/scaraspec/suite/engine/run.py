@@ -8,7 +8,8 @@ import os
 import re
 import sys
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import cache, partial
 from itertools import chain
@@ -27,13 +28,15 @@ from scaraspec.report.evidence import exhibit
 from scaraspec.report.model import Case, ReadingSeen, RequirementResult, Results, Role, Tool
 from scaraspec.report.session import SessionStats
 from scaraspec.suite.engine import case as cases
-from scaraspec.suite.engine.case_runner import Callbacks, CaseRunner, Outcome, unless_disturbed
+from scaraspec.suite.engine.case_runner import Callbacks, CaseRunner, unless_disturbed
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.journal import JournalError
 from scaraspec.suite.engine.observer import Observer, Sighting, Take, speaks
+from scaraspec.suite.engine.outcome import Outcome
 from scaraspec.suite.engine.plan import Options, is_selected
+from scaraspec.suite.engine.stall_detector import Stall, StallDetector, threshold_s
 from scaraspec.suite.engine.system_under_test import SystemUnderTest
 from scaraspec.user_message import UserMessage
 
@@ -94,6 +97,10 @@ class RoleAdapter(Protocol[P]):
     def needs_login(self) -> bool:
         """Whether a login is needed first; a serial link needs none (L83)."""
 
+    @property
+    def real_time(self) -> bool:
+        """Whether the subject's clock is not simulated, so that stalls of this machine matter."""
+
     def subject(self, observer: Observer) -> P:
         """The subject."""
 
@@ -139,7 +146,8 @@ class Run(Generic[P]):
         take: Receives every wire event, for a recording.
         report: Called with each outcome and the number of cases.
         announce: Called with each case before it runs.
-        stall_s: Returns for how many seconds this machine stood still since the last call.
+        stalls: Returns the stalls of this machine since the last call; by default the run measures
+            them, unless the subject uses a simulated clock.
         interruption: Ends the run early, when it is asked to; None for a new one.
         verbose: Whether pytest prints its own report, too.
 
@@ -156,7 +164,7 @@ class Run(Generic[P]):
         take: Take = lambda _: None,
         report: Callable[[Outcome, int], None] = lambda _outcome, _count: None,
         announce: Callable[[cases.Case], None] = lambda _case: None,
-        stall_s: Callable[[], float] = lambda: 0.0,
+        stalls: Callable[[], Sequence[Stall]] | None = None,
         interruption: Interruption | None = None,
         verbose: bool = False,
     ) -> None:
@@ -176,6 +184,12 @@ class Run(Generic[P]):
         self._earlier = {
             c.id: c for c in cases_before if c.verdict is not Verdict.NONE and c.requirements
         }
+        self._resources = ExitStack()
+        self._stall_detector: StallDetector | None = None
+        if stalls is None and adapter.real_time:
+            limit_s = threshold_s(adapter.ics.time_scale, adapter.ics.transfer_s)
+            self._stall_detector = StallDetector(limit_s)
+            stalls = self._stall_detector.stalls
         self.case_runner = CaseRunner(
             self._subject,
             adapter.role,
@@ -186,7 +200,7 @@ class Run(Generic[P]):
                 before_last=self._put_back,
                 before_motion=partial(adapter.make_ready, self._subject),
                 watch=partial(adapter.watch, self._subject),
-                stall_s=stall_s,
+                stalls=stalls or tuple,
             ),
             completed=frozenset(self._earlier),
             verbose=verbose,
@@ -233,6 +247,8 @@ class Run(Generic[P]):
             JournalError: The state cannot be written to the journal.
             RecoveryError: Changes of an interrupted run cannot be restored.
         """
+        if self._stall_detector:
+            self._resources.enter_context(self._stall_detector)
         try:
             self._state = self._begun()
             self.adapter.probe(self._subject)
@@ -264,12 +280,14 @@ class Run(Generic[P]):
         self._problems += self.adapter.finish(self._subject, self._state)
         self.case_runner.outcomes += [_set_up("restore", problem) for problem in self._problems]
         self._observer.close()
+        self._resources.close()
 
     def _put_back(self) -> None:
-        case, self._observer.case = self._observer.case, ""
+        attempt = self._observer.attempt
+        self._observer.begin("")
         self._problems = self.adapter.put_back(self._subject, self._state)
         self._subject.close_lines()
-        self._observer.case = case
+        self._observer.attempt = attempt
 
     def build_results(self) -> Results:
         """Build the results from the outcomes and from the findings of the judge."""
@@ -403,6 +421,7 @@ class Run(Generic[P]):
             replay=self._replay(case.requirements[0] if case.requirements else ""),
             wire=() if outcome.verdict in (Verdict.NONE, Verdict.PASS) else wire,
             passing=self._stats.exhibits.passing(wire) if bad else (),
+            attempts=outcome.attempts,
         )
 
     def _seen(self, number: int, sightings: list[Sighting]) -> Case:
@@ -415,6 +434,15 @@ class Run(Generic[P]):
             message = UserMessage(
                 "{doubt}. The judge had found: {message}",
                 doubt=doubt,
+                message=finding.message,
+            )
+            finding = replace(
+                finding, verdict=Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=message
+            )
+        elif finding.verdict is Verdict.FAIL and not _is_confirmed(sightings):
+            message = UserMessage(
+                "intermittent: found in one attempt only, in which a message was missing or late: "
+                "{message}",
                 message=finding.message,
             )
             finding = replace(
@@ -445,6 +473,12 @@ class Run(Generic[P]):
 
 _SHOWN: Final = 12
 _NUMBERED: Final = re.compile(r"\b[a-z]+\d+\b")  # as each of the suite's files is named
+
+
+def _is_confirmed(sightings: Iterable[Sighting]) -> bool:
+    """Return whether equal findings rest on received bytes, or were found in two attempts."""
+    attempts = {id(s.attempt): s.attempt for s in sightings}.values()
+    return len(attempts) > 1 or any(not a.late or not a.repeatable for a in attempts)
 
 
 def _set_up(name: str, message: str) -> Outcome:

@@ -1,5 +1,6 @@
 """System under test: the interface of a controller or client for the case runner."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -90,6 +91,9 @@ class SystemUnderTest(Protocol):
     @property
     def withheld(self) -> str:
         """Why a request of the running case was not sent; empty if all were sent."""
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that forgets what is detected from now on."""
 
     def begin_case(self) -> None:
         """Reset the state that belongs to one case: tolerated readings, withheld requests."""

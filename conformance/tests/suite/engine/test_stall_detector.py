@@ -4,7 +4,7 @@ import itertools
 import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import chain, repeat
+from itertools import chain
 from pathlib import Path
 
 import pytest
@@ -16,10 +16,10 @@ from scaraspec.report.model import Role
 from scaraspec.suite.controller.harness.access import MemoryAccess
 from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.engine import run as suite
-from scaraspec.suite.engine import stall_detector as pulse
+from scaraspec.suite.engine import stall_detector
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
-from scaraspec.suite.engine.stall_detector import StallDetector
+from scaraspec.suite.engine.stall_detector import Stall, StallDetector
 from scaraspec.transports.link import Arrival, Link
 from scaraspec.virtual_controller.core import ControllerCore
 
@@ -35,60 +35,70 @@ def test_it(subject, line):
 """
 
 AT_ONCE, THE_SECOND_TIME, NEVER = 1, 2, 99
+STALL = Stall(0, 2 * 10**9)
 
 
 @pytest.mark.parametrize(
-    ("good_at", "kind", "still_s", "verdict", "tried"),
+    ("good_at", "kind", "stalled", "verdict", "tried"),
     [
-        (AT_ONCE, "CaseFailed", [2.0], Verdict.PASS, 1),
-        (NEVER, "CaseFailed", [0.0], Verdict.FAIL, 1),
-        (THE_SECOND_TIME, "CaseFailed", [2.0, 0.0], Verdict.PASS, 2),
-        (THE_SECOND_TIME, "CaseInconclusive", [2.0, 0.0], Verdict.PASS, 2),
-        (NEVER, "CaseFailed", [2.0, 0.0], Verdict.FAIL, 2),
-        (NEVER, "CaseFailed", [2.0, 2.0, 2.0], Verdict.INCONCLUSIVE, 3),
+        (AT_ONCE, "CaseFailed", [True], Verdict.PASS, 1),
+        (NEVER, "CaseFailed", [False, False], Verdict.FAIL, 2),
+        (THE_SECOND_TIME, "CaseFailed", [True, False], Verdict.PASS, 2),
+        (THE_SECOND_TIME, "CaseInconclusive", [True, False], Verdict.PASS, 2),
+        (NEVER, "CaseFailed", [True, False, False], Verdict.FAIL, 3),
+        (NEVER, "CaseFailed", [True, True, True], Verdict.INCONCLUSIVE, 3),
     ],
 )
-def test_a_case_is_tried_anew(  # noqa: PLR0913, PLR0917 - a table
+def test_a_stalled_attempt_is_repeated(  # noqa: PLR0913, PLR0917 - a table
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     good_at: int,
     kind: str,
-    still_s: list[float],
+    stalled: list[bool],
     verdict: Verdict,
     tried: int,
 ) -> None:
-    """Where it went wrong while nothing happened here; it fails where something did."""
+    """A stalled attempt that did not pass is repeated; a failure of another attempt counts."""
     file = tmp_path / f"test_{abs(hash(tmp_path))}.py"  # modules are kept by their name
     file.write_text(CASE.format(kind=kind, good_at=good_at), encoding="utf-8")
     monkeypatch.setitem(suite.CASES, Role.CONTROLLER, tmp_path)
     access = MemoryAccess(Robot(ControllerCore, DEFAULT).network)
-    setting = ControllerAdapter(access, Ics(), PASSWORD, Options(allowed=ALL))
-    before_and_after = chain.from_iterable(zip(repeat(0.0), still_s))
-    run = suite.Run(setting, stall_s=before_and_after.__next__)
-    (found,) = (case for case in run.results().cases if case.id == "4.8/2")
-    assert found.verdict is verdict
+    adapter = ControllerAdapter(access, Ics(), PASSWORD, Options(allowed=ALL))
+    before_and_after = chain.from_iterable(([], [STALL] if each else []) for each in stalled)
+    run = suite.Run(adapter, stalls=before_and_after.__next__)
+    (result,) = (case for case in run.results().cases if case.id == "4.8/2")
+    assert result.verdict is verdict
     assert run.case_runner.subject.attempts == tried  # type: ignore[attr-defined] # set by the case
-    said = "this machine stood still for 2.0 s: it is wrong"
-    assert (found.message == said) is (verdict is Verdict.INCONCLUSIVE)
+    assert len(result.attempts) == (tried if tried > 1 else 0)
+    message = "this machine stalled for 2.0 s: it is wrong"
+    assert (result.message == message) is (verdict is Verdict.INCONCLUSIVE)
     assert next(before_and_after, None) is None
 
 
-def test_what_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The longest standstill, once; a moment is none."""
-    instants_s = iter((0, 0.4, 2.4, 2.8))
-    monkeypatch.setattr(pulse, "monotonic_ns", lambda: int(next(instants_s) * 1e9))
-    beating = StallDetector()
-    assert beating.take_longest_stall_s() == 0
-    assert beating.take_longest_stall_s() == pytest.approx(2)
-    assert beating.take_longest_stall_s() == 0
-    assert next(instants_s, None) is None
+def test_stalls(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pause beyond the threshold is reported once; a shorter one is not."""
+    times_ns = [int(time_s * 1e9) for time_s in (0, 0.4, 2.4, 2.8)]
+    monkeypatch.setattr(stall_detector, "now_ns", iter(times_ns).__next__)
+    detector = StallDetector(0.5)
+    assert detector.stalls() == []
+    assert detector.stalls() == [Stall(times_ns[1], times_ns[2])]
+    assert detector.stalls() == []
 
 
-def test_it_beats_as_long_as_it_is_used() -> None:
+@pytest.mark.parametrize(
+    ("time_scale", "timeout_s", "threshold_s"),
+    [(1, 30, 0.5), (1, 1, 0.25), (2, 30, 0.25), (8, 1, 0.1), (0.5, 30, 0.5)],
+)
+def test_threshold(time_scale: float, timeout_s: float, threshold_s: float) -> None:
+    """The threshold follows the clock and the shortest timeout of the subject."""
+    assert stall_detector.threshold_s(time_scale, timeout_s) == threshold_s
+
+
+def test_the_thread_ends_with_the_context() -> None:
     """No thread is left."""
     with StallDetector():
-        assert "pulse" in {thread.name for thread in threading.enumerate()}
-    assert "pulse" not in {thread.name for thread in threading.enumerate()}
+        assert "stall detector" in {thread.name for thread in threading.enumerate()}
+    assert "stall detector" not in {thread.name for thread in threading.enumerate()}
 
 
 @dataclass(frozen=True)

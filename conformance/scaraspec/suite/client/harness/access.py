@@ -33,9 +33,11 @@ class Access(Protocol):
         folder: The folder with the files that the client uploads and downloads.
         answer_timeout_s: How long the client may take to answer an operation.
         attended: An operator controls the client. The suite then omits unnecessary steps.
+        real_time: The client's clock is not simulated.
     """
 
     attended: bool
+    real_time: bool
     host: str
     port: int
     connected_port: int
@@ -105,6 +107,7 @@ class DriverAccess:
     """
 
     attended = False
+    real_time = True
 
     def __init__(self, command: str, answer_timeout_s: float = 10.0) -> None:
         self.answer_timeout_s = answer_timeout_s

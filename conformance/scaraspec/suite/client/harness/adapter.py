@@ -37,6 +37,11 @@ class ClientAdapter:
     role = Role.CLIENT
     needs_login = True
 
+    @property
+    def real_time(self) -> bool:
+        """Whether the subject's clock is not simulated."""
+        return self.access.real_time
+
     def subject(self, observer: Observer) -> ClientUnderTest:
         """The client under test."""
         return ClientUnderTest(self.access, self.ics, observer)

@@ -44,6 +44,7 @@ class Attended:
     """
 
     attended = True
+    real_time = True
     unmatched_lines: Sequence[str] = ()
     complaints = ""
 

@@ -6,7 +6,7 @@ operations. Requirements are judged only by the checks that a case calls.
 
 import itertools
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, Final
 
@@ -87,6 +87,17 @@ class ClientUnderTest:
         self._was_connected = False
         self._calls: list[Call] = []
         self._silences: Counter[str] = Counter()
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that forgets what is detected from now on."""
+        readings, dialect = dict(self.detected_readings), self.dialect
+        traits, silences = self.traits.copy(), self._silences.copy()
+
+        def restore() -> None:
+            self.detected_readings, self.dialect = readings, dialect
+            self.traits, self._silences = traits, silences
+
+        return restore
 
     # ------------------------------------------------------------------ time
 

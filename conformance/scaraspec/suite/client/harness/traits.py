@@ -3,7 +3,7 @@
 Each trait is tried once per run. None means that it has not been tried yet.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 
 @dataclass
@@ -16,6 +16,10 @@ class ClientTraits:
         queries_while_executing: It starts a query while a command executes.
         starts_while_executing: For each operation, whether it starts while a program runs.
     """
+
+    def copy(self) -> "ClientTraits":
+        """Return an independent copy."""
+        return replace(self, starts_while_executing=self.starts_while_executing.copy())
 
     # set by client_under_test
     concurrent: bool | None = None

@@ -27,6 +27,10 @@ class Access(Protocol):
         """Whether a login comes first; a serial link needs none (L83)."""
 
     @property
+    def real_time(self) -> bool:
+        """Whether its clock is not simulated."""
+
+    @property
     def several(self) -> bool:
         """Whether it can carry more than one connection at once."""
 
@@ -67,6 +71,8 @@ class UrlAccess:
     Raises:
         UrlError: It is none.
     """
+
+    real_time = True
 
     def __init__(self, url: str, patience_s: float = 10.0) -> None:
         self.url = url
@@ -119,6 +125,7 @@ class MemoryAccess:
     network: MemoryNetwork
     needs_login: bool = True
     several: bool = True
+    real_time: bool = False
     port: int | None = DEFAULT_PORT
     patience_s: float = math.inf
     readdressable: bool = True

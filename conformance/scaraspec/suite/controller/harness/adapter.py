@@ -64,6 +64,11 @@ class ControllerAdapter:
         """Whether a login comes first."""
         return self.access.needs_login
 
+    @property
+    def real_time(self) -> bool:
+        """Whether the subject's clock is not simulated."""
+        return self.access.real_time
+
     def subject(self, observer: Observer) -> ControllerUnderTest:
         """The controller under test."""
         return ControllerUnderTest(

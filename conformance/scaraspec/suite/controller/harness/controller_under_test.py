@@ -156,6 +156,20 @@ class ControllerUnderTest:
         """Why a request of the running case was not sent; empty if all were."""
         return self.guard.stop.withheld
 
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that forgets what is detected from now on.
+
+        What has happened to the robot, such as a latched emergency stop, is not forgotten.
+        """
+        readings, dialect = dict(self.detected_readings), self.dialect
+        traits, patience = self.traits.copy(), self.patience.copy()
+
+        def restore() -> None:
+            self.detected_readings, self.dialect = readings, dialect
+            self.traits, self.patience = traits.with_history_of(self.traits), patience
+
+        return restore
+
     def begin_case(self) -> None:
         """A case begins: nothing was tolerated or withheld in it."""
         self.tolerated.clear()

@@ -49,6 +49,13 @@ class TimeoutPolicy:
         self._came: set[Due] = set()
         self._restless = 0
 
+    def copy(self) -> "TimeoutPolicy":
+        """Return an independent copy."""
+        copy = TimeoutPolicy()
+        copy._missed, copy._came = self._missed.copy(), self._came.copy()
+        copy._restless = self._restless
+        return copy
+
     def came(self, due: Due) -> None:
         """It is there, so it is worth waiting for."""
         self._came.add(due)

@@ -3,7 +3,7 @@
 Most traits are tried once per run. None means that a trait has not been tried yet.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -55,6 +55,20 @@ class ControllerTraits:
             of the chunks (A-6.1-4).
         configured_program: An empty program whose configuration equals that of the robot.
     """
+
+    def copy(self) -> "ControllerTraits":
+        """Return an independent copy."""
+        return replace(self, no_late_reply=self.no_late_reply.copy())
+
+    def with_history_of(self, later: "ControllerTraits") -> "ControllerTraits":
+        """Return these traits with what has happened to the controller until later."""
+        return replace(
+            self,
+            wrong_passwords_tried=later.wrong_passwords_tried,
+            may_be_latched=later.may_be_latched,
+            latches=later.latches,
+            start_poses=later.start_poses,
+        )
 
     # set by controller_under_test
     greeting_opcodes: frozenset[int] | None = None
