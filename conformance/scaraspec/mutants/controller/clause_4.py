@@ -260,16 +260,15 @@ class RepeatsLastResult(ControllerCore):
 
 @mutant("forgets-the-fortieth-result", "3/18", "4.15/5", subtle=True)
 class LosesFortiethResult(ControllerCore):
-    """The fortieth run has no final result."""
+    """Every fortieth run has no final result."""
 
     _ended = 0
 
     def send_result(self, request: Request, outcome: Outcome) -> None:
-        self._ended += request.command.name == "run_program" and outcome.done
-        if self._ended != 40:
+        ended = request.command.name == "run_program" and outcome.done
+        self._ended += ended
+        if not ended or self._ended % 40:
             super().send_result(request, outcome)
-        else:
-            self._ended += 1
 
 
 @mutant("loses-result-between-replies", "3/18", "4.15/5", subtle=True)

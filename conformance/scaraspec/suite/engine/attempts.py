@@ -106,9 +106,9 @@ def _settled(attempts: Sequence[Attempt], *, repeatable: bool) -> Outcome:
     failed = [attempt for attempt in valid if attempt.failed]
     if not failed:
         return valid[-1].outcome
-    final = [attempt for attempt in failed if not attempt.late]
-    if final or len(failed) >= _CONFIRMED or not repeatable:
-        return (final or failed)[0].outcome
+    confirmed = len(failed) >= _CONFIRMED or not all(attempt.late for attempt in failed)
+    if confirmed or not repeatable:
+        return failed[0].outcome
     return _inconclusive(
         failed[0].outcome,
         UserMessage(
