@@ -15,12 +15,13 @@ from scaraspec.suite.client.harness.attended import Attended
 from scaraspec.suite.controller.harness.access import UrlAccess
 from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.engine.case import Case
+from scaraspec.suite.engine.collection import collect
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.journal import Journal
 from scaraspec.suite.engine.outcome import Outcome
 from scaraspec.suite.engine.plan import Options
-from scaraspec.suite.engine.run import Run, collect
+from scaraspec.suite.engine.run import Run
 from scaraspec.transports.connect import resolve_url
 
 

@@ -14,8 +14,8 @@ from scaraspec.mutants.registry import Mutant
 from scaraspec.mutants.worker_pool import apart
 from scaraspec.report.files import write_whole
 from scaraspec.report.model import Results, Role
+from scaraspec.suite.engine.collection import collect
 from scaraspec.suite.engine.plan import ALL, Options
-from scaraspec.suite.engine.run import collect
 
 MATRIX: Final = "kill-matrix.{role}.json"
 EVERYTHING: Final = Options(allowed=ALL, undefined=True, exhaustive=True)

@@ -26,8 +26,8 @@ from scaraspec.judge.verdicts import Conclusion, ExitStatus
 from scaraspec.mutants.kill_matrix import STANDS, Alarm, Proof, dialects
 from scaraspec.mutants.registry import Mutant
 from scaraspec.report.model import Results, Role
+from scaraspec.suite.engine.collection import collect
 from scaraspec.suite.engine.plan import Options
-from scaraspec.suite.engine.run import collect
 from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec prove --only 4.15 --out proof"

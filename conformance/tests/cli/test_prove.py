@@ -12,8 +12,9 @@ from scaraspec.cli.prove import command
 from scaraspec.judge.requirements import REQUIREMENTS, by_clause
 from scaraspec.mutants.kill_matrix import STANDS, alarm_of, dialects
 from scaraspec.report.model import Role
+from scaraspec.suite.engine.collection import collect
 from scaraspec.suite.engine.plan import ALL, Options
-from scaraspec.suite.engine.run import Run, collect
+from scaraspec.suite.engine.run import Run
 
 Refused = Callable[..., str]
 

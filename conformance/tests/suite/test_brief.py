@@ -6,9 +6,9 @@ from scaraspec.judge.verdicts import Verdict
 from scaraspec.mutants.controller_run import Robot, certified
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import DEFAULT
+from scaraspec.suite.engine.collection import collect
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options, skip_reason
-from scaraspec.suite.engine.run import collect
 from scaraspec.virtual_controller.core import ControllerCore
 
 

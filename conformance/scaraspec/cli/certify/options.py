@@ -18,10 +18,10 @@ from scaraspec.report import terminal
 from scaraspec.report.model import Results, ResultsError
 from scaraspec.suite.client.harness.driver import DriverError
 from scaraspec.suite.controller.harness.state.recovery import RecoveryError
+from scaraspec.suite.engine.collection import SuiteError
 from scaraspec.suite.engine.ics import Ics, IcsError
 from scaraspec.suite.engine.journal import ControllerBusyError, JournalError
 from scaraspec.suite.engine.plan import HazardError
-from scaraspec.suite.engine.run import SuiteError
 from scaraspec.transports.link import LinkError
 from scaraspec.user_message import UserMessage
 

@@ -12,7 +12,6 @@ from typing import Final
 
 import pytest
 from _pytest.runner import runtestprotocol
-from hypothesis.errors import Flaky
 
 from scaraspec.judge.verdicts import Cause, Verdict
 from scaraspec.protocol.hazard import Hazard
@@ -30,7 +29,13 @@ from scaraspec.suite.engine.expectations import (
 )
 from scaraspec.suite.engine.hypothesis_profile import HypothesisProfile
 from scaraspec.suite.engine.journal import JournalError
-from scaraspec.suite.engine.outcome import Outcome
+from scaraspec.suite.engine.outcome import (
+    Outcome,
+    message_of,
+    root_cause,
+    unless_disturbed,
+    was_interrupted,
+)
 from scaraspec.suite.engine.plan import Options, is_selected, skip_reason
 from scaraspec.suite.engine.stall_detector import Stall
 from scaraspec.suite.engine.system_under_test import SystemUnderTest
@@ -183,7 +188,7 @@ class CaseRunner:
         report = yield
         if call.excinfo is not None and self._raised is None:
             self._raised = call.excinfo.value
-            if isinstance(_innermost(self._raised), CaseInconclusive):
+            if isinstance(root_cause(self._raised), CaseInconclusive):
                 report.outcome = "skipped"
                 report.longrepr = (str(item.path), 0, f"Skipped: {self._raised}")
         return report
@@ -369,24 +374,24 @@ class CaseRunner:
         Raises:
             KeyboardInterrupt: The user has interrupted the run.
         """
-        if self.subject.observer.interruption.asked or _was_ended(self._raised):
+        if self.subject.observer.interruption.asked or was_interrupted(self._raised):
             raise KeyboardInterrupt
 
     def _outcome(self, case: Case) -> Outcome:
         """The outcome that follows from the exception that the case raised."""
-        raised = _innermost(self._raised)
+        raised = root_cause(self._raised)
         if raised is None and self.subject.no_verdict_reason:
             raised = CaseSkipped(self.subject.no_verdict_reason)
         match raised:
             case None:
                 pass
             case CaseSkipped():
-                return Outcome(case, Verdict.NONE, cause=Cause.SET_UP, message=_message(raised))
+                return Outcome(case, Verdict.NONE, cause=Cause.SET_UP, message=message_of(raised))
             case CaseInconclusive():
                 if isinstance(raised, JournalError):
                     self.give_up(str(raised))
                 return Outcome(
-                    case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=_message(raised)
+                    case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=message_of(raised)
                 )
             case CaseFailed():
                 return Outcome(
@@ -394,7 +399,7 @@ class CaseRunner:
                     Verdict.FAIL,
                     raised.requirement or case.requirements[0],
                     Cause.SUBJECT,
-                    _message(raised),
+                    message_of(raised),
                     raised.expected,
                     raised.observed,
                 )
@@ -489,7 +494,9 @@ class CaseRunner:
                 self._revive(case)
             if outcome.verdict in (Verdict.FAIL, Verdict.ERROR):
                 return outcome
-            return Outcome(case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=_message(error))
+            return Outcome(
+                case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=message_of(error)
+            )
         return outcome
 
     def give_up(self, why: str) -> None:
@@ -521,41 +528,3 @@ class CaseRunner:
                     "the subject cannot be tested since case {id}: {error}", id=case.id, error=error
                 )
             )
-
-
-def unless_disturbed(outcome: Outcome, reason: str) -> Outcome:
-    """The outcome; a failure becomes inconclusive if a reason is given why it does not count."""
-    if outcome.verdict is not Verdict.FAIL or not reason:
-        return outcome
-    return replace(
-        outcome,
-        verdict=Verdict.INCONCLUSIVE,
-        requirement="",
-        cause=Cause.SET_UP,
-        message=UserMessage(
-            "{reason}. The case had found: {message}", reason=reason, message=outcome.message
-        ),
-    )
-
-
-def _message(error: BaseException) -> str:
-    """The message of an exception, with its template if it has one."""
-    message = error.args[0] if error.args else ""
-    return message if isinstance(message, str) else f"{error}"
-
-
-def _was_ended(raised: BaseException | None) -> bool:
-    """Whether hypothesis reports an interruption by the user among the exceptions of a case."""
-    return isinstance(raised, BaseExceptionGroup) and bool(raised.subgroup(KeyboardInterrupt))
-
-
-def _innermost(raised: BaseException | None) -> BaseException | None:
-    """The exception of a case, without the wrapper of hypothesis (group, or `Flaky`)."""
-    if isinstance(raised, BaseExceptionGroup):
-        inner = [_innermost(each) for each in raised.exceptions]
-        return next(
-            (each for each in inner if isinstance(each, CaseFailed | CaseInconclusive)), inner[0]
-        )
-    if isinstance(raised, Flaky) and raised.__cause__:
-        return _innermost(raised.__cause__)
-    return raised

@@ -1,11 +1,18 @@
-"""The outcome of a case."""
+"""Outcome: what came of a case, and how exceptions of a case are read."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+from hypothesis.errors import Flaky
 
 from scaraspec.judge.verdicts import Cause, Verdict
 from scaraspec.report.model import AttemptResult
 from scaraspec.suite.engine.case import Case
+from scaraspec.suite.engine.expectations import (
+    CaseFailed,
+    CaseInconclusive,
+)
 from scaraspec.traffic.events import FrameSeen, InvalidBytes
+from scaraspec.user_message import UserMessage
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,3 +46,41 @@ class Outcome:
     frames: tuple[FrameSeen | InvalidBytes, ...] = ()
     readings: tuple[tuple[str, str], ...] = ()
     attempts: tuple[AttemptResult, ...] = ()
+
+
+def unless_disturbed(outcome: Outcome, reason: str) -> Outcome:
+    """The outcome; a failure becomes inconclusive if a reason is given why it does not count."""
+    if outcome.verdict is not Verdict.FAIL or not reason:
+        return outcome
+    return replace(
+        outcome,
+        verdict=Verdict.INCONCLUSIVE,
+        requirement="",
+        cause=Cause.SET_UP,
+        message=UserMessage(
+            "{reason}. The case had found: {message}", reason=reason, message=outcome.message
+        ),
+    )
+
+
+def message_of(error: BaseException) -> str:
+    """The message of an exception, with its template if it has one."""
+    message = error.args[0] if error.args else ""
+    return message if isinstance(message, str) else f"{error}"
+
+
+def was_interrupted(raised: BaseException | None) -> bool:
+    """Whether hypothesis reports an interruption by the user among the exceptions of a case."""
+    return isinstance(raised, BaseExceptionGroup) and bool(raised.subgroup(KeyboardInterrupt))
+
+
+def root_cause(raised: BaseException | None) -> BaseException | None:
+    """The exception of a case, without the wrapper of hypothesis (group, or `Flaky`)."""
+    if isinstance(raised, BaseExceptionGroup):
+        inner = [root_cause(each) for each in raised.exceptions]
+        return next(
+            (each for each in inner if isinstance(each, CaseFailed | CaseInconclusive)), inner[0]
+        )
+    if isinstance(raised, Flaky) and raised.__cause__:
+        return root_cause(raised.__cause__)
+    return raised

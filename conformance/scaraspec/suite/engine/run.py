@@ -4,19 +4,14 @@ pytest runs the shipped cases in this process. The judge watches all traffic. It
 joined to the outcomes of the cases, and a requirement gets the most severe verdict of both.
 """
 
-import os
 import re
-import sys
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from itertools import chain
-from pathlib import Path
 from typing import Any, Final, Generic, Protocol, TypeVar
-
-import pytest
 
 from scaraspec.judge.requirements import REQUIREMENTS, Method
 from scaraspec.judge.verdicts import Cause, Verdict, conclude, worst
@@ -28,39 +23,21 @@ from scaraspec.report.evidence import exhibit
 from scaraspec.report.model import Case, ReadingSeen, RequirementResult, Results, Role, Tool
 from scaraspec.report.session import SessionStats
 from scaraspec.suite.engine import case as cases
-from scaraspec.suite.engine.case_runner import Callbacks, CaseRunner, unless_disturbed
+from scaraspec.suite.engine.case_runner import Callbacks, CaseRunner
+from scaraspec.suite.engine.collection import CASES, cases_in, run_pytest
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.journal import JournalError
 from scaraspec.suite.engine.observer import Observer, Sighting, Take, speaks
-from scaraspec.suite.engine.outcome import Outcome
+from scaraspec.suite.engine.outcome import Outcome, unless_disturbed
 from scaraspec.suite.engine.plan import Options, is_selected
 from scaraspec.suite.engine.stall_detector import Stall, StallDetector, threshold_s
 from scaraspec.suite.engine.system_under_test import SystemUnderTest
 from scaraspec.user_message import UserMessage
 
-CASES: Final = {
-    role: Path(__file__).parents[1] / role.value / "cases"
-    for role in (Role.CONTROLLER, Role.CLIENT)
-}
-"""Where the shipped cases are."""
-
 METHODS: Final = {Role.CONTROLLER: Method.ACTIVE_CONTROLLER, Role.CLIENT: Method.ACTIVE_CLIENT}
 """The test method for each role."""
-
-
-def collect(options: Options, role: Role = Role.CONTROLLER) -> list[cases.Case]:
-    """Return the cases for this role that `options` select; no subject is needed.
-
-    Raises:
-        SuiteError: The suite itself is defective.
-    """
-    return [case for case, _ in _cases_in(CASES[role], role) if is_selected(case, options)]
-
-
-class SuiteError(Exception):
-    """The suite itself is defective; the message states the defect."""
 
 
 P = TypeVar("P", bound=SystemUnderTest)
@@ -236,9 +213,9 @@ class Run(Generic[P]):
 
     def _try_cases(self) -> None:
         role, options = self.adapter.role, self.adapter.options
-        files = {file for case, file in _cases_in(CASES[role], role) if is_selected(case, options)}
+        files = {file for case, file in cases_in(CASES[role], role) if is_selected(case, options)}
         if files:  # without any, pytest would look for tests elsewhere
-            _pytest(self.case_runner, role, options, *sorted(files))
+            run_pytest(self.case_runner, role, options, *sorted(files))
 
     def begin(self) -> None:
         """Write the state of the subject to the journal and probe its open points.
@@ -511,63 +488,3 @@ def _grouped(
     for (requirement, _, _), listed in groups.items():
         numbers[requirement] += 1
         yield numbers[requirement], listed
-
-
-@cache
-def _cases_in(folder: Path, role: Role) -> tuple[tuple[cases.Case, Path], ...]:
-    """All cases in a folder and their files. A run imports only the files of its cases.
-
-    Raises:
-        SuiteError: The suite itself is defective.
-    """
-    case_runner = CaseRunner(None, role, Options())
-    _pytest(case_runner, role, Options(), folder)
-    return tuple(zip(case_runner.cases, (item.path for item in case_runner.items), strict=True))
-
-
-def _pytest(case_runner: CaseRunner, role: Role, options: Options, *where: Path) -> None:
-    """Collect and run shipped cases with pytest, without output.
-
-    Raises:
-        SuiteError: pytest could not collect or run them.
-        KeyboardInterrupt: The user interrupted the run.
-    """
-    folder = CASES[role]
-    _forget_cases(folder)
-    quiet = [f"-pno:{name}" for name in _NOT_NEEDED]
-    alone = ("-c", os.devnull, f"--rootdir={folder}", f"--confcutdir={folder}")
-    drawn = (f"--hypothesis-seed={options.seed}",)
-    heard = (
-        ("--capture=no",) if options.attended else ()
-    )  # an operator reads prompts and types replies
-    status = pytest.main(
-        [*map(str, where), *alone, *quiet, *drawn, *heard, "--import-mode=importlib"],
-        plugins=[case_runner],
-    )
-    if case_runner.suite_errors:
-        raise SuiteError(case_runner.suite_errors[0])
-    if status is pytest.ExitCode.INTERRUPTED:
-        raise KeyboardInterrupt
-    if status not in _FINISHED:
-        raise SuiteError(UserMessage("pytest ended with {status!r}", status=status))
-
-
-def _forget_cases(folder: Path) -> None:
-    """Remove the cases from `sys.modules`: their hypothesis settings are fixed at import."""
-    cases_here = str(folder / "test_")
-    for name, module in list(sys.modules.items()):
-        if str(getattr(module, "__file__", None)).startswith(cases_here):
-            del sys.modules[name]
-
-
-_NOT_NEEDED: Final = (
-    *("terminal", "cacheprovider", "junitxml", "logging"),
-    *("unraisableexception", "threadexception"),  # each run would collect garbage ten times
-)
-"""Plugins of pytest."""
-
-_FINISHED: Final = (
-    pytest.ExitCode.OK,
-    pytest.ExitCode.TESTS_FAILED,
-    pytest.ExitCode.NO_TESTS_COLLECTED,
-)

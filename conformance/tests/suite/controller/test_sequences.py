@@ -17,7 +17,8 @@ from scaraspec.protocol.payloads import NameListPart
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.controller.harness.access import MemoryAccess
 from scaraspec.suite.controller.harness.adapter import ControllerAdapter
-from scaraspec.suite.controller.harness.model import VALUES, Model, Step
+from scaraspec.suite.controller.harness.model.model import Model
+from scaraspec.suite.controller.harness.model.state import VALUES, Step
 from scaraspec.suite.controller.harness.requests.queries import QUERIES
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.observer import Observer
@@ -60,7 +61,7 @@ def test_shrunk(
     found = tried(mutants()[fault].wrong, requirement, examples=20)[case]
     assert found.verdict is Verdict.FAIL
     assert found.requirements == (requirement,)
-    told = found.message.partition(" behind: ")[2].split("; ")
+    told = found.message.partition(" after: ")[2].split("; ")
     assert not told[0].startswith("…"), found.message
     left = iter(told)
     assert all(any(step.startswith(name) for step in left) for name in steps), told

@@ -15,7 +15,7 @@ from scaraspec.protocol.commands import PasswordChange
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Case, Results, Role
-from scaraspec.suite.engine import run as suite
+from scaraspec.suite.engine.collection import CASES, SuiteError
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.virtual_controller.core import ControllerCore
@@ -42,7 +42,7 @@ def trial(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Try:
     ) -> Results:
         file = tmp_path / f"test_{abs(hash(tmp_path))}.py"  # modules are kept by their name
         file.write_text(HEAD + text, encoding="utf-8")
-        monkeypatch.setitem(suite.CASES, Role.CONTROLLER, tmp_path)
+        monkeypatch.setitem(CASES, Role.CONTROLLER, tmp_path)
         return certified(Robot(core, DEFAULT), ics, options)
 
     return run
@@ -261,7 +261,7 @@ def test_hazards_are_asked_for(trial: Try) -> None:
 def test_two_cases_of_one_name_are_a_mistake(trial: Try) -> None:
     """A case that hides another would be a hole."""
     one = "@case('4.8/2')\ndef test_{}(line):\n    line.ask('get_status')\n"
-    with pytest.raises(suite.SuiteError, match=r"4\.8/2"):
+    with pytest.raises(SuiteError, match=r"4\.8/2"):
         trial(one.format("a") + one.format("b"))
 
 

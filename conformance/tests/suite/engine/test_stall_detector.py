@@ -15,10 +15,11 @@ from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Role
 from scaraspec.suite.controller.harness.access import MemoryAccess
 from scaraspec.suite.controller.harness.adapter import ControllerAdapter
-from scaraspec.suite.engine import run as suite
 from scaraspec.suite.engine import stall_detector
+from scaraspec.suite.engine.collection import CASES
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
+from scaraspec.suite.engine.run import Run
 from scaraspec.suite.engine.stall_detector import Stall, StallDetector
 from scaraspec.transports.link import Arrival, Link
 from scaraspec.virtual_controller.core import ControllerCore
@@ -61,11 +62,11 @@ def test_a_stalled_attempt_is_repeated(  # noqa: PLR0913, PLR0917 - a table
     """A stalled attempt that did not pass is repeated; a failure of another attempt counts."""
     file = tmp_path / f"test_{abs(hash(tmp_path))}.py"  # modules are kept by their name
     file.write_text(CASE.format(kind=kind, good_at=good_at), encoding="utf-8")
-    monkeypatch.setitem(suite.CASES, Role.CONTROLLER, tmp_path)
+    monkeypatch.setitem(CASES, Role.CONTROLLER, tmp_path)
     access = MemoryAccess(Robot(ControllerCore, DEFAULT).network)
     adapter = ControllerAdapter(access, Ics(), PASSWORD, Options(allowed=ALL))
     before_and_after = chain.from_iterable(([], [STALL] if each else []) for each in stalled)
-    run = suite.Run(adapter, stalls=before_and_after.__next__)
+    run = Run(adapter, stalls=before_and_after.__next__)
     (result,) = (case for case in run.results().cases if case.id == "4.8/2")
     assert result.verdict is verdict
     assert run.case_runner.subject.attempts == tried  # type: ignore[attr-defined] # set by the case
@@ -125,7 +126,7 @@ def test_what_came_while_this_machine_slept_is_taken() -> None:
     """It is there, though the time to wait for it is over."""
     access = SleepingAccess(Robot(ControllerCore, DEFAULT).network)
     options = Options(only=frozenset({"4.1/2", "4.6/3", "4.7/1", "4.8/2"}), allowed=ALL)
-    results = suite.Run(ControllerAdapter(access, Ics(), PASSWORD, options)).results()
+    results = Run(ControllerAdapter(access, Ics(), PASSWORD, options)).results()
     verdicts = {case.id: case.verdict for case in results.cases}
     assert verdicts["4.8/2"] is verdicts["4.6/2"] is Verdict.PASS
     assert Verdict.FAIL not in verdicts.values()

@@ -6,7 +6,7 @@ from scaraspec.protocol.commands import BY_NAME, COMMANDS
 from scaraspec.protocol.frames import Frame
 from scaraspec.suite.client.harness.auto_responder import REPLIES
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.files import receive_upload, send_download
+from scaraspec.suite.client.harness.downloads import send_download
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import (
     answer_request,
@@ -23,6 +23,7 @@ from scaraspec.suite.client.harness.two_stage import (
     expect_finished,
     require_while_executing,
 )
+from scaraspec.suite.client.harness.uploads import receive_upload
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped

@@ -11,7 +11,7 @@ from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.client.harness.auto_responder import REPLIES
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.files import Upload, begin_download, send_download
+from scaraspec.suite.client.harness.downloads import begin_download, send_download
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import (
     answer_request,
@@ -29,6 +29,7 @@ from scaraspec.suite.client.harness.two_stage import (
     expect_finished,
     require_while_executing,
 )
+from scaraspec.suite.client.harness.uploads import Upload
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import NoReply, expect, expect_equal

@@ -13,15 +13,14 @@ from scaraspec.protocol.transfer import (
     chunks_of,
 )
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.downloads import begin_download, split_content
 from scaraspec.suite.client.harness.files import (
-    Upload,
-    begin_download,
     expect_no_transfer_frames,
     expect_served,
     expect_transfer_failed,
-    split_content,
 )
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
+from scaraspec.suite.client.harness.uploads import Upload
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.chunks import (
     chunk_of,

@@ -21,19 +21,14 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import BUFFER_BYTES, Chunk, chunks_of
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.downloads import Download, begin_download, send_download
 from scaraspec.suite.client.harness.files import (
-    Download,
-    Upload,
-    begin_download,
     expect_no_transfer_frames,
     expect_served,
     expect_transfer_done,
     expect_transfer_failed,
     is_abort_signal,
-    receive_upload,
     request_or_none,
-    send_download,
-    serve_read_back,
 )
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.transfer_silence import (
@@ -41,6 +36,7 @@ from scaraspec.suite.client.harness.transfer_silence import (
     expect_given_up_despite_queries,
     expect_survives_silence,
 )
+from scaraspec.suite.client.harness.uploads import Upload, receive_upload, serve_read_back
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.chunks import chunk_of
 from scaraspec.suite.engine.examples import examples, given

@@ -9,15 +9,17 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import BUFFER_BYTES, HEAD_BYTES, Chunk, chunks_of
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.files import (
+from scaraspec.suite.client.harness.downloads import (
     Download,
     begin_download,
+    send_download,
+    split_content,
+)
+from scaraspec.suite.client.harness.files import (
     expect_no_transfer_frames,
     expect_served,
     expect_transfer_failed,
     request_or_none,
-    send_download,
-    split_content,
 )
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.two_stage import reopen

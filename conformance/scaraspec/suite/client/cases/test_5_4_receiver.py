@@ -7,22 +7,20 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import BUFFER_BYTES, Chunk, chunks_of
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
-from scaraspec.suite.client.harness.files import (
+from scaraspec.suite.client.harness.downloads import (
     Download,
-    Upload,
     begin_download,
-    expect_served,
-    expect_transfer_failed,
-    receive_upload,
     send_download,
     split_content,
 )
+from scaraspec.suite.client.harness.files import expect_served, expect_transfer_failed
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.transfer_silence import (
     expect_given_up,
     expect_given_up_despite_queries,
     expect_survives_silence,
 )
+from scaraspec.suite.client.harness.uploads import Upload, receive_upload
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.chunks import chunk_of
 from scaraspec.suite.engine.examples import examples, given

@@ -12,7 +12,7 @@ from hypothesis import Phase, settings
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
-from scaraspec.suite.controller.harness.model import Step
+from scaraspec.suite.controller.harness.model.state import Step
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.sequences import (
     acts_within,

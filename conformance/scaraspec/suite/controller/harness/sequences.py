@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
-from scaraspec.suite.controller.harness.model import VALUES, Model, Step
+from scaraspec.suite.controller.harness.model.model import Model
+from scaraspec.suite.controller.harness.model.state import VALUES, Step
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.state.password import restore_password
 from scaraspec.suite.controller.harness.state.preserve import kept, password_kept

@@ -1,0 +1,1 @@
+"""Model: what the controller must be like after a sequence of requests."""

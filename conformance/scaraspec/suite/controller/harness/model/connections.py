@@ -1,0 +1,101 @@
+"""Steps that open connections, log in and change the password."""
+
+from contextlib import suppress
+
+from scaraspec.protocol.fields import show
+from scaraspec.suite.controller.harness.model.state import ModelState, Step
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
+from scaraspec.suite.controller.harness.requests.passwords import (
+    change,
+    expect_changed,
+    usable_passwords,
+)
+from scaraspec.suite.controller.harness.suite_passwords import PLAIN_PASSWORD
+from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect
+
+
+class ConnectionSteps(ModelState):
+    """Opens connections and logs in."""
+
+    def _reconnect(self, step: Step, line: OutgoingConnection) -> str | None:
+        line.close()
+        self._lines[step.line % len(self._lines)] = self._connection()
+        return f"connect anew ({step.line % len(self._lines)})"
+
+    def _log_in(self, _: Step, line: OutgoingConnection) -> str | None:
+        if not self._subject.access.needs_login:
+            return None
+        self._subject.log_in(line, self._password)
+        return "log in again"
+
+    def _log_in_wrongly(self, _: Step, _line: OutgoingConnection) -> str | None:
+        if not (self._subject.supports_multiple_connections and self._subject.access.needs_login):
+            return None
+        if not self._subject.may_try_wrong_password():
+            return None
+        other = self._subject.open(login=False)
+        try:
+            answer = other.ask("login", b"no-" + self._password)
+        except NoReply:
+            silent = other.ending is None
+            other.close()
+            if silent and self._serves_a_third():
+                raise
+            return None  # it serves no more than two (A-2-2)
+        expect(
+            answer.accepted is False,
+            "a wrong password opens",
+            expected="0",
+            observed=f"{answer}",
+            requirement="4.1/3",
+        )
+        with suppress(NoReply):  # it may end the connection; two in a row may lock us out
+            other.ask("login", self._password)
+        other.close()
+        return "log in wrongly elsewhere"
+
+    def _serves_a_third(self) -> bool:
+        """Whether one more connection is answered: some are let in when another one leaves."""
+        third = self._subject.open(login=False)
+        try:
+            return third.ask("login", self._password).accepted is True
+        except NoReply:
+            return False
+        finally:
+            third.close()
+
+    def _set_password(self, step: Step, line: OutgoingConnection) -> str | None:
+        if not self._subject.access.needs_login:
+            return None
+        passwords = (self._subject.password, *usable_passwords(self._subject))
+        new = passwords[step.value % len(passwords)]
+        if not expect_changed(line, self._password, new):
+            return f"set the password {show(new)}, refused"
+        self._password = new
+        self._all_anew("4.2/4", "the new password does not open the next login")
+        return f"set the password {show(new)}"
+
+    def _mistake_password(self, _: Step, line: OutgoingConnection) -> str | None:
+        if not self._subject.access.needs_login or not self._subject.may_try_wrong_password():
+            return None
+        answer = change(line, self._password + b"-no", PLAIN_PASSWORD)
+        expect(
+            answer.accepted is False,
+            "the password was changed although the old one was wrong",
+            expected="0",
+            observed=f"{answer}",
+            requirement="4.2/3",
+        )
+        self._all_anew("4.2/5", "the password does not open the next login")
+        return "mistake the old password"
+
+    def _all_anew(self, requirement: str, message: str) -> None:
+        """Connect again: the login may be lost (A-4.2-2)."""
+        for line in self._lines:
+            line.close()
+        try:
+            self._lines = [self._connection() for _ in self._lines]
+        except NoReply:
+            raise
+        except CaseFailed as error:
+            raise CaseFailed(message, observed=error.observed, requirement=requirement) from None

@@ -1,0 +1,133 @@
+"""The state of a model: what the controller must have after all requests so far."""
+
+import itertools
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from scaraspec.suite.controller.harness.controller_under_test import (
+    ControllerUnderTest,
+)
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
+from scaraspec.suite.controller.harness.requests.motion import (
+    is_responsive,
+    pose_of,
+)
+from scaraspec.suite.controller.harness.requests.ports import (
+    Bits,
+    outputs,
+    settable,
+)
+from scaraspec.suite.controller.harness.two_stage.commands import (
+    RUN,
+    SIMULATE,
+    STOP,
+)
+from scaraspec.suite.engine.expectations import NoReply
+
+if TYPE_CHECKING:
+    from scaraspec.protocol.commands import Point, Pose
+    from scaraspec.suite.controller.harness.requests.clock import (
+        Reading,
+    )
+
+VALUES: Final = 4
+"""How many values each number of a step may have."""
+
+_LINES: Final = 2
+
+ENDLESS: Final = 2  # the value from which on a program does not end
+
+IDLE_STOP: Final = "stop nothing"
+
+SWITCHED_OFF_BY: Final = [
+    frozenset(chosen)
+    for count in range(5)
+    for chosen in itertools.combinations((RUN, SIMULATE, STOP, IDLE_STOP), count)
+]
+"""What switches all outputs off: each controller does it at some of these events (A-4.32-3)."""
+
+
+class Step(NamedTuple):
+    """One step; which numbers it heeds is its own affair.
+
+    Attributes:
+        act: What is done: a method of `Model`.
+        which: Of the names.
+        value: Of what is set.
+        line: Of the connections.
+    """
+
+    act: str
+    which: int
+    value: int
+    line: int
+
+
+class ModelState:
+    """What the controller must be like, and the connections to it.
+
+    Args:
+        subject: The controller.
+        acts: The names of the steps that may occur.
+        names: The names of the files that may be created.
+
+    Attributes:
+        history: The steps so far, in words.
+    """
+
+    def __init__(
+        self, subject: ControllerUnderTest, acts: list[str], names: Sequence[bytes]
+    ) -> None:
+        self.told: list[str] = []
+        self._subject, self._acts, self._names = subject, acts, names
+        self._password = subject.password
+        self._lines = [self._connection()]
+        if subject.supports_multiple_connections:
+            self._lines += [self._connection() for _ in range(_LINES - 1)]
+        self._constant: dict[str, bytes] = {}
+        self._files: dict[bytes, bytes] = {}
+        self._endless: list[bytes] = []
+        self._fetching: OutgoingConnection | None = None
+        self._default: bytes | None = None
+        self._named: bytes | None = None  # the last that was taken for the default, stored or not
+        self._centre: Point | None = None
+        self._recentred = False
+        self._initial: Pose | None = None
+        self._clock: Reading | None = None
+        self._running: tuple[str, bytes, OutgoingConnection] | None = None
+        if {"set_initial", "move"} & set(acts):
+            self._here = pose_of(self._lines[0])
+        self._outputs: dict[frozenset[str], Bits] = {}  # by what switches all off
+        if "set_output" in acts:
+            self._ports = settable(self._lines[0])
+            self._before = outputs(self._lines[0])
+            self._outputs = dict.fromkeys(SWITCHED_OFF_BY, self._before)
+
+    def _connection(self) -> OutgoingConnection:
+        if self._password == self._subject.password:
+            return self._subject.open()
+        line = self._subject.open(login=False)
+        self._subject.log_in(line, self._password)
+        return line
+
+    def _name(self, step: Step) -> bytes:
+        """A file, or for the last of the numbers a name that is perhaps none."""
+        if self._files and step.which < VALUES - 1:
+            return list(self._files)[step.which % len(self._files)]
+        return self._names[step.value % len(self._names)]
+
+    @property
+    def _deaf(self) -> bool:
+        """Whether a command executes and the robot answers nothing until it ends (A-4-3)."""
+        return self._running is not None and not is_responsive(self._subject, self._running[2])
+
+    def _is_over(self, *, within_s: float) -> bool:
+        """Whether a simulation has ended by itself: a simulation may take any time."""
+        if not self._running or self._running[0] != SIMULATE:
+            return False
+        try:
+            self._running[2].result(SIMULATE, within_s=within_s)
+        except NoReply:
+            return False
+        self._running = None
+        return True
