@@ -19,7 +19,7 @@ from scaraspec.report.model import Role
 from scaraspec.suite.engine.attempts import Attempt, needs_another, settle
 from scaraspec.suite.engine.case import Case, case_of, declare_mark, is_case
 from scaraspec.suite.engine.connection import Connection
-from scaraspec.suite.engine.examples import counted
+from scaraspec.suite.engine.examples import count_examples
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
     CaseInconclusive,
@@ -237,7 +237,7 @@ class CaseRunner:
         """Run a case, and repeat it as `attempts` requires."""
         self._callbacks.announce(case)
         attempts: list[Attempt] = []
-        since = len(self.subject.observer.sightings)
+        since = len(self.subject.observer.findings)
         again = partial(self._attempt, case, item, nextitem)
         while True:
             restore_knowledge = self.subject.checkpoint()
@@ -311,7 +311,7 @@ class CaseRunner:
 
     def _found(self, since: int) -> set[str]:
         """The requirements that the judge found violated since then for the first time."""
-        sightings = self.subject.observer.sightings[since:]
+        sightings = self.subject.observer.findings[since:]
         found = {s.finding.requirement for s in sightings if s.finding.verdict is Verdict.FAIL}
         return found - self._failed - self._sighted
 
@@ -320,7 +320,7 @@ class CaseRunner:
         observer = self.subject.observer
         observer.begin(case.id)
         self._callbacks.stalls()
-        since = len(observer.sightings)
+        since = len(observer.findings)
         outcome = self._try(case, item, nextitem)
         stalls = self._callbacks.stalls()
         observer.drop_stalled(since, stalls)
@@ -344,7 +344,7 @@ class CaseRunner:
         begun_ns = subject.now_ns
         subject.begin_case()
         self._raised = None
-        with counted() as tally:
+        with count_examples() as tally:
             runtestprotocol(item, log=self._verbose, nextitem=nextitem)
         self._end_if_asked()
         outcome = self._unless_withheld(self._outcome(case))

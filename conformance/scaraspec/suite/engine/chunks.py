@@ -37,11 +37,11 @@ def expect_next(chunk: Chunk, due: int, size_bytes: int) -> None:
         "a chunk does not follow on the one before",
         requirement="5.1/8",
     )
-    expect_length(chunk)
+    expect_chunk_length(chunk)
     expect_within(chunk, size_bytes)
 
 
-def expect_length(chunk: Chunk) -> None:
+def expect_chunk_length(chunk: Chunk) -> None:
     """Hold against a chunk that its buffer would be empty, or too small for what it holds.
 
     Raises:
@@ -68,7 +68,7 @@ def expect_within(chunk: Chunk, size_bytes: int) -> None:
     expect(end <= size_bytes, message, expected=expected, observed=observed, requirement="5.1/6")
 
 
-def expect_position(chunk: Chunk, content: bytes) -> None:
+def expect_chunk_position(chunk: Chunk, content: bytes) -> None:
     """Hold a chunk's position against where the file holds what is in it.
 
     Raises:
@@ -84,7 +84,7 @@ def expect_position(chunk: Chunk, content: bytes) -> None:
     )
 
 
-def expect_content(chunk: Chunk, content: bytes) -> None:
+def expect_chunk_content(chunk: Chunk, content: bytes) -> None:
     """Hold a chunk against what the file holds where the chunk says that it stands.
 
     Raises:

@@ -27,7 +27,7 @@ _FLOOD_RATIO: Final = 64
 """A subject that sends more than this, and so many times what it was sent last, sends forever."""
 
 
-class Holder(Protocol):
+class ConnectionOwner(Protocol):
     """The owner of the connections of a run."""
 
     observer: Observer
@@ -101,7 +101,7 @@ class Connection:
     """
 
     def __init__(
-        self, name: str, link: Link, holder: Holder, ours: Direction, *, judged: bool
+        self, name: str, link: Link, holder: ConnectionOwner, ours: Direction, *, judged: bool
     ) -> None:
         self.name = name
         self.inbox: list[FrameSeen] = []
@@ -322,7 +322,7 @@ class Connection:
             self._event(self._ours, kind, self._holder.now_ns)
 
 
-def pump(wires: Iterable[Connection], besides: Connection) -> list[Link]:
+def pump_all(wires: Iterable[Connection], besides: Connection) -> list[Link]:
     """Take what is there on all wires but one; give the links of those that are still open."""
     links = []
     for wire in wires:

@@ -29,7 +29,7 @@ _TALLY: Final[ContextVar[Tally]] = ContextVar("tally")
 
 
 @contextmanager
-def counted() -> Iterator[Tally]:
+def count_examples() -> Iterator[Tally]:
     """Count the examples tried inside."""
     tally = Tally()
     token = _TALLY.set(tally)

@@ -52,7 +52,7 @@ class ObservedAttempt:
 
 
 @dataclass(frozen=True, slots=True)
-class Sighting:
+class CaseFinding:
     """A finding of the judge during a run.
 
     Attributes:
@@ -107,7 +107,7 @@ class Observer:
     ) -> None:
         self.interruption = interruption or Interruption()
         self.judge = Judge(ics.dialect, needs_login=needs_login)
-        self.sightings: list[Sighting] = []
+        self.findings: list[CaseFinding] = []
         self.attempt = ObservedAttempt("")
         self._time_ns = 0
         self.recent: deque[FrameSeen | InvalidBytes] = deque(maxlen=_RECENT_FRAMES)
@@ -133,8 +133,8 @@ class Observer:
 
     def drop_stalled(self, since: int, stalls: Sequence[Stall]) -> None:
         """Drop the findings from number `since` on that span a stall of this machine."""
-        kept = [s for s in self.sightings[since:] if not any(map(s.spans, stalls))]
-        self.sightings[since:] = kept
+        kept = [s for s in self.findings[since:] if not any(map(s.spans, stalls))]
+        self.findings[since:] = kept
 
     def event(self, event: WireEvent, *, judged: bool) -> None:
         """Something passed; a connection that is not judged carries what is no protocol."""
@@ -185,9 +185,9 @@ class Observer:
                     self.unsolicited.append(item.seen)
             elif item.requirement in (self._overlooked, *self._beyond) or event is None:
                 continue
-            elif blamed(item, event) is self._role:
+            elif responsible_role(item, event) is self._role:
                 begin_ns = self._begin_ns(item)
-                self.sightings.append(Sighting(self.attempt, item, begin_ns, self._time_ns))
+                self.findings.append(CaseFinding(self.attempt, item, begin_ns, self._time_ns))
 
     def _begin_ns(self, finding: Finding) -> int:
         """When the first byte of the evidence passed."""
@@ -206,12 +206,12 @@ def _is_late(event: TrafficEvent) -> bool:
 _WITHOUT_ANSWER: Final = (Ending.UNANSWERED, Ending.UNFINISHED, Ending.CUT_OFF, Ending.HUNG_UP)
 
 
-def speaks(role: Role) -> Direction:
+def sending_direction(role: Role) -> Direction:
     """The direction in which a subject of this role sends."""
     return C2A if role is Role.CONTROLLER else A2C
 
 
-def blamed(finding: Finding, happening: TrafficEvent) -> Role | None:
+def responsible_role(finding: Finding, happening: TrafficEvent) -> Role | None:
     """Whose finding it is, which may be the suite as the other end; None if unknown."""
     binds = REQUIREMENTS[finding.requirement].binds
     if binds is not Binds.BOTH:

@@ -29,7 +29,7 @@ from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.journal import JournalError
-from scaraspec.suite.engine.observer import Observer, Sighting, Take, speaks
+from scaraspec.suite.engine.observer import CaseFinding, Observer, Take, sending_direction
 from scaraspec.suite.engine.outcome import Outcome, unless_disturbed
 from scaraspec.suite.engine.plan import Options, is_selected
 from scaraspec.suite.engine.stall_detector import Stall, StallDetector, threshold_s
@@ -273,7 +273,7 @@ class Run(Generic[P]):
         outcomes = (*ran, *self._wrong_claims())
         tried = [self._earlier.get(o.case.id) or self._case(o) for o in outcomes]
         seen_before = [case for key, case in self._earlier.items() if model.SEEN in key]
-        groups = _grouped(self._observer.sightings, seen_before)
+        groups = _grouped(self._observer.findings, seen_before)
         made = (*tried, *seen_before, *(self._seen(n, same) for n, same in groups))
         by_requirement: defaultdict[str, list[Case]] = defaultdict(list)
         for each in made:
@@ -316,7 +316,7 @@ class Run(Generic[P]):
         """What was found out at the open points: what was seen, and else what a case tolerated."""
         readings = self._readings()
         told = {*chain.from_iterable(o.readings for o in self.case_runner.outcomes)}
-        told |= {s.finding.reading for s in self._observer.sightings if s.finding.reading}
+        told |= {s.finding.reading for s in self._observer.findings if s.finding.reading}
         for key, reading in READINGS.items():
             seen = readings.get(key, ReadingSeen((), default=False, mixed=False))
             options = tuple(o.name for o in reading.options if (key, o.name) in told)
@@ -333,7 +333,9 @@ class Run(Generic[P]):
         """
         ics = self.adapter.ics
         claims = {key: ics.dialect[key] for key in ics.claimed}
-        readings = dict(readings_of(self._observer.judge, speaks(self.adapter.role), claims))
+        readings = dict(
+            readings_of(self._observer.judge, sending_direction(self.adapter.role), claims)
+        )
         for key, option in self._subject.detected_readings.items():
             if key == "endian" and key in readings and readings[key].options:
                 continue
@@ -401,7 +403,7 @@ class Run(Generic[P]):
             attempts=outcome.attempts,
         )
 
-    def _seen(self, number: int, sightings: list[Sighting]) -> Case:
+    def _seen(self, number: int, sightings: list[CaseFinding]) -> Case:
         """Convert equal findings of the judge to a case of the results."""
         reason = self._subject.others.reason
         sightings = [s for s in sightings if not reason(s.case)] or sightings
@@ -452,7 +454,7 @@ _SHOWN: Final = 12
 _NUMBERED: Final = re.compile(r"\b[a-z]+\d+\b")  # as each of the suite's files is named
 
 
-def _is_confirmed(sightings: Iterable[Sighting]) -> bool:
+def _is_confirmed(sightings: Iterable[CaseFinding]) -> bool:
     """Return whether equal findings rest on received bytes, or were found in two attempts."""
     attempts = {id(s.attempt): s.attempt for s in sightings}.values()
     return len(attempts) > 1 or any(not a.late or not a.repeatable for a in attempts)
@@ -472,13 +474,13 @@ def _wrong_from_the_start(error: CaseFailed) -> Outcome:
 
 
 def _grouped(
-    sightings: list[Sighting], before: Iterable[Case]
-) -> Iterator[tuple[int, list[Sighting]]]:
+    sightings: list[CaseFinding], before: Iterable[Case]
+) -> Iterator[tuple[int, list[CaseFinding]]]:
     """Sightings that say the same, numbered on within their requirement; doubts are none.
 
     Of which of the suite's files they say it is no difference.
     """
-    groups: defaultdict[tuple[str, Verdict, object], list[Sighting]] = defaultdict(list)
+    groups: defaultdict[tuple[str, Verdict, object], list[CaseFinding]] = defaultdict(list)
     for sighting in sightings:
         finding = sighting.finding
         if finding.verdict is not Verdict.INCONCLUSIVE:

@@ -31,7 +31,7 @@ def _always() -> bool:
     return True
 
 
-def shortened(
+def shrink_sequence(
     steps: Sequence[T],
     failure: Failure,
     attempt: Callable[[Sequence[T]], Failure | None],

@@ -20,7 +20,12 @@ from scaraspec.suite.controller.harness.requests.motion import (
     require_known_responsive,
     stop_motion,
 )
-from scaraspec.suite.controller.harness.requests.ports import Bits, digits, outputs, outputs_kept
+from scaraspec.suite.controller.harness.requests.ports import (
+    Bits,
+    digits,
+    outputs,
+    outputs_preserved,
+)
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
@@ -285,7 +290,7 @@ def bench(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[Be
         CaseInconclusive: It cannot now.
     """
     layout, base = find_layout(subject, line), configured(subject, line)
-    with outputs_kept(line) as before:
+    with outputs_preserved(line) as before:
         made = Bench(subject, line, layout, base, before)
         try:
             yield made

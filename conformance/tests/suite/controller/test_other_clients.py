@@ -117,7 +117,7 @@ def run(  # noqa: PLR0913 - each may differ
     options = Options(
         frozenset(each.id for each in select(only)), frozenset(allowed), undefined=True, examples=5
     )
-    access = MemoryAccess(robot.network, patience_s=_LONGEST_S)
+    access = MemoryAccess(robot.network, wait_limit_s=_LONGEST_S)
     names = tokens().__next__
     setting = ControllerAdapter(access, Ics(), PASSWORD, options, draw_token=names)
     return Run(setting).results()

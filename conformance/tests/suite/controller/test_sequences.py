@@ -103,7 +103,7 @@ def test_a_list_that_was_asked_for_is_taken_to_its_end(list_cont: str) -> None:
     ask = Step("query", *divmod(number, VALUES), 0)
     model = Model(subject, [], [b"new.rob"])
     for step in (ask, Step("upload", 0, 0, 0), ask, Step("list_programs", 0, 0, 0)):
-        model.take(step)
+        model.perform(step)
 
 
 class ForgetsItsListLate(ControllerCore):

@@ -13,7 +13,9 @@ from scaraspec.virtual_controller.core import ControllerCore
 
 
 def _results(*only: str) -> Results:
-    access = MemoryAccess(Robot(ControllerCore, DEFAULT).network, needs_login=False, several=False)
+    access = MemoryAccess(
+        Robot(ControllerCore, DEFAULT).network, needs_login=False, multiple_connections=False
+    )
     options = Options(only=frozenset(only), allowed=ALL, examples=3)
     return Run(ControllerAdapter(access, Ics(), PASSWORD, options)).results()
 

@@ -48,7 +48,7 @@ def _seen(make: type[ControllerCore], name: str, value: Any) -> set[str]:
         line.ask(request, asked)
     subject.close_lines()
     observer.close()
-    failed = (s.finding for s in observer.sightings if s.finding.verdict is Verdict.FAIL)
+    failed = (s.finding for s in observer.findings if s.finding.verdict is Verdict.FAIL)
     return {finding.requirement for finding in failed}
 
 

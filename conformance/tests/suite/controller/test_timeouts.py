@@ -10,7 +10,7 @@ from scaraspec.judge.verdicts import Verdict
 from scaraspec.mutants.controller import mutants
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
-from scaraspec.suite.controller.harness.timeouts import Due, TimeoutPolicy
+from scaraspec.suite.controller.harness.timeouts import ExpectedReply, TimeoutPolicy
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Session
 
@@ -35,32 +35,34 @@ def without_reply(name: str) -> type[ControllerCore]:
     return Mute
 
 
-@pytest.mark.parametrize("due", [Due("get_version"), Due("run_program", result=True)])
-def test_what_never_came_is_waited_for_in_full_twice(due: Due) -> None:
+@pytest.mark.parametrize(
+    "due", [ExpectedReply("get_version"), ExpectedReply("run_program", result=True)]
+)
+def test_what_never_came_is_waited_for_in_full_twice(due: ExpectedReply) -> None:
     """Once it has come it is always worth its time."""
     patience = TimeoutPolicy()
     for _ in range(2):
-        assert patience.within_s(due, _FULL_S) == _FULL_S
-        patience.missed(due)
-    assert patience.within_s(due, _FULL_S) < _FULL_S
-    assert patience.within_s(due, 0.1) == 0.1
-    patience.came(due)
-    assert patience.within_s(due, _FULL_S) == _FULL_S
-    patience.missed(due)
-    patience.missed(due)
+        assert patience.timeout_s(due, _FULL_S) == _FULL_S
+        patience.note_timeout(due)
+    assert patience.timeout_s(due, _FULL_S) < _FULL_S
+    assert patience.timeout_s(due, 0.1) == 0.1
+    patience.note_received(due)
+    assert patience.timeout_s(due, _FULL_S) == _FULL_S
+    patience.note_timeout(due)
+    patience.note_timeout(due)
     assert not patience.given_up(due)
 
 
 def test_rest_is_awaited_in_full_until_that_was_twice_in_vain() -> None:
     """A robot that came to rest late, once, is worth waiting for again."""
     patience = TimeoutPolicy()
-    patience.waited(_FULL_S, rests=False)
-    patience.waited(0.1, rests=True)
-    assert patience.rest_s(_FULL_S) == _FULL_S
-    patience.waited(_FULL_S, rests=False)
-    assert patience.rest_s(_FULL_S) < _FULL_S
-    patience.waited(20.0, rests=True)
-    assert patience.rest_s(_FULL_S) == _FULL_S
+    patience.note_rest(_FULL_S, rests=False)
+    patience.note_rest(0.1, rests=True)
+    assert patience.rest_timeout_s(_FULL_S) == _FULL_S
+    patience.note_rest(_FULL_S, rests=False)
+    assert patience.rest_timeout_s(_FULL_S) < _FULL_S
+    patience.note_rest(20.0, rests=True)
+    assert patience.rest_timeout_s(_FULL_S) == _FULL_S
 
 
 def test_an_unanswered_query_fails_for_itself(tried: Try) -> None:

@@ -3,7 +3,7 @@
 import pytest
 
 from scaraspec.protocol.transfer import Chunk
-from scaraspec.suite.engine.chunks import expect_position
+from scaraspec.suite.engine.chunks import expect_chunk_position
 from scaraspec.suite.engine.expectations import CaseFailed
 
 _FILE = b"abcdabce"
@@ -12,7 +12,7 @@ _FILE = b"abcdabce"
 @pytest.mark.parametrize(("position", "data"), [(0, b"abcd"), (4, b"abc"), (7, b"e")])
 def test_a_chunk_may_recur(position: int, data: bytes) -> None:
     """What stands at several places may be told of each."""
-    expect_position(Chunk(len(_FILE), position, len(data), data), _FILE)
+    expect_chunk_position(Chunk(len(_FILE), position, len(data), data), _FILE)
 
 
 @pytest.mark.parametrize(
@@ -26,5 +26,5 @@ def test_a_chunk_may_recur(position: int, data: bytes) -> None:
 def test_the_right_place_is_told(position: int, data: bytes, expected: str, observed: str) -> None:
     """No place is named where there is none."""
     with pytest.raises(CaseFailed) as caught:
-        expect_position(Chunk(len(_FILE), position, len(data), data), _FILE)
+        expect_chunk_position(Chunk(len(_FILE), position, len(data), data), _FILE)
     assert (caught.value.expected, caught.value.observed) == (expected, observed)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from hypothesis import settings
 from hypothesis import strategies as st
 
-from scaraspec.suite.engine.examples import counted, examples, given
+from scaraspec.suite.engine.examples import count_examples, examples, given
 from scaraspec.virtual_controller.core import ControllerCore
 from tests.suite.conftest import Tried
 
@@ -19,7 +19,7 @@ def test_what_is_listed_and_drawn_is_counted() -> None:
     def draw(number: int) -> None:
         drawn.append(number)
 
-    with counted() as tally:
+    with count_examples() as tally:
         assert list(examples("abc")) == ["a", "b", "c"]
         assert next(examples("abc")) == "a"
         draw()

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scaraspec.suite.engine.expectations import CaseFailed
-from scaraspec.suite.engine.shrink import Failure, shortened
+from scaraspec.suite.engine.shrink import Failure, shrink_sequence
 
 
 @given(places=st.lists(st.integers(0, 60), min_size=1, max_size=4), length=st.integers(0, 60))
@@ -27,7 +27,7 @@ def test_only_what_matters_is_left(places: list[int], length: int) -> None:
 
     failure = attempt(steps)
     assert failure
-    assert f"{shortened(steps, failure, attempt).error}" == f"{needed}"
+    assert f"{shrink_sequence(steps, failure, attempt).error}" == f"{needed}"
 
 
 def test_tries_are_bounded() -> None:
@@ -40,7 +40,7 @@ def test_tries_are_bounded() -> None:
         return None
 
     whole = Failure(CaseFailed("whole"), 5000)
-    assert shortened(range(5000), whole, attempt) is whole
+    assert shrink_sequence(range(5000), whole, attempt) is whole
     assert tries <= 200
 
 
@@ -52,5 +52,5 @@ def test_there_may_be_no_time_for_another_try() -> None:
         return Failure(CaseFailed(f"{len(steps)}"), len(steps))
 
     whole = Failure(CaseFailed("64"), 64)
-    shortest = shortened(range(64), whole, attempt, lambda: bool(left) and left.pop())
+    shortest = shrink_sequence(range(64), whole, attempt, lambda: bool(left) and left.pop())
     assert f"{shortest.error}" == "32"

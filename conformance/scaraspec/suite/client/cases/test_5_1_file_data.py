@@ -24,9 +24,9 @@ from scaraspec.suite.client.harness.uploads import Upload
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.chunks import (
     chunk_of,
-    expect_content,
-    expect_length,
-    expect_position,
+    expect_chunk_content,
+    expect_chunk_length,
+    expect_chunk_position,
     expect_within,
 )
 from scaraspec.suite.engine.connection import ReceivedFrame
@@ -96,7 +96,7 @@ def test_file_size(subject: ClientUnderTest, line: IncomingConnection) -> None:
 def test_position(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Every chunk of an upload carries its byte offset in the file."""
     for chunk in _chunks(subject, line, _WHOLE):
-        expect_position(chunk, _WHOLE)
+        expect_chunk_position(chunk, _WHOLE)
 
 
 @client_case("5.1/5")
@@ -105,8 +105,8 @@ def test_length(subject: ClientUnderTest, line: IncomingConnection) -> None:
     for size in examples(_SIZES):
         content = content_of(size)
         for chunk in _chunks(subject, line, content):
-            expect_length(chunk)
-            expect_content(chunk, content)
+            expect_chunk_length(chunk)
+            expect_chunk_content(chunk, content)
 
 
 @client_case("5.1/6")

@@ -18,7 +18,7 @@ from scaraspec.suite.client.harness.driver import DriverEndedError, DriverError
 from scaraspec.suite.client.harness.driver_values import matches, to_display_text
 from scaraspec.suite.client.harness.incoming_connection import PASSWORD, IncomingConnection
 from scaraspec.suite.client.harness.traits import ClientTraits
-from scaraspec.suite.engine.connection import Connection, pump
+from scaraspec.suite.engine.connection import Connection, pump_all
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
     CaseInconclusive,
@@ -242,7 +242,7 @@ class ClientUnderTest:
     def pump_others(self, line: Connection, /) -> list[Link]:
         """Receive on the other connections. Return the links that may receive more."""
         self._pump()
-        return pump(self._lines, line)
+        return pump_all(self._lines, line)
 
     def close_lines(self) -> None:
         """Close every connection."""

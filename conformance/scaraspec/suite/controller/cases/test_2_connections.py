@@ -120,7 +120,7 @@ def test_second_client(subject: ControllerUnderTest) -> None:
     A robot may send unsolicited frames (A-3-16). They arrive less often than the second client
     sends requests, and so are not counted as replies to that client.
     """
-    if not subject.access.several:
+    if not subject.access.multiple_connections:
         raise CaseSkipped("this link carries only one connection at a time")
     unsolicited = subject.observer.unsolicited_opcodes
     first = subject.open()

@@ -9,10 +9,10 @@ from scaraspec.suite.controller.harness.malformed.delivery import (
     SEGMENT_S,
     SLOWEST_S,
     ask_together,
-    pieces,
-    send_in,
-    some_cuts,
-    takes_one_at_a_time,
+    segment_sizes,
+    send_parts,
+    serves_one_at_a_time,
+    split_bytes,
 )
 from scaraspec.suite.controller.harness.malformed.mutation_targets import (
     GET_STATUS,
@@ -20,7 +20,11 @@ from scaraspec.suite.controller.harness.malformed.mutation_targets import (
     GET_VERSION,
 )
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.queries import Query, known_to, some_queries
+from scaraspec.suite.controller.harness.requests.queries import (
+    Query,
+    some_queries,
+    supported_queries,
+)
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import NoReply
@@ -39,16 +43,16 @@ def test_cut_at_every_byte(subject: ControllerUnderTest) -> None:
     for name in ("get_time", "get_version", "get_status"):
         frame = line.request(name).encode()
         for cut in examples(range(1, len(frame))):
-            send_in(line, (frame[:cut], frame[cut:]), subject, SEGMENT_S)
+            send_parts(line, (frame[:cut], frame[cut:]), subject, SEGMENT_S)
             line.reply(name)
     line.close()
     if not subject.access.needs_login:
         return
     login = _login(subject, line)
     halves = [(login[:cut], login[cut:]) for cut in range(1, len(login))]
-    for parts in examples((*halves, pieces(login, [1] * len(login)))):
+    for parts in examples((*halves, split_bytes(login, [1] * len(login)))):
         line = subject.open(login=False)
-        send_in(line, parts, subject, SEGMENT_S)
+        send_parts(line, parts, subject, SEGMENT_S)
         line.reply("login")
         line.close()
 
@@ -56,14 +60,14 @@ def test_cut_at_every_byte(subject: ControllerUnderTest) -> None:
 @case("2/5", name="slowly", slow=True)
 def test_slowly(subject: ControllerUnderTest) -> None:
     """A request sent byte by byte, and a login in three parts, are answered despite 1 s pauses."""
-    parts = {subject.open(): ("get_status", pieces(GET_STATUS, (1, 1, 1)))}
+    parts = {subject.open(): ("get_status", split_bytes(GET_STATUS, (1, 1, 1)))}
     if not subject.supports_multiple_connections:
         _send_slowly(subject, parts)
         parts.clear()
         subject.close_lines()
     if subject.access.needs_login:
         line = subject.open(login=False)
-        parts[line] = ("login", pieces(_login(subject, line), (1, 5)))
+        parts[line] = ("login", split_bytes(_login(subject, line), (1, 5)))
     _send_slowly(subject, parts)
 
 
@@ -83,12 +87,12 @@ def _send_slowly(
 
 
 @case("2/5", name="random")
-@given(queries=some_queries, sizes=some_cuts)
+@given(queries=some_queries, sizes=segment_sizes)
 def test_random_cuts(subject: ControllerUnderTest, queries: list[Query], sizes: list[int]) -> None:
     """Consecutive queries in segments of random sizes are all answered."""
     line = subject.open()
-    if takes_one_at_a_time(subject):
-        for query in known_to(subject, queries):
+    if serves_one_at_a_time(subject):
+        for query in supported_queries(subject, queries):
             ask_together(subject, line, [query], sizes)
     else:
         ask_together(subject, line, queries, sizes)
@@ -99,8 +103,8 @@ def test_random_cuts(subject: ControllerUnderTest, queries: list[Query], sizes: 
 def test_segments_across_frames(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Segments that contain the end of one frame and the start of the next are all answered."""
     for cut in examples(range(1, 4)):
-        parts = pieces(b"".join(_QUERY_FRAMES * 2), (cut, *[4] * 5))
-        send_in(line, parts, subject, SEGMENT_S)
+        parts = split_bytes(b"".join(_QUERY_FRAMES * 2), (cut, *[4] * 5))
+        send_parts(line, parts, subject, SEGMENT_S)
         for name in ("get_time", "get_version", "get_status") * 2:
             line.reply(name)
 
@@ -147,11 +151,13 @@ def _expect_served_together(
     subject: ControllerUnderTest, line: OutgoingConnection, queries: list[Query]
 ) -> None:
     """Expect a reply to each query, or only to the first if the ICS claims so (A-3-14)."""
-    if not takes_one_at_a_time(subject):
+    if not serves_one_at_a_time(subject):
         ask_together(subject, line, queries)
         return
-    served = known_to(subject, queries)[:1]
-    line.send_bytes(b"".join(query.frame(line).encode() for query in known_to(subject, queries)))
+    served = supported_queries(subject, queries)[:1]
+    line.send_bytes(
+        b"".join(query.frame(line).encode() for query in supported_queries(subject, queries))
+    )
     for query in served:
         line.reply(query.name)
     subject.tolerate("2/6", "pipelining", "one", "only the first request of a segment is served")
@@ -163,7 +169,7 @@ def _expect_reply_or_one_at_a_time(
     try:
         line.reply(name)
     except NoReply:
-        if not takes_one_at_a_time(subject) or line.ending is not None:
+        if not serves_one_at_a_time(subject) or line.ending is not None:
             raise
         subject.tolerate(
             "2/6",

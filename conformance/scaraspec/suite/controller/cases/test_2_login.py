@@ -16,16 +16,20 @@ from scaraspec.protocol.payloads import Acceptance, JogDirection
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.clock import shifted
+from scaraspec.suite.controller.harness.requests.clock import shifted_time
 from scaraspec.suite.controller.harness.requests.files import begin_upload, upload
 from scaraspec.suite.controller.harness.requests.motion import (
     SLOWEST_PERCENT,
     joints_of,
+    move_target,
     pose_of,
-    target,
 )
-from scaraspec.suite.controller.harness.requests.passwords import rotated
-from scaraspec.suite.controller.harness.requests.ports import expect_outputs, outputs, outputs_kept
+from scaraspec.suite.controller.harness.requests.passwords import rotated_password
+from scaraspec.suite.controller.harness.requests.ports import (
+    expect_outputs,
+    outputs,
+    outputs_preserved,
+)
 from scaraspec.suite.controller.harness.suite_passwords import PLAIN_PASSWORD
 from scaraspec.suite.controller.harness.two_stage.commands import RUN, upload_wait_program
 from scaraspec.suite.controller.harness.two_stage.tasks import executing_task
@@ -85,7 +89,7 @@ class _UnauthenticatedClient:
         wrong_logins, self._wrong_logins = self._wrong_logins, 0  # only these (A-4.1-2)
         for _ in range(wrong_logins):
             try:
-                reply = line.ask("login", rotated(self._subject.password))
+                reply = line.ask("login", rotated_password(self._subject.password))
             except NoReply:
                 if line.ending is None:
                     raise
@@ -166,7 +170,7 @@ def _settings_unchanged(subject: ControllerUnderTest) -> Iterator[Requests]:
         yield [
             ("set_gripper_center", _CENTER),
             ("set_initial_tool_position", pose._replace(z=pose.z + 1)),
-            ("set_time", shifted(clock, _CLOCK_SHIFT)),
+            ("set_time", shifted_time(clock, _CLOCK_SHIFT)),
             ("upload_name", name),
             ("upload_chunk", Chunk(4, 0, 4, b"none")),
         ]
@@ -256,14 +260,14 @@ def test_motion(subject: ControllerUnderTest) -> None:
     client.ask(
         ("release_joints", None),
         ("lock_joints", None),
-        ("set_tool_coordinates", target(pose, SLOWEST_PERCENT)),
+        ("set_tool_coordinates", move_target(pose, SLOWEST_PERCENT)),
         ("simulate_program", name),
         ("reset", None),
     )
     line = subject.open()
     status = line.ask("get_status").value
     deviation = max_deviation(joints_of(line), joints)
-    with outputs_kept(line) as after:
+    with outputs_preserved(line) as after:
         line.send("set_digital_output", PortValue(port, int(before[-1])))
         line.sync()
     expect_equal(after, before, "an output was set without a login")
@@ -271,7 +275,7 @@ def test_motion(subject: ControllerUnderTest) -> None:
     message = "the arm moved without a login"
     expect(deviation <= STANDSTILL, message, observed=f"by {deviation:.2f}")
     if subject.supports_multiple_connections:
-        with outputs_kept(line):
+        with outputs_preserved(line):
             with executing_task(subject, line, RUN, queries=False):
                 client.ask(("set_digital_output", PortValue(port, int(not before[-1]))))
             expect_outputs(line, before, "an output was set without a login while a program ran")

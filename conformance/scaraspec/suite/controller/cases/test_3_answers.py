@@ -10,7 +10,11 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import expect_round_trip
-from scaraspec.suite.controller.harness.requests.queries import Query, known_to, some_queries
+from scaraspec.suite.controller.harness.requests.queries import (
+    Query,
+    some_queries,
+    supported_queries,
+)
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given
@@ -41,7 +45,7 @@ _SETTINGS: Final = (
 @case("3/11")
 def test_opcodes_of_queries(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every query is answered under its own opcode."""
-    for query in examples(known_to(subject)):
+    for query in examples(supported_queries(subject)):
         _expect_own_opcode(line, *query)
     _expect_own_opcode(line, "download_name", subject.new_name())
 
@@ -93,7 +97,7 @@ def _expect_own_opcode(line: OutgoingConnection, name: str, value: object = None
 def test_queries_one_by_one(subject: ControllerUnderTest, queries: list[Query]) -> None:
     """Queries in any order are answered one by one."""
     line = subject.open()
-    for query in known_to(subject, queries):
+    for query in supported_queries(subject, queries):
         line.ask(*query)
     line.close()
 
@@ -101,7 +105,7 @@ def test_queries_one_by_one(subject: ControllerUnderTest, queries: list[Query]) 
 @case("3/31", name="twice")
 def test_queries_twice(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every query that is sent twice in a row is answered twice."""
-    for query in examples(known_to(subject)):
+    for query in examples(supported_queries(subject)):
         line.ask(*query)
         line.ask(*query)
 
@@ -118,7 +122,7 @@ def test_queries_after_refusals(subject: ControllerUnderTest, line: OutgoingConn
 @case("3/31", name="long-session")
 def test_long_session(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Thousands of queries on one connection are all answered, the last like the first."""
-    queries = known_to(subject)
+    queries = supported_queries(subject)
     rounds = settings().max_examples * _REQUESTS_PER_EXAMPLE // len(queries)
     first_data: dict[str, bytes] = {}
     for number in range(rounds):

@@ -22,7 +22,7 @@ from scaraspec.suite.controller.harness.malformed.mutation_targets import (
     GET_TIME,
     GET_VERSION,
     OPCODES,
-    harmless,
+    is_harmless,
 )
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import (
@@ -30,7 +30,7 @@ from scaraspec.suite.controller.harness.requests.files import (
     expect_stored,
     upload,
 )
-from scaraspec.suite.controller.harness.requests.queries import ask_all, known_to
+from scaraspec.suite.controller.harness.requests.queries import ask_all, supported_queries
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect
@@ -68,7 +68,7 @@ _LENGTHS: Final = (
 @case("3/1", "3/4", "3/5", "3/6", "3/7", "3/8", "3/32")
 def test_replies_are_frames(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every query is answered with a frame of the right format, and with no bytes around it."""
-    for query in examples(known_to(subject)):
+    for query in examples(supported_queries(subject)):
         with _report_invalid_reply(line, query.name):
             line.ask(*query)
         line.sync()
@@ -231,7 +231,7 @@ def test_opcodes_of_replies(subject: ControllerUnderTest, line: OutgoingConnecti
 def test_data_on_a_query(subject: ControllerUnderTest, data: bytes) -> None:
     """Data of up to 255 bytes in a query is never treated as a frame, whether answered or not."""
     frame = Frame(A2C, 0x07, data).encode()
-    assume(harmless(frame + GET_STATUS))
+    assume(is_harmless(frame + GET_STATUS))
     line = subject.open()
     line.send_bytes(frame)
     for received in _replies_or_close(subject, line):

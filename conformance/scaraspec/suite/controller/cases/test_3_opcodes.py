@@ -17,13 +17,20 @@ from scaraspec.suite.controller.harness.requests.files import (
     begin_upload,
     expect_stored,
     reconnect,
-    send,
+    send_chunk,
 )
-from scaraspec.suite.controller.harness.requests.motion import await_rest, joints_of
-from scaraspec.suite.controller.harness.requests.ports import ALL_OUTPUTS, outputs_kept, set_output
-from scaraspec.suite.controller.harness.requests.queries import known_to
-from scaraspec.suite.controller.harness.state.defaults import default_kept, expect_default
-from scaraspec.suite.controller.harness.state.preserve import kept
+from scaraspec.suite.controller.harness.requests.motion import joints_of, wait_until_at_rest
+from scaraspec.suite.controller.harness.requests.ports import (
+    ALL_OUTPUTS,
+    outputs_preserved,
+    set_output,
+)
+from scaraspec.suite.controller.harness.requests.queries import supported_queries
+from scaraspec.suite.controller.harness.state.defaults import (
+    default_program_preserved,
+    expect_default,
+)
+from scaraspec.suite.controller.harness.state.preserve import settings_preserved
 from scaraspec.suite.controller.harness.two_stage.commands import RUN, require_command
 from scaraspec.suite.controller.harness.two_stage.results import interrupted_result
 from scaraspec.suite.controller.harness.two_stage.tasks import executing_task
@@ -88,13 +95,17 @@ def test_settings_after_undefined_opcodes(
     subject.require_multiple_connections()
     subject.moved = True
     program = store_program(subject, line)
-    with kept(subject, line, "gripper centre"), default_kept(subject, line), outputs_kept(line):
+    with (
+        settings_preserved(subject, line, "gripper centre"),
+        default_program_preserved(subject, line),
+        outputs_preserved(line),
+    ):
         default_set = line.ask("set_default_program", program).accepted
         settings_accepted = [line.ask("set_gripper_center", _CENTER).accepted, default_set]
         settings_accepted += [set_output(line, port, on=True).accepted for port in ALL_OUTPUTS]
         if not any(settings_accepted):
             raise CaseSkipped("the controller accepts none of these settings")
-        await_rest(subject, line)  # setting the default program may run it (A-4.12-3)
+        wait_until_at_rest(subject, line)  # setting the default program may run it (A-4.12-3)
         before = _read_state(subject)
         _send_each(subject, (Frame(A2C, opcode) for opcode in _UNDEFINED))
         _expect_unchanged(subject, before)
@@ -118,7 +129,7 @@ def test_undefined_opcodes_in_an_upload(subject: ControllerUnderTest) -> None:
         if silence.elapsed_s > transfer_timeouts_of(subject).must_survive_s:
             raise CaseSkipped("the transfer may have timed out between so many replies")
         message = "an upload chunk was refused after undefined opcodes"
-        send(line, chunk, "3/21", message)
+        send_chunk(line, chunk, "3/21", message)
         del opcodes[:_OPCODES_PER_CHUNK]
     expect_stored(reconnect(subject, line), name, content, "3/21")
 
@@ -209,7 +220,7 @@ def _read_state(subject: ControllerUnderTest) -> _State:
     line = subject.open()
     replies = {
         query.name: line.ask(*query).frame.data
-        for query in known_to(subject)
+        for query in supported_queries(subject)
         if query.name not in _CHANGING_VALUES
     }
     state = _State(replies, joints_of(line))

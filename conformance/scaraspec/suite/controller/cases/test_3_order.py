@@ -13,21 +13,21 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import JogDirection
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
-from scaraspec.suite.controller.harness.malformed.delivery import takes_one_at_a_time
+from scaraspec.suite.controller.harness.malformed.delivery import serves_one_at_a_time
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.clock import shifted
+from scaraspec.suite.controller.harness.requests.clock import shifted_time
 from scaraspec.suite.controller.harness.requests.files import CHUNK_S, expect_stored
 from scaraspec.suite.controller.harness.requests.motion import (
     arm_returned,
-    status_behind,
+    status_after_result,
     stop,
     stop_motion,
 )
 from scaraspec.suite.controller.harness.requests.queries import (
     Query,
-    known_to,
-    replies_to,
     some_queries,
+    supported_queries,
+    wait_for_replies,
 )
 from scaraspec.suite.controller.harness.two_stage.commands import require_command
 from scaraspec.suite.controller.harness.two_stage.results import wait_for_result
@@ -53,9 +53,9 @@ def test_replies_in_order(subject: ControllerUnderTest, queries: list[Query]) ->
     """Every query sent without waiting is answered, and the replies keep the order."""
     _require_pipelining(subject)
     line = subject.open()
-    queries = known_to(subject, queries)
+    queries = supported_queries(subject, queries)
     line.send_bytes(b"".join(query.frame(line).encode() for query in queries))
-    _check_order(subject, replies_to(line, queries))
+    _check_order(subject, wait_for_replies(line, queries))
     line.close()
 
 
@@ -65,7 +65,7 @@ def _require_pipelining(subject: ControllerUnderTest) -> None:
     Raises:
         CaseSkipped: It serves one request at a time.
     """
-    if takes_one_at_a_time(subject):
+    if serves_one_at_a_time(subject):
         raise CaseSkipped("the controller serves one request at a time (pipelining)")
 
 
@@ -81,7 +81,7 @@ def test_same_opcode(subject: ControllerUnderTest) -> None:
     _require_pipelining(subject)
     line = subject.open()
     line.send_bytes(line.request("get_status").encode() * 20)
-    replies_to(line, [Query("get_status")] * 20)
+    wait_for_replies(line, [Query("get_status")] * 20)
     for received in line.sync():
         subject.tolerate(
             "3/26",
@@ -142,7 +142,7 @@ def test_last_time_takes_effect(subject: ControllerUnderTest, line: OutgoingConn
     before: datetime | None = line.ask("get_time").value
     if before is None:
         raise CaseInconclusive("the controller does not report its time")
-    settings = [("set_time", shifted(before, hours * _HOUR)) for hours in (5, 3, 1, 0)]
+    settings = [("set_time", shifted_time(before, hours * _HOUR)) for hours in (5, 3, 1, 0)]
     _send_together(line, settings)
     for _ in settings:
         line.reply("set_time")
@@ -191,7 +191,7 @@ def test_stop_after_a_jog(subject: ControllerUnderTest, line: OutgoingConnection
                 wait_for_result(
                     subject, line, "emergency_stop"
                 )  # until then, the arm may decelerate
-            status = status_behind(line).value
+            status = status_after_result(line).value
             stop_motion(subject, line)
             if jog_reply.accepted:
                 break

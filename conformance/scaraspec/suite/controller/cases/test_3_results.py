@@ -21,7 +21,7 @@ from scaraspec.suite.controller.harness.requests.motion import (
     is_responsive,
 )
 from scaraspec.suite.controller.harness.requests.queries import ask_all
-from scaraspec.suite.controller.harness.state.preserve import alive
+from scaraspec.suite.controller.harness.state.preserve import ensure_open
 from scaraspec.suite.controller.harness.two_stage.commands import (
     JOG,
     MOVE,
@@ -204,11 +204,11 @@ def test_no_result_after_refusal(subject: ControllerUnderTest, line: OutgoingCon
     for name, value, data in examples(requests):
         if name in subject.ics.unsupported:
             continue
-        line = alive(subject, line)
+        line = ensure_open(subject, line)
         reply = try_request(line, name, value, data=data)
         if reply is None or reply.accepted is False:
             refused.append(name)
-    _expect_no_results(alive(subject, line), refused)
+    _expect_no_results(ensure_open(subject, line), refused)
 
 
 @case("3/17", name="busy", hazards=_MOTION, slow=True)

@@ -24,13 +24,13 @@ from scaraspec.suite.controller.harness.malformed.mutation_targets import (
     GET_TIME,
     OPCODES,
     Recovery,
-    carriers,
-    harmless,
-    nothing_else,
-    recovers,
-    spoiled,
-    strays,
-    survives,
+    damaged_targets,
+    expect_only_replies,
+    expect_recovery,
+    is_harmless,
+    recovery_of,
+    stray_bytes,
+    whole_targets,
 )
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.engine.case import case
@@ -81,38 +81,38 @@ def test_wrong_start(subject: ControllerUnderTest) -> None:
             line = subject.open(judged=False)
             continue
         if start % 16 == 0:
-            recovery = recovers(subject, line)
-            nothing_else(line, requirement="3/19")
+            recovery = recovery_of(subject, line)
+            expect_only_replies(line, requirement="3/19")
             if recovery is Recovery.ANEW:
                 _tolerate_close(subject, "3/19", recovery)
                 line = subject.open(judged=False)
-    recovers(subject, line)
+    recovery_of(subject, line)
 
 
 @case("3/19")
-@given(garbage=strays, carrier=carriers)
+@given(garbage=stray_bytes, carrier=whole_targets)
 def test_stray_bytes(subject: ControllerUnderTest, garbage: bytes, carrier: bytes) -> None:
     """The controller recovers from stray bytes between requests, in their own segments."""
-    assume(harmless((garbage + carrier) * 2 + FLOOD))
+    assume(is_harmless((garbage + carrier) * 2 + FLOOD))
     line = subject.open(judged=False)
     for data in (garbage, carrier, garbage, carrier):
         try:
             line.send_bytes(data)
         except NoReply:
             break
-    recovery = recovers(subject, line)
-    nothing_else(line, requirement="3/19")
+    recovery = recovery_of(subject, line)
+    expect_only_replies(line, requirement="3/19")
     _tolerate_close(subject, "3/19", recovery)
     line.close()
 
 
 @case("3/19", name="joined")
-@given(garbage=strays, carrier=carriers)
+@given(garbage=stray_bytes, carrier=whole_targets)
 def test_joined_with_requests(subject: ControllerUnderTest, garbage: bytes, carrier: bytes) -> None:
     """The controller recovers from stray bytes in one segment with requests."""
     data = (garbage + carrier) * 2
-    assume(harmless(data + FLOOD))
-    _tolerate_close(subject, "3/19", survives(subject, data, requirement="3/19"))
+    assume(is_harmless(data + FLOOD))
+    _tolerate_close(subject, "3/19", expect_recovery(subject, data, requirement="3/19"))
 
 
 @case("3/19", name="long")
@@ -126,8 +126,8 @@ def test_much_garbage(subject: ControllerUnderTest) -> None:
             line.send_bytes(data)
         except NoReply:
             break
-    recovery = recovers(subject, line)
-    nothing_else(line, requirement="3/19")
+    recovery = recovery_of(subject, line)
+    expect_only_replies(line, requirement="3/19")
     _tolerate_close(subject, "3/19", recovery)
 
 
@@ -135,10 +135,10 @@ def test_much_garbage(subject: ControllerUnderTest) -> None:
 
 
 @case("3/20", slow=True)
-@given(frame=spoiled)
+@given(frame=damaged_targets)
 def test_spoiled_frames(subject: ControllerUnderTest, frame: bytes) -> None:
     """The controller recovers from a request with a wrong end byte or a wrong length."""
-    _tolerate_close(subject, "3/20", survives(subject, frame, requirement="3/20"))
+    _tolerate_close(subject, "3/20", expect_recovery(subject, frame, requirement="3/20"))
 
 
 @case("3/20", name="end")
@@ -146,10 +146,10 @@ def test_every_wrong_end(subject: ControllerUnderTest) -> None:
     """The controller recovers from each of many wrong end bytes; a reply to it is tolerated."""
     for end in examples((0x00, 0x0D, 0x33, 0xAB, 0xAC, 0xCB, 0xCD, 0xEC, 0xFF)):
         data = GET_STATUS[:-1] + bytes((end,))
-        _tolerate_close(subject, "3/20", survives(subject, data, requirement="3/20"))
+        _tolerate_close(subject, "3/20", expect_recovery(subject, data, requirement="3/20"))
     line = subject.open(judged=False)
     line.send_bytes(data)
-    recovers(subject, line)
+    recovery_of(subject, line)
     if any(received.name == "get_status" for received in line.inbox):
         message = "a request with a wrong end byte was answered"
         subject.tolerate("3/20", "A-3-10", "answered", message)
@@ -161,14 +161,14 @@ def test_wrong_lengths(subject: ControllerUnderTest) -> None:
     for size_bytes, offset in examples(product((0, 1, 8), (-1, 1, 3, 4))):
         declared = (size_bytes + offset) % 256
         data = bytes((A2C.start, 0x08, declared)) + b"0" * size_bytes + bytes((A2C.end,))
-        _tolerate_close(subject, "3/20", survives(subject, data, requirement="3/20"))
+        _tolerate_close(subject, "3/20", expect_recovery(subject, data, requirement="3/20"))
 
 
 @case("3/20", name="ascii-length")
 def test_length_in_digits(subject: ControllerUnderTest) -> None:
     """The controller recovers from a length in ASCII digits, a reading of the document (A-0-4)."""
     data = b"\xaa\x09\x30\xcc" + b"\xaa\x08\x31\x30\xcc"
-    _tolerate_close(subject, "3/20", survives(subject, data, requirement="3/20"))
+    _tolerate_close(subject, "3/20", expect_recovery(subject, data, requirement="3/20"))
 
 
 @case("3/20", name="printed", hazards=(Hazard.STATE, Hazard.MOTION, Hazard.DESTRUCTIVE))
@@ -192,7 +192,7 @@ def test_printed_lengths(subject: ControllerUnderTest) -> None:
         declared = (len(data) + off_by) % 256  # the reported value may be empty or too long
         raw = bytes((A2C.start, row.frame.opcode, declared)) + data + bytes((A2C.end,))
         opcodes = OPCODES | {row.frame.opcode}
-        recovery = survives(subject, raw, requirement="3/20", opcodes=opcodes)
+        recovery = expect_recovery(subject, raw, requirement="3/20", opcodes=opcodes)
         _tolerate_close(subject, "3/20", recovery)
 
 
@@ -201,25 +201,27 @@ def test_truncated(subject: ControllerUnderTest) -> None:
     """The controller recovers from a request that is truncated at any byte."""
     frame = Frame(A2C, 0x08, b"0123456").encode()
     for cut in examples(range(1, len(frame))):
-        _tolerate_close(subject, "3/20", survives(subject, frame[:cut], requirement="3/20"))
+        _tolerate_close(subject, "3/20", expect_recovery(subject, frame[:cut], requirement="3/20"))
 
 
 @case("3/20", name="inside")
-@given(frame=carriers, before=strays, after=strays)
+@given(frame=whole_targets, before=stray_bytes, after=stray_bytes)
 def test_frames_inside_garbage(
     subject: ControllerUnderTest, frame: bytes, before: bytes, after: bytes
 ) -> None:
     """The controller recovers from a malformed request whose data contains a valid one."""
     inner = before + frame + after
     data = bytes((A2C.start, 0x07, len(inner))) + inner + b"\x55"
-    assume(harmless(data + FLOOD))
-    _tolerate_close(subject, "3/20", survives(subject, data, requirement="3/20"))
+    assume(is_harmless(data + FLOOD))
+    _tolerate_close(subject, "3/20", expect_recovery(subject, data, requirement="3/20"))
 
 
 @case("3/20", name="tag")
 def test_tag_from_the_client(subject: ControllerUnderTest) -> None:
     """The controller recovers from a request with the tag of a final result."""
-    _tolerate_close(subject, "3/20", survives(subject, b"\xaa\x90\x08\x00\xcc", requirement="3/20"))
+    _tolerate_close(
+        subject, "3/20", expect_recovery(subject, b"\xaa\x90\x08\x00\xcc", requirement="3/20")
+    )
 
 
 @case("3/20", name="often")
@@ -232,9 +234,9 @@ def test_many_malformed_requests(subject: ControllerUnderTest) -> None:
         except NoReply:
             line = subject.open(judged=False)
             continue
-        if number % 20 == 0 and recovers(subject, line) is Recovery.ANEW:
+        if number % 20 == 0 and recovery_of(subject, line) is Recovery.ANEW:
             line = subject.open(judged=False)
-    _tolerate_close(subject, "3/20", recovers(subject, line))
+    _tolerate_close(subject, "3/20", recovery_of(subject, line))
 
 
 # ---------------------------------------------------------------------- wrong direction
@@ -247,14 +249,14 @@ def test_wrong_direction(subject: ControllerUnderTest, opcode: int, data: bytes)
     frame = Frame(C2A, opcode, data.replace(b"\xaa", b"\x55")).encode()
     line = subject.open(judged=False)
     line.send_bytes(frame)
-    line.apart()
-    nothing_else(line, requirement="3/23")
+    line.separate_frames()
+    expect_only_replies(line, requirement="3/23")
     if any(received.frame.opcode == opcode for received in line.inbox):
         message = "a request in the format of replies was served"
         subject.tolerate("3/23", "A-3-13", "accepted", message)
     line.inbox.clear()
-    recovery = recovers(subject, line)
-    nothing_else(line, requirement="3/23")
+    recovery = recovery_of(subject, line)
+    expect_only_replies(line, requirement="3/23")
     _tolerate_close(subject, "3/23", recovery)
     line.close()
 
@@ -266,7 +268,7 @@ def test_own_reply(subject: ControllerUnderTest) -> None:
         Frame(C2A, opcode, data).encode()
         for opcode, data in ((0x07, b"20141222143000"), (0x08, b"1.0.0"), (0x09, b"00"))
     )
-    _tolerate_close(subject, "3/23", survives(subject, replies, requirement="3/23"))
+    _tolerate_close(subject, "3/23", expect_recovery(subject, replies, requirement="3/23"))
 
 
 @case("3/20", "3/19", name="bystander")
@@ -275,7 +277,7 @@ def test_bystander(subject: ControllerUnderTest) -> None:
     subject.require_multiple_connections()
     bystander = subject.open()
     for data in examples(_DAMAGED):
-        survives(subject, data, requirement="3/20")
+        expect_recovery(subject, data, requirement="3/20")
         bystander.pump()
         expect(
             bystander.ending is None,
@@ -347,8 +349,8 @@ def test_silent_half_frames(subject: ControllerUnderTest) -> None:
     for line in lines:
         line.inbox.clear()
         if line.ending is None:
-            recovers(subject, line)
-            nothing_else(line, requirement="3/29")
+            recovery_of(subject, line)
+            expect_only_replies(line, requirement="3/29")
 
 
 def _open_partial_frames(subject: ControllerUnderTest) -> list[OutgoingConnection]:

@@ -3,8 +3,12 @@
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.passwords import altered, change, expect_changed
-from scaraspec.suite.controller.harness.state.preserve import needs_login, password_kept
+from scaraspec.suite.controller.harness.requests.passwords import (
+    altered_password,
+    expect_password_changed,
+    request_password_change,
+)
+from scaraspec.suite.controller.harness.state.preserve import needs_login, password_preserved
 from scaraspec.suite.controller.harness.suite_passwords import LONG_PASSWORD
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
@@ -91,7 +95,7 @@ def test_repeated_logins(subject: ControllerUnderTest) -> None:
 def test_wrong_password(subject: ControllerUnderTest) -> None:
     """A wrong password is refused, and the correct one still works on this and a new connection."""
     needs_login(subject)
-    line = _expect_refused(subject, altered(subject.password), "a wrong password")
+    line = _expect_refused(subject, altered_password(subject.password), "a wrong password")
     line.pump()
     if line.ending is None:
         message = "after a wrong password, the correct one was refused on the same connection"
@@ -121,10 +125,12 @@ def test_near_misses(subject: ControllerUnderTest) -> None:
     needs_login(subject)
     correct = subject.password
     _expect_refused(subject, correct + b"x", "the correct password with an extra letter").close()
-    with password_kept(subject):
+    with password_preserved(subject):
         line = subject.open()
         if "set_password" not in subject.ics.unsupported:
-            correct = LONG_PASSWORD if expect_changed(line, correct, LONG_PASSWORD) else correct
+            correct = (
+                LONG_PASSWORD if expect_password_changed(line, correct, LONG_PASSWORD) else correct
+            )
         line.close()
         last_letter = b"y" if correct.endswith(b"x") else b"x"
         description_last = (
@@ -145,7 +151,7 @@ def test_near_misses(subject: ControllerUnderTest) -> None:
         if correct != subject.password:
             line = subject.open(login=False)
             subject.log_in(line, correct)
-            change(line, correct, subject.password)
+            request_password_change(line, correct, subject.password)
             line.close()
     line = subject.open(login=False)
     line.send("login", data=b"")

@@ -3,15 +3,15 @@
 from scaraspec.protocol.commands import PasswordChange
 from scaraspec.protocol.fields import show
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
-from scaraspec.suite.controller.harness.malformed.payloads import malformed, offer
+from scaraspec.suite.controller.harness.malformed.payloads import malformed, send_malformed
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.passwords import (
-    altered,
-    change,
-    expect_changed,
+    altered_password,
+    expect_password_changed,
+    request_password_change,
     usable_passwords,
 )
-from scaraspec.suite.controller.harness.state.preserve import password_kept
+from scaraspec.suite.controller.harness.state.preserve import password_preserved
 from scaraspec.suite.controller.harness.suite_passwords import PLAIN_PASSWORD
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
@@ -48,11 +48,11 @@ def _expect_login(
 def test_changed(subject: ControllerUnderTest) -> None:
     """After a change, the new password is accepted and the old one is refused."""
     first = old = subject.password
-    with password_kept(subject):
+    with password_preserved(subject):
         for new in examples((*usable_passwords(subject), first)):
             line = subject.open(login=False)
             subject.log_in(line, old)
-            changed = expect_changed(line, old, new)
+            changed = expect_password_changed(line, old, new)
             line.close()
             if not changed:
                 subject.tolerate(
@@ -73,7 +73,7 @@ def _expect_refused(
     subject: ControllerUnderTest, line: OutgoingConnection, wrong: bytes, new: bytes, correct: bytes
 ) -> None:
     """Expect that a change with a wrong old password is refused and changes nothing."""
-    reply = change(line, wrong, new)
+    reply = request_password_change(line, wrong, new)
     expect(
         reply.accepted is False,
         "a password change with a wrong old password was not answered 0",
@@ -89,8 +89,8 @@ def _expect_refused(
 def test_wrong_old_password(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A change with a wrong old password is refused, and the password remains valid."""
     correct = subject.password
-    with password_kept(subject):
-        for wrong in examples(filter(None, (altered(correct), correct[:-1]))):
+    with password_preserved(subject):
+        for wrong in examples(filter(None, (altered_password(correct), correct[:-1]))):
             _expect_refused(subject, line, wrong, PLAIN_PASSWORD, correct)
             line = subject.open()
 
@@ -99,9 +99,9 @@ def test_wrong_old_password(subject: ControllerUnderTest, line: OutgoingConnecti
 def test_former_password(subject: ControllerUnderTest) -> None:
     """A change with the former password is refused on connections that were open at the change."""
     former_password, checked = subject.password, False
-    with password_kept(subject):
+    with password_preserved(subject):
         lines = [subject.open() for _ in range(2 if subject.supports_multiple_connections else 1)]
-        expect_changed(lines[0], former_password, PLAIN_PASSWORD)
+        expect_password_changed(lines[0], former_password, PLAIN_PASSWORD)
         for line in lines:
             try:
                 served = line.ask("get_status").value is not None
@@ -119,10 +119,10 @@ def test_former_password(subject: ControllerUnderTest) -> None:
 def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A pair without separator or with an empty field does not change the password."""
     correct = subject.password
-    with password_kept(subject):
+    with password_preserved(subject):
         malformed_pairs = malformed("set_password", PasswordChange(correct, PLAIN_PASSWORD))
         for wrong in examples(pair for pair in malformed_pairs if f"{pair}" in _TRIED_KINDS):
-            result = offer(subject, line, "set_password", wrong)
+            result = send_malformed(subject, line, "set_password", wrong)
             line = result.line
             if not result.accepted:
                 line.close()

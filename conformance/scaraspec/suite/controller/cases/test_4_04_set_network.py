@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Network
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
-from scaraspec.suite.controller.harness.malformed.payloads import malformed, offer
+from scaraspec.suite.controller.harness.malformed.payloads import malformed, send_malformed
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.state.preserve import alive, kept
+from scaraspec.suite.controller.harness.state.preserve import ensure_open, settings_preserved
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import (
@@ -85,7 +85,7 @@ def _set(
                 observed=error.observed,
                 requirement="4.4/2",
             ) from None
-        line = alive(subject, line)
+        line = ensure_open(subject, line)
         if retry and _read(line) != network:
             return _set(subject, line, network, retry=False)
         message = "the connection ended instead of a reply to 0x05"
@@ -98,7 +98,7 @@ def _set(
         observed=f"{reply}",
         requirement="4.4/2",
     )
-    return alive(subject, line)
+    return ensure_open(subject, line)
 
 
 def _read_again(
@@ -110,7 +110,7 @@ def _read_again(
     except NoReply:
         if line.ending is None:
             raise
-    line = alive(subject, line)
+    line = ensure_open(subject, line)
     return _read(line), line
 
 
@@ -121,7 +121,7 @@ def _expect_set(
     line = _set(subject, line, network, retry=retry)
     if subject.ics.network_applies == "after-restart":
         subject.hook("restart")
-        line = alive(subject, line)
+        line = ensure_open(subject, line)
     reported, line = _read_again(subject, line)
     expect(
         reported == network,
@@ -137,7 +137,7 @@ def _expect_set(
 def _network_restored(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[None]:
     """Restore the network, and restart the controller if the network needs it to take effect."""
     try:
-        with kept(subject, line, "network"):
+        with settings_preserved(subject, line, "network"):
             yield
     finally:
         if subject.ics.network_applies == "after-restart":
@@ -157,7 +157,7 @@ def test_mask_and_gateway(subject: ControllerUnderTest, line: OutgoingConnection
 @case("4.4/4", "4.4/2", name="address")
 def test_address(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Any valid address, mask and gateway are set and reported."""
-    if not subject.access.readdressable:
+    if not subject.access.survives_address_change:
         raise CaseSkipped("another address would interrupt the connection to the controller")
     lines = [line]
 
@@ -175,11 +175,11 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
     """An invalid address is not accepted, and a refused request changes nothing."""
     before = _read(line)
     alternative = _alternatives(before)[1]
-    if subject.access.readdressable:
+    if subject.access.survives_address_change:
         alternative = alternative._replace(ip=_LONGEST_NETWORK.ip)
     with _network_restored(subject, line):
         for wrong in examples(malformed("set_network", alternative, subject.dialect)):
-            result = offer(subject, line, "set_network", wrong)
+            result = send_malformed(subject, line, "set_network", wrong)
             line = result.line
             expect(
                 not (result.accepted and wrong.firm),

@@ -7,16 +7,16 @@ from hypothesis import example
 
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
-from scaraspec.suite.controller.harness.malformed.payloads import malformed, offer
+from scaraspec.suite.controller.harness.malformed.payloads import malformed, send_malformed
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.clock import (
-    Reading,
-    expect_ran,
-    read,
-    set_to,
-    shifted,
+    ClockSample,
+    expect_clock_ran,
+    read_clock,
+    set_clock,
+    shifted_time,
 )
-from scaraspec.suite.controller.harness.state.preserve import kept, patient
+from scaraspec.suite.controller.harness.state.preserve import patient, settings_preserved
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect
@@ -80,28 +80,28 @@ _DRIFT_CHECK_S: Final = 2.1
 @case("4.5/4", "4.5/3")
 def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The clock shows the time that was set, whatever it showed before."""
-    with kept(subject, line, "clock"):
+    with settings_preserved(subject, line, "clock"):
         for time in examples((_NOON, _NOON - timedelta(days=400))):
-            first = set_to(subject, line, time)
+            first = set_clock(subject, line, time)
             message = "the clock does not show the time that was set"
-            expect_ran(subject, first, read(subject, line), message)
+            expect_clock_ran(subject, first, read_clock(subject, line), message)
 
 
 @case("4.5/4", "4.5/3", name="while-running", hazards=PROGRAMS)
 def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Setting the clock while a program runs is answered "1" and works, or "0" without a change."""
-    with kept(subject, line, "clock"), running(subject, line):
-        first, requested_s = read(subject, line), subject.now_ns / _NS_PER_S
-        day = shifted(first.time, timedelta(days=1))  # later, so that a wait by the clock ends
+    with settings_preserved(subject, line, "clock"), running(subject, line):
+        first, requested_s = read_clock(subject, line), subject.now_ns / _NS_PER_S
+        day = shifted_time(first.time, timedelta(days=1))  # later, so that a wait by the clock ends
         time = day.replace(hour=12)  # an hour that exists on every day
         reply = line.ask("set_time", time)
         if reply.accepted:
-            first = Reading(time, requested_s, reply.time_s)
+            first = ClockSample(time, requested_s, reply.time_s)
         message = UserMessage(
             "setting the clock while a program ran was answered {reply}, but the clock differs",
             reply=reply,
         )
-        expect_ran(subject, first, read(subject, line), message, "4.5/4")
+        expect_clock_ran(subject, first, read_clock(subject, line), message, "4.5/4")
 
 
 @case("4.5/6", "4.5/4")
@@ -110,42 +110,42 @@ def test_every_moment(subject: ControllerUnderTest, line: OutgoingConnection) ->
 
     @given(payload_values(BY_NAME["set_time"].request))
     def set_and_check(time: datetime) -> None:
-        first = set_to(subject, line, time)
+        first = set_clock(subject, line, time)
         message = "the clock does not show the time that was set"
-        expect_ran(subject, first, read(subject, line), message, "4.5/4")
+        expect_clock_ran(subject, first, read_clock(subject, line), message, "4.5/4")
 
     for time in _EDGES:
         set_and_check = example(time)(set_and_check)
-    with kept(subject, line, "clock"):
+    with settings_preserved(subject, line, "clock"):
         set_and_check()
 
 
 def _expect_rollover(
     subject: ControllerUnderTest, line: OutgoingConnection, time: datetime
-) -> Reading:
-    first = set_to(subject, line, time - _SECOND)
+) -> ClockSample:
+    first = set_clock(subject, line, time - _SECOND)
     line.wait(_ROLLOVER_S / subject.ics.time_scale)
     message = UserMessage("the clock does not roll over to {time}", time=time)
-    expect_ran(subject, first, read(subject, line), message, "4.5/6")
+    expect_clock_ran(subject, first, read_clock(subject, line), message, "4.5/6")
     return first
 
 
 @case("4.5/6", "4.5/4", name="new-year", slow=True)
 def test_new_year(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The clock rolls over to a new year, to 29 February and from 28 February, and continues."""
-    with kept(subject, line, "clock"):
+    with settings_preserved(subject, line, "clock"):
         for time in examples(_MAIN_ROLLOVERS):
             first = _expect_rollover(subject, line, time)
         line.wait((_DRIFT_CHECK_S - _ROLLOVER_S) / subject.ics.time_scale)
         message = "the clock did not continue from the time that was set"
-        expect_ran(subject, first, read(subject, line), message, "4.5/4")
+        expect_clock_ran(subject, first, read_clock(subject, line), message, "4.5/4")
 
 
 @case("4.5/6", name="rollovers")
 def test_rollovers(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The clock rolls over to minutes, hours, days and months of every kind."""
     patient(subject, len(_OTHER_ROLLOVERS) * _ROLLOVER_S)
-    with kept(subject, line, "clock"):
+    with settings_preserved(subject, line, "clock"):
         for time in examples(_OTHER_ROLLOVERS):
             _expect_rollover(subject, line, time)
 
@@ -153,10 +153,10 @@ def test_rollovers(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 @case("4.5/5")
 def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An invalid time is not answered 1, and the clock continues."""
-    with kept(subject, line, "clock"):
-        first = set_to(subject, line, _NOON)
+    with settings_preserved(subject, line, "clock"):
+        first = set_clock(subject, line, _NOON)
         for wrong in examples(malformed("set_time", _NOON + timedelta(days=700), subject.dialect)):
-            result = offer(subject, line, "set_time", wrong)
+            result = send_malformed(subject, line, "set_time", wrong)
             line = result.line
             expect(
                 not (result.accepted and wrong.firm),
@@ -165,8 +165,8 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
                 observed=f"{result}",
             )
             if result.accepted:
-                first = set_to(subject, line, _NOON)
+                first = set_clock(subject, line, _NOON)
             message = UserMessage(
                 "the clock did not continue after {wrong} was refused", wrong=wrong
             )
-            expect_ran(subject, first, read(subject, line), message)
+            expect_clock_ran(subject, first, read_clock(subject, line), message)

@@ -4,8 +4,12 @@ from typing import Final
 
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.clock import Reading, expect_ran, read
-from scaraspec.suite.controller.harness.state.preserve import alive, patient
+from scaraspec.suite.controller.harness.requests.clock import (
+    ClockSample,
+    expect_clock_ran,
+    read_clock,
+)
+from scaraspec.suite.controller.harness.state.preserve import ensure_open, patient
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import expect
 
@@ -17,7 +21,7 @@ _HOURS_S: Final = 8 * 3600.0
 _INTERVALS: Final = 9  # three days in total
 
 
-def _expect_not_earlier(first: Reading, later: Reading) -> None:
+def _expect_not_earlier(first: ClockSample, later: ClockSample) -> None:
     expect(
         later.time >= first.time,
         "the clock went back",
@@ -30,14 +34,14 @@ def _expect_not_earlier(first: Reading, later: Reading) -> None:
 @case("4.6/2", "4.6/3", "4.6/4")
 def test_time(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The time is 14 digits of a valid date, never goes back, and advances at the right rate."""
-    first = before = read(subject, line)
+    first = before = read_clock(subject, line)
     for _ in range(_STEPS):
         line.wait(_STEP_S / subject.ics.time_scale)
         for _ in range(_READS):
-            current = read(subject, line)
+            current = read_clock(subject, line)
             _expect_not_earlier(before, current)
             message = "the clock does not advance one second per second"
-            expect_ran(subject, first, current, message, "4.6/4")
+            expect_clock_ran(subject, first, current, message, "4.6/4")
             before = current
 
 
@@ -45,25 +49,25 @@ def test_time(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 def test_minutes(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The clock keeps its rate over minutes without being read."""
     patient(subject, _MINUTES_S)
-    first = read(subject, line)
+    first = read_clock(subject, line)
     line.wait(_MINUTES_S / subject.ics.time_scale)
-    line = alive(subject, line)
+    line = ensure_open(subject, line)
     message = "the clock is fast or slow over some minutes"
-    expect_ran(subject, first, read(subject, line), message, "4.6/4")
+    expect_clock_ran(subject, first, read_clock(subject, line), message, "4.6/4")
 
 
 @case("4.6/4", name="days")
 def test_days(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The clock runs through every hour of several days."""
     patient(subject, _INTERVALS * _HOURS_S)
-    first = before = read(subject, line)
+    first = before = read_clock(subject, line)
     for _ in range(_INTERVALS):
         line.wait(_HOURS_S / subject.ics.time_scale)
-        line = alive(subject, line)
-        current = read(subject, line)
+        line = ensure_open(subject, line)
+        current = read_clock(subject, line)
         _expect_not_earlier(before, current)
-        expect_ran(
+        expect_clock_ran(
             subject, before, current, "the clock does not run through the hours of a day", "4.6/4"
         )
         before = current
-    expect_ran(subject, first, before, "the clock does not run through days", "4.6/4")
+    expect_clock_ran(subject, first, before, "the clock does not run through days", "4.6/4")

@@ -7,8 +7,8 @@ from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.motion import status_behind, stop_motion
-from scaraspec.suite.controller.harness.requests.queries import known_to
+from scaraspec.suite.controller.harness.requests.motion import status_after_result, stop_motion
+from scaraspec.suite.controller.harness.requests.queries import supported_queries
 from scaraspec.suite.controller.harness.two_stage.commands import JOG, MOVE, RESET, begin_or_skip
 from scaraspec.suite.controller.harness.two_stage.executing import (
     expect_status,
@@ -36,7 +36,7 @@ _STEP_S: Final = 0.25
 
 
 def _expect_idle(line: OutgoingConnection, message: str) -> None:
-    reply = status_behind(line)
+    reply = status_after_result(line)
     code = require_no_fault(reply)
     if code is None:
         message = "the status is not a code of table 8-1"
@@ -50,7 +50,7 @@ def test_idle(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     with skip_if_other_program_runs(subject):
         for _ in range(_REPEATS):
             _expect_idle(line, "the status of an idle robot is not 00")
-        for query in known_to(subject):
+        for query in supported_queries(subject):
             line.ask(*query)
             message = UserMessage(
                 "the status of an idle robot is not 00 after {query}", query=query.name

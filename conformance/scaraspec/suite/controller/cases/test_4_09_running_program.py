@@ -6,9 +6,13 @@ from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.clock import Reading, expect_ran, read
+from scaraspec.suite.controller.harness.requests.clock import (
+    ClockSample,
+    expect_clock_ran,
+    read_clock,
+)
 from scaraspec.suite.controller.harness.requests.motion import stop_motion
-from scaraspec.suite.controller.harness.state.defaults import default_kept
+from scaraspec.suite.controller.harness.state.defaults import default_program_preserved
 from scaraspec.suite.controller.harness.state.preserve import patient
 from scaraspec.suite.controller.harness.two_stage.commands import RUN, begin_or_skip, start_program
 from scaraspec.suite.controller.harness.two_stage.executing import (
@@ -159,7 +163,7 @@ def test_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None
     if not subject.ics.unsupported.isdisjoint(_DEFAULTS):
         _run_and_check(subject, line, name, other)
         return
-    with default_kept(subject, line):
+    with default_program_preserved(subject, line):
         line.ask("set_default_program", other)
         _run_and_check(subject, line, name, other)
 
@@ -212,22 +216,22 @@ def _expect_listed(
     )
 
 
-def _read_clock(subject: ControllerUnderTest, line: OutgoingConnection) -> Reading | None:
+def _read_clock(subject: ControllerUnderTest, line: OutgoingConnection) -> ClockSample | None:
     """Return the clock's time; None if there is no reply, for example while busy (A-4-3)."""
     if "get_time" in subject.ics.unsupported:
         return None
     try:
-        return read(subject, line)
+        return read_clock(subject, line)
     except NoReply:
         return None
 
 
 def _expect_clock_advances(
-    subject: ControllerUnderTest, first: Reading | None, later: Reading | None
+    subject: ControllerUnderTest, first: ClockSample | None, later: ClockSample | None
 ) -> None:
     if first is not None and later is not None:
         message = "the clock does not advance while a program runs"
-        expect_ran(subject, first, later, message, "4.6/4")
+        expect_clock_ran(subject, first, later, message, "4.6/4")
 
 
 def _expect_flag_and_status(line: OutgoingConnection, requirement: str) -> None:

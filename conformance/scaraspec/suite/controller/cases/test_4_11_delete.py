@@ -9,7 +9,11 @@ from typing import Any, Final
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
-from scaraspec.suite.controller.harness.malformed.payloads import Malformed, malformed, offer
+from scaraspec.suite.controller.harness.malformed.payloads import (
+    Malformed,
+    malformed,
+    send_malformed,
+)
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import NameRefused, expect_stored, upload
 from scaraspec.suite.controller.harness.requests.motion import stop_motion
@@ -53,7 +57,7 @@ def _expect_refused(
     Returns:
         The connection to continue with.
     """
-    attempt = offer(subject, line, "delete_program", wrong)
+    attempt = send_malformed(subject, line, "delete_program", wrong)
     expect(
         not attempt.accepted,
         UserMessage("the deletion of {kind} was answered 1", kind=wrong.kind),

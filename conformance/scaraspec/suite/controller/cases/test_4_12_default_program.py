@@ -6,12 +6,12 @@ from scaraspec.suite.controller.harness.controller_under_test import ControllerU
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.state.defaults import (
     OPCODES,
-    ask_default,
-    default_kept,
+    default_program_preserved,
     expect_default,
-    says_nothing,
+    query_default,
+    reports_no_default,
 )
-from scaraspec.suite.controller.harness.state.preserve import alive
+from scaraspec.suite.controller.harness.state.preserve import ensure_open
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import CaseSkipped, expect
 from scaraspec.suite.program_files.listed import store_program
@@ -20,8 +20,8 @@ from scaraspec.traffic.events import FrameSeen
 
 def _replies(subject: ControllerUnderTest, line: OutgoingConnection) -> list[FrameSeen]:
     """Return the replies to both opcodes; if one has no program, only the other."""
-    replies = [reply for opcode in OPCODES if (reply := ask_default(subject, line, opcode))]
-    return [reply for reply in replies if not says_nothing(reply)] or replies
+    replies = [reply for opcode in OPCODES if (reply := query_default(subject, line, opcode))]
+    return [reply for reply in replies if not reports_no_default(reply)] or replies
 
 
 @case("4.12/2", "4.12/4")
@@ -45,7 +45,7 @@ def test_default_program_is_returned(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
     """The default program is returned for 0x0D, 0x13 or both."""
-    with default_kept(subject, line):
+    with default_program_preserved(subject, line):
         store_program(subject, line)
         name = store_program(subject, line)
         answer = line.ask("set_default_program", name)
@@ -84,7 +84,7 @@ def test_none(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     The deletion of another program changes nothing. The deleted program becomes the default program
     again when it is stored and set again.
     """
-    with default_kept(subject, line):
+    with default_program_preserved(subject, line):
         other, name = store_program(subject, line), store_program(subject, line)
         if not line.ask("set_default_program", name).accepted:
             raise CaseSkipped("no program can be made the default program")
@@ -102,7 +102,7 @@ def test_none(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
                 expected="no data, or 0",
                 observed=f"{reply.frame}",
             )
-        line = alive(subject, line)  # an unknown opcode may have closed the old one
+        line = ensure_open(subject, line)  # an unknown opcode may have closed the old one
         store_program(subject, line, name)
         if line.ask("set_default_program", name).accepted:
             expect_default(subject, line, name, "4.13/3")

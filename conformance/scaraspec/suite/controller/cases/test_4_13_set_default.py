@@ -4,7 +4,7 @@ from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
-from scaraspec.suite.controller.harness.malformed.payloads import malformed, offer
+from scaraspec.suite.controller.harness.malformed.payloads import malformed, send_malformed
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
     IDLE,
@@ -12,7 +12,10 @@ from scaraspec.suite.controller.harness.requests.motion import (
     joints_of,
     stop_motion,
 )
-from scaraspec.suite.controller.harness.state.defaults import default_kept, expect_default
+from scaraspec.suite.controller.harness.state.defaults import (
+    default_program_preserved,
+    expect_default,
+)
 from scaraspec.suite.controller.harness.two_stage.commands import RUN, start_program
 from scaraspec.suite.controller.harness.two_stage.results import wait_for_result
 from scaraspec.suite.controller.harness.two_stage.tasks import probe_responsiveness
@@ -38,7 +41,7 @@ def _set(line: OutgoingConnection, name: bytes) -> None:
 @case("4.13/3", "4.13/2", "4.10/11")
 def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The default program is the one that was set last, not one that was uploaded later."""
-    with default_kept(subject, line):
+    with default_program_preserved(subject, line):
         names = [subject.new_name(), long_name(subject, NAME_MAX_BYTES), subject.new_name("a")]
         for name in names:
             store_program(subject, line, name)
@@ -62,7 +65,7 @@ def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 @case("4.13/5", "4.13/4")
 def test_missing(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Setting a program that is not stored is refused, and the default program is unchanged."""
-    with default_kept(subject, line):
+    with default_program_preserved(subject, line):
         name = store_program(subject, line)
         _set(line, name)
         missing = subject.new_name()
@@ -77,11 +80,11 @@ def test_missing(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 @case("4.13/5", "4.13/2", name="malformed")
 def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A malformed name that is refused does not change the default program."""
-    with default_kept(subject, line):
+    with default_program_preserved(subject, line):
         name = store_program(subject, line)
         _set(line, name)
         for wrong in examples(malformed("set_default_program", name)):
-            result = offer(subject, line, "set_default_program", wrong)
+            result = send_malformed(subject, line, "set_default_program", wrong)
             line = result.line
             if result.accepted:
                 _set(line, name)
@@ -95,7 +98,7 @@ def test_moves_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -
 
     While it runs, another default program can be set or is refused.
     """
-    with default_kept(subject, line):
+    with default_program_preserved(subject, line):
         other, name = store_program(subject, line), store_program(subject, line)
         before = joints_of(line)
         subject.moved = True

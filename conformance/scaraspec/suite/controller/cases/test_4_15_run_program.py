@@ -8,7 +8,7 @@ from scaraspec.suite.controller.harness.controller_under_test import ControllerU
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import NameRefused
 from scaraspec.suite.controller.harness.requests.motion import BUSY, stop_motion
-from scaraspec.suite.controller.harness.state.defaults import default_kept
+from scaraspec.suite.controller.harness.state.defaults import default_program_preserved
 from scaraspec.suite.controller.harness.two_stage.commands import (
     BRIEFLY_S,
     RUN,
@@ -174,7 +174,7 @@ def test_missing_program(subject: ControllerUnderTest, line: OutgoingConnection)
     _expect_similar_names_missing(subject, line, program)
     if not subject.ics.unsupported.isdisjoint(_DEFAULTS):
         return
-    with default_kept(subject, line):
+    with default_program_preserved(subject, line):
         line.ask("set_default_program", program)
         expect_missing_program(subject, line, RUN, subject.new_name(), "4.15/7")
 

@@ -6,7 +6,11 @@ from scaraspec.suite.controller.harness.controller_under_test import ControllerU
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.controller.harness.requests.motion import BUSY, joints_of, stop_motion
-from scaraspec.suite.controller.harness.requests.ports import outputs, outputs_kept, settable
+from scaraspec.suite.controller.harness.requests.ports import (
+    outputs,
+    outputs_preserved,
+    settable_outputs,
+)
 from scaraspec.suite.controller.harness.two_stage.commands import (
     RUN,
     SIMULATE,
@@ -77,8 +81,8 @@ def test_end_of_a_simulation(subject: ControllerUnderTest, line: OutgoingConnect
 def test_simulation_touches_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A simulated program that sets an output and waits moves no joint and changes no output."""
     require_responsive(subject, line)  # it also determines the layout
-    with outputs_kept(line) as before:
-        port = settable(line)[-1]
+    with outputs_preserved(line) as before:
+        port = settable_outputs(line)[-1]
         nodes = [set_output(port, on=not before[port - 1]), *wait(1)]
         name = subject.new_name()
         layout, base = layout_in_use(subject), configured(subject, line)

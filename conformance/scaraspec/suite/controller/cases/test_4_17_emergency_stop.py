@@ -9,22 +9,27 @@ from scaraspec.protocol.commands import MoveTarget
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, ControllerUnderTest
-from scaraspec.suite.controller.harness.malformed.delivery import takes_one_at_a_time
+from scaraspec.suite.controller.harness.malformed.delivery import serves_one_at_a_time
 from scaraspec.suite.controller.harness.malformed.mutation_targets import GET_STATUS
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.files import incoming, reconnect, send, upload
+from scaraspec.suite.controller.harness.requests.files import (
+    receive_chunks,
+    reconnect,
+    send_chunk,
+    upload,
+)
 from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
     SLOWEST_PERCENT,
     arm_returned,
-    await_rest,
     begin_step_somewhere,
     joints_of,
+    move_target,
     pose_of,
     same_place,
-    status_behind,
+    status_after_result,
     stop_motion,
-    target,
+    wait_until_at_rest,
 )
 from scaraspec.suite.controller.harness.two_stage.commands import (
     JOG,
@@ -110,7 +115,7 @@ def test_nothing_to_stop(subject: ControllerUnderTest, line: OutgoingConnection)
 
 def _status_after_stop(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFrame:
     """Return the status that is requested in one segment after a stop of an idle robot."""
-    if takes_one_at_a_time(subject):
+    if serves_one_at_a_time(subject):
         return line.ask("get_status")
     line.send_bytes(line.request(STOP).encode() + GET_STATUS)
     line.reply(STOP)
@@ -161,7 +166,7 @@ def _expect_interrupted(line: OutgoingConnection, task: Task) -> None:
         observed=f"{result}",
         requirement="4.17/8",
     )
-    status = status_behind(line)
+    status = status_after_result(line)
     expect(
         status.value not in BUSY,
         UserMessage("{task} continues after the stop", task=task.name),
@@ -209,7 +214,7 @@ def _step_there_and_back(subject: ControllerUnderTest, line: OutgoingConnection)
         pose, reply = begin_step_somewhere(subject, line)
         expect_accepted(MOVE, reply)
         expect_success(subject, line, MOVE)
-    return target(pose, SLOWEST_PERCENT)
+    return move_target(pose, SLOWEST_PERCENT)
 
 
 @case("4.17/6", "4.17/3", "4.17/4", name="in-transfers", hazards=_MOTION)
@@ -222,9 +227,9 @@ def test_stop_within_a_transfer(subject: ControllerUnderTest, line: OutgoingConn
             opening = "download_name" if downloads else "upload_name"
             if line.ask(opening, data=name if downloads else subject.new_name()).accepted:
                 if downloads:
-                    next(incoming(line))
+                    next(receive_chunks(line))
                 else:
-                    send(line, next(chunks_of(content_of(_FILE_BYTES))))
+                    send_chunk(line, next(chunks_of(content_of(_FILE_BYTES))))
                 reply = line.ask(STOP)
                 if not reply.accepted and task.finished:
                     task.require_executing()
@@ -326,5 +331,5 @@ def test_interrupted_results(subject: ControllerUnderTest, line: OutgoingConnect
                 continue
             expect_success(subject, line, STOP)
             _expect_interrupted(line, task)
-            await_rest(subject, line)
+            wait_until_at_rest(subject, line)
             line.no_result(name, for_s=MOMENT_S)

@@ -9,12 +9,15 @@ from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
-from scaraspec.suite.controller.harness.malformed.payloads import malformed, offer
+from scaraspec.suite.controller.harness.malformed.payloads import malformed, send_malformed
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import joints_of
 from scaraspec.suite.controller.harness.requests.poses import expect_numbers, gripper_of, initial_of
-from scaraspec.suite.controller.harness.state.defaults import default_kept, expect_default
-from scaraspec.suite.controller.harness.state.preserve import kept
+from scaraspec.suite.controller.harness.state.defaults import (
+    default_program_preserved,
+    expect_default,
+)
+from scaraspec.suite.controller.harness.state.preserve import settings_preserved
 from scaraspec.suite.controller.harness.two_stage.commands import RESET, begin, require_command
 from scaraspec.suite.controller.harness.two_stage.executing import skip_if_other_program_runs
 from scaraspec.suite.controller.harness.two_stage.results import expect_success
@@ -68,7 +71,7 @@ def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
         _set(subject, line, center)
         _expect_reported(line, center)
 
-    with kept(subject, line, "gripper centre"):
+    with settings_preserved(subject, line, "gripper centre"):
         set_and_check()
         line.close()
         new_line = subject.open()
@@ -93,14 +96,14 @@ def test_decimals(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
         message = "a gripper center was refused but changed"
         expect_numbers(gripper_of(line), before, message, "4.20/2")
 
-    with kept(subject, line, "gripper centre"):
+    with settings_preserved(subject, line, "gripper centre"):
         set_and_check()
 
 
 @case("4.20/3", "4.20/2", name="while-running", hazards=PROGRAMS)
 def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Setting the gripper center in a run is answered "1" and works, or "0" without a change."""
-    with kept(subject, line, "gripper centre"), running(subject, line):
+    with settings_preserved(subject, line, "gripper centre"), running(subject, line):
         for center in examples((_PLAIN, _OTHER)):
             before = gripper_of(line)
             reply = line.ask("set_gripper_center", center)
@@ -119,7 +122,10 @@ def test_settings_after_resets(subject: ControllerUnderTest, line: OutgoingConne
     """Gripper center, initial position and default program are unchanged after two resets."""
     require_command(subject, RESET)
     program = store_program(subject, line)
-    with kept(subject, line, "gripper centre"), default_kept(subject, line):
+    with (
+        settings_preserved(subject, line, "gripper centre"),
+        default_program_preserved(subject, line),
+    ):
         _set(subject, line, _SMALL)
         can_set_default = "set_default_program" not in subject.ics.unsupported
         default_set = can_set_default and line.ask("set_default_program", program).accepted
@@ -140,11 +146,11 @@ def test_settings_after_resets(subject: ControllerUnderTest, line: OutgoingConne
 @case("4.20/4", "4.20/3")
 def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A value that is not three numbers is not answered 1 and changes nothing."""
-    with kept(subject, line, "gripper centre"):
+    with settings_preserved(subject, line, "gripper centre"):
         _set(subject, line, _PLAIN)
         _expect_reported(line, _PLAIN)
         for wrong in examples(malformed("set_gripper_center", _OTHER, subject.dialect)):
-            result = offer(subject, line, "set_gripper_center", wrong)
+            result = send_malformed(subject, line, "set_gripper_center", wrong)
             line = result.line
             expect(
                 not (result.accepted and wrong.firm),
@@ -163,7 +169,7 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 @case("4.20/5", "4.20/2", hazards=(Hazard.STATE, Hazard.MOTION))
 def test_moves_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Setting the gripper center moves no joint."""
-    with kept(subject, line, "gripper centre"):
+    with settings_preserved(subject, line, "gripper centre"):
         for center in examples((Point(0, 0, 50), Point(20, -20, 0))):
             before = joints_of(line)
             subject.moved = True

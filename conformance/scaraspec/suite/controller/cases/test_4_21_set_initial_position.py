@@ -11,11 +11,11 @@ from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.commands import Point, Pose
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
-from scaraspec.suite.controller.harness.malformed.payloads import malformed, offer
+from scaraspec.suite.controller.harness.malformed.payloads import malformed, send_malformed
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import joints_of, pose_of
 from scaraspec.suite.controller.harness.requests.poses import expect_numbers, gripper_of, initial_of
-from scaraspec.suite.controller.harness.state.preserve import kept
+from scaraspec.suite.controller.harness.state.preserve import settings_preserved
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given
@@ -95,7 +95,7 @@ def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
         message = "0x36 changed the gripper center"
         expect_numbers(gripper_of(line), gripper, message, "4.21/3")
 
-    with kept(subject, line, "gripper centre", "initial tool position"):
+    with settings_preserved(subject, line, "gripper centre", "initial tool position"):
         current = _set_current_position(line)
         gripper = Point(1.5, -2, 30.5)
         if not line.ask("set_gripper_center", gripper).accepted:
@@ -109,7 +109,7 @@ def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 @case("4.21/3", "4.21/2", name="while-running", hazards=PROGRAMS)
 def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Setting the initial position in a run is answered "1" and works, or "0" without a change."""
-    with kept(subject, line, "gripper centre", "initial tool position"):
+    with settings_preserved(subject, line, "gripper centre", "initial tool position"):
         current = _set_current_position(line)
         with running(subject, line):
             for step in examples((_STEP, -_STEP)):
@@ -125,12 +125,12 @@ def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnectio
 @case("4.21/4", "4.21/3")
 def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A value that is not six numbers is not answered 1 and changes nothing."""
-    with kept(subject, line, "gripper centre", "initial tool position"):
+    with settings_preserved(subject, line, "gripper centre", "initial tool position"):
         current = _set_current_position(line)
         _expect_reported(line, current, "0x37 does not return the initial position that was set")
         changed = _rounded(Pose(*(value + _STEP for value in current)), 3)
         for wrong in examples(malformed("set_initial_tool_position", changed, subject.dialect)):
-            result = offer(subject, line, "set_initial_tool_position", wrong)
+            result = send_malformed(subject, line, "set_initial_tool_position", wrong)
             line = result.line
             expect(
                 not (result.accepted and wrong.firm),
@@ -147,7 +147,7 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 @case("4.21/5", "4.21/2", hazards=(Hazard.STATE, Hazard.MOTION))
 def test_moves_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Setting the initial tool position moves no joint."""
-    with kept(subject, line, "gripper centre", "initial tool position"):
+    with settings_preserved(subject, line, "gripper centre", "initial tool position"):
         current = _set_current_position(line)
         before = joints_of(line)
         subject.moved = True

@@ -13,7 +13,7 @@ from scaraspec.suite.controller.harness.requests.motion import (
     begin_step_somewhere,
     pose_of,
 )
-from scaraspec.suite.controller.harness.state.preserve import kept
+from scaraspec.suite.controller.harness.state.preserve import settings_preserved
 from scaraspec.suite.controller.harness.two_stage.commands import (
     MOVE,
     expect_accepted,
@@ -73,7 +73,7 @@ def test_standstill_after_a_move(subject: ControllerUnderTest, line: OutgoingCon
 @case("4.23/3", hazards=(Hazard.STATE,))
 def test_screw_end(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The coordinates are those of the screw end, or those of the gripper center."""
-    with kept(subject, line, "gripper centre"):
+    with settings_preserved(subject, line, "gripper centre"):
         if not line.ask("set_gripper_center", Point(0, 0, 0)).accepted:
             raise CaseSkipped("the gripper center cannot be set")
         screw_end = pose_of(line)

@@ -21,14 +21,14 @@ from scaraspec.suite.controller.harness.requests.motion import (
     begin_step,
     begin_step_somewhere,
     joints_of,
-    part_way,
+    move_target,
+    pose_between,
     pose_deviation,
     pose_of,
     same_place,
     stop_motion,
-    target,
 )
-from scaraspec.suite.controller.harness.state.preserve import alive
+from scaraspec.suite.controller.harness.state.preserve import ensure_open
 from scaraspec.suite.controller.harness.two_stage.commands import (
     MOVE,
     expect_accepted,
@@ -205,7 +205,7 @@ def test_fractions(subject: ControllerUnderTest, line: OutgoingConnection) -> No
         expect_accepted(MOVE, reply)
         expect_success(subject, line, MOVE)
         for fraction in examples((0.25, 0.5, 0.875, 1.0)):
-            between = part_way(pose, target_pose, fraction)
+            between = pose_between(pose, target_pose, fraction)
             expect_accepted(MOVE, ask_move(subject, line, between))
             expect_success(subject, line, MOVE)
             _expect_reached(subject, line, between, gripper)
@@ -220,11 +220,13 @@ def test_malformed_requests(subject: ControllerUnderTest, line: OutgoingConnecti
         rounded_pose = pose._replace(**{axis: round(getattr(pose, axis), 1) for axis in AXES})
         malformed_requests = [
             request
-            for request in malformed(MOVE, target(rounded_pose, SLOWEST_PERCENT), subject.dialect)
+            for request in malformed(
+                MOVE, move_target(rounded_pose, SLOWEST_PERCENT), subject.dialect
+            )
             if request.firm
         ]
         for wrong in examples(malformed_requests):
-            line = alive(subject, line)
+            line = ensure_open(subject, line)
             reply = try_request(line, MOVE, data=wrong.data)
             if reply is None:
                 continue
@@ -236,7 +238,7 @@ def test_malformed_requests(subject: ControllerUnderTest, line: OutgoingConnecti
             subject.tolerate("4.24/3", "A-3-9", wrong.kind, message)
             message = UserMessage("a malformed request ({wrong}) moved the arm", wrong=wrong)
             _expect_unmoved(line, pose, rounded_pose, message)
-        line = alive(subject, line)
+        line = ensure_open(subject, line)
         line.wait(MOMENT_S)  # a move may begin late and without a reply
         stop_motion(subject, line)
         status = line.ask("get_status")
@@ -247,7 +249,7 @@ def test_malformed_requests(subject: ControllerUnderTest, line: OutgoingConnecti
             observed=f"{status}",
         )
         _expect_unmoved(line, pose, rounded_pose, "malformed requests moved the arm")
-    perform(subject, alive(subject, line), MOVE)
+    perform(subject, ensure_open(subject, line), MOVE)
 
 
 def _expect_unmoved(line: OutgoingConnection, pose: Pose, rounded_pose: Pose, message: str) -> None:

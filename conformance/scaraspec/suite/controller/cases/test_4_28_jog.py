@@ -14,7 +14,6 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
     arm_returned,
-    halt,
     is_responsive,
     joints_of,
     pose_of,
@@ -22,8 +21,9 @@ from scaraspec.suite.controller.harness.requests.motion import (
     status_of,
     stop,
     stop_motion,
+    stop_without_reset,
 )
-from scaraspec.suite.controller.harness.state.preserve import alive
+from scaraspec.suite.controller.harness.state.preserve import ensure_open
 from scaraspec.suite.controller.harness.two_stage.commands import (
     JOG,
     STOP,
@@ -113,7 +113,7 @@ def test_direction(
                 )
             )
         _wait_for_motion(subject, line)
-        halt(subject, line)
+        stop_without_reset(subject, line)
         current, after = pose_of(line), joints_of(line)
         release_latch(subject, line)
         axis, sign = _AXES[direction]
@@ -201,7 +201,7 @@ def test_end_of_a_jog(subject: ControllerUnderTest, line: OutgoingConnection) ->
 @case("4.28/5", "4.17/6", name="limit", hazards=(Hazard.MOTION, Hazard.DESTRUCTIVE))
 def test_to_the_limit(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A jog that reaches the limit of the workspace ends there, or is stopped there (A-4.28-3)."""
-    if subject.access.patience_s < _TRAVEL_S:
+    if subject.access.wait_limit_s < _TRAVEL_S:
         raise CaseSkipped(
             UserMessage(
                 "the case takes up to {duration_s:.0f} s: allow them with --patience",
@@ -286,7 +286,7 @@ def test_no_direction(subject: ControllerUnderTest, line: OutgoingConnection) ->
     with arm_returned(subject, line):
         before = joints_of(line)
         for wrong in examples(_INVALID_DIRECTIONS):
-            line = alive(subject, line)
+            line = ensure_open(subject, line)
             reply = try_request(line, JOG, data=wrong.data)
             expect(
                 reply is None or not reply.accepted,
@@ -296,7 +296,7 @@ def test_no_direction(subject: ControllerUnderTest, line: OutgoingConnection) ->
             )
             if reply is not None:
                 expect_first_reply(JOG, reply)
-        line = alive(subject, line)
+        line = ensure_open(subject, line)
         line.wait(0.1)
         status, after = line.ask("get_status"), joints_of(line)
         expect(

@@ -8,9 +8,9 @@ from scaraspec.suite.controller.harness.controller_under_test import ControllerU
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.ports import (
     Bits,
+    driven_inputs,
     expect_form,
     expect_inputs,
-    inputs_driven,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import given
@@ -37,7 +37,7 @@ def test_format_while_running(subject: ControllerUnderTest, line: OutgoingConnec
 @case("4.31/2", name="driven", needs=("set_input",))
 def test_driven(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Each driven input changes only its own digit; the highest port is first."""
-    with inputs_driven(subject, line) as drive:
+    with driven_inputs(subject, line) as drive:
         for port in range(1, _INPUTS + 1):
             drive(port, on=not drive.now[port - 1])
             message = UserMessage("input {port} was driven", port=port)
@@ -47,7 +47,7 @@ def test_driven(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 @case("4.31/2", name="patterns", needs=("set_input",))
 def test_patterns(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Any pattern of driven inputs is reported."""
-    with inputs_driven(subject, line) as drive:
+    with driven_inputs(subject, line) as drive:
 
         @given(st.tuples(*[st.booleans()] * _INPUTS))
         def drive_and_check(pattern: Bits) -> None:

@@ -8,8 +8,12 @@ from hypothesis import strategies as st
 from scaraspec.protocol.commands import PortValue
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
-from scaraspec.suite.controller.harness.malformed.delivery import takes_one_at_a_time
-from scaraspec.suite.controller.harness.malformed.payloads import Malformed, malformed, offer
+from scaraspec.suite.controller.harness.malformed.delivery import serves_one_at_a_time
+from scaraspec.suite.controller.harness.malformed.payloads import (
+    Malformed,
+    malformed,
+    send_malformed,
+)
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.ports import (
     ALL_OUTPUTS,
@@ -17,9 +21,9 @@ from scaraspec.suite.controller.harness.requests.ports import (
     digits,
     expect_outputs,
     outputs,
-    outputs_kept,
+    outputs_preserved,
     set_output,
-    settable,
+    settable_outputs,
     with_port,
 )
 from scaraspec.suite.controller.harness.two_stage.commands import JOG, LOCK, MOVE, RELEASE
@@ -43,8 +47,8 @@ _INVALID_PORTS: Final = (
 @case("4.32/6", "4.32/4")
 def test_each_output(line: OutgoingConnection) -> None:
     """A setting that is answered "1" changes only its own port; otherwise nothing changes."""
-    settable(line)
-    with outputs_kept(line) as before:
+    settable_outputs(line)
+    with outputs_preserved(line) as before:
         current = before
         for port in ALL_OUTPUTS:
             for on in examples((not current[port - 1], current[port - 1])):
@@ -63,7 +67,7 @@ def test_each_output(line: OutgoingConnection) -> None:
 @case("4.32/6", name="sequences")
 def test_sequences(line: OutgoingConnection) -> None:
     """After any sequence of settings, 0x49 reports the last value of each port."""
-    ports = settable(line)
+    ports = settable_outputs(line)
     setting = st.tuples(st.sampled_from(ports), st.booleans())
 
     @given(st.lists(setting, min_size=1, max_size=6))
@@ -74,15 +78,15 @@ def test_sequences(line: OutgoingConnection) -> None:
                 current = with_port(current, port, on=on)
         expect_outputs(line, current, "several outputs were set one after another")
 
-    with outputs_kept(line):
+    with outputs_preserved(line):
         set_and_check()
 
 
 @case("4.32/6", "3/30", name="all-at-once")
 def test_all_on_and_off(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """All outputs can be set and cleared, and requests in one segment take effect in order."""
-    ports = settable(line)
-    with outputs_kept(line) as before:
+    ports = settable_outputs(line)
+    with outputs_preserved(line) as before:
         current = before
         for on in (True, False):
             for port in examples(ports):
@@ -92,7 +96,7 @@ def test_all_on_and_off(subject: ControllerUnderTest, line: OutgoingConnection) 
                     "output {port} was set to {on:d} like the previous ones", port=port, on=on
                 )
                 expect_outputs(line, current, description)
-        if not takes_one_at_a_time(subject):
+        if not serves_one_at_a_time(subject):
             _expect_in_order(line, ports, current)
 
 
@@ -115,7 +119,7 @@ def _expect_in_order(line: OutgoingConnection, ports: Sequence[int], current: Bi
 @case("4.32/6", name="held")
 def test_held(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An output keeps its value after the connection that set it ends."""
-    port = settable(line)[-1]
+    port = settable_outputs(line)[-1]
     on = not outputs(line)[port - 1]
     expected_outputs = with_port(outputs(line), port, on=on)
     set_output(line, port, on=on)
@@ -135,7 +139,7 @@ def test_held(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 @case("4.32/4", "4.32/6", name="while-running", hazards=PROGRAMS)
 def test_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Setting an output while a program runs is answered "1" and works, or "0" without a change."""
-    port = settable(line)[-1]
+    port = settable_outputs(line)[-1]
     with running(subject, line):
         message = UserMessage("output {port} was set while a program ran", port=port)
         _set_and_check(line, port, message)
@@ -149,8 +153,8 @@ def test_while_moving(subject: ControllerUnderTest, line: OutgoingConnection) ->
     can_release = unsupported.isdisjoint({RELEASE, LOCK})
     if not (moving_commands or can_release):
         raise CaseSkipped("the controller has no command that moves or releases the arm")
-    port = settable(line)[-1]
-    with outputs_kept(line):
+    port = settable_outputs(line)[-1]
+    with outputs_preserved(line):
         for name in examples(moving_commands):
             with executing_task(subject, line, name):
                 message = UserMessage(
@@ -187,8 +191,8 @@ def test_flags(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     port number is confused with another one. The reply for a missing port is open (A-4.32-2,
     A-3-9).
     """
-    ports = settable(line)
-    with outputs_kept(line):
+    ports = settable_outputs(line)
+    with outputs_preserved(line):
         for port in ports:
             set_output(line, port, on=True)
         current = outputs(line)
@@ -217,7 +221,7 @@ def test_flags(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 @case("4.32/5")
 def test_no_such_port(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Setting a port 0 or above 40 is not answered 1, and no output changes."""
-    with outputs_kept(line) as before:
+    with outputs_preserved(line) as before:
         for port in _INVALID_PORTS:
             for value in examples((b"1", b"0")):
                 wrong = Malformed("no such port", port + b"|" + value)
@@ -241,9 +245,9 @@ def test_no_such_port(subject: ControllerUnderTest, line: OutgoingConnection) ->
 @case("4.32/7")
 def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A payload that is not a port and a value changes no output and is not answered 1."""
-    ports = settable(line)
+    ports = settable_outputs(line)
     other, port = ports[0], ports[-1]
-    with outputs_kept(line):
+    with outputs_preserved(line):
         set_output(line, other, on=True)  # so that one output can be cleared
         before = outputs(line)
         value = PortValue(port, int(not before[port - 1]))
@@ -271,7 +275,7 @@ def _try_malformed(
     subject: ControllerUnderTest, line: OutgoingConnection, wrong: Malformed
 ) -> tuple[bytes | None, Bits, OutgoingConnection]:
     """Return the reply to 0x43, if any, the outputs then, and the connection to continue with."""
-    reply, line = offer(subject, line, "set_digital_output", wrong)
+    reply, line = send_malformed(subject, line, "set_digital_output", wrong)
     return (reply.seen.text if reply else None), outputs(line), line
 
 
@@ -281,8 +285,8 @@ def test_other_values(subject: ControllerUnderTest, line: OutgoingConnection) ->
 
     It never clears an output.
     """
-    port = settable(line)[-1]
-    with outputs_kept(line) as before:
+    port = settable_outputs(line)[-1]
+    with outputs_preserved(line) as before:
         for on in (True, False):
             set_output(line, port, on=on)
             expected_outputs = with_port(before, port, on=on)

@@ -5,7 +5,7 @@ from typing import Final
 
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.state.preserve import alive
+from scaraspec.suite.controller.harness.state.preserve import ensure_open
 from scaraspec.suite.controller.harness.two_stage.commands import try_request
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
@@ -104,7 +104,7 @@ def _follows_driven_values(
 def test_invalid_port(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A port 0 or above 40 is answered "0", or is ignored as an invalid argument (A-3-9)."""
     for port in examples(_INVALID_PORTS):
-        line = alive(subject, line)
+        line = ensure_open(subject, line)
         reply = try_request(line, "get_analog_input", data=port)
         if reply is None:
             option = "ignore" if line.ending is None else "close"

@@ -6,9 +6,9 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.requests.ports import (
     expect_form,
     expect_outputs,
-    outputs_kept,
+    outputs_preserved,
     set_output,
-    settable,
+    settable_outputs,
     with_port,
 )
 from scaraspec.suite.engine.case import case
@@ -33,9 +33,9 @@ def test_format_while_running(subject: ControllerUnderTest, line: OutgoingConnec
 @case("4.34/2", name="order", hazards=(Hazard.MOTION,))
 def test_order(line: OutgoingConnection) -> None:
     """The highest port is first: the lowest and the highest output are at the two ends."""
-    ports = settable(line)
+    ports = settable_outputs(line)
     for port in {ports[0], ports[-1]}:
-        with outputs_kept(line) as before:
+        with outputs_preserved(line) as before:
             on = not before[port - 1]
             set_output(line, port, on=on)
             expected_outputs = with_port(before, port, on=on)

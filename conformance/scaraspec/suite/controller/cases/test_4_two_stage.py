@@ -15,9 +15,9 @@ from scaraspec.suite.controller.harness.controller_under_test import (
 )
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import (
-    incoming,
     leftover_content,
-    send,
+    receive_chunks,
+    send_chunk,
     upload,
 )
 from scaraspec.suite.controller.harness.requests.motion import (
@@ -26,6 +26,7 @@ from scaraspec.suite.controller.harness.requests.motion import (
     SLOWEST_PERCENT,
     arm_returned,
     begin_step_somewhere,
+    move_target,
     neighbours,
     pose_of,
     require_known_responsive,
@@ -33,14 +34,13 @@ from scaraspec.suite.controller.harness.requests.motion import (
     status_at_rest,
     stop,
     stop_motion,
-    target,
 )
 from scaraspec.suite.controller.harness.requests.queries import (
     QUERIES,
     Query,
-    known_to,
-    replies_to,
     some_queries,
+    supported_queries,
+    wait_for_replies,
 )
 from scaraspec.suite.controller.harness.two_stage.commands import (
     BRIEFLY_S,
@@ -153,12 +153,12 @@ def test_result_in_transfers(subject: ControllerUnderTest, line: OutgoingConnect
                 robot.stop()
                 continue
             if downloads:
-                for _ in incoming(line):
+                for _ in receive_chunks(line):
                     pause()
             else:
                 for chunk in chunks_of(content):
                     pause()
-                    send(line, chunk)
+                    send_chunk(line, chunk)
             robot.finish()
             ended = True
         if not ended:
@@ -367,7 +367,7 @@ def test_refused_moves_stay_refused(subject: ControllerUnderTest, line: Outgoing
             raise CaseSkipped("there is no room for a step")
         start_program(subject, line, RUN, BRIEFLY_S)
         reply = try_request(
-            line, MOVE, target(neighbour_poses[0], subject.ics.motion.speed_percent)
+            line, MOVE, move_target(neighbour_poses[0], subject.ics.motion.speed_percent)
         )
         expect_success(subject, line, RUN)
         if reply is not None and reply.accepted:
@@ -413,7 +413,7 @@ def test_never_idle_while_executing(
             if task.finished:
                 break
             line.wait(0.01)
-        for query in known_to(subject):
+        for query in supported_queries(subject):
             if try_request(line, *query) is None:
                 _expect_late_reply(subject, line, query, name)
 
@@ -439,10 +439,10 @@ def test_results_between_replies(subject: ControllerUnderTest, line: OutgoingCon
         opcode, reply_count = BY_NAME[name].opcode, 0
         results: list[ReceivedFrame] = []
         while not results:
-            sent = known_to(subject, [Query("get_status"), Query("get_time")])
+            sent = supported_queries(subject, [Query("get_status"), Query("get_time")])
             for query in sent:
                 line.send(query.name)
-            reply_count += len(replies_to(line, sent))
+            reply_count += len(wait_for_replies(line, sent))
             results += [
                 ReceivedFrame(received, received.value)
                 for received in line.inbox
@@ -489,7 +489,7 @@ def test_queries_while_executing(subject: ControllerUnderTest, line: OutgoingCon
     versions = [line.ask("get_version").value]
 
     def ask_each(queries: Sequence[Query]) -> None:
-        for query in known_to(subject, list(queries)):
+        for query in supported_queries(subject, list(queries)):
             try:
                 line.ask(*query)
             except NoReply as error:

@@ -13,17 +13,17 @@ from scaraspec.suite.controller.harness.requests.files import (
     download_replies,
     expect_nothing_more,
     expect_stored,
-    offer,
     reconnect,
-    send,
+    send_chunk,
+    try_chunk,
     upload,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.chunks import (
     chunk_of,
-    expect_content,
-    expect_length,
-    expect_position,
+    expect_chunk_content,
+    expect_chunk_length,
+    expect_chunk_position,
     expect_within,
 )
 from scaraspec.suite.engine.examples import examples, given
@@ -61,7 +61,7 @@ def test_torn_structure(subject: ControllerUnderTest, line: OutgoingConnection) 
     for size in examples((HEAD_BYTES + 50, HEAD_BYTES + 199, HEAD_BYTES, HEAD_BYTES - 1, 1)):
         begin_upload(line, subject.new_name())
         timeout_s = SILENCE_S if size <= HEAD_BYTES else None  # may be the error signal of L787
-        accepted = offer(line, data=whole[:size], within_s=timeout_s)
+        accepted = try_chunk(line, data=whole[:size], within_s=timeout_s)
         expect(
             not accepted,
             UserMessage("{size} bytes were accepted as a fileData", size=size),
@@ -104,7 +104,7 @@ def test_file_size(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 def test_position(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every chunk of a download has the byte offset that it states."""
     for chunk in _downloaded_chunks(subject, line):
-        expect_position(chunk, _CONTENT)
+        expect_chunk_position(chunk, _CONTENT)
 
 
 @case("5.1/5")
@@ -112,8 +112,8 @@ def test_length(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every chunk of a download states the number of valid bytes in its buffer: 1 to 200."""
     for size in examples(_SIZES):
         for chunk in _downloaded_chunks(subject, line, content_of(size)):
-            expect_length(chunk)
-            expect_content(chunk, content_of(size))
+            expect_chunk_length(chunk)
+            expect_chunk_content(chunk, content_of(size))
 
 
 @case("5.1/6")
@@ -150,7 +150,7 @@ def test_end_of_an_upload(subject: ControllerUnderTest, line: OutgoingConnection
         reply = line.ask("upload_name", data=second)
         message = "no other upload can begin after the last chunk of an upload"
         expect(reply.accepted, message, expected="1", observed=f"{reply}")
-        send(line, Chunk(1, 0, 1, b"!"))
+        send_chunk(line, Chunk(1, 0, 1, b"!"))
         delete(line, first)
         delete(line, second)
 
@@ -165,7 +165,7 @@ def test_ascending(subject: ControllerUnderTest, line: OutgoingConnection, size:
         expect_equal(chunk.position, expected_position, "a chunk does not follow the previous one")
         expected_position += chunk.length
     expect_equal(expected_position, size, "a download does not reach the end of its file")
-    subject.clear(line)
+    subject.delete_own_files(line)
 
 
 @case("5.1/9")
@@ -193,7 +193,7 @@ def test_existing_file(subject: ControllerUnderTest, line: OutgoingConnection) -
     upload(line, name, _CONTENT)
     reply = line.ask("upload_name", data=name)
     expect(not reply.accepted, "an existing name was accepted", expected="0", observed="1")
-    accepted = offer(line, Chunk(3, 0, 3, b"new"))
+    accepted = try_chunk(line, Chunk(3, 0, 3, b"new"))
     message = "content for an existing name was accepted"
     expect(not accepted, message, expected="0", observed="1")
     expect_stored(line, name, _CONTENT, "5.1/10")
@@ -202,7 +202,7 @@ def test_existing_file(subject: ControllerUnderTest, line: OutgoingConnection) -
 @case("5.1/11")
 def test_content_without_a_name(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Content before any name is refused, and the controller sends none without a request."""
-    accepted = offer(line, Chunk(3, 0, 3, b"abc"))
+    accepted = try_chunk(line, Chunk(3, 0, 3, b"abc"))
     expect(not accepted, "content before any name was accepted", expected="0", observed="1")
     expect_nothing_more(line, "content was sent without a request", "5.1/11")
     upload(line, subject.new_name(), _CONTENT)
@@ -224,10 +224,10 @@ def test_rest_of_the_buffer(
     position = 0
     for length in lengths:
         buffer = content[position : position + length] + filler * BUFFER_BYTES
-        send(line, Chunk(len(content), position, length, buffer[:BUFFER_BYTES]), "5.1/12")
+        send_chunk(line, Chunk(len(content), position, length, buffer[:BUFFER_BYTES]), "5.1/12")
         position += length
     expect_stored(line, name, content, "5.1/12")
-    subject.clear(line)
+    subject.delete_own_files(line)
 
 
 def _chunks_at(content: bytes, *positions: int) -> list[Chunk]:
@@ -251,9 +251,9 @@ def _expect_incomplete(
     """
     content, name = content_of(600), subject.new_name()
     begin_upload(line, name)
-    if not all(offer(line, chunk) for chunk in _chunks_at(content, *sent_positions)):
+    if not all(try_chunk(line, chunk) for chunk in _chunks_at(content, *sent_positions)):
         return
-    if all(offer(line, chunk) for chunk in _chunks_at(content, *missing_positions)):
+    if all(try_chunk(line, chunk) for chunk in _chunks_at(content, *missing_positions)):
         expect_stored(line, name, content, "5.1/13")
         subject.tolerate("5.1/13", "chunk_order", "any", "chunks are accepted in any order")
         return
@@ -304,8 +304,8 @@ def test_file_size_changed(subject: ControllerUnderTest, line: OutgoingConnectio
     """A file whose later chunk states a smaller size is refused, or is complete with that size."""
     content, name = content_of(600), subject.new_name()
     begin_upload(line, name)
-    send(line, Chunk(600, 0, 200, content[:200]))
-    if not offer(line, Chunk(250, 200, 50, content[200:250])):
+    send_chunk(line, Chunk(600, 0, 200, content[:200]))
+    if not try_chunk(line, Chunk(250, 200, 50, content[200:250])):
         return
     fetched = download(reconnect(subject, line), name)
     if fetched is None:

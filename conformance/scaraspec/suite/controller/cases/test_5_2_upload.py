@@ -9,7 +9,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, HEAD_BYTES, Chunk, chunks_of
 from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed import payloads as malformed
-from scaraspec.suite.controller.harness.malformed.delivery import SEGMENT_S, pieces, send_in
+from scaraspec.suite.controller.harness.malformed.delivery import SEGMENT_S, send_parts, split_bytes
 from scaraspec.suite.controller.harness.malformed.payloads import Malformed
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import (
@@ -23,10 +23,10 @@ from scaraspec.suite.controller.harness.requests.files import (
     expect_stored,
     leftover_content,
     next_chunk,
-    offer,
     reconnect,
-    send,
+    send_chunk,
     transfer_frames,
+    try_chunk,
     upload,
 )
 from scaraspec.suite.controller.harness.two_stage.commands import try_request
@@ -91,7 +91,7 @@ def test_long_names(subject: ControllerUnderTest, line: OutgoingConnection) -> N
             message = UserMessage("a name of {size} bytes is refused", size=size)
             subject.tolerate("5.2/2", "name_max", "30", message)
             continue
-        send(line, Chunk(1, 0, 1, b"!"))
+        send_chunk(line, Chunk(1, 0, 1, b"!"))
         expect_stored(line, name, b"!", "5.2/2")
         truncated = line.ask("download_name", data=name[:30]).accepted if size > 30 else False
         message = UserMessage("a name of {size} bytes was truncated to 30", size=size)
@@ -147,7 +147,7 @@ def test_path_in_a_new_name(subject: ControllerUnderTest, line: OutgoingConnecti
     plain = subject.new_name()
     for path in examples((b"../%s", b"../../%s", b"a/../%s", b"./%s", b"/%s", b"/tmp/%s", b"a/%s")):
         name = path % plain
-        attempt = malformed.offer(subject, line, "upload_name", Malformed("a path", name))
+        attempt = malformed.send_malformed(subject, line, "upload_name", Malformed("a path", name))
         line = attempt.line
         message = UserMessage("the name {name} was accepted", name=name.decode())
         expect(not attempt.accepted, message, expected="0", observed="1")
@@ -159,10 +159,10 @@ def test_backslash_in_a_new_name(subject: ControllerUnderTest, line: OutgoingCon
     for path in examples((b".\\%s", b"a\\..\\%s", b"..\\%s")):
         plain = subject.new_name()
         name = path % plain
-        attempt = malformed.offer(subject, line, "upload_name", Malformed("a path", name))
+        attempt = malformed.send_malformed(subject, line, "upload_name", Malformed("a path", name))
         line = attempt.line
         if attempt.accepted:
-            offer(line, Chunk(1, 0, 1, b"!"))
+            try_chunk(line, Chunk(1, 0, 1, b"!"))
             line = reconnect(subject, line)
             message = UserMessage(
                 "the name {name} stored the file {file_name}",
@@ -181,7 +181,9 @@ def test_path_to_a_file(subject: ControllerUnderTest, line: OutgoingConnection) 
         (b"./%s", b"a/../%s", b"/%s", b".\\%s", b"a\\..\\%s", b"../programs/../%s")
     ):
         name = path % plain
-        attempt = malformed.offer(subject, line, "download_name", Malformed("a path", name))
+        attempt = malformed.send_malformed(
+            subject, line, "download_name", Malformed("a path", name)
+        )
         line = attempt.line
         message = UserMessage(
             "the name {name} downloaded the file {file_name}",
@@ -198,7 +200,9 @@ def test_path_to_the_system(subject: ControllerUnderTest, line: OutgoingConnecti
     for name in examples(
         [prefix + file for prefix in prefixes for file in (b"etc/passwd", b"windows\\win.ini")]
     ):
-        attempt = malformed.offer(subject, line, "download_name", Malformed("a path", name))
+        attempt = malformed.send_malformed(
+            subject, line, "download_name", Malformed("a path", name)
+        )
         line = attempt.line
         message = UserMessage("{name} was downloaded", name=name.decode())
         expect(not attempt.accepted, message, expected="0", observed="1")
@@ -213,7 +217,7 @@ def test_every_chunk_is_answered(subject: ControllerUnderTest, line: OutgoingCon
     for size in examples((1, 200, 1000)):
         begin_upload(line, subject.new_name())
         for chunk in chunks_of(content_of(size)):
-            send(line, chunk)
+            send_chunk(line, chunk)
         expect_nothing_more(line, "a chunk got two replies", "5.2/6")
 
 
@@ -255,11 +259,11 @@ def _expect_chunk_refused(
     subject: ControllerUnderTest, line: OutgoingConnection, header: Chunk, accepted_before: int = 0
 ) -> None:
     """Send `accepted_before` valid chunks, and then one that must be refused."""
-    subject.clear(line)
+    subject.delete_own_files(line)
     begin_upload(line, subject.new_name())
     for chunk in list(chunks_of(content_of(header.file_size)))[:accepted_before]:
-        send(line, chunk)
-    accepted = offer(line, header)
+        send_chunk(line, chunk)
+    accepted = try_chunk(line, header)
     message = UserMessage(
         "length {length} at {position} of {file_size} bytes was accepted",
         length=header.length,
@@ -292,7 +296,7 @@ def test_more_than_the_buffer(subject: ControllerUnderTest) -> None:
         line = subject.open()
         begin_upload(line, subject.new_name())
         header = FILE_DATA.encode(Chunk(1000, 0, length, b""), subject.dialect)[:HEAD_BYTES]
-        accepted = offer(line, data=header + content_of(length))
+        accepted = try_chunk(line, data=header + content_of(length))
         message = UserMessage("a chunk of {length} bytes was accepted", length=length)
         expect(not accepted, message, expected="0", observed="1")
         line.close()
@@ -339,7 +343,7 @@ def test_position_beyond_the_file(subject: ControllerUnderTest) -> None:
 def test_chunk_without_a_name(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A chunk before any name, or after the end of an upload, is refused."""
     for content in examples((b"abc", content_of(200))):
-        accepted = offer(line, Chunk(len(content), 0, len(content), content))
+        accepted = try_chunk(line, Chunk(len(content), 0, len(content), content))
         expect(not accepted, "a chunk without a name was accepted", expected="0", observed="1")
         upload(line, subject.new_name(), content)
 
@@ -352,7 +356,7 @@ def test_chunk_after_the_end(subject: ControllerUnderTest, line: OutgoingConnect
     last = Chunk(250, 200, 50, content[200:])
     for more in examples((last, Chunk(450, 250, 200, bytes(200)), Chunk(3, 0, 3, b"new"))):
         message = "a chunk after the last one was accepted"
-        expect(not offer(line, more), message, expected="0")
+        expect(not try_chunk(line, more), message, expected="0")
         expect_stored(line, name, content, "5.2/11")
 
 
@@ -362,7 +366,7 @@ def test_chunk_after_a_refused_name(subject: ControllerUnderTest, line: Outgoing
     name, content = subject.new_name(), content_of(250)
     upload(line, name, content)
     _expect_refused(line, name, "an existing name was accepted")
-    accepted = offer(line, Chunk(3, 0, 3, b"new"))
+    accepted = try_chunk(line, Chunk(3, 0, 3, b"new"))
     expect(not accepted, "a chunk after a refused name was accepted", expected="0", observed="1")
     expect_stored(line, name, content, "5.2/11")
 
@@ -374,7 +378,7 @@ def test_chunk_during_a_download(subject: ControllerUnderTest, line: OutgoingCon
     upload(line, name, content_of(450))
     line.ask("download_name", data=name)
     next_chunk(line)
-    accepted = offer(line, Chunk(3, 0, 3, b"new"))
+    accepted = try_chunk(line, Chunk(3, 0, 3, b"new"))
     message = "an upload chunk was accepted during a download"
     expect(not accepted, message, expected="0", observed="1")
 
@@ -391,7 +395,7 @@ def test_chunk_on_another_connection(
     reply = try_request(other, "upload_chunk", Chunk(450, 0, 200, bytes(200)))
     expect(reply is None or not reply.accepted, "a chunk without a name was accepted")
     for chunk in chunks_of(content):
-        send(line, chunk)
+        send_chunk(line, chunk)
     expect_stored(other, name, content, "5.2/11")
 
 
@@ -403,10 +407,10 @@ def test_chunk_after_the_connection_was_lost(
     subject.require_close_detection()
     for end in examples((OutgoingConnection.close, OutgoingConnection.reset)):
         begin_upload(line, subject.new_name())
-        send(line, Chunk(450, 0, 200, bytes(200)))
+        send_chunk(line, Chunk(450, 0, 200, bytes(200)))
         end(line)
         line = subject.open()
-        accepted = offer(line, Chunk(450, 200, 200, bytes(200)))
+        accepted = try_chunk(line, Chunk(450, 200, 200, bytes(200)))
         message = "a chunk without a name was accepted on a new connection"
         expect(not accepted, message, expected="0", observed="1")
 
@@ -478,7 +482,7 @@ def test_two_uploads_at_once(subject: ControllerUnderTest, line: OutgoingConnect
         return
     for both in zip(*(list(chunks_of(content)) for content in contents), strict=True):
         for connection, chunk in zip(lines, both, strict=True):
-            send(connection, chunk)
+            send_chunk(connection, chunk)
     for connection, name, content in zip(lines, names[::-1], contents[::-1], strict=True):
         expect_stored(connection, name, content)
 
@@ -497,7 +501,7 @@ def test_one_name_on_two_connections(
     accepted = [True, True]
     for both in zip(*(list(chunks_of(content)) for content in contents), strict=True):
         for number in (0, 1):
-            accepted[number] = bool(offer(lines[number], both[number])) and accepted[number]
+            accepted[number] = bool(try_chunk(lines[number], both[number])) and accepted[number]
     if not any(accepted):
         return
     downloaded = download(lines[0], name)
@@ -545,7 +549,7 @@ def _upload_in_segments(
     name = subject.new_name()
     begin_upload(line, name)
     chunk = line.request("upload_chunk", Chunk(len(content), 0, len(content), content)).encode()
-    send_in(line, pieces(chunk, sizes), subject, SEGMENT_S)
+    send_parts(line, split_bytes(chunk, sizes), subject, SEGMENT_S)
     try:
         reply = line.reply("upload_chunk", within_s=CHUNK_S)
     except NoReply as error:
@@ -596,7 +600,7 @@ def _check_large_file(subject: ControllerUnderTest, line: OutgoingConnection, si
         _expect_too_large(subject, reconnect(subject, line), size)
         return
     for chunk in others:
-        send(line, chunk, "5.2/16")
+        send_chunk(line, chunk, "5.2/16")
     expect_stored(line, name, content, "5.2/16")
     expect_nothing_more(line, "something followed a large file", "5.2/16")
     for neighbour in neighbours:
@@ -607,7 +611,7 @@ def _expect_too_large(subject: ControllerUnderTest, line: OutgoingConnection, si
     """Expect that a controller without room for a file refuses each larger one (A-5-25)."""
     for larger in (size + 1, _LARGEST_BYTES + 1, 2 * size + 1):
         begin_upload(line, subject.new_name())
-        accepted = offer(line, Chunk(larger, 0, BUFFER_BYTES, bytes(BUFFER_BYTES)))
+        accepted = try_chunk(line, Chunk(larger, 0, BUFFER_BYTES, bytes(BUFFER_BYTES)))
         message = UserMessage(
             "a file of {size} bytes is refused, but one of {larger} bytes is accepted",
             size=size,

@@ -27,12 +27,12 @@ from scaraspec.suite.controller.harness.requests.files import (
     download_replies,
     expect_nothing_more,
     expect_stored,
-    incoming,
     is_cancelled,
     leftover_content,
     next_chunk,
+    receive_chunks,
     reconnect,
-    send,
+    send_chunk,
     transfer_frames,
     upload,
     upload_some_file,
@@ -142,7 +142,7 @@ def test_unfinished_file(subject: ControllerUnderTest, line: OutgoingConnection)
     subject.require_multiple_connections()
     name = subject.new_name()
     begin_upload(line, name)
-    send(line, Chunk(650, 0, 200, _CONTENT[:200]))
+    send_chunk(line, Chunk(650, 0, 200, _CONTENT[:200]))
     fetched = leftover_content(subject.open(), name)
     if fetched is None:
         return
@@ -174,7 +174,7 @@ def test_content_follows(subject: ControllerUnderTest, line: OutgoingConnection)
     )
     start_ns = subject.now_ns
     delay_s = 0.0
-    for chunk in incoming(line):
+    for chunk in receive_chunks(line):
         if not chunk.position:
             delay_s = (subject.now_ns - start_ns) / 1e9
     if delay_s > subject.reply_s:
@@ -213,7 +213,7 @@ def _fetch_together(
         subject.tolerate("5.3/4", "A-5-17", "one", message)
         return None
     fetched = [b"", b""]
-    for chunks in zip(*map(incoming, lines), strict=False):
+    for chunks in zip(*map(receive_chunks, lines), strict=False):
         fetched = [before + chunk.data for before, chunk in zip(fetched, chunks, strict=True)]
     return fetched
 
@@ -248,7 +248,7 @@ def test_one_chunk_at_a_time(subject: ControllerUnderTest, line: OutgoingConnect
     name = upload_some_file(subject, line, _CONTENT)
     line.ask("download_name", data=name)
     message = "a chunk arrived before the previous one was answered"
-    for chunk in incoming(line):
+    for chunk in receive_chunks(line):
         line.ask("get_version")
         expect_nothing_more(line, message, "5.3/6")
         if not chunk.position:

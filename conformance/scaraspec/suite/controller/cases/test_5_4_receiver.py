@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import Chunk, chunks_of
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
-from scaraspec.suite.controller.harness.malformed.delivery import takes_one_at_a_time
+from scaraspec.suite.controller.harness.malformed.delivery import serves_one_at_a_time
 from scaraspec.suite.controller.harness.malformed.mutation_targets import GET_STATUS
 from scaraspec.suite.controller.harness.malformed.timeouts import Track, run_tracks, uploads_at_once
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.clock import read, shifted
+from scaraspec.suite.controller.harness.requests.clock import read_clock, shifted_time
 from scaraspec.suite.controller.harness.requests.files import (
     CHUNK_S,
     begin_upload,
@@ -24,17 +24,17 @@ from scaraspec.suite.controller.harness.requests.files import (
     download_replies,
     expect_round_trip,
     expect_stored,
-    incoming,
     leftover_content,
     next_chunk,
-    offer,
+    receive_chunks,
     reconnect,
-    send,
+    send_chunk,
     transfer_frames,
+    try_chunk,
     upload,
     upload_some_file,
 )
-from scaraspec.suite.controller.harness.state.preserve import kept
+from scaraspec.suite.controller.harness.state.preserve import settings_preserved
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.chunks import chunk_of
 from scaraspec.suite.engine.examples import examples, given
@@ -62,7 +62,7 @@ def test_missing_name(subject: ControllerUnderTest, line: OutgoingConnection) ->
         reply = line.ask("upload_name", data=name)
         message = "the name of a missing file was refused"
         expect(reply.accepted, message, expected="1", observed=f"{reply}")
-        send(line, Chunk(1, 0, 1, b"!"))
+        send_chunk(line, Chunk(1, 0, 1, b"!"))
         expect_stored(line, name, b"!", "5.4/1")
         delete(line, name)
 
@@ -78,7 +78,7 @@ def test_name_on_a_second_connection(
         reply = connection.ask("upload_name", data=name)
         message = "the name of a missing file was refused"
         expect(reply.accepted, message, expected="1", observed=f"{reply}")
-        send(connection, Chunk(1, 0, 1, b"!"))
+        send_chunk(connection, Chunk(1, 0, 1, b"!"))
         expect_stored(line, name, b"!", "5.4/1")
         line.sync()  # the controller may allow one transfer at a time: it must see the end
 
@@ -111,7 +111,7 @@ def test_each_of_many_names(subject: ControllerUnderTest, line: OutgoingConnecti
             delete(line, names.pop())  # to make room again
         if full or not names:
             begin_upload(line, name)
-        send(line, Chunk(len(name), 0, len(name), name))
+        send_chunk(line, Chunk(len(name), 0, len(name), name))
         names.append(name)
         if full:
             break
@@ -157,10 +157,10 @@ def test_end_after_short_chunks(
     position = 0
     for length in lengths:
         chunk = Chunk(400, position, length, content[position : position + length])
-        send(line, chunk, "5.4/4", "the end of a file was detected too early")
+        send_chunk(line, chunk, "5.4/4", "the end of a file was detected too early")
         position += length
     expect_stored(line, name, content, "5.4/4")
-    subject.clear(line)
+    subject.delete_own_files(line)
 
 
 # The timeout
@@ -192,7 +192,7 @@ def _upload_start(
     def start(line: OutgoingConnection) -> None:
         begin_upload(line, name)
         for chunk in _CHUNKS[:count]:
-            send(line, chunk)
+            send_chunk(line, chunk)
 
     return name, start
 
@@ -211,7 +211,7 @@ def _track_of_pauses(subject: ControllerUnderTest, limits: TransferTimeouts) -> 
         start(line)
 
     def check_survived(line: OutgoingConnection, silence: Silence, chunk: Chunk) -> None:
-        accepted = offer(line, chunk, within_s=CHUNK_S)
+        accepted = try_chunk(line, chunk, within_s=CHUNK_S)
         if not accepted:
             silence.require_within(limits.early_s + (CHUNK_S if accepted is None else 0))
             _expect_served(subject, line, "a timeout")
@@ -224,7 +224,7 @@ def _track_of_pauses(subject: ControllerUnderTest, limits: TransferTimeouts) -> 
     def check_rest(line: OutgoingConnection, silence: Silence) -> None:
         check_survived(line, silence, _CHUNKS[1])
         for chunk in _CHUNKS[2:]:
-            send(line, chunk)
+            send_chunk(line, chunk)
         expect_stored(line, name, _CONTENT, "5.4/5")
 
     first = (limits.must_survive_s, lambda line, silence: check_survived(line, silence, _CHUNKS[0]))
@@ -239,7 +239,7 @@ def _track_to_observe(
 
     def check_state(line: OutgoingConnection, silence: Silence) -> None:
         passed_s = silence.elapsed_s
-        still_open = offer(line, _CHUNKS[1])
+        still_open = try_chunk(line, _CHUNKS[1])
         if still_open and silence_s >= limits.late_s:
             message = UserMessage(
                 "an upload is not aborted after {silence_s:g} s of silence", silence_s=silence_s
@@ -262,7 +262,7 @@ def _track_of_timeout(
 
     def check_over(line: OutgoingConnection, _: Silence) -> None:
         expect(
-            not offer(line, _CHUNKS[sent_chunks]),
+            not try_chunk(line, _CHUNKS[sent_chunks]),
             UserMessage(
                 "a chunk was accepted after {over_s:g} s of silence", over_s=limits.must_end_s
             ),
@@ -361,7 +361,7 @@ def _expect_no_leftover(
         requirement="5.4/1",
     )
     for chunk in _CHUNKS:
-        send(line, chunk)
+        send_chunk(line, chunk)
     expect_stored(line, name, _CONTENT, "5.4/7")
     return line
 
@@ -407,7 +407,7 @@ def test_chunk_refused(subject: ControllerUnderTest) -> None:
 
 def _offer_invalid_chunk(line: OutgoingConnection) -> None:
     """Send an invalid chunk: longer than the buffer, and beyond the end."""
-    offer(line, Chunk(650, 500, 201, bytes(200)))
+    try_chunk(line, Chunk(650, 500, 201, bytes(200)))
 
 
 @case("5.4/6", name="refused-chunk")
@@ -418,7 +418,7 @@ def test_served_after_a_refused_chunk(
     for chunk in examples((Chunk(650, 200, 201, bytes(200)), Chunk(650, 600, 200, bytes(200)))):
         start = _upload_start(subject, 1)[1]
         start(line)
-        offer(line, chunk)
+        try_chunk(line, chunk)
         line = _expect_recovery(subject, line, "a refused chunk")
 
 
@@ -466,7 +466,7 @@ def _expect_recovery(
     name = subject.new_name()
     if line.ask("upload_name", data=name).accepted:
         for chunk in _CHUNKS:
-            send(line, chunk, "5.4/6")
+            send_chunk(line, chunk, "5.4/6")
         expect_stored(line, name, _CONTENT, "5.4/6")
     line = reconnect(subject, line)
     _expect_transfer(subject, line, event)
@@ -505,7 +505,7 @@ def test_commands_during_an_upload(subject: ControllerUnderTest, line: OutgoingC
     name, other = subject.new_name(), subject.new_name()
     upload(line, other, _CONTENT)
     store_program(subject, line)
-    with kept(subject, line, "clock"):
+    with settings_preserved(subject, line, "clock"):
         _upload_between_other_commands(subject, line, name, other)
     expect_stored(line, name, _CONTENT, "5.4/8")
 
@@ -524,8 +524,8 @@ def _upload_between_other_commands(
             _other_programs(subject, line, name, other), listed, message, requirement="5.4/8"
         )
         if {"get_time", "set_time"}.isdisjoint(subject.ics.unsupported):
-            line.ask("set_time", shifted(read(subject, line).time, _CLOCK_SHIFT))
-        send(line, chunk, "5.4/8", "a chunk was refused after other commands")
+            line.ask("set_time", shifted_time(read_clock(subject, line).time, _CLOCK_SHIFT))
+        send_chunk(line, chunk, "5.4/8", "a chunk was refused after other commands")
 
 
 def _other_programs(
@@ -545,7 +545,7 @@ def test_commands_during_a_download(subject: ControllerUnderTest, line: Outgoing
     line.ask("download_name", data=name)
     content = b""
     try:
-        for chunk in incoming(line):
+        for chunk in receive_chunks(line):
             content += chunk.data
             _expect_other_commands(subject, line, status)
             message = "the program list changed during a download"
@@ -555,7 +555,7 @@ def test_commands_during_a_download(subject: ControllerUnderTest, line: Outgoing
         raise
     message = "the content of a file changed with other commands during the download"
     expect(content == _CONTENT, message, expected="650 bytes", observed=f"{len(content)} bytes")
-    if not takes_one_at_a_time(subject):
+    if not serves_one_at_a_time(subject):
         _answer_chunks_between_queries(line, name)
 
 
@@ -586,7 +586,7 @@ def test_commands_on_another_connection(
     begin_upload(line, name)
     for chunk in _CHUNKS:
         _expect_other_commands(subject, other, status)
-        send(line, chunk)
+        send_chunk(line, chunk)
     expect_stored(other, name, _CONTENT, "5.4/8")
 
 
@@ -597,20 +597,20 @@ def _begin_second_transfer(
     old, first, second = (subject.new_name() for _ in range(3))
     upload(line, old, content_of(250, 1))
     begin_upload(line, first)
-    send(line, _CHUNKS[0])
+    send_chunk(line, _CHUNKS[0])
     is_download = opcode == "download_name"
     replaced = line.ask(opcode, old if is_download else second).accepted
     if not replaced:
         message = "an upload was interrupted although a second transfer was refused"
         for chunk in _CHUNKS[1:]:
-            send(line, chunk, "5.4/8", message)
+            send_chunk(line, chunk, "5.4/8", message)
         expect_stored(line, first, _CONTENT, "5.4/8")
         return
     message = "a second transfer replaces the first"
     subject.tolerate("5.4/8", "xfer_concurrency", "replace", message)
     if not is_download:
         for chunk in _CHUNKS:
-            send(line, chunk)
+            send_chunk(line, chunk)
         expect_stored(line, second, _CONTENT, "5.4/8")
     else:
         next_chunk(line)

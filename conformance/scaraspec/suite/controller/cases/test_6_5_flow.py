@@ -8,7 +8,7 @@ from scaraspec.protocol.program_files import Opt
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.files import send
+from scaraspec.suite.controller.harness.requests.files import send_chunk
 from scaraspec.suite.controller.harness.requests.ports import (
     expect_outputs,
     outputs,
@@ -107,7 +107,7 @@ def test_output_node_in_time(subject: ControllerUnderTest, line: OutgoingConnect
         robot.has_left(expected_outputs, (first,), message, shown=current)
         if line.ask("upload_name", data=subject.new_name()).accepted:
             for chunk in chunks_of(robot.file(nodes_of([Flip(first)], robot.before))):
-                send(line, chunk)
+                send_chunk(line, chunk)
         robot.finish(lasts_s=pause_s)
         expected_outputs = with_port(expected_outputs, second, on=not robot.before[second - 1])
         robot.has_left(

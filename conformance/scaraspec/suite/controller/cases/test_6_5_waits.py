@@ -11,11 +11,11 @@ from scaraspec.suite.controller.harness.controller_under_test import ControllerU
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.ports import (
     Bits,
+    driven_inputs,
     expect_outputs,
-    inputs_driven,
-    inputs_steady,
+    inputs_unchanged,
     outputs,
-    still_inputs,
+    stable_inputs,
     with_port,
 )
 from scaraspec.suite.controller.harness.traits import LayoutTrial
@@ -282,7 +282,7 @@ def test_conditions(subject: ControllerUnderTest, line: OutgoingConnection) -> N
 @case("6.5/9", "6.5/21", name="driven", needs=("set_input",), hazards=PROGRAMS)
 def test_driven_conditions(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program passes conditions that driven inputs meet, and waits at the others."""
-    with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
+    with bench(subject, line) as robot, driven_inputs(subject, line) as drive:
         for port in INPUTS:
             drive(port, on=bool(port % 2))
         _check_conditions(line, robot)
@@ -290,10 +290,10 @@ def test_driven_conditions(subject: ControllerUnderTest, line: OutgoingConnectio
 
 def _check_conditions(line: OutgoingConnection, robot: Bench) -> None:
     fulfilled: list[Node] = []
-    unchanged_inputs = still_inputs(line, INPUTS)
+    unchanged_inputs = stable_inputs(line, INPUTS)
     if not unchanged_inputs:
         raise CaseInconclusive("no input is unchanged, so that a program could wait for it")
-    with inputs_steady(line, unchanged_inputs) as states:
+    with inputs_unchanged(line, unchanged_inputs) as states:
         ports = {states[port - 1]: port for port in unchanged_inputs}
         for condition, value, on, is_true in _conditions():
             if on not in ports:
@@ -320,7 +320,7 @@ def _check_conditions(line: OutgoingConnection, robot: Bench) -> None:
 def test_continues_when_fulfilled(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program waits until the input meets the condition, for each of the five, and continues."""
     steps = list(zip(_VALUES.items(), INPUTS, OUTPUTS, strict=False))
-    with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
+    with bench(subject, line) as robot, driven_inputs(subject, line) as drive:
         nodes: list[Node] = []
         for (condition, value), port, output in steps:
             drive(port, on=not _is_true(condition, on=True))
@@ -360,7 +360,7 @@ def test_waits_for_its_port(subject: ControllerUnderTest, line: OutgoingConnecti
 
     An IF after the wait uses the current state of an input, not the one at the start.
     """
-    with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
+    with bench(subject, line) as robot, driven_inputs(subject, line) as drive:
         for port in INPUTS:
             drive(port, on=False)
         port_waited_for, output = INPUTS[2], OUTPUTS[0]
@@ -383,7 +383,7 @@ def test_waits_for_its_port(subject: ControllerUnderTest, line: OutgoingConnecti
 def test_hundredths(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An active digital input equals 100, or 1 if only analog inputs are scaled (A-6.5-10)."""
     port = INPUTS[0]
-    with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
+    with bench(subject, line) as robot, driven_inputs(subject, line) as drive:
         drive(port, on=True)
         for value, reading in examples(((100, "all"), (1, "analog"))):
             robot.start([wait_input(port, Condition.EQUAL, value)])

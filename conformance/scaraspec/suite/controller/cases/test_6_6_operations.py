@@ -12,8 +12,8 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.requests.ports import (
     Bits,
     digits,
-    inputs_driven,
-    inputs_steady,
+    driven_inputs,
+    inputs_unchanged,
     outputs,
 )
 from scaraspec.suite.engine.case import case
@@ -185,7 +185,7 @@ def test_input_operands(subject: ControllerUnderTest, line: OutgoingConnection) 
 @case("6.6a/14", name="driven-inputs", needs=("set_input",), hazards=PROGRAMS)
 def test_driven_input_operands(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Driven inputs work as operands, one after another."""
-    with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
+    with bench(subject, line) as robot, driven_inputs(subject, line) as drive:
         for pattern in examples((0b101001, 0b010110)):
             for index, port in enumerate(INPUTS):
                 drive(port, on=bool(pattern >> index & 1))
@@ -198,7 +198,7 @@ def _check_input_operands(robot: Bench, line: OutgoingConnection) -> None:
         block.append(If(input_port(port), Opt.GREATER, number(0), [Flip(output)]))
         block.append(Assign(_X, input_port(port)))
         block.append(If(variable(_X), Opt.EQUAL, input_port(port), [], [Flip(output)]))
-    with inputs_steady(line) as states:
+    with inputs_unchanged(line) as states:
         robot.performs([*block, Flip(_FAILED)], {_X: -1}, inputs=states)
 
 

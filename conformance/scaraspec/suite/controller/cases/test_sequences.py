@@ -15,17 +15,17 @@ from scaraspec.suite.controller.harness.controller_under_test import ControllerU
 from scaraspec.suite.controller.harness.model.state import Step
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.sequences import (
-    acts_within,
     attempt,
-    endless,
-    model_of,
+    endless_sequence,
+    new_model,
+    operations_within,
     sequences,
-    state_kept,
+    state_preserved,
 )
 from scaraspec.suite.controller.harness.two_stage.executing import skip_if_other_program_runs
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import given
-from scaraspec.suite.engine.shrink import shortened
+from scaraspec.suite.engine.shrink import shrink_sequence
 
 _READ_ONLY: Final = (Hazard.READ_ONLY,)
 _STATE: Final = (Hazard.STATE,)
@@ -99,10 +99,10 @@ def _run_in_any_order(
     *,
     share: int = 2,
 ) -> None:
-    operations = acts_within(subject, frozenset(hazards), only)
+    operations = operations_within(subject, frozenset(hazards), only)
     examples = settings().max_examples
     failed: dict[tuple[Step, ...], Exception] = {}
-    with state_kept(subject, line, frozenset(hazards)) as names:
+    with state_preserved(subject, line, frozenset(hazards)) as names:
 
         @settings(max_examples=-(-examples // share), phases=(Phase.generate,))
         @given(sequences(operations, 2 + examples // 2))
@@ -110,7 +110,7 @@ def _run_in_any_order(
             if not failed and (failure := attempt(subject, operations, names, steps)):
                 retry = partial(attempt, subject, operations, names, like=failure)
                 until_ns = subject.now_ns + _SHRINK_NS
-                shrunk = shortened(steps, failure, retry, lambda: subject.now_ns < until_ns)
+                shrunk = shrink_sequence(steps, failure, retry, lambda: subject.now_ns < until_ns)
                 failed[tuple(steps)] = shrunk.error
             if error := failed.get(tuple(steps)):  # hypothesis calls it twice
                 raise error
@@ -124,14 +124,14 @@ def test_long_use(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
     """Hundreds of requests of every kind on the same connections have the right effects."""
     operations = [
         operation
-        for operation in acts_within(subject, frozenset(_STATE))
+        for operation in operations_within(subject, frozenset(_STATE))
         if operation != "reconnect"
     ]
     count = settings().max_examples * _STEPS_PER_EXAMPLE
     with (
         skip_if_other_program_runs(subject),
-        state_kept(subject, line, frozenset(_STATE)) as names,
-        model_of(subject, operations, names) as model,
+        state_preserved(subject, line, frozenset(_STATE)) as names,
+        new_model(subject, operations, names) as model,
     ):
-        for step in itertools.islice(endless(operations), count):
-            model.take(step)
+        for step in itertools.islice(endless_sequence(operations), count):
+            model.perform(step)

@@ -13,7 +13,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.files import expect_stored, send, upload
+from scaraspec.suite.controller.harness.requests.files import expect_stored, send_chunk, upload
 from scaraspec.suite.controller.harness.requests.queries import ask_all
 from scaraspec.suite.controller.harness.two_stage.commands import (
     MOVE,
@@ -278,7 +278,7 @@ def test_names_beyond_ascii(subject: ControllerUnderTest, line: OutgoingConnecti
         if not accepted[name]:
             continue
         for chunk in chunks_of(content):
-            send(line, chunk)
+            send_chunk(line, chunk)
         expect_stored(line, name, content)
         line.sync()
     refused = ", ".join(show(name) for name, is_accepted in accepted.items() if not is_accepted)

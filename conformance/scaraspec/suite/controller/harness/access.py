@@ -31,11 +31,11 @@ class Access(Protocol):
         """Whether its clock is not simulated."""
 
     @property
-    def several(self) -> bool:
+    def multiple_connections(self) -> bool:
         """Whether it can carry more than one connection at once."""
 
     @property
-    def ends(self) -> bool:
+    def detects_close(self) -> bool:
         """Whether the subject notices that a connection ends: a serial line only falls silent."""
 
     @property
@@ -43,11 +43,11 @@ class Access(Protocol):
         """The TCP port that it leads to; None for a serial link."""
 
     @property
-    def patience_s(self) -> float:
+    def wait_limit_s(self) -> float:
         """For how long one case may wait for what only time brings, such as a clock's next hour."""
 
     @property
-    def readdressable(self) -> bool:
+    def survives_address_change(self) -> bool:
         """Whether we still reach it once it has been given another IP address."""
 
     @property
@@ -74,9 +74,9 @@ class UrlAccess:
 
     real_time = True
 
-    def __init__(self, url: str, patience_s: float = 10.0) -> None:
+    def __init__(self, url: str, wait_limit_s: float = 10.0) -> None:
         self.url = url
-        self.patience_s = patience_s
+        self.wait_limit_s = wait_limit_s
         self._where = parse(url)
 
     @property
@@ -85,12 +85,12 @@ class UrlAccess:
         return isinstance(self._where, Tcp)
 
     @property
-    def several(self) -> bool:
+    def multiple_connections(self) -> bool:
         """TCP links do."""
         return self.needs_login
 
     @property
-    def ends(self) -> bool:
+    def detects_close(self) -> bool:
         """All links do but a serial line."""
         return not isinstance(self._where, Serial)
 
@@ -100,7 +100,7 @@ class UrlAccess:
         return self._where.port if isinstance(self._where, Tcp) else None
 
     @property
-    def readdressable(self) -> bool:
+    def survives_address_change(self) -> bool:
         """A subject on this machine stays where it is, and a serial link has no address."""
         return not isinstance(self._where, Tcp) or self._where.host in _LOCAL
 
@@ -124,14 +124,14 @@ class MemoryAccess:
 
     network: MemoryNetwork
     needs_login: bool = True
-    several: bool = True
+    multiple_connections: bool = True
     real_time: bool = False
     port: int | None = DEFAULT_PORT
-    patience_s: float = math.inf
-    readdressable: bool = True
+    wait_limit_s: float = math.inf
+    survives_address_change: bool = True
 
     @property
-    def ends(self) -> bool:
+    def detects_close(self) -> bool:
         """A serial line does not."""
         return self.needs_login
 

@@ -11,12 +11,12 @@ from scaraspec.suite.controller.harness.access import Access
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.own_files import random_token
 from scaraspec.suite.controller.harness.probes import probe_all
-from scaraspec.suite.controller.harness.state.readiness import come_back, make_ready
+from scaraspec.suite.controller.harness.state.readiness import make_ready, return_to_start_pose
 from scaraspec.suite.controller.harness.state.recovery import recover
 from scaraspec.suite.controller.harness.state.restore import (
+    restorable_settings,
     restore,
     snapshot,
-    without_the_unrestorable,
 )
 from scaraspec.suite.controller.harness.state.watch import watch
 from scaraspec.suite.controller.harness.two_stage.stop_proof import prove_stop
@@ -96,7 +96,7 @@ class ControllerAdapter:
         subject.files.begin(name.encode("latin-1") for name in before["programs"] or ())
         started = datetime.fromtimestamp(subject.now_ns / _NS, UTC).isoformat(timespec="seconds")
         self.journal.begin(started, before)
-        state = without_the_unrestorable(subject, line, before)
+        state = restorable_settings(subject, line, before)
         if state != before:
             self.journal.write("settings", before=state)
         line.close()
@@ -131,7 +131,7 @@ class ControllerAdapter:
         if not state:  # the run has not begun
             return []
         left = restore(subject)
-        return [*left.ours, *left.others, *come_back(subject)]
+        return [*left.ours, *left.others, *return_to_start_pose(subject)]
 
     def finish(self, subject: ControllerUnderTest, state: Mapping[str, Any]) -> list[str]:
         """End the run and remove the journal, unless changes may remain on the controller.

@@ -18,7 +18,7 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.own_files import OwnFiles, random_token
 from scaraspec.suite.controller.harness.timeouts import ANSWERED, TimeoutPolicy
 from scaraspec.suite.controller.harness.traits import ControllerTraits
-from scaraspec.suite.engine.connection import Connection, ReceivedFrame, pump
+from scaraspec.suite.engine.connection import Connection, ReceivedFrame, pump_all
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
     CaseInconclusive,
@@ -217,7 +217,7 @@ class ControllerUnderTest:
         Of a robot that is known to serve several, the places must be taken by who is there and who
         has just left, and once only: from then on its time is waited for.
         """
-        if not self.access.ends:
+        if not self.access.detects_close:
             return 1
         there = sum(not line.ended for line in self._lines)
         if self._may_serve_one and not there:
@@ -277,7 +277,7 @@ class ControllerUnderTest:
 
     def pump_others(self, line: Connection, /) -> list[Link]:
         """Take what came on the other connections; give the links on which more may come."""
-        return pump(self._lines, line)
+        return pump_all(self._lines, line)
 
     def close_lines(self) -> None:
         """End every connection."""
@@ -301,7 +301,7 @@ class ControllerUnderTest:
 
     # ------------------------------------------------------------------ what it can do
 
-    def permit(self, opcode: int) -> None:
+    def require_permitted(self, opcode: int) -> None:
         """Stop our own mistakes: no command is sent that the tester does not allow.
 
         Raises:
@@ -316,7 +316,7 @@ class ControllerUnderTest:
     def supports_multiple_connections(self) -> bool:
         """Whether several connections can be open at once, and none displaces another."""
         many = self.dialect["max_clients"] == "many" and not self.traits.displaces_first_client
-        return self.access.several and many
+        return self.access.multiple_connections and many
 
     def require_multiple_connections(self) -> None:
         """Go on only where several connections can be open at once.
@@ -324,7 +324,7 @@ class ControllerUnderTest:
         Raises:
             CaseSkipped: They cannot.
         """
-        if not self.access.several:
+        if not self.access.multiple_connections:
             raise CaseSkipped("this link carries one connection at a time")
         if self.dialect["max_clients"] != "many":
             raise CaseSkipped("the subject serves one client at a time (max_clients)")
@@ -337,7 +337,7 @@ class ControllerUnderTest:
         Raises:
             CaseSkipped: It does not.
         """
-        if not self.access.ends:
+        if not self.access.detects_close:
             raise CaseSkipped("this link ends without its subject's notice")
 
     def has_hook(self, name: str) -> bool:
@@ -358,7 +358,7 @@ class ControllerUnderTest:
                     "it needs the hook {name} in [hooks] of the statement of conformance", name=name
                 )
             )
-        self.guard.may_change(EVERYTHING)
+        self.guard.note_change(EVERYTHING)
         self.guard.stop.forget()
         try:
             hook.run(**values)
@@ -384,7 +384,7 @@ class ControllerUnderTest:
     @property
     def transfers_outlive(self) -> bool:
         """Whether a transfer goes on until its time-out when its connection ends (5.4/5)."""
-        return not self.access.ends or bool(self.traits.transfers_outlive_connection)
+        return not self.access.detects_close or bool(self.traits.transfers_outlive_connection)
 
     def note_accepted_stop(self) -> None:
         """An emergency stop was granted: perhaps the robot is latched (A-4.17-2)."""
@@ -410,19 +410,19 @@ class ControllerUnderTest:
         extension = {".txt": ".txt"}.get(self.dialect["prog_ext"], ".rob")
         return self.files.new_name(extension, stem, lead=lead)
 
-    def until_idle(self, line: OutgoingConnection, *, within_s: float | None = None) -> None:
+    def wait_until_idle(self, line: OutgoingConnection, *, within_s: float | None = None) -> None:
         """Wait until the status is 00.
 
         Raises:
             Unreadable: It is none at all.
             CaseInconclusive: It does not become so.
         """
-        full_s = self.patience.rest_s(self.longest_s) if within_s is None else within_s
+        full_s = self.patience.rest_timeout_s(self.longest_s) if within_s is None else within_s
         left_s = full_s
         while (status := line.ask("get_status").value) != _READY:
             if left_s <= 0:
                 if within_s is None:
-                    self.patience.waited(full_s, rests=False)
+                    self.patience.note_rest(full_s, rests=False)
                 if status is None:
                     raise Unreadable("what the subject tells of its status is no status")
                 raise CaseInconclusive(
@@ -432,7 +432,7 @@ class ControllerUnderTest:
                 )
             line.wait(_POLL_S)
             left_s -= _POLL_S
-        self.patience.waited(full_s - left_s, rests=True)
+        self.patience.note_rest(full_s - left_s, rests=True)
 
     def settle(self) -> None:
         """Bring the subject back to rest, and take away what the case has made.
@@ -462,17 +462,17 @@ class ControllerUnderTest:
                         line.result(remedy, within_s=self.reply_s)
         if self.moved:
             try:
-                self.until_idle(line)
+                self.wait_until_idle(line)
             except Unreadable:
                 self.moved = False
                 raise
-        self.clear(line)
+        self.delete_own_files(line)
         self.moved = False
         if self.journal.changes.motion:
             self.journal.confirm("rest")
         self.close_lines()
 
-    def clear(self, line: OutgoingConnection) -> None:
+    def delete_own_files(self, line: OutgoingConnection) -> None:
         """Delete what the case has stored, whole or not: there may be room for little (A-5-21).
 
         Raises:
@@ -483,7 +483,7 @@ class ControllerUnderTest:
         try:
             for name in reversed(self.files.stored):
                 line.ask(_DELETE, data=name)
-                self.files.deleted(name)
+                self.files.note_deleted(name)
         except NoReply as error:
             error.requirement = ANSWERED
             raise

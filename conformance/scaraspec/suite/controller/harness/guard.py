@@ -16,7 +16,7 @@ from scaraspec.protocol.payloads import Acceptance, NameListPart
 from scaraspec.suite.controller.harness.emergency_stop import StopMonitor
 from scaraspec.suite.controller.harness.other_clients import OtherClients
 from scaraspec.suite.controller.harness.own_files import OwnFiles
-from scaraspec.suite.controller.harness.suite_passwords import usable
+from scaraspec.suite.controller.harness.suite_passwords import settable_passwords
 from scaraspec.suite.engine.journal import Journal
 from scaraspec.traffic.events import FrameSeen
 
@@ -34,7 +34,7 @@ EVERYTHING: Final = "*"
 """In the journal: any setting may have changed."""
 
 _NAMES_A_FILE: Final = ("upload_name", "delete_program", "run_program", "simulate_program")
-_SUITES: Final = usable(factory_reset=True)
+_SUITES: Final = settable_passwords(factory_reset=True)
 _ANSWERED: Final = ("upload_name", "delete_program", "set_password", *SETTINGS)
 _BAR: Final = b"|"
 _NS: Final = 1e9
@@ -69,7 +69,7 @@ class Guard:
 
     # ------------------------------------------------------------------ requests
 
-    def before(self, frame: Frame) -> None:
+    def check(self, frame: Frame) -> None:
         """Check a frame before it is sent.
 
         Raises:
@@ -83,20 +83,20 @@ class Guard:
         self.stop.before(frame)
         if command is None:
             self._before_motion()
-            self.may_change(EVERYTHING)
+            self.note_change(EVERYTHING)
             return
         if command.name in _NAMES_A_FILE:
             self._files.check(frame.data)
         if command.name == "upload_name":
-            self._files.offered(frame.data)
+            self._files.note_upload_request(frame.data)
         elif command.name == "set_password":
             self._before_password(frame.data)
         elif command.name in SETTINGS:
-            self.may_change(SETTINGS[command.name])
+            self.note_change(SETTINGS[command.name])
         elif command.hazard is Hazard.MOTION and command.name != "emergency_stop":
             self._before_motion()
 
-    def may_change(self, setting: str) -> None:
+    def note_change(self, setting: str) -> None:
         """Record that a setting may change next.
 
         Raises:
@@ -108,7 +108,7 @@ class Guard:
     def _before_motion(self) -> None:
         if not self._journal.changes.motion:
             self._journal.write("motion")
-        self.may_change("outputs")  # a program or a reset may switch them
+        self.note_change("outputs")  # a program or a reset may switch them
 
     def _before_password(self, data: bytes) -> None:
         _, _, new = data.partition(_BAR)
@@ -142,7 +142,7 @@ class Guard:
         if command is None or seen.frame.tagged:
             return
         if isinstance(seen.value, NameListPart):
-            self._files.listed(seen.value.names)
+            self._files.note_list(seen.value.names)
         self._others.received(connection, seen)
         pending = self._pending.get((connection, seen.frame.opcode))
         if not pending:
@@ -151,9 +151,9 @@ class Guard:
         data = request.frame.data
         self._others.answered(request, accepted=accepted)
         if command.name == "upload_name":
-            self._files.answered(data, accepted=accepted)
+            self._files.note_upload_reply(data, accepted=accepted)
         elif command.name == "delete_program" and accepted:
-            self._files.deleted(data)
+            self._files.note_deleted(data)
         elif command.name == "set_password" and not accepted:
             self._journal.confirm("password-refused", value=self._named(data.partition(_BAR)[2]))
 

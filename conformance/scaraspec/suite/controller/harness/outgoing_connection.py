@@ -15,7 +15,7 @@ from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame, Framer
 from scaraspec.protocol.payloads import FinalResult, NameListPart, NoData, Outcome
-from scaraspec.suite.controller.harness.timeouts import Due
+from scaraspec.suite.controller.harness.timeouts import ExpectedReply
 from scaraspec.suite.engine.connection import Connection, ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
 from scaraspec.suite.engine.transfer_timeouts import transfer_timeouts_of
@@ -73,14 +73,14 @@ class OutgoingConnection(Connection):
 
     def send_frame(self, frame: Frame) -> None:
         """Send one frame; a case that would send what its hazards do not say is our own error."""
-        self._subject.permit(frame.opcode)
+        self._subject.require_permitted(frame.opcode)
         super().send_frame(frame)
 
     def send_bytes(self, data: bytes) -> None:
         """Send bytes as they are, once the guard has seen the frames that they complete."""
         for item in self._outgoing.feed(data):
             if isinstance(item, Frame):
-                self._subject.guard.before(item)
+                self._subject.guard.check(item)
         super().send_bytes(data)
 
     def request(self, name: str, value: Any = None, *, data: bytes | None = None) -> Frame:
@@ -160,7 +160,7 @@ class OutgoingConnection(Connection):
             None
         }
         answer = self._due(
-            Due(name),
+            ExpectedReply(name),
             lambda seen: not seen.frame.tagged and seen.frame.opcode in opcodes,
             within_s,
             self._subject.reply_s,
@@ -186,7 +186,7 @@ class OutgoingConnection(Connection):
         Raises:
             NoReply: None came.
         """
-        due, opcode = Due(name, result=True), BY_NAME[name].opcode
+        due, opcode = ExpectedReply(name, result=True), BY_NAME[name].opcode
         in_vain = self._subject.patience.given_up(due)
         untagged = untagged or (in_vain and not self._subject.is_case_about(due.requirement))
         answer = self._due(
@@ -203,7 +203,7 @@ class OutgoingConnection(Connection):
 
     def _due(
         self,
-        due: Due,
+        due: ExpectedReply,
         wanted: Callable[[FrameSeen], bool],
         within_s: float | None,
         full_s: float,
@@ -212,16 +212,16 @@ class OutgoingConnection(Connection):
         """Wait for what is due: for its full time unless told otherwise, or it never comes."""
         patience, asked_s = self._subject.patience, full_s if within_s is None else within_s
         try:
-            answer = self.wait_for_frame(wanted, patience.within_s(due, asked_s), message)
+            answer = self.wait_for_frame(wanted, patience.timeout_s(due, asked_s), message)
         except NoReply as error:
             error.owed = due.requirement
             if patience.given_up(due):
                 error.requirement = due.requirement
             if asked_s >= full_s and not self.ended:
-                patience.missed(due)
+                patience.note_timeout(due)
             raise
         if answer.frame.tagged or not due.result:
-            patience.came(due)
+            patience.note_received(due)
         return answer
 
     def no_result(self, name: str, *, for_s: float, requirement: str = "") -> None:
@@ -248,7 +248,7 @@ class OutgoingConnection(Connection):
         """Answer a chunk of a download."""
         self.send_frame(self.chunk_answer(accepted=accepted))
 
-    def apart(self) -> None:
+    def separate_frames(self) -> None:
         """Let what was sent arrive alone, where no reply says that it did.
 
         Not every subject takes two frames that arrive together (A-3-14).
@@ -265,7 +265,7 @@ class OutgoingConnection(Connection):
             NoReply: Not even this was answered.
         """
         if self._subject.dialect["pipelining"] == "one":
-            self.apart()
+            self.separate_frames()
         self.send("get_status")
         before = list(self.inbox)
         self.inbox.clear()
@@ -315,7 +315,7 @@ class OutgoingConnection(Connection):
         if self.ended:
             return
         with suppress(CaseFailed):
-            notices = self._subject.access.ends
+            notices = self._subject.access.detects_close
             if not notices and self.mid_frame:
                 self.send_bytes(bytes(MAX_FRAME_BYTES))
             if self._subject.transfers_outlive and self._may_transfer:

@@ -83,7 +83,7 @@ class OwnFiles:
         """Whether the suite has uploaded this file, in this run or in one that it recovers."""
         return name in self._accepted or name in self.stored
 
-    def listed(self, names: Iterable[bytes]) -> None:
+    def note_list(self, names: Iterable[bytes]) -> None:
         """Note the names of a program list: those that the suite did not make are another's."""
         self._foreign |= {
             base for name in names if not (base := _base(name)).startswith(self.prefix)
@@ -103,11 +103,11 @@ class OwnFiles:
                 )
             )
 
-    def offered(self, name: bytes) -> None:
+    def note_upload_request(self, name: bytes) -> None:
         """An upload is about to be requested."""
         self._journal.write("offered", name=name.decode("latin-1"))
 
-    def answered(self, name: bytes, *, accepted: bool) -> None:
+    def note_upload_reply(self, name: bytes, *, accepted: bool) -> None:
         """The request of an upload was answered.
 
         Raises:
@@ -116,18 +116,18 @@ class OwnFiles:
         if not accepted:
             self._journal.confirm("refused", name=name.decode("latin-1"))
             return
-        self.remains(name)
+        self.note_stored(name)
         base = name.rstrip(b"\0").replace(b"\\", b"/").rpartition(b"/")[2]
         if base != name and base.startswith(self.prefix):
-            self.remains(base)  # it may be stored as this
+            self.note_stored(base)  # it may be stored as this
         self._journal.flush()
 
-    def remains(self, name: bytes) -> None:
+    def note_stored(self, name: bytes) -> None:
         """A file of the suite is stored, or may be."""
         self._accepted.add(name)
         self._journal.confirm("accepted", name=name.decode("latin-1"))
 
-    def deleted(self, name: bytes) -> None:
+    def note_deleted(self, name: bytes) -> None:
         """A file is gone, or never came to be."""
         self._journal.confirm("deleted", name=name.decode("latin-1"))
 

@@ -80,7 +80,7 @@ def _max_clients(subject: ControllerUnderTest) -> str | None:
 
     Of several that are served the first may be displaced by a later one, too.
     """
-    if not subject.access.several:
+    if not subject.access.multiple_connections:
         return None
     first = subject.open()
     try:

@@ -18,7 +18,7 @@ from scaraspec.suite.controller.harness.model.model import Model
 from scaraspec.suite.controller.harness.model.state import VALUES, Step
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.state.password import restore_password
-from scaraspec.suite.controller.harness.state.preserve import kept, password_kept
+from scaraspec.suite.controller.harness.state.preserve import password_preserved, settings_preserved
 from scaraspec.suite.controller.harness.two_stage.commands import MOVE, RUN, SIMULATE, STOP
 from scaraspec.suite.controller.harness.two_stage.tasks import probe_responsiveness
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
@@ -68,7 +68,7 @@ _ACTS: Final[Mapping[str, _Act]] = {
 }
 
 
-def acts_within(
+def operations_within(
     subject: ControllerUnderTest, hazards: frozenset[Hazard], only: Sequence[str] = ()
 ) -> list[str]:
     """What can be done to a subject with no more than these hazards, or what of it is named.
@@ -94,7 +94,7 @@ def sequences(acts: list[str], groups: int) -> st.SearchStrategy[list[Step]]:
     )
 
 
-def endless(acts: list[str]) -> Iterator[Step]:
+def endless_sequence(acts: list[str]) -> Iterator[Step]:
     """A sequence that does not end, always the same."""
     drawn = random.Random(0)  # noqa: S311 - it must be reproducible
     while True:
@@ -103,7 +103,7 @@ def endless(acts: list[str]) -> Iterator[Step]:
 
 
 @contextmanager
-def state_kept(
+def state_preserved(
     subject: ControllerUnderTest, line: OutgoingConnection, hazards: frozenset[Hazard]
 ) -> Iterator[list[bytes]]:
     """Put back afterwards whatever sequences may change; the names that they may give to files.
@@ -113,19 +113,19 @@ def state_kept(
     with ExitStack() as stack:
         if Hazard.STATE in hazards:
             items = ("default program", "gripper centre", "initial tool position", "clock")
-            stack.enter_context(kept(subject, line, *items))
+            stack.enter_context(settings_preserved(subject, line, *items))
         if Hazard.MOTION in hazards:
             probe_responsiveness(subject, line)
-            stack.enter_context(kept(subject, line, "outputs"))
+            stack.enter_context(settings_preserved(subject, line, "outputs"))
         if Hazard.DESTRUCTIVE in hazards and subject.access.needs_login:
-            stack.enter_context(password_kept(subject))
+            stack.enter_context(password_preserved(subject))
         names = [subject.new_name() for _ in range(_NAMES)]
         line.close()
         yield names
 
 
 @contextmanager
-def model_of(
+def new_model(
     subject: ControllerUnderTest, acts: list[str], names: Sequence[bytes]
 ) -> Iterator[Model]:
     """A model to begin with, where no file of these names is stored; all is taken away afterwards.
@@ -145,7 +145,7 @@ def model_of(
         model.check()
     finally:
         with suppress(CaseFailed, CaseInconclusive):
-            model.take_away()
+            model.clean_up()
 
 
 def attempt(
@@ -158,10 +158,10 @@ def attempt(
     """Take all steps of a sequence; how it fails, of the same requirement as another if need be."""
     taken = 0
     try:
-        with model_of(subject, acts, names) as model:
+        with new_model(subject, acts, names) as model:
             for step in steps:
                 taken += 1
-                model.take(step)
+                model.perform(step)
     except CaseFailed as error:
         if like is None or error.requirement == like.error.requirement:
             return Failure(error, taken)

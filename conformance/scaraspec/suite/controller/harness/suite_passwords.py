@@ -21,7 +21,7 @@ REFUSABLE: Final = (*_RARE, *FRAGILE)
 """Passwords that a controller may refuse."""
 
 
-def usable(*, factory_reset: bool) -> tuple[bytes, ...]:
+def settable_passwords(*, factory_reset: bool) -> tuple[bytes, ...]:
     """The passwords that cases may set, the plain one first.
 
     Args:

@@ -29,7 +29,7 @@ _REPLY_S: Final = 1.0
 _RESULT_S: Final = 5.0
 
 
-class Due(NamedTuple):
+class ExpectedReply(NamedTuple):
     """A kind of answer: the first reply to a command of the table, or its final result."""
 
     name: str
@@ -45,8 +45,8 @@ class TimeoutPolicy:
     """What was awaited in full, and what has ever come."""
 
     def __init__(self) -> None:
-        self._missed: Counter[Due] = Counter()
-        self._came: set[Due] = set()
+        self._missed: Counter[ExpectedReply] = Counter()
+        self._came: set[ExpectedReply] = set()
         self._restless = 0
 
     def copy(self) -> "TimeoutPolicy":
@@ -56,28 +56,28 @@ class TimeoutPolicy:
         copy._restless = self._restless
         return copy
 
-    def came(self, due: Due) -> None:
+    def note_received(self, due: ExpectedReply) -> None:
         """It is there, so it is worth waiting for."""
         self._came.add(due)
 
-    def missed(self, due: Due) -> None:
+    def note_timeout(self, due: ExpectedReply) -> None:
         """It did not come in the time that it has."""
         self._missed[due] += 1
 
-    def given_up(self, due: Due) -> bool:
+    def given_up(self, due: ExpectedReply) -> bool:
         """Whether it was awaited in full twice, and never came."""
         return due not in self._came and self._missed[due] >= _TWICE
 
-    def within_s(self, due: Due, full_s: float) -> float:
+    def timeout_s(self, due: ExpectedReply, full_s: float) -> float:
         """For how long to wait for what has so much time."""
         short_s = _RESULT_S if due.result else _REPLY_S
         return min(full_s, short_s) if self.given_up(due) else full_s
 
-    def rest_s(self, full_s: float) -> float:
+    def rest_timeout_s(self, full_s: float) -> float:
         """For how long to wait until the robot rests: shorter if waiting had no result before."""
         return min(full_s, _RESULT_S) if self._restless >= _TWICE else full_s
 
-    def waited(self, for_s: float, *, rests: bool) -> None:
+    def note_rest(self, for_s: float, *, rests: bool) -> None:
         """The waits so far, with or without result; one successful long wait justifies others."""
         if not rests:
             self._restless += 1

@@ -8,7 +8,11 @@ from hypothesis import strategies as st
 
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.queries import Query, known_to, replies_to
+from scaraspec.suite.controller.harness.requests.queries import (
+    Query,
+    supported_queries,
+    wait_for_replies,
+)
 
 SEGMENT_S: Final = 0.02
 """A pause that keeps what follows out of the segment before."""
@@ -16,18 +20,18 @@ SEGMENT_S: Final = 0.02
 SLOWEST_S: Final = 0.9
 """Of 1 s inside a frame, which has to be survived (A-3-11), less what a link adds to a pause."""
 
-some_cuts = st.lists(st.integers(1, 60), max_size=12)
+segment_sizes = st.lists(st.integers(1, 60), max_size=12)
 """How many bytes the segments have, one after the other; the rest is the last."""
 
 
-def pieces(data: bytes, sizes: Iterable[int]) -> list[bytes]:
+def split_bytes(data: bytes, sizes: Iterable[int]) -> list[bytes]:
     """Cut into pieces of these sizes; the rest is the last."""
     ends = itertools.accumulate(sizes, initial=0)
     cuts = [*[end for end in ends if end < len(data)], len(data)]
     return [data[begin:end] for begin, end in itertools.pairwise(cuts)]
 
 
-def send_in(
+def send_parts(
     line: OutgoingConnection, parts: Iterable[bytes], subject: ControllerUnderTest, pause_s: float
 ) -> None:
     """Send parts one by one, with a pause between them."""
@@ -37,7 +41,7 @@ def send_in(
         line.send_bytes(part)
 
 
-def takes_one_at_a_time(subject: ControllerUnderTest) -> bool:
+def serves_one_at_a_time(subject: ControllerUnderTest) -> bool:
     """Whether the subject claims to serve no request that comes before the reply to another."""
     return subject.dialect["pipelining"] == "one"
 
@@ -53,8 +57,8 @@ def ask_together(
     Raises:
         NoReply: One was not answered.
     """
-    queries = known_to(subject, queries)
+    queries = supported_queries(subject, queries)
     data = b"".join(query.frame(line).encode() for query in queries)
-    for part in pieces(data, sizes):
+    for part in split_bytes(data, sizes):
         line.send_bytes(part)
-    replies_to(line, queries)
+    wait_for_replies(line, queries)

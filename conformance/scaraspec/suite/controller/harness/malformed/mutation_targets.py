@@ -18,8 +18,8 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.requests.queries import opcodes_of
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect
 
-CARRIERS: Final = ("get_time", "get_version", "get_status")
-OPCODES: Final = opcodes_of(*CARRIERS)
+TARGETS: Final = ("get_time", "get_version", "get_status")
+OPCODES: Final = opcodes_of(*TARGETS)
 
 GET_TIME: Final = Frame(A2C, 0x07).encode()
 GET_VERSION: Final = Frame(A2C, 0x08).encode()
@@ -40,7 +40,7 @@ class Recovery(Enum):
     ANEW = "the connection was closed, a new one was served"
 
 
-def harmless(data: bytes) -> bool:
+def is_harmless(data: bytes) -> bool:
     """Whether no receiver finds a whole frame of anything but a carrier in it.
 
     Wherever it begins to read; also one that takes the frames of the other direction (A-3-13) or
@@ -67,17 +67,17 @@ def _holds(data: bytes, at: int, direction: Direction, head: int) -> bool:
 
 
 def _can_be_sent(data: bytes) -> bool:
-    return harmless(data + FLOOD)
+    return is_harmless(data + FLOOD)
 
 
-strays: SearchStrategy[bytes] = (
+stray_bytes: SearchStrategy[bytes] = (
     st.binary(min_size=1, max_size=40)
     .map(lambda data: data.replace(_START, b"\x55"))
     .filter(_can_be_sent)
 )
 """Bytes none of which begins a frame of a client."""
 
-carriers = st.sampled_from((GET_TIME, GET_VERSION, GET_STATUS))
+whole_targets = st.sampled_from((GET_TIME, GET_VERSION, GET_STATUS))
 """Whole frames."""
 
 
@@ -92,14 +92,14 @@ def _spoiled(draw: st.DrawFn) -> bytes:
     return bytes((A2C.start, opcode, declared)) + data + bytes((end,))
 
 
-spoiled: SearchStrategy[bytes] = _spoiled().filter(_can_be_sent)
+damaged_targets: SearchStrategy[bytes] = _spoiled().filter(_can_be_sent)
 """Carriers with a wrong end byte, or a length that is not the number of their data bytes."""
 
 
 # ---------------------------------------------------------------------- getting over it
 
 
-def survives(
+def expect_recovery(
     subject: ControllerUnderTest,
     data: bytes,
     *,
@@ -117,16 +117,16 @@ def survives(
     Raises:
         CaseFailed: It no longer serves, or sends an unsolicited reply.
     """
-    assert harmless(data + FLOOD), "damaged bytes may be executed"
+    assert is_harmless(data + FLOOD), "damaged bytes may be executed"
     line = subject.open(judged=False)
     line.send_bytes(data)
-    how = recovers(subject, line)
-    nothing_else(line, requirement=requirement, opcodes=opcodes)
+    how = recovery_of(subject, line)
+    expect_only_replies(line, requirement=requirement, opcodes=opcodes)
     line.close()
     return how
 
 
-def recovers(subject: ControllerUnderTest, line: OutgoingConnection) -> Recovery:
+def recovery_of(subject: ControllerUnderTest, line: OutgoingConnection) -> Recovery:
     """Check that a subject serves again after bytes that are no frame.
 
     However it looks for the next frame (A-3-10) and however long it waits for the rest of one
@@ -175,7 +175,7 @@ def _answers(line: OutgoingConnection, data: bytes, within_s: float) -> bool:
     return True
 
 
-def nothing_else(
+def expect_only_replies(
     line: OutgoingConnection, *, requirement: str, opcodes: frozenset[int] = OPCODES
 ) -> None:
     """Fail the subject if it has sent anything but replies under these opcodes.

@@ -19,7 +19,7 @@ from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.protocol.transfer import FileData
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.state.preserve import alive
+from scaraspec.suite.controller.harness.state.preserve import ensure_open
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import NoReply
 
@@ -55,7 +55,7 @@ def malformed(name: str, value: Any = None, dialect: Dialect = DEFAULT) -> tuple
     return tuple(_payload(BY_NAME[name].request, value, dialect))
 
 
-class Offered(NamedTuple):
+class MalformedResult(NamedTuple):
     """What came of a malformed request.
 
     Attributes:
@@ -75,15 +75,15 @@ class Offered(NamedTuple):
         return "silence" if self.answer is None else f"{self.answer}"
 
 
-def offer(
+def send_malformed(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, wrong: Malformed
-) -> Offered:
+) -> MalformedResult:
     """Send a malformed request.
 
     Raises:
         NoReply: The subject answers nothing any more.
     """
-    line = alive(subject, line)
+    line = ensure_open(subject, line)
     opcode = line.send(name, data=wrong.data).opcode
     try:
         came = line.sync()
@@ -94,8 +94,8 @@ def offer(
         came = line.inbox
     for seen in came:
         if seen.frame.opcode == opcode and not seen.frame.tagged:
-            return Offered(ReceivedFrame(seen, seen.value), alive(subject, line))
-    return Offered(_late(subject, line, name), alive(subject, line))
+            return MalformedResult(ReceivedFrame(seen, seen.value), ensure_open(subject, line))
+    return MalformedResult(_late(subject, line, name), ensure_open(subject, line))
 
 
 def _late(

@@ -9,7 +9,12 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.files import CHUNK_S, begin_upload, incoming, offer
+from scaraspec.suite.controller.harness.requests.files import (
+    CHUNK_S,
+    begin_upload,
+    receive_chunks,
+    try_chunk,
+)
 from scaraspec.suite.engine.expectations import CaseFailed
 from scaraspec.suite.engine.transfer_timeouts import Silence, transfer_timeouts_of
 
@@ -97,7 +102,7 @@ def uploads_at_once(subject: ControllerUnderTest) -> bool:
     try:
         for line in lines:
             begin_upload(line, subject.new_name())
-        taken = [offer(line, Chunk(1, 0, 1, b"!"), within_s=CHUNK_S) for line in lines]
+        taken = [try_chunk(line, Chunk(1, 0, 1, b"!"), within_s=CHUNK_S) for line in lines]
     except CaseFailed:
         taken = [False]
     for line in lines:
@@ -113,7 +118,7 @@ def downloads_at_once(subject: ControllerUnderTest, name: bytes) -> bool:
     try:
         taken = [line.ask("download_name", data=name).accepted for line in lines]
         if all(taken):
-            deque(zip(*map(incoming, lines), strict=True), maxlen=0)
+            deque(zip(*map(receive_chunks, lines), strict=True), maxlen=0)
     except (CaseFailed, ValueError):  # a chunk of the other one's, or one that never comes
         taken = [False]
     for line in lines:
@@ -126,6 +131,6 @@ def _refuses_strays(subject: ControllerUnderTest) -> bool:
     if Hazard.STATE not in subject.allowed:
         return False
     line = subject.open()
-    refuses = offer(line, Chunk(1, 0, 1, b"!")) is not None or line.ending is not None
+    refuses = try_chunk(line, Chunk(1, 0, 1, b"!")) is not None or line.ending is not None
     line.close()
     return refuses

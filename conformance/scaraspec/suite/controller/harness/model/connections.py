@@ -6,8 +6,8 @@ from scaraspec.protocol.fields import show
 from scaraspec.suite.controller.harness.model.state import ModelState, Step
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.passwords import (
-    change,
-    expect_changed,
+    expect_password_changed,
+    request_password_change,
     usable_passwords,
 )
 from scaraspec.suite.controller.harness.suite_passwords import PLAIN_PASSWORD
@@ -69,7 +69,7 @@ class ConnectionSteps(ModelState):
             return None
         passwords = (self._subject.password, *usable_passwords(self._subject))
         new = passwords[step.value % len(passwords)]
-        if not expect_changed(line, self._password, new):
+        if not expect_password_changed(line, self._password, new):
             return f"set the password {show(new)}, refused"
         self._password = new
         self._all_anew("4.2/4", "the new password does not open the next login")
@@ -78,7 +78,7 @@ class ConnectionSteps(ModelState):
     def _mistake_password(self, _: Step, line: OutgoingConnection) -> str | None:
         if not self._subject.access.needs_login or not self._subject.may_try_wrong_password():
             return None
-        answer = change(line, self._password + b"-no", PLAIN_PASSWORD)
+        answer = request_password_change(line, self._password + b"-no", PLAIN_PASSWORD)
         expect(
             answer.accepted is False,
             "the password was changed although the old one was wrong",

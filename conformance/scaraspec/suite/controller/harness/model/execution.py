@@ -13,12 +13,12 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.requests.motion import (
     IDLE,
     REACHED,
+    move_target,
     pose_deviation,
     pose_of,
-    status_behind,
+    status_after_result,
     stop,
     stop_motion,
-    target,
 )
 from scaraspec.suite.controller.harness.requests.ports import (
     ALL_OUTPUTS,
@@ -57,7 +57,7 @@ class ExecutionSteps(FileSteps):
         if self._is_over(within_s=0):
             return
         command, name = self._running[:2] if self._running else ("", b"")
-        status = line.ask("get_status") if command else status_behind(line)
+        status = line.ask("get_status") if command else status_after_result(line)
         told = line.ask("get_running_program")
         due = STATES[command] if command else IDLE
         if status.value != due and self._is_over(within_s=SILENCE_S):
@@ -188,7 +188,7 @@ class ExecutionSteps(FileSteps):
         if self._recentred:
             return None
         self._subject.moved = True
-        answer = line.ask(MOVE, target(self._here, self._subject.ics.motion.speed_percent))
+        answer = line.ask(MOVE, move_target(self._here, self._subject.ics.motion.speed_percent))
         expect_accepted(MOVE, answer)
         expect_success(self._subject, line, MOVE)
         at = pose_of(line)

@@ -6,7 +6,7 @@ from scaraspec.protocol.fields import show
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.controller.harness.model.state import ENDLESS, ModelState, Step
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.files import download, send
+from scaraspec.suite.controller.harness.requests.files import download, send_chunk
 from scaraspec.suite.controller.harness.state.defaults import expect_default
 from scaraspec.suite.engine.expectations import CaseFailed, expect
 from scaraspec.suite.program_files.layout import configured, layout_in_use
@@ -45,7 +45,7 @@ class FileSteps(ModelState):
         if there:
             return f"upload {show(name)} again"
         for chunk in chunks_of(content):
-            send(line, chunk)
+            send_chunk(line, chunk)
         self._files[name] = content
         if step.value >= ENDLESS:
             self._endless.append(name)

@@ -18,13 +18,13 @@ from scaraspec.suite.controller.harness.requests.motion import (
     stop_motion,
 )
 from scaraspec.suite.controller.harness.requests.passwords import (
-    change,
+    request_password_change,
 )
 from scaraspec.suite.controller.harness.requests.ports import (
     set_output,
 )
-from scaraspec.suite.controller.harness.requests.queries import known_to
-from scaraspec.suite.controller.harness.state.preserve import alive
+from scaraspec.suite.controller.harness.requests.queries import supported_queries
+from scaraspec.suite.controller.harness.state.preserve import ensure_open
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect_equal
 from scaraspec.suite.program_files.listed import program_names, store_program
 from scaraspec.user_message import UserMessage
@@ -46,7 +46,7 @@ _MEANWHILE: Final = frozenset(
 class Model(ConnectionSteps, SettingSteps, ExecutionSteps):
     """Performs the steps of a sequence and checks what follows from them; see `ModelState`."""
 
-    def take(self, step: Step) -> None:
+    def perform(self, step: Step) -> None:
         """Do a step, and check what follows from it.
 
         Raises:
@@ -57,13 +57,13 @@ class Model(ConnectionSteps, SettingSteps, ExecutionSteps):
         try:
             if self._running and step.act not in _MEANWHILE:
                 self._stop(step, line)
-                self.told.append("stop")
+                self.history.append("stop")
             said = act(step, line)
         except CaseFailed as error:
             self._tell(error, step.act)
             raise
         if said:
-            self.told.append(said)
+            self.history.append(said)
 
     def check(self) -> None:
         """Look at all that is known.
@@ -74,18 +74,18 @@ class Model(ConnectionSteps, SettingSteps, ExecutionSteps):
         for act in dict.fromkeys(self._acts):
             if act == "download":
                 for which in range(len(self._files)):
-                    self.take(Step(act, which, 0, 0))
+                    self.perform(Step(act, which, 0, 0))
             elif act.startswith(("look", "list_", "get_")):
-                self.take(Step(act, 0, 0, 0))
+                self.perform(Step(act, 0, 0, 0))
 
-    def take_away(self) -> None:
+    def clean_up(self) -> None:
         """Stop what executes, take away all files, and end the connections.
 
         Raises:
             CaseFailed: The subject does not obey.
         """
         try:
-            line = self._lines[0] = alive(self._subject, self._lines[0])
+            line = self._lines[0] = ensure_open(self._subject, self._lines[0])
             if self._subject.moved:
                 stop_motion(self._subject, line)
             self._settle_transfer(line)
@@ -99,7 +99,7 @@ class Model(ConnectionSteps, SettingSteps, ExecutionSteps):
                     ):
                         set_output(line, port, on=self._before[port - 1])
             if self._password != self._subject.password:
-                change(line, self._password, self._subject.password)
+                request_password_change(line, self._password, self._subject.password)
         finally:
             self._subject.close_lines()
 
@@ -109,14 +109,14 @@ class Model(ConnectionSteps, SettingSteps, ExecutionSteps):
         line.ask("delete_program", data=name)
 
     def _tell(self, error: CaseFailed, act: str) -> None:
-        behind = "; ".join(self.told[-_TOLD:]) or "nothing"
-        more = f"… {len(self.told) - _TOLD} steps; " if len(self.told) > _TOLD else ""
+        behind = "; ".join(self.history[-_TOLD:]) or "nothing"
+        more = f"… {len(self.history) - _TOLD} steps; " if len(self.history) > _TOLD else ""
         error.args = (f"{error}, in {act} after: {more}{behind}",)
         if isinstance(error, NoReply):
             error.requirement = error.requirement or error.owed
 
     def _query(self, step: Step, line: OutgoingConnection) -> str | None:
-        queries = known_to(self._subject)
+        queries = supported_queries(self._subject)
         query = queries[(step.which * VALUES + step.value) % len(queries)]
         if self._deaf:
             return None

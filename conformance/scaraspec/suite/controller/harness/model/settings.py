@@ -7,10 +7,10 @@ from scaraspec.protocol.commands import Point, Pose
 from scaraspec.suite.controller.harness.model.state import VALUES, ModelState, Step
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.clock import (
-    expect_ran,
-    read,
-    set_to,
-    shifted,
+    expect_clock_ran,
+    read_clock,
+    set_clock,
+    shifted_time,
 )
 from scaraspec.suite.controller.harness.requests.poses import expect_numbers, gripper_of, initial_of
 
@@ -50,17 +50,17 @@ class SettingSteps(ModelState):
         return "ask for the poses"
 
     def _set_clock(self, step: Step, line: OutgoingConnection) -> str | None:
-        time = shifted(read(self._subject, line).time, timedelta(days=_DAYS[step.value]))
+        time = shifted_time(read_clock(self._subject, line).time, timedelta(days=_DAYS[step.value]))
         if time.year not in _YEARS:
             time = _SUMMER
-        self._clock = set_to(self._subject, line, time)
+        self._clock = set_clock(self._subject, line, time)
         return f"set the clock {self._clock.time}"
 
     def _get_clock(self, _: Step, line: OutgoingConnection) -> str | None:
         if self._deaf:
             return None
-        now = read(self._subject, line)
+        now = read_clock(self._subject, line)
         if self._clock:
             message = "the clock does not go on from what was set"
-            expect_ran(self._subject, self._clock, now, message, "4.5/4")
+            expect_clock_ran(self._subject, self._clock, now, message, "4.5/4")
         return "ask for the time"

@@ -15,7 +15,7 @@ from scaraspec.suite.controller.harness.requests.motion import (
 from scaraspec.suite.controller.harness.requests.ports import (
     Bits,
     outputs,
-    settable,
+    settable_outputs,
 )
 from scaraspec.suite.controller.harness.two_stage.commands import (
     RUN,
@@ -27,7 +27,7 @@ from scaraspec.suite.engine.expectations import NoReply
 if TYPE_CHECKING:
     from scaraspec.protocol.commands import Point, Pose
     from scaraspec.suite.controller.harness.requests.clock import (
-        Reading,
+        ClockSample,
     )
 
 VALUES: Final = 4
@@ -78,7 +78,7 @@ class ModelState:
     def __init__(
         self, subject: ControllerUnderTest, acts: list[str], names: Sequence[bytes]
     ) -> None:
-        self.told: list[str] = []
+        self.history: list[str] = []
         self._subject, self._acts, self._names = subject, acts, names
         self._password = subject.password
         self._lines = [self._connection()]
@@ -93,13 +93,13 @@ class ModelState:
         self._centre: Point | None = None
         self._recentred = False
         self._initial: Pose | None = None
-        self._clock: Reading | None = None
+        self._clock: ClockSample | None = None
         self._running: tuple[str, bytes, OutgoingConnection] | None = None
         if {"set_initial", "move"} & set(acts):
             self._here = pose_of(self._lines[0])
         self._outputs: dict[frozenset[str], Bits] = {}  # by what switches all off
         if "set_output" in acts:
-            self._ports = settable(self._lines[0])
+            self._ports = settable_outputs(self._lines[0])
             self._before = outputs(self._lines[0])
             self._outputs = dict.fromkeys(SWITCHED_OFF_BY, self._before)
 

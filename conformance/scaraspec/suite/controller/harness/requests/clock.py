@@ -19,7 +19,7 @@ _DRIFT: Final = 0.01
 _NS: Final = 1e9
 
 
-class Reading(NamedTuple):
+class ClockSample(NamedTuple):
     """What the clock showed, and between which moments of ours, in seconds."""
 
     time: datetime
@@ -27,7 +27,7 @@ class Reading(NamedTuple):
     answered_s: float
 
 
-def read(subject: ControllerUnderTest, line: OutgoingConnection) -> Reading:
+def read_clock(subject: ControllerUnderTest, line: OutgoingConnection) -> ClockSample:
     """Ask for the time.
 
     Raises:
@@ -41,14 +41,14 @@ def read(subject: ControllerUnderTest, line: OutgoingConnection) -> Reading:
         raise CaseFailed(
             message, expected="YYYYMMDDHHMMSS", observed=f"{answer}", requirement=requirement
         )
-    return Reading(answer.value, asked_s, answer.time_s)
+    return ClockSample(answer.value, asked_s, answer.time_s)
 
 
 def _has_form(answer: ReceivedFrame) -> bool:
     return len(answer.frame.data) == len("YYYYMMDDHHMMSS") and answer.frame.data.isdigit()
 
 
-def shifted(time: datetime, by: timedelta) -> datetime:
+def shifted_time(time: datetime, by: timedelta) -> datetime:
     """Another time, so much later than the time of a clock.
 
     Raises:
@@ -62,7 +62,9 @@ def shifted(time: datetime, by: timedelta) -> datetime:
         ) from None
 
 
-def set_to(subject: ControllerUnderTest, line: OutgoingConnection, time: datetime) -> Reading:
+def set_clock(
+    subject: ControllerUnderTest, line: OutgoingConnection, time: datetime
+) -> ClockSample:
     """Set the clock; what it showed then.
 
     Raises:
@@ -73,11 +75,15 @@ def set_to(subject: ControllerUnderTest, line: OutgoingConnection, time: datetim
     message = UserMessage("the time {time} was not answered 1", time=time)
     requirement = "4.5/3" if answer.accepted is None else "4.5/6"
     expect(answer.accepted, message, expected="1", observed=f"{answer}", requirement=requirement)
-    return Reading(time, asked_s, answer.time_s)
+    return ClockSample(time, asked_s, answer.time_s)
 
 
-def expect_ran(
-    subject: ControllerUnderTest, first: Reading, then: Reading, message: str, requirement: str = ""
+def expect_clock_ran(
+    subject: ControllerUnderTest,
+    first: ClockSample,
+    then: ClockSample,
+    message: str,
+    requirement: str = "",
 ) -> None:
     """Fail the subject unless its clock ran from one reading to the other.
 

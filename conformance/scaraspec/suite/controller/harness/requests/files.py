@@ -1,7 +1,7 @@
 """Files: how the suite sends a file and fetches one, chunk by chunk and without mistakes.
 
 What is checked on the way names its own requirement, whatever the case is about. Cases about
-transfers that go wrong send their own chunks, with `offer`.
+transfers that go wrong send their own chunks, with `try_chunk`.
 """
 
 import re
@@ -61,7 +61,7 @@ def begin_upload(line: OutgoingConnection, name: bytes) -> None:
     )
 
 
-def offer(
+def try_chunk(
     line: OutgoingConnection,
     chunk: Chunk | None = None,
     *,
@@ -75,7 +75,7 @@ def offer(
         return None
 
 
-def send(
+def send_chunk(
     line: OutgoingConnection, chunk: Chunk, requirement: str = "5.2/6", message: str = ""
 ) -> None:
     """Send a chunk that has to be taken; the message says what is wrong where it is not.
@@ -107,7 +107,7 @@ def upload(
     """
     begin_upload(line, name)
     for chunk in chunks_of(content):
-        send(line, chunk, requirement)
+        send_chunk(line, chunk, requirement)
 
 
 # ---------------------------------------------------------------------- download
@@ -122,10 +122,10 @@ def download(line: OutgoingConnection, name: bytes) -> bytes | None:
     """
     if not line.ask("download_name", data=name).accepted:
         return None
-    return b"".join(chunk.data for chunk in incoming(line))
+    return b"".join(chunk.data for chunk in receive_chunks(line))
 
 
-def incoming(line: OutgoingConnection) -> Iterator[Chunk]:
+def receive_chunks(line: OutgoingConnection) -> Iterator[Chunk]:
     """The chunks of a download, each of which is answered when the next is asked for.
 
     Raises:
@@ -147,7 +147,7 @@ def incoming(line: OutgoingConnection) -> Iterator[Chunk]:
                     most_bytes=_MOST_BYTES,
                 )
             )
-    line.apart()
+    line.separate_frames()
 
 
 def expect_stored(
@@ -229,7 +229,7 @@ def download_replies(line: OutgoingConnection, name: bytes) -> list[ReceivedFram
         chunk = frames[-1].value
         line.answer_chunk(accepted=True)
         if isinstance(chunk, Chunk) and chunk.last:
-            line.apart()
+            line.separate_frames()
             break
         try:
             frames.append(_chunk_frame(line))
@@ -279,7 +279,7 @@ def transfer_frames(line: OutgoingConnection, *, stray: bool = False) -> list[Fr
 
     Where an answer to no chunk was sent, a 0 to it counts for nothing (A-5-16).
     """
-    line.apart()
+    line.separate_frames()
     try:
         came = line.sync() if line.ending is None else line.inbox
     except NoReply:
@@ -356,6 +356,6 @@ def leftover_content(line: OutgoingConnection, name: bytes) -> bytes | None:
         content += chunk.data
         line.answer_chunk(accepted=True)
         if chunk.last:
-            line.apart()
+            line.separate_frames()
             break
     return content

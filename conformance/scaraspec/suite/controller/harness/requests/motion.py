@@ -17,7 +17,7 @@ from scaraspec.suite.controller.harness.controller_under_test import (
 )
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.poses import numbers_of
-from scaraspec.suite.controller.harness.timeouts import Due
+from scaraspec.suite.controller.harness.timeouts import ExpectedReply
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
 from scaraspec.user_message import UserMessage
@@ -69,7 +69,7 @@ def same_place(a: Pose, b: Pose) -> bool:
 # ---------------------------------------------------------------------- where to go
 
 
-def target(pose: Pose, speed_percent: int) -> MoveTarget:
+def move_target(pose: Pose, speed_percent: int) -> MoveTarget:
     """The request that goes to a pose."""
     return MoveTarget(speed_percent, *pose)
 
@@ -93,7 +93,7 @@ def neighbours(subject: ControllerUnderTest, pose: Pose, axis: str) -> list[Pose
     return [each for each in poses if in_box(subject, each)]
 
 
-def part_way(pose: Pose, there: Pose, part: float) -> Pose:
+def pose_between(pose: Pose, there: Pose, part: float) -> Pose:
     """A pose between two poses."""
     return Pose(
         *(round(p + way * part, 3) for p, way in zip(pose, differences(there, pose), strict=True))
@@ -115,7 +115,7 @@ def ask_move(
     """Request a move, by default at the speed that the ICS permits."""
     subject.moved = True
     speed = subject.ics.motion.speed_percent if speed_percent is None else speed_percent
-    return line.ask(_MOVE, target(pose, speed))
+    return line.ask(_MOVE, move_target(pose, speed))
 
 
 def begin_step(
@@ -284,13 +284,13 @@ def stop(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFram
     Raises:
         NoReply: The stop is not answered.
     """
-    answer = halt(subject, line)
+    answer = stop_without_reset(subject, line)
     if answer.accepted:
         release_latch(subject, line)
     return answer
 
 
-def halt(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFrame:
+def stop_without_reset(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFrame:
     """Stop what executes, to the end; the first reply to the stop. The arm stays where it is.
 
     Raises:
@@ -301,7 +301,7 @@ def halt(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFram
         with suppress(NoReply):
             line.result("emergency_stop", within_s=subject.reply_s)
         _await_own_result(line)
-        await_rest(subject, line)
+        wait_until_at_rest(subject, line)
     return answer
 
 
@@ -323,12 +323,12 @@ def stop_motion(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
         if status_of(subject, line) not in (*BUSY, None):
             break
         stop(subject, line)
-    await_rest(subject, line)
+    wait_until_at_rest(subject, line)
     release_latch(subject, line)
     line.sync()
 
 
-def status_behind(line: OutgoingConnection) -> ReceivedFrame:
+def status_after_result(line: OutgoingConnection) -> ReceivedFrame:
     """The status after a final result; asked again if it still reports what has ended.
 
     It returns to 00 (L318), at what moment is not said: not every robot changes both at once.
@@ -392,8 +392,8 @@ def wait_for_end(
 
     At fault it may still be busy: the status shows one of the two (A-4.8-2).
     """
-    due = Due(name, result=True)
-    left_s = subject.patience.within_s(due, subject.longest_s if within_s is None else within_s)
+    due = ExpectedReply(name, result=True)
+    left_s = subject.patience.timeout_s(due, subject.longest_s if within_s is None else within_s)
     idle = False
     while not idle and left_s > 0:
         with suppress(NoReply):
@@ -403,17 +403,17 @@ def wait_for_end(
         idle = status_of(subject, line) == IDLE
     with suppress(NoReply):
         return line.result(name, within_s=SILENCE_S)
-    subject.patience.missed(due)
+    subject.patience.note_timeout(due)
     return None
 
 
-def await_rest(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def wait_until_at_rest(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Wait until nothing executes; the status may tell of a fault then."""
-    full_s = left_s = subject.patience.rest_s(subject.longest_s)
+    full_s = left_s = subject.patience.rest_timeout_s(subject.longest_s)
     while (busy := status_of(subject, line) in (*BUSY, None)) and left_s > 0:
         line.wait(_POLL_S)
         left_s -= _POLL_S
-    subject.patience.waited(full_s - left_s, rests=not busy)
+    subject.patience.note_rest(full_s - left_s, rests=not busy)
 
 
 def release_latch(subject: ControllerUnderTest, line: OutgoingConnection) -> None:

@@ -3,35 +3,35 @@
 from scaraspec.protocol.commands import PasswordChange
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.suite_passwords import REFUSABLE, usable
+from scaraspec.suite.controller.harness.suite_passwords import REFUSABLE, settable_passwords
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import expect
 
 
-def altered(password: bytes) -> bytes:
+def altered_password(password: bytes) -> bytes:
     """A wrong one of the same length, in other letter case where that differs."""
     swapped = password.swapcase()
     last = (password or b"0")[-1]
     return swapped if swapped != password else password[:-1] + bytes((last ^ 1,))
 
 
-def rotated(password: bytes) -> bytes:
+def rotated_password(password: bytes) -> bytes:
     """A wrong one of the same letters, the first of them last; altered if that is no other."""
     other = password[1:] + password[:1]
-    return other if other != password else altered(password)
+    return other if other != password else altered_password(password)
 
 
 def usable_passwords(subject: ControllerUnderTest) -> tuple[bytes, ...]:
     """The passwords that cases may set on this controller, the plain one first."""
-    return usable(factory_reset=subject.has_hook("factory_reset"))
+    return settable_passwords(factory_reset=subject.has_hook("factory_reset"))
 
 
-def change(line: OutgoingConnection, old: bytes, new: bytes) -> ReceivedFrame:
+def request_password_change(line: OutgoingConnection, old: bytes, new: bytes) -> ReceivedFrame:
     """Ask for another password; the answer."""
     return line.ask("set_password", PasswordChange(old, new))
 
 
-def expect_changed(line: OutgoingConnection, old: bytes, new: bytes) -> bool:
+def expect_password_changed(line: OutgoingConnection, old: bytes, new: bytes) -> bool:
     """Set a password, with the right old one; an odd one, or the same, may be refused (A-4.1-3).
 
     Returns:
@@ -40,7 +40,7 @@ def expect_changed(line: OutgoingConnection, old: bytes, new: bytes) -> bool:
     Raises:
         CaseFailed: Another one is refused.
     """
-    answer = change(line, old, new)
+    answer = request_password_change(line, old, new)
     if answer.accepted is False and (new in REFUSABLE or new == old):
         return False
     expect(

@@ -102,7 +102,7 @@ def set_output(line: OutgoingConnection, port: int, *, on: bool) -> ReceivedFram
     return line.ask("set_digital_output", PortValue(port, int(on)))
 
 
-def settable(line: OutgoingConnection) -> list[int]:
+def settable_outputs(line: OutgoingConnection) -> list[int]:
     """The ports of 0x49 that 0x43 takes for outputs; each is set to what it is.
 
     Raises:
@@ -138,7 +138,7 @@ def expect_inputs(
 
 
 @contextmanager
-def outputs_kept(line: OutgoingConnection) -> Iterator[Bits]:
+def outputs_preserved(line: OutgoingConnection) -> Iterator[Bits]:
     """Give the states of the outputs, and put back afterwards what has changed.
 
     What cannot be put back on this connection any more is left to the end of the run.
@@ -153,7 +153,7 @@ def outputs_kept(line: OutgoingConnection) -> Iterator[Bits]:
                     set_output(line, port, on=was)
 
 
-def still_inputs(line: OutgoingConnection, ports: Iterable[int]) -> list[int]:
+def stable_inputs(line: OutgoingConnection, ports: Iterable[int]) -> list[int]:
     """Those of the inputs that do not change by themselves, as far as a moment shows."""
     seen = [inputs(line)]
     for _ in range(_LOOKS):
@@ -163,7 +163,7 @@ def still_inputs(line: OutgoingConnection, ports: Iterable[int]) -> list[int]:
 
 
 @contextmanager
-def inputs_steady(line: OutgoingConnection, ports: Iterable[int] = ALL_INPUTS) -> Iterator[Bits]:
+def inputs_unchanged(line: OutgoingConnection, ports: Iterable[int] = ALL_INPUTS) -> Iterator[Bits]:
     """Give the states of the inputs; what fails while these change is not a failure.
 
     Raises:
@@ -186,8 +186,8 @@ def inputs_steady(line: OutgoingConnection, ports: Iterable[int] = ALL_INPUTS) -
         raise CaseInconclusive(message)
 
 
-class Drive:
-    """Drives the digital inputs by the hook ``set_input``; made by `inputs_driven`.
+class InputDriver:
+    """Drives the digital inputs by the hook ``set_input``; made by `driven_inputs`.
 
     Attributes:
         now: How they are driven.
@@ -205,7 +205,7 @@ class Drive:
 
 
 @contextmanager
-def inputs_driven(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[Drive]:
+def driven_inputs(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[InputDriver]:
     """Drive the inputs, and afterwards drive them back to what they were.
 
     Raises:
@@ -213,7 +213,7 @@ def inputs_driven(subject: ControllerUnderTest, line: OutgoingConnection) -> Ite
         CaseInconclusive: The hook failed.
     """
     before = inputs(line)
-    drive = Drive(subject, before)
+    drive = InputDriver(subject, before)
     try:
         yield drive
     finally:

@@ -46,7 +46,7 @@ some_queries = st.lists(st.sampled_from(QUERIES), min_size=1, max_size=12)
 """Some of them, in any order and number."""
 
 
-def known_to(
+def supported_queries(
     subject: ControllerUnderTest, queries: tuple[Query, ...] | list[Query] = QUERIES
 ) -> list[Query]:
     """Those that the subject does not say it lacks, and has not always left unanswered.
@@ -63,10 +63,10 @@ def ask_all(subject: ControllerUnderTest, line: OutgoingConnection) -> list[Rece
     Raises:
         NoReply: One was not answered.
     """
-    return [line.ask(*query) for query in known_to(subject)]
+    return [line.ask(*query) for query in supported_queries(subject)]
 
 
-def replies_to(line: OutgoingConnection, queries: list[Query]) -> list[ReceivedFrame]:
+def wait_for_replies(line: OutgoingConnection, queries: list[Query]) -> list[ReceivedFrame]:
     """Wait for the replies to queries that were sent, in whatever order they come.
 
     Raises:

@@ -9,7 +9,7 @@ from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import Frame
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.state.preserve import alive
+from scaraspec.suite.controller.harness.state.preserve import ensure_open
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply, expect
 from scaraspec.traffic.events import FrameSeen
 
@@ -22,7 +22,9 @@ _ZERO: Final = b"0"
 
 
 @contextmanager
-def default_kept(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[None]:
+def default_program_preserved(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> Iterator[None]:
     """Put the default program back afterwards; where there was none it ends with its file."""
     before = _default(line)
     try:
@@ -30,7 +32,7 @@ def default_kept(subject: ControllerUnderTest, line: OutgoingConnection) -> Iter
     finally:
         if before:
             with suppress(CaseFailed, CaseInconclusive):
-                alive(subject, line).ask("set_default_program", data=before)
+                ensure_open(subject, line).ask("set_default_program", data=before)
 
 
 def _default(line: OutgoingConnection) -> bytes:
@@ -42,7 +44,7 @@ def _default(line: OutgoingConnection) -> bytes:
     return b""
 
 
-def ask_default(
+def query_default(
     subject: ControllerUnderTest, line: OutgoingConnection, opcode: int
 ) -> FrameSeen | None:
     """Ask with one of the two opcodes; the reply, None where it is not served (A-3-9).
@@ -50,7 +52,7 @@ def ask_default(
     Raises:
         CaseFailed: The reply bears the other one.
     """
-    line = alive(subject, line)
+    line = ensure_open(subject, line)
     line.send_frame(Frame(A2C, opcode))
     try:
         replies = [seen for seen in line.collect_replies() if seen.frame.opcode in OPCODES]
@@ -68,7 +70,7 @@ def ask_default(
     return replies[0]
 
 
-def says_nothing(reply: FrameSeen) -> bool:
+def reports_no_default(reply: FrameSeen) -> bool:
     """Whether a reply is the 0 that means no default program, or no such opcode (A-3-9)."""
     return reply.frame.data == _ZERO
 
@@ -79,8 +81,8 @@ def _by_the_other_opcode(
     """The default program, if the opcode of the reply is not that of the request."""
     asked = line.request("get_default_program").opcode
     other = next(opcode for opcode in OPCODES if opcode != asked)
-    told = ask_default(subject, line, other)
-    if told is None or says_nothing(told):
+    told = query_default(subject, line, other)
+    if told is None or reports_no_default(told):
         return None
     subject.set_reading("op_get_default", f"0x{other:02X}")
     return told

@@ -15,7 +15,7 @@ from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, Ca
 from scaraspec.user_message import UserMessage
 
 
-def alive(subject: ControllerUnderTest, line: OutgoingConnection) -> OutgoingConnection:
+def ensure_open(subject: ControllerUnderTest, line: OutgoingConnection) -> OutgoingConnection:
     """This connection, or another one in place of all where the subject has ended it."""
     line.pump()
     if line.ending is None and not line.closed:
@@ -25,7 +25,9 @@ def alive(subject: ControllerUnderTest, line: OutgoingConnection) -> OutgoingCon
 
 
 @contextmanager
-def kept(subject: ControllerUnderTest, line: OutgoingConnection, *names: str) -> Iterator[None]:
+def settings_preserved(
+    subject: ControllerUnderTest, line: OutgoingConnection, *names: str
+) -> Iterator[None]:
     """Put back afterwards what the items of these names were.
 
     Raises:
@@ -42,11 +44,11 @@ def kept(subject: ControllerUnderTest, line: OutgoingConnection, *names: str) ->
         for item in items:
             with suppress(CaseFailed, CaseInconclusive):
                 if (value := before.get(item.name)) is not None:
-                    item.write(subject, alive(subject, line), value)
+                    item.write(subject, ensure_open(subject, line), value)
 
 
 @contextmanager
-def password_kept(subject: ControllerUnderTest) -> Iterator[None]:
+def password_preserved(subject: ControllerUnderTest) -> Iterator[None]:
     """Set the password again afterwards that the tester named, if it is another one by then.
 
     Raises:
@@ -78,7 +80,7 @@ def patient(subject: ControllerUnderTest, lasts_s: float) -> None:
         CaseSkipped: It may not.
     """
     ours_s = lasts_s / subject.ics.time_scale
-    if ours_s > subject.access.patience_s:
+    if ours_s > subject.access.wait_limit_s:
         raise CaseSkipped(
             UserMessage("it lasts {ours_s:.0f} s: grant them with --patience", ours_s=ours_s)
         )

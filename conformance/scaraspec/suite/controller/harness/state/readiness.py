@@ -51,7 +51,7 @@ def make_ready(subject: ControllerUnderTest) -> None:
         aside()
 
 
-def come_back(subject: ControllerUnderTest) -> list[str]:
+def return_to_start_pose(subject: ControllerUnderTest) -> list[str]:
     """Bring the arm back to where it stood before it stepped aside.
 
     What it said then may lie beyond an end of its travel, now and then: one reading will do.

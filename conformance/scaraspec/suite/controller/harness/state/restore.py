@@ -15,7 +15,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.guard import EVERYTHING
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.clock import shifted
+from scaraspec.suite.controller.harness.requests.clock import shifted_time
 from scaraspec.suite.controller.harness.state.password import restore_password, set_value
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply, expect
 from scaraspec.suite.engine.journal import JournalError
@@ -63,7 +63,7 @@ def snapshot(subject: ControllerUnderTest, line: OutgoingConnection) -> dict[str
     return {item.name: _read(item, subject, line) for item in items}
 
 
-def without_the_unrestorable(
+def restorable_settings(
     subject: ControllerUnderTest, line: OutgoingConnection, before: Mapping[str, Any]
 ) -> dict[str, Any]:
     """The settings of a snapshot that the controller takes back.
@@ -175,7 +175,7 @@ def _of_programs(
     told = []
     for name in more:
         if subject.files.is_own(name.encode("latin-1")):
-            subject.files.remains(name.encode("latin-1"))  # the next run deletes it
+            subject.files.note_stored(name.encode("latin-1"))  # the next run deletes it
     if more:
         default = _read_default(subject, line)
         ours = [f"{n} (the default program)" if n == default else n for n in more]
@@ -233,7 +233,7 @@ def _read_programs(subject: ControllerUnderTest, line: OutgoingConnection) -> li
 
 def _delete_own(subject: ControllerUnderTest, line: OutgoingConnection, _: list[str]) -> None:
     """Delete what the suite has stored; files of others are not touched."""
-    subject.clear(line)
+    subject.delete_own_files(line)
 
 
 def _read_clock(subject: ControllerUnderTest, line: OutgoingConnection) -> list[float] | None:
@@ -264,7 +264,7 @@ def _write_clock(
     subject: ControllerUnderTest, line: OutgoingConnection, before: list[float]
 ) -> None:
     ahead_s = _ahead_s(subject, before)
-    time = shifted(_ours(subject), timedelta(seconds=ahead_s + _HALF_S))
+    time = shifted_time(_ours(subject), timedelta(seconds=ahead_s + _HALF_S))
     set_value(line, "set_time", time.replace(microsecond=0))
 
 

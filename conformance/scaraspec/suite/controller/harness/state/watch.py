@@ -28,8 +28,8 @@ from scaraspec.suite.controller.harness.setting_values import (
     SETTERS,
     reported,
 )
-from scaraspec.suite.controller.harness.state.defaults import default_kept
-from scaraspec.suite.controller.harness.state.preserve import kept
+from scaraspec.suite.controller.harness.state.defaults import default_program_preserved
+from scaraspec.suite.controller.harness.state.preserve import settings_preserved
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
 from scaraspec.suite.program_files.listed import program_names, store_program
@@ -75,7 +75,7 @@ def watch(subject: ControllerUnderTest, for_s: float) -> None:
             names = [name for name in QUERIES if _read(subject, line, name) is not None]
             with _set_again(subject, line, others.deviating) as requests:
                 _Watch(subject, line, names, requests).run(for_s)
-        subject.clear(line)
+        subject.delete_own_files(line)
     subject.close_lines()
 
 
@@ -92,7 +92,7 @@ def _set_again(
     requests = {name: settings[name].request for name in harmless if settings[name].request}
     if CLOCK in requests:
         requests[CLOCK] = _NOON
-    with kept(subject, line, *harmless), default_kept(subject, line):
+    with settings_preserved(subject, line, *harmless), default_program_preserved(subject, line):
         if DEFAULT_PROGRAM in names and settings[DEFAULT_PROGRAM].request:
             with suppress(CaseFailed, CaseInconclusive):
                 requests[DEFAULT_PROGRAM] = store_program(subject, line)

@@ -15,9 +15,9 @@ from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
     SLOWEST_PERCENT,
+    move_target,
     pose_of,
     release_latch,
-    target,
 )
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
@@ -220,7 +220,7 @@ def harmless_requests(subject: ControllerUnderTest, line: OutgoingConnection) ->
     values: dict[str, Any] = {
         RUN: program,
         SIMULATE: program,
-        MOVE: target(pose_of(line), SLOWEST_PERCENT),
+        MOVE: move_target(pose_of(line), SLOWEST_PERCENT),
         JOG: JogDirection.PLUS_X,
     }
     return {

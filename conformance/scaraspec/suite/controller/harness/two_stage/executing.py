@@ -170,7 +170,7 @@ def expect_idle(subject: ControllerUnderTest, line: OutgoingConnection, message:
         CaseFailed: It is not.
     """
     try:
-        subject.until_idle(line, within_s=_REST_S)
+        subject.wait_until_idle(line, within_s=_REST_S)
     except CaseInconclusive as error:
         raise CaseFailed(
             message, expected=_IDLE, observed=f"{error}", requirement="4.8/3"

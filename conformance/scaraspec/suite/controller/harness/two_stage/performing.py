@@ -14,9 +14,9 @@ from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
     SLOWEST_PERCENT,
     arm_returned,
+    move_target,
     pose_of,
     status_at_rest,
-    target,
 )
 from scaraspec.suite.controller.harness.two_stage.commands import (
     JOG,
@@ -108,7 +108,7 @@ def _perform_lock(
 def _perform_move(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, pose: Pose
 ) -> Performed:
-    first = begin(subject, line, name, target(pose, SLOWEST_PERCENT))
+    first = begin(subject, line, name, move_target(pose, SLOWEST_PERCENT))
     return _ended(subject, line, name, first)
 
 
