@@ -1,4 +1,4 @@
-"""Controllers that let clients in, and send them away, in ways of their own, which are open."""
+"""Conforming controllers that accept and close connections according to readings of their own."""
 
 import math
 from collections.abc import Callable
@@ -17,81 +17,75 @@ from scaraspec.virtual_controller.session import Action, Carrier, Close, Request
 Try = Callable[..., Any]
 
 
-class CutsALittleLater(ControllerCore):
-    """A new network is answered, and the connection ends while the next is asked."""
+class ClosesAtNextRequest(ControllerCore):
+    """After a new network is set, the connection is closed at the next request."""
 
-    asked = frozenset(range(0x100))
+    closing_opcodes = frozenset(range(0x100))
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self._doomed: set[int] = set()
+        self._to_close: set[int] = set()
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """End it."""
-        if session.connection in self._doomed and frame.opcode in self.asked:
+        if session.connection in self._to_close and frame.opcode in self.closing_opcodes:
             self._end(session, now_s)
             return
         super().handle(session, frame, now_s)
         if frame.opcode == 0x05:
-            self._doomed.add(session.connection)
+            self._to_close.add(session.connection)
 
 
-class CutsALotLater(CutsALittleLater):
-    """It ends while the next network is set."""
+class ClosesAtNextNetwork(ClosesAtNextRequest):
+    """After a new network is set, the connection is closed when the next network is set."""
 
-    asked = frozenset({0x05})
+    closing_opcodes = frozenset({0x05})
 
 
-class CutsBehindTheReply(ControllerCore):
-    """A new network is answered, and then the connection ends."""
+class ClosesAfterReply(ControllerCore):
+    """The connection is closed after the reply to a new network."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """End it."""
         super().handle(session, frame, now_s)
         if frame.opcode == 0x05 and self._value(self._command(frame), frame) is not None:  # type: ignore[arg-type] # it has a row
             self._end(session, now_s)
 
 
 class ClosesOnMalformed(ControllerCore):
-    """A request that says nothing usable ends its connection."""
+    """A request with an invalid payload closes its connection, except for two-stage commands."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """End it."""
         command = self._command(frame)
-        asks = command and command.request.fields and not command.two_stage
-        if command and asks and command.initiator is A2C and self._value(command, frame) is None:
+        checked = command and command.request.fields and not command.two_stage
+        if command and checked and command.initiator is A2C and self._value(command, frame) is None:
             self._end(session, now_s)
         else:
             super().handle(session, frame, now_s)
 
 
 class ClosesOnAnyMalformed(ControllerCore):
-    """As before, and commands that move the arm are no exception."""
+    """A request with an invalid payload closes its connection."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """End it."""
         command = self._command(frame)
-        spoilt = command and frame.data and self._value(command, frame) is None
-        if command and spoilt and command.initiator is A2C:
+        invalid = command and frame.data and self._value(command, frame) is None
+        if command and invalid and command.initiator is A2C:
             self._end(session, now_s)
         else:
             super().handle(session, frame, now_s)
 
 
 class RefusesFurtherLogins(ControllerCore):
-    """While one client is logged in the password opens to no other one (A-2-2)."""
+    """While one client is logged in, every login of another one is refused (A-2-2)."""
 
     def login(self, request: Request) -> bool:
-        """Refuse it."""
-        others = [each for each in self.sessions.values() if each is not request.session]
-        return not any(each.logged_in for each in others) and super().login(request)
+        others = [session for session in self.sessions.values() if session is not request.session]
+        return not any(session.logged_in for session in others) and super().login(request)
 
 
-class AnswersZeroToStrangers(ControllerCore):
-    """Whatever comes before the login is answered 0 (A-4-4)."""
+class AnswersZeroBeforeLogin(ControllerCore):
+    """Every request before the login is answered 0 (A-4-4)."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Answer it."""
         if session.logged_in or frame.opcode == 0x01:
             super().handle(session, frame, now_s)
         else:
@@ -99,25 +93,23 @@ class AnswersZeroToStrangers(ControllerCore):
 
 
 class LocksOut(ControllerCore):
-    """Two wrong passwords in a row, and nobody gets in any more (A-4.1-2)."""
+    """After two consecutive wrong passwords, every login is refused (A-4.1-2)."""
 
-    _row = 0
+    _wrong_in_a_row = 0
 
     def login(self, request: Request) -> bool:
-        """Count them."""
-        right = self._row < 2 and super().login(request)
-        self._row = 0 if right else self._row + 1
+        right = self._wrong_in_a_row < 2 and super().login(request)
+        self._wrong_in_a_row = 0 if right else self._wrong_in_a_row + 1
         return right
 
     def set_password(self, request: Request) -> bool:
-        """Here, too."""
         changed = super().set_password(request)
-        self._row += not changed
+        self._wrong_in_a_row += not changed
         return changed
 
 
-class Greets(ControllerCore):
-    """Every connection begins with the version (A-3-16)."""
+class SendsVersionAtConnect(ControllerCore):
+    """Every connection begins with an unsolicited version (A-3-16)."""
 
     def _add_session(self, connection: int, carrier: Carrier) -> None:
         super()._add_session(connection, carrier)
@@ -127,67 +119,62 @@ class Greets(ControllerCore):
 @pytest.mark.parametrize(
     ("core", "only"),
     [
-        (CutsBehindTheReply, ("4.4/2", "4.4/4", "4.4/5")),
-        (CutsALittleLater, ("4.4/4",)),
-        (CutsALotLater, ("4.4/4", "4.4/5")),
+        (ClosesAfterReply, ("4.4/2", "4.4/4", "4.4/5")),
+        (ClosesAtNextRequest, ("4.4/4",)),
+        (ClosesAtNextNetwork, ("4.4/4", "4.4/5")),
         (ClosesOnMalformed, ("4.4/5", "4.5/5", "4.11/4", "4.13/5", "4.20/4", "4.21/4")),
         (RefusesFurtherLogins, ("2/12",)),
-        (Greets, ("2/12", "3/29", "5.3/4")),
+        (SendsVersionAtConnect, ("2/12", "3/29", "5.3/4")),
         (LocksOut, ("4.1/2", "4.2/3", "4.2/6")),
-        (AnswersZeroToStrangers, ("2/11",)),
+        (AnswersZeroBeforeLogin, ("2/11",)),
         (
             ClosesOnAnyMalformed,
             ("3/17", "4.24/3", "4.28/7", "4.32/5", "4.32/7", "4.33/3", "5.2/15"),
         ),
     ],
 )
-def test_what_is_open_is_not_failed(
+def test_open_behaviour_passes(
     tried: Try, core: type[ControllerCore], only: tuple[str, ...]
 ) -> None:
     """Every case of these requirements passes or is tolerated."""
     assert not tried(core, *only).wrong
 
 
-class ServesTwo(ControllerCore):
-    """More clients than two are refused (A-2-2)."""
+class AcceptsTwoClients(ControllerCore):
+    """At most two connections are accepted (A-2-2)."""
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
-        """Refuse them."""
-        most = 2
-        full = len(self.sessions) == most
+        full = len(self.sessions) == 2
         return [Close(connection)] if full else super().open(connection, now_s, link)
 
 
-def test_a_few_clients_are_enough(tried: Try) -> None:
-    """How many clients are served at once is open (A-2-2)."""
-    assert not tried(ServesTwo, "3/29", "3/32").wrong
+def test_two_clients_are_enough(tried: Try) -> None:
+    """The number of clients that are served at the same time is open (A-2-2)."""
+    assert not tried(AcceptsTwoClients, "3/29", "3/32").wrong
 
 
-class LetsTwoIn(ControllerCore):
-    """Others wait at the door, and what they send with them, until one of the two leaves."""
+class QueuesThirdClient(ControllerCore):
+    """Two clients are served; others and their requests wait until one of the two disconnects."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._waiting: dict[int, bytes] = {}
 
-    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:  # noqa: ARG002 - all are of one kind here
-        """Let in as many as there is room for."""
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:  # noqa: ARG002 - unused
         self._waiting[connection] = b""
-        return self._let_in(now_s)
+        return self._serve_waiting(now_s)
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
-        """Hear who is in."""
         if connection not in self._waiting:
             return super().receive(connection, data, now_s)
         self._waiting[connection] += data
         return self.advance(now_s)
 
     def close(self, connection: int, now_s: float) -> list[Action]:
-        """Make room."""
         self._waiting.pop(connection, None)
-        return [*super().close(connection, now_s), *self._let_in(now_s)]
+        return [*super().close(connection, now_s), *self._serve_waiting(now_s)]
 
-    def _let_in(self, now_s: float) -> list[Action]:
+    def _serve_waiting(self, now_s: float) -> list[Action]:
         actions = self.advance(now_s)
         while self._waiting and len(self.sessions) < 2:
             connection = next(iter(self._waiting))
@@ -197,80 +184,74 @@ class LetsTwoIn(ControllerCore):
 
 
 class IgnoresWrongPasswords(ControllerCore):
-    """Who does not know the password is not answered."""
+    """A wrong password is not answered."""
 
     def login(self, request: Request) -> Any:
-        """Keep silent."""
         return super().login(request) or SILENCE
 
 
-def test_who_is_not_let_in_is_not_answered(tried: Try) -> None:
-    """A third client may wait at the door (A-2-2); one that is served is answered."""
-    for core, alarms in ((LetsTwoIn, False), (IgnoresWrongPasswords, True)):
+def test_third_client_may_wait(tried: Try) -> None:
+    """A third client may wait without a reply (A-2-2), but a client that is served must get one."""
+    for core, alarms in ((QueuesThirdClient, False), (IgnoresWrongPasswords, True)):
         assert bool(tried(core, "4.2/4", "4.20/3", examples=20).wrong) is alarms
 
 
-class FreesLate(ServesTwo):
-    """As before, and a client that has left keeps its place for another moment."""
+class DetectsTwoDisconnectsLate(AcceptsTwoClients):
+    """Like the base class, but a disconnected client is counted for 10 ms longer."""
 
-    _LATE_S = 0.01
+    _DELAY_S = 0.01
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._left_s: list[float] = []
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
-        """Look which places are taken."""
-        self._left_s = [at_s for at_s in self._left_s if at_s > now_s - self._LATE_S]
+        self._left_s = [at_s for at_s in self._left_s if at_s > now_s - self._DELAY_S]
         if len(self.sessions) + len(self._left_s) < 2:
             return super().open(connection, now_s, link)
         self._actions.append(Close(connection))
         return self._take_actions()
 
     def close(self, connection: int, now_s: float) -> list[Action]:
-        """Remember when."""
         if connection in self.sessions:
             self._left_s.append(now_s)
         return super().close(connection, now_s)
 
 
-def test_a_place_may_be_free_a_moment_later(tried: Try) -> None:
-    """Who served two, and has not yet seen them leave, sends the next one away (A-2-2)."""
-    assert not tried(FreesLate, "2/11", "2/13", "4/6", "5.2/11", "5.2/12").alarms
+def test_disconnect_may_be_detected_late(tried: Try) -> None:
+    """A new connection may be refused shortly after another one was closed (A-2-2)."""
+    assert not tried(DetectsTwoDisconnectsLate, "2/11", "2/13", "4/6", "5.2/11", "5.2/12").alarms
 
 
-class SendsSomeAway(ControllerCore):
-    """Every seventh client is sent away, whoever is there."""
+class ClosesSomeConnections(ControllerCore):
+    """Every seventh connection is closed."""
 
     _count = 0
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
-        """Count them."""
         self._count += 1
         seventh = self._count % 7 == 0
         return [Close(connection)] if seventh else super().open(connection, now_s, link)
 
 
-def test_a_place_is_not_taken_by_nobody(tried: Try) -> None:
-    """Where several are served, who comes alone is served (2/13)."""
-    assert "2/13" in tried(SendsSomeAway, "2/13").failed
+def test_single_client_must_be_served(tried: Try) -> None:
+    """If several clients are served, a single client is always served (2/13)."""
+    assert "2/13" in tried(ClosesSomeConnections, "2/13").failed
 
 
-class DisplacesAMomentLater(ControllerCore):
-    """The newest client is served; a moment later the one before is sent away (A-2-2)."""
+class ReplacesClientLate(ControllerCore):
+    """The newest client is served; the previous one is closed 50 ms later (A-2-2)."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._due_s: dict[int, float] = {}
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
-        """Remember whom to send away."""
         for other in self.sessions:
             self._due_s.setdefault(other, now_s + 0.05)
         return super().open(connection, now_s, link)
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
-        """Serve only the newest."""
         return super().receive(connection, b"" if connection in self._due_s else data, now_s)
 
     def _process_due(self, now_s: float) -> None:
@@ -282,84 +263,78 @@ class DisplacesAMomentLater(ControllerCore):
 
     @property
     def next_event_s(self) -> float | None:
-        """When the next one is sent away."""
         return min((*self._due_s.values(), super().next_event_s or math.inf), default=None)
 
 
 @pytest.mark.parametrize("only", ["2/12", "3/18", "3/20", "4/6", "4.28/5"])
-def test_who_is_displaced_may_be_sent_away_a_moment_later(tried: Try, only: str) -> None:
-    """That the newest client wins is found out although the one before is not gone at once."""
-    assert not tried(DisplacesAMomentLater, only).alarms
+def test_replaced_client_may_be_closed_late(tried: Try, only: str) -> None:
+    """The reading of the newest client is detected even if the previous connection ends late."""
+    assert not tried(ReplacesClientLate, only).alarms
 
 
-class DisplacesTheFirstOfTwo(ControllerCore):
-    """Two clients are served; a third one takes the place of the first (A-2-2)."""
+class ThirdClientReplacesFirst(ControllerCore):
+    """Two clients are served; a third one replaces the first (A-2-2)."""
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
-        """Send the first of two away."""
         while len(self.sessions) > 1:
             self._end(next(iter(self.sessions.values())), now_s)
         return super().open(connection, now_s, link)
 
 
-def test_the_first_of_several_may_be_displaced(tried: Try) -> None:
-    """Where a third client displaces the first, no case has more than one."""
+def test_first_of_several_clients_may_be_replaced(tried: Try) -> None:
+    """If a third client replaces the first one, no case opens more than it can keep."""
     only = ("2/11", "2/12", "4.2/4", "4.20/3", "5.2/12", "5.3/7", "5.4/5")
-    assert not tried(DisplacesTheFirstOfTwo, *only, examples=20).alarms
+    assert not tried(ThirdClientReplacesFirst, *only, examples=20).alarms
 
 
-class NoticesLate(ControllerCore):
-    """Of one client it notices a moment late that it has gone, and serves no other till then."""
+class DetectsDisconnectLate(ControllerCore):
+    """One client is served, and its disconnection is detected 50 ms late."""
 
     _left_s = -math.inf
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
-        """Look who is there."""
         if now_s > self._left_s + 0.05:
             return super().open(connection, now_s, link)
         self._actions.append(Close(connection))
         return self._take_actions()
 
     def close(self, connection: int, now_s: float) -> list[Action]:
-        """Remember when."""
         if connection in self.sessions:
             self._left_s = now_s
         return super().close(connection, now_s)
 
 
-def test_who_notices_late_that_a_client_has_gone(tried: Try) -> None:
-    """The next client of a robot that serves one may have to come twice, from the beginning on."""
-    cases = tried(NoticesLate, "4.7/2", spoken=DEFAULT.replace(max_clients="one"))
+def test_disconnect_of_the_only_client_may_be_detected_late(tried: Try) -> None:
+    """If one client is served, the next one may have to connect twice."""
+    cases = tried(DetectsDisconnectLate, "4.7/2", spoken=DEFAULT.replace(max_clients="one"))
     assert cases
     assert not cases.wrong
 
 
-class GoesSlowly(ControllerCore):
-    """Shut down, it ends its connections at once, and itself half a second later (A-4.35-2)."""
+class SwitchesOffLate(ControllerCore):
+    """A shutdown closes all connections; the robot is off half a second later (A-4.35-2)."""
 
-    gone_s = math.inf
+    off_s = math.inf
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Remember when it will be gone."""
         super().handle(session, frame, now_s)
-        if not self.powered and self.gone_s == math.inf:
-            self.gone_s = now_s + 0.5
+        if not self.powered and self.off_s == math.inf:
+            self.off_s = now_s + 0.5
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
-        """Serve whoever comes in between."""
-        self.powered = now_s < self.gone_s
+        self.powered = now_s < self.off_s
         return super().open(connection, now_s, link)
 
 
-def test_a_robot_that_serves_a_last_client_while_it_goes_has_not_returned(tried: Try) -> None:
-    """Nothing needs to be put back: it was, before the shutdown."""
-    cases = tried(GoesSlowly, "4.35/2")
+def test_connection_before_switch_off_is_not_a_restart(tried: Try) -> None:
+    """A connection that is served before the robot is off is not taken as a restart."""
+    cases = tried(SwitchesOffLate, "4.35/2")
     assert not cases.wrong
     assert cases["4.35/2"].verdict is Verdict.TOLERATED
 
 
 class LeaksTheStatus(ControllerCore):
-    """Who asks for the status has it told to every client."""
+    """The reply to a request for the status is sent to every client."""
 
     def get_status(self, request: Request) -> Any:
         for session in self.sessions.values():
@@ -368,6 +343,6 @@ class LeaksTheStatus(ControllerCore):
         return super().get_status(request)
 
 
-def test_a_status_that_another_client_asked_for_is_not_told_of_itself(tried: Try) -> None:
-    """It is held against a robot that has not told it before."""
+def test_reply_to_another_client_is_not_unsolicited(tried: Try) -> None:
+    """A status that is only sent when another client requests it is a failure."""
     assert "2/12" in tried(LeaksTheStatus, "2/12").failed

@@ -1,6 +1,6 @@
-"""Controllers that run programs and have ports in ways of their own, which are open.
+"""Conforming controllers that run programs and handle ports according to readings of their own.
 
-No case of the suite may fail of them, nor may the judge that watches it.
+No case and no rule of the judge may fail.
 """
 
 import math
@@ -24,43 +24,41 @@ from scaraspec.virtual_controller.store import Store
 Try = Callable[..., Any]
 
 
-class SwitchesOffAtAStop(ControllerCore):
-    """An emergency stop switches off every output, of which some are on at first."""
+class StopClearsOutputs(ControllerCore):
+    """An emergency stop clears all outputs; initially all of them are set."""
 
     def __init__(self, plant: Plant, *others: Any) -> None:
         super().__init__(plant, *others)
-        self._switch(on=True)
+        self._set_all(on=True)
 
-    def _switch(self, *, on: bool) -> None:
+    def _set_all(self, *, on: bool) -> None:
         for port in range(1, OUTPUTS + 1):
             self.plant.digital_outputs[port] = on
 
     def emergency_stop(self, request: Request) -> Acceptance:
-        """Switch them off."""
-        self._switch(on=False)
+        self._set_all(on=False)
         return super().emergency_stop(request)
 
 
-class SwitchesOffAtTheBeginning(SwitchesOffAtAStop):
-    """So does a program that begins: it configures the ports (A-4.32-3)."""
+class RunClearsOutputs(StopClearsOutputs):
+    """The start of a program also clears all outputs: it configures the ports (A-4.32-3)."""
 
     def run_program(self, request: Request) -> Acceptance:
-        """Switch them off."""
-        answer: Acceptance = super().run_program(request)
-        if answer.accepted:
-            self._switch(on=False)
-        return answer
+        reply: Acceptance = super().run_program(request)
+        if reply.accepted:
+            self._set_all(on=False)
+        return reply
 
 
-@pytest.mark.parametrize("core", [SwitchesOffAtAStop, SwitchesOffAtTheBeginning])
-def test_outputs_that_are_not_set_may_be_off(tried: Try, core: type[ControllerCore]) -> None:
-    """What a program does not set it may switch off as it begins, and a stop at any time."""
+@pytest.mark.parametrize("core", [StopClearsOutputs, RunClearsOutputs])
+def test_other_outputs_may_be_cleared(tried: Try, core: type[ControllerCore]) -> None:
+    """The start of a program and a stop may clear outputs that the program does not set."""
     only = ("4/15", "6.4/5", "6.5/9", "6.5/19", "6.5/21", "6.5/24", "6.5/26", "6.6a/14")
     assert not tried(core, *only, examples=20, handled=("set_input",)).alarms
 
 
 class _Ticks(Run):
-    """Begins a node at full quarters of a second only."""
+    """Starts nodes only at full quarters of a second."""
 
     def _step(self, now_s: float) -> None:
         super()._step(now_s)
@@ -68,24 +66,23 @@ class _Ticks(Run):
             self.next_event_s = math.ceil(max(self.next_event_s, now_s + 0.001) * 4) / 4
 
 
-class Slow(ControllerCore):
-    """A node takes a quarter of a second at least."""
+class SlowNodes(ControllerCore):
+    """A node takes at least a quarter of a second."""
 
     interpreter = _Ticks
 
 
-def test_nodes_may_take_their_time(tried: Try) -> None:
-    """Each wait may be late by half a second (6.5/20); how long other nodes take is open."""
-    assert not tried(Slow, "6.5/20", "6.5/22", "6.5/23").alarms
+def test_nodes_may_be_slow(tried: Try) -> None:
+    """A wait may be late by half a second (6.5/20); the duration of other nodes is open."""
+    assert not tried(SlowNodes, "6.5/20", "6.5/22", "6.5/23").alarms
 
 
-class Converts(ControllerCore):
-    """It has two analog inputs, of ten bits for ten volts, whose last bit is never still."""
+class TwoNoisyAnalogInputs(ControllerCore):
+    """There are two analog inputs with ten bits for ten volts, and the lowest bit is noisy."""
 
     noise = 0
 
     def get_analog_input(self, request: Request) -> float | None:
-        """Convert it."""
         value = super().get_analog_input(request)
         if value is None or request.value not in (1, 8):
             return None
@@ -94,12 +91,12 @@ class Converts(ControllerCore):
 
 
 def test_analog_inputs_may_be_few_coarse_and_noisy(tried: Try) -> None:
-    """In which unit they show what drives them is open (A-4.33-1), and how many there are."""
-    assert not tried(Converts, "4.33/2", "6.5/9", handled=("set_analog",)).alarms
+    """The unit (A-4.33-1) and the number of analog inputs are open."""
+    assert not tried(TwoNoisyAnalogInputs, "4.33/2", "6.5/9", handled=("set_analog",)).alarms
 
 
 class HasSensors(ControllerCore):
-    """Half of its inputs change by themselves, one of them quickly."""
+    """Half of the inputs change by themselves, one of them quickly."""
 
     def _process_due(self, now_s: float) -> None:
         super()._process_due(now_s)
@@ -108,15 +105,14 @@ class HasSensors(ControllerCore):
 
 
 def test_inputs_may_change_by_themselves(tried: Try) -> None:
-    """Programs wait by those that are still."""
+    """Programs wait only for inputs that do not change."""
     assert not tried(HasSensors, "6.5/9", "6.5/21").alarms
 
 
-class SetsItsConfiguration(ControllerCore):
-    """A run sets the positions of its file for good (A-6.3-3), which must be ones that can be."""
+class RunStoresConfiguration(ControllerCore):
+    """A run stores the positions of its file (A-6.3-3) and is refused if they are unreachable."""
 
     def run_program(self, request: Request) -> Acceptance:
-        """Set them."""
         program = self._program(request.value)
         if program is None or self.robot.task is not None:
             return super().run_program(request)
@@ -129,30 +125,29 @@ class SetsItsConfiguration(ControllerCore):
         return super().run_program(request)
 
 
-def test_a_run_may_set_what_its_file_configures(tried: Try) -> None:
-    """No program asks for what cannot be, and no reset relies on what was set before one."""
-    assert not tried(SetsItsConfiguration, "4.15/5", "4.18/3", "4.8/4").alarms
+def test_run_may_store_the_configuration_of_its_file(tried: Try) -> None:
+    """Programs contain valid positions, and resets do not rely on positions set before a run."""
+    assert not tried(RunStoresConfiguration, "4.15/5", "4.18/3", "4.8/4").alarms
 
 
 class RunsShortPrograms(ControllerCore):
-    """Runs programs of no more than 200 nodes and 16 variables (A-5-21)."""
+    """Programs of more than 200 nodes or 16 variables are refused (A-5-21)."""
 
     def run_program(self, request: Request) -> Acceptance:
-        """Count them."""
         program = self._program(request.value)
         if program and (len(program.nodes) > 200 or len(program.variables) > 16):
             return refused(BAD_ARGUMENT)
-        answer: Acceptance = super().run_program(request)
-        return answer
+        reply: Acceptance = super().run_program(request)
+        return reply
 
 
 def test_large_programs_may_be_refused(tried: Try) -> None:
-    """How large a program may be is open; what is run of one is right."""
+    """The maximum size of a program is open (A-5-21)."""
     assert not tried(RunsShortPrograms, "6.4/5", "6.5/26").alarms
 
 
-class HasRoomForFew(ControllerCore):
-    """It has room for eight programs."""
+class StoresEightFiles(ControllerCore):
+    """There is room for eight files."""
 
     def __init__(self, plant: Plant, store: Store, *others: Any) -> None:
         super().__init__(plant, store, *others)
@@ -160,40 +155,38 @@ class HasRoomForFew(ControllerCore):
 
 
 def test_there_may_be_room_for_few_programs(tried: Try) -> None:
-    """No case fails because it stores more of them than there is room for (A-5-21)."""
-    assert not tried(HasRoomForFew, "4.10/4", "6.5/28").alarms
+    """No case fails because the store is full (A-5-21)."""
+    assert not tried(StoresEightFiles, "4.10/4", "6.5/28").alarms
 
 
 @dataclass(frozen=True, slots=True)
-class _Fails:
-    """An act that ends after a tenth of a second, because the file is no program."""
+class _FailsLate:
+    """An activity that fails at a given time, because the file is not a valid program."""
 
     ends_s: float
 
     @property
     def next_event_s(self) -> float:
-        """When it is found out."""
         return self.ends_s
 
     def advance(self, now_s: float) -> Outcome | None:
-        """Say so."""
         return Outcome(done=False, code=BAD_ARGUMENT) if now_s >= self.ends_s else None
 
 
-class ReadsAsItRuns(ControllerCore):
-    """A file that is stored is accepted, whatever is in it; that it is damaged ends its run."""
+class DetectsDamageDuringRun(ControllerCore):
+    """Every stored file is accepted; a damaged one fails during its run."""
 
     def _start(self, request: Request, state: str) -> Acceptance:
         accepted = super()._start(request, state)
         if accepted != refused(NO_SUCH_PROGRAM) or not self.is_program(request.value):
             return accepted
-        act = _Fails(request.now_s + 0.1)
-        self.robot.task = Task(request, state, act, program=request.value)
+        activity = _FailsLate(request.now_s + 0.1)
+        self.robot.task = Task(request, state, activity, program=request.value)
         return ACCEPTED
 
 
-def test_a_damaged_file_may_fail_as_it_runs(tried: Try) -> None:
-    """It is as good as a refusal (A-4.15-2), and nothing is waited for behind such an end."""
-    outcomes = tried(ReadsAsItRuns, "6.5/28")
-    assert not outcomes.alarms
-    assert sum(case.duration_s for case in outcomes.values()) < 30
+def test_damaged_file_may_fail_during_its_run(tried: Try) -> None:
+    """A failed run is as valid as a refusal (A-4.15-2), and no further event is waited for."""
+    cases = tried(DetectsDamageDuringRun, "6.5/28")
+    assert not cases.alarms
+    assert sum(case.duration_s for case in cases.values()) < 30

@@ -1,6 +1,6 @@
-"""Controllers that transfer files in ways of their own, which the register lists or leaves open.
+"""Conforming controllers that transfer files according to readings of their own.
 
-No case of the suite may fail of them, nor may the judge that watches it.
+The register lists these readings or leaves them open. No case and no rule of the judge may fail.
 """
 
 import math
@@ -25,15 +25,14 @@ from scaraspec.virtual_controller.store import Store
 
 Try = Callable[..., Any]
 
-_TURN_S = 0.01
-_HASTE: dict[str, Any] = {"dialect": DEFAULT.replace(xfer_timeout="1"), "claimed": {"xfer_timeout"}}
+_POLL_S = 0.01
+_SHORT_TIMEOUT = {"dialect": DEFAULT.replace(xfer_timeout="1"), "claimed": {"xfer_timeout"}}
 
 
-class RefusesAnswers(ControllerCore):
-    """An answer to a chunk that it has not sent, or has given up, is answered 0."""
+class RefusesUnexpectedAnswers(ControllerCore):
+    """An answer to a chunk is answered 0 if no chunk was sent or the download is over."""
 
     def download_chunk(self, request: Request) -> Silence:
-        """Refuse it."""
         transfer = request.session.transfer
         if transfer is None or not isinstance(transfer.end, Sender):
             self.emit(request.session, Frame(C2A, request.frame.opcode, b"0"))
@@ -45,25 +44,23 @@ class IgnoresStrayChunks(ControllerCore):
     """A chunk without an upload is not answered (A-5-16)."""
 
     def upload_chunk(self, request: Request) -> bool | Silence:
-        """Ignore it."""
         return super().upload_chunk(request) if request.session.transfer else SILENCE
 
 
 def test_a_late_chunk_may_be_ignored(tried: Try) -> None:
-    """Waiting for its answer disturbs no other upload, short as the limit may be."""
-    assert not tried(IgnoresStrayChunks, "5.4/5", **_HASTE).alarms
+    """Waiting for a reply to a late chunk does not make another upload time out."""
+    assert not tried(IgnoresStrayChunks, "5.4/5", **_SHORT_TIMEOUT).alarms
 
 
-def test_a_chunk_elsewhere_may_be_ignored(tried: Try) -> None:
-    """It is not waited for so long that the upload itself is given up."""
-    assert not tried(IgnoresStrayChunks, "5.2/11", **_HASTE).alarms
+def test_chunk_on_another_connection_may_be_ignored(tried: Try) -> None:
+    """Waiting for a reply on another connection does not make the upload time out."""
+    assert not tried(IgnoresStrayChunks, "5.2/11", **_SHORT_TIMEOUT).alarms
 
 
-class EndsTheLink(ControllerCore):
-    """A chunk out of bounds ends the link; so does a download of which a chunk was refused."""
+class ClosesAfterFailedTransfer(ControllerCore):
+    """A chunk out of bounds, or a refused chunk of a download, closes the connection."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """End it."""
         end = session.transfer.end if session.transfer else None
         chunk = FILE_DATA.decode(frame.data).value if frame.opcode == 0x52 else None
         if isinstance(end, Receiver) and isinstance(chunk, Chunk) and not chunk.legal:
@@ -74,59 +71,58 @@ class EndsTheLink(ControllerCore):
             self._end(session, now_s)
 
 
-def test_a_failed_transfer_may_end_its_link(tried: Try) -> None:
-    """On a new connection all goes on (A-5-26)."""
+def test_failed_transfer_may_close_the_connection(tried: Try) -> None:
+    """The cases continue on a new connection (A-5-26)."""
     only = ("5.2/6", "5.3/9", "5.4/6", "5.4/8")
-    assert not tried(EndsTheLink, *only).alarms
+    assert not tried(ClosesAfterFailedTransfer, *only).alarms
 
 
-class IsSmall(ControllerCore):
-    """It has room for eight files, and for 40,000 bytes in all."""
+class SmallStore(ControllerCore):
+    """There is room for eight files and for 40,000 bytes in total."""
 
     def __init__(self, plant: Plant, store: Store, *others: Any) -> None:
         super().__init__(plant, store, *others)
         self.store = Store(max_bytes=40_000, max_files=8)
 
 
-def test_room_may_be_little(tried: Try) -> None:
-    """How many files there may be, and how large, is nowhere said (A-5-21, A-5-25)."""
-    assert not tried(IsSmall, "3/6", "5.1/7", "5.2/10", "5.2/16", "5.4/2").alarms
+def test_store_may_be_small(tried: Try) -> None:
+    """The number and the size of files are open (A-5-21, A-5-25)."""
+    assert not tried(SmallStore, "3/6", "5.1/7", "5.2/10", "5.2/16", "5.4/2").alarms
 
 
-@pytest.mark.parametrize("kept", ["remove", "keep"])
-def test_room_may_be_little_for_what_is_drawn(tried: Try, kept: str) -> None:
-    """What one example has left, whole or broken off, is deleted before there are too many."""
-    spoken, only = DEFAULT.replace(partial_keep=kept), ("5.1/8", "5.1/12", "5.2/10", "5.4/4")
-    assert not tried(IsSmall, *only, "5.4/5", spoken=spoken, examples=10).alarms
+@pytest.mark.parametrize("partial_keep", ["remove", "keep"])
+def test_store_may_be_small_for_many_examples(tried: Try, partial_keep: str) -> None:
+    """The files of one example, complete or interrupted, are deleted before the next one."""
+    spoken = DEFAULT.replace(partial_keep=partial_keep)
+    only = ("5.1/8", "5.1/12", "5.2/10", "5.4/4", "5.4/5")
+    assert not tried(SmallStore, *only, spoken=spoken, examples=10).alarms
 
 
 class TakesPlainNames(ControllerCore):
-    """A name has letters, digits and one dot."""
+    """Only letters, digits and one dot are accepted in a name."""
 
     def upload_name(self, request: Request) -> bool:
-        """Refuse others."""
         stem, _, extension = request.value.partition(b".")
         plain: bool = stem.isalnum() and extension.isalpha()
         return plain and super().upload_name(request)
 
 
-def test_names_may_be_plain(tried: Try) -> None:
-    """Which characters a name may have is open (A-5-20)."""
+def test_characters_of_names_may_be_limited(tried: Try) -> None:
+    """The characters of names are open (A-5-20)."""
     assert not tried(TakesPlainNames, "5.2/2", "5.2/11").alarms
 
 
 class WritesSlowly(ControllerCore):
-    """A chunk is answered when it is written, which takes six seconds."""
+    """A chunk is answered when it is written, after six seconds."""
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self._written: list[tuple[float, Session]] = []
 
     def upload_chunk(self, request: Request) -> bool | Silence:
-        """Answer it later."""
-        taken = super().upload_chunk(request)
-        if taken is not True:
-            return taken
+        reply = super().upload_chunk(request)
+        if reply is not True:
+            return reply
         self._written.append((request.now_s + 6.0, request.session))
         return SILENCE
 
@@ -137,157 +133,155 @@ class WritesSlowly(ControllerCore):
 
     @property
     def next_event_s(self) -> float | None:
-        """When a chunk is written, too."""
         times_s = [super().next_event_s, *(at_s for at_s, _ in self._written)]
         return min((at_s for at_s in times_s if at_s is not None), default=None)
 
 
-def test_an_answer_to_a_chunk_may_take_its_time(tried: Try) -> None:
-    """It is waited for as long as the document says (L763)."""
+def test_reply_to_a_chunk_may_be_slow(tried: Try) -> None:
+    """The suite waits for the reply to a chunk as long as the document allows (L763)."""
     assert not tried(WritesSlowly, "5.2/6", "5.1/8").alarms
 
 
-class LooksInTurns(ControllerCore):
-    """Looks after its connections every 10 ms, one behind the other: the last client's first."""
+class PollsConnections(ControllerCore):
+    """Answers to chunks are processed 10 ms later, or with the next request of the client."""
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self._waiting: list[tuple[float, Session, Frame]] = []
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Let the answers to chunks wait, behind which nothing has come from this client."""
-        self._look(now_s, behind=session)
+        self._process_waiting(now_s, client=session)
         if frame.opcode == 0x56:
             self._waiting.append((now_s, session, frame))
         else:
             super().handle(session, frame, now_s)
 
-    def _look(self, now_s: float, behind: Session | None = None) -> None:
+    def _process_waiting(self, now_s: float, client: Session | None = None) -> None:
         waiting, self._waiting = self._waiting, []
-        for came_s, session, frame in waiting:
-            if session is behind or now_s >= came_s + _TURN_S:
+        for received_s, session, frame in waiting:
+            if session is client or now_s >= received_s + _POLL_S:
                 super().handle(session, frame, now_s)
             else:
-                self._waiting.append((came_s, session, frame))
+                self._waiting.append((received_s, session, frame))
 
     def _process_due(self, now_s: float) -> None:
         super()._process_due(now_s)
-        self._look(now_s)
+        self._process_waiting(now_s)
 
     @property
     def next_event_s(self) -> float | None:
-        """When it looks again, too."""
-        times_s = [super().next_event_s, *(came_s + _TURN_S for came_s, *_ in self._waiting)]
+        times_s = [
+            super().next_event_s,
+            *(received_s + _POLL_S for received_s, *_ in self._waiting),
+        ]
         return min((at_s for at_s in times_s if at_s is not None), default=None)
 
 
-def test_a_download_may_end_at_the_next_look(tried: Try) -> None:
-    """Until then another client's deletion is refused: the file is in transfer (A-4.11-1)."""
+def test_download_may_end_at_the_next_poll(tried: Try) -> None:
+    """Until the poll, another client's deletion of the file is refused (A-4.11-1)."""
     only = ("3/31", "5.2/12", "4.11/2")
-    assert not tried(LooksInTurns, *only, examples=20).alarms
+    assert not tried(PollsConnections, *only, examples=20).alarms
 
 
-class TransfersOneAtATime(LooksInTurns):
-    """While any client transfers a file, no other one begins to (A-5-17)."""
+class OneTransferAtATime(PollsConnections):
+    """While one client transfers a file, transfers of other clients are refused (A-5-17)."""
 
     def _can_begin(self, session: Session) -> bool:
         others = (other for other in self.sessions.values() if other is not session)
         return super()._can_begin(session) and not any(other.transfer for other in others)
 
 
-def test_one_file_may_be_transferred_at_a_time(tried: Try) -> None:
-    """A download that is over for the suite is so for the robot before another one begins."""
+def test_one_transfer_at_a_time(tried: Try) -> None:
+    """The suite starts another download only when the controller has finished the previous one."""
     only = ("3/31", "4.2/4", "5.2/12", "5.4/1")
-    assert not tried(TransfersOneAtATime, *only, examples=20).alarms
+    assert not tried(OneTransferAtATime, *only, examples=20).alarms
 
 
-class OutlivesItsConnection(ControllerCore):
-    """There is room for one transfer, which ends for silence, and not with its connection."""
+class TransferOutlivesConnection(ControllerCore):
+    """There is one transfer at a time. It ends with its timeout, not with its connection."""
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self.left: list[OpenTransfer] = []
+        self.orphaned: list[OpenTransfer] = []
 
     def _remove_session(self, session: Session, now_s: float) -> None:
         if session.transfer:
-            self.left.append(session.transfer)
+            self.orphaned.append(session.transfer)
         super()._remove_session(session, now_s)
 
     def _process_due(self, now_s: float) -> None:
         super()._process_due(now_s)
-        for transfer in self.left:
+        for transfer in self.orphaned:
             transfer.end.expire(now_s)
 
     def _can_begin(self, session: Session) -> bool:
         others = (other.transfer for other in self.sessions.values() if other is not session)
-        return super()._can_begin(session) and not any((*others, *self.under_way))
+        return super()._can_begin(session) and not any((*others, *self.open_transfers))
 
     @property
-    def under_way(self) -> list[OpenTransfer]:
-        """What others have left."""
-        return [transfer for transfer in self.left if transfer.end.state is State.ACTIVE]
+    def open_transfers(self) -> list[OpenTransfer]:
+        """The transfers of closed connections that have not ended."""
+        return [transfer for transfer in self.orphaned if transfer.end.state is State.ACTIVE]
 
 
-class NeverEnds(OutlivesItsConnection):
-    """It ends with the robot."""
+class TransferNeverEnds(TransferOutlivesConnection):
+    """The transfer of a closed connection never ends."""
 
     @property
-    def under_way(self) -> list[OpenTransfer]:
-        """All of it."""
-        return self.left
+    def open_transfers(self) -> list[OpenTransfer]:
+        return self.orphaned
 
 
 def test_a_transfer_may_outlive_its_connection(tried: Try) -> None:
-    """Until its time-out nobody's file is taken, as if another client transferred one (A-5-17)."""
+    """Other uploads are refused until the timeout of the transfer (A-5-17)."""
     only = ("4.15/5", "5.1/9", "5.2/2", "5.2/11", "5.3/7", "5.4/5", "5.4/7")
-    cases = tried(OutlivesItsConnection, *only)
+    cases = tried(TransferOutlivesConnection, *only)
     assert not cases.alarms
     assert cases["5.4/7.closed"].verdict is Verdict.TOLERATED
-    assert "5.2/2" in tried(NeverEnds, *only).failed
+    assert "5.2/2" in tried(TransferNeverEnds, *only).failed
 
 
-class Gathers(ControllerCore):
-    """What it gathers is written 150 bytes at a time, into a file that it creates with its name;
-    what is not yet written of an upload that breaks off is lost (A-5-12)."""
+class KeepsPartialUpload(ControllerCore):
+    """An interrupted upload leaves the blocks of 150 bytes that were already written (A-5-12)."""
 
     def abort_transfer(self, session: Session) -> None:
-        """Leave what is written."""
         transfer = session.transfer
         super().abort_transfer(session)
         if transfer is not None and isinstance(transfer.end, Receiver):
             content = transfer.end.content
-            self._write(transfer.name, self.leave(content[: len(content) // 150 * 150]))
+            self._write(transfer.name, self.partial_content(content[: len(content) // 150 * 150]))
 
-    def leave(self, written: bytes) -> bytes:
-        """What becomes of it."""
+    def partial_content(self, written: bytes) -> bytes:
+        """Return the content of the file that is left over."""
         return written
 
 
-class GathersNonsense(Gathers):
-    """What it has written is not what came."""
+class DamagesPartialUpload(KeepsPartialUpload):
+    """An interrupted upload leaves a file with another content."""
 
-    def leave(self, written: bytes) -> bytes:
-        """Spoil it."""
+    def partial_content(self, written: bytes) -> bytes:
         return written[1:]
 
 
-def test_a_beginning_of_a_broken_upload_may_stay(tried: Try) -> None:
-    """As much as was written, or the empty file, where such a one can be fetched, too."""
-    speaks = {"dialect": _HASTE["dialect"].replace(empty_file="chunk"), "claimed": {"xfer_timeout"}}
-    cases = tried(Gathers, "5.4/5", "5.4/7", **speaks)
+def test_beginning_of_an_interrupted_upload_may_stay(tried: Try) -> None:
+    """The written part may stay, or an empty file if empty files can be downloaded."""
+    readings = {
+        "dialect": _SHORT_TIMEOUT["dialect"].replace(empty_file="chunk"),
+        "claimed": {"xfer_timeout"},
+    }
+    cases = tried(KeepsPartialUpload, "5.4/5", "5.4/7", **readings)
     assert not cases.alarms
     assert cases["5.4/7.closed"].verdict is Verdict.TOLERATED
-    assert "5.4/7" in tried(GathersNonsense, "5.4/7", **speaks).failed
+    assert "5.4/7" in tried(DamagesPartialUpload, "5.4/7", **readings).failed
 
 
-class Beats(ControllerCore):
-    """Ten times a second it tells its status, unasked (A-3-16)."""
+class SendsStatusPeriodically(ControllerCore):
+    """The status is sent ten times a second without a request (A-3-16)."""
 
     _every_s = 0.1
     _due_s = math.inf
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
-        """Begin."""
         self._due_s = now_s + self._every_s
         return super().open(connection, now_s, link)
 
@@ -300,17 +294,18 @@ class Beats(ControllerCore):
 
     @property
     def next_event_s(self) -> float | None:
-        """The next beat, too."""
         return min(super().next_event_s or math.inf, self._due_s)
 
 
-def test_what_is_told_unasked_answers_nothing(tried: Try) -> None:
-    """It is no further chunk (5.3/6), nobody else's reply, nor one to an undefined opcode."""
-    assert not tried(Beats, "2/12", "3/21", "5.3/7", **_HASTE, examples=1).alarms
+def test_unsolicited_frames_are_not_replies(tried: Try) -> None:
+    """An unsolicited status is neither a chunk (5.3/6) nor a reply to any request."""
+    assert not tried(
+        SendsStatusPeriodically, "2/12", "3/21", "5.3/7", **_SHORT_TIMEOUT, examples=1
+    ).alarms
 
 
-class SaysThatItGivesUp(ControllerCore):
-    """A download that has failed ends with a chunk of length 0."""
+class SignalsFailedDownload(ControllerCore):
+    """A failed download ends with a chunk of length 0."""
 
     def _process_due(self, now_s: float) -> None:
         transfers = [(session, session.transfer) for session in self.sessions.values()]
@@ -320,12 +315,11 @@ class SaysThatItGivesUp(ControllerCore):
                 self._signal(session, transfer.end)
 
     def download_chunk(self, request: Request) -> Silence:
-        """Say so behind an answer that refuses a chunk, too."""
         transfer = request.session.transfer
-        answer = super().download_chunk(request)
+        reply = super().download_chunk(request)
         if transfer is not None:
             self._signal(request.session, transfer.end)
-        return answer
+        return reply
 
     def _signal(self, session: Session, end: Sender | Receiver) -> None:
         if isinstance(end, Sender) and end.state is State.FAILED:
@@ -333,33 +327,34 @@ class SaysThatItGivesUp(ControllerCore):
             self.emit(session, Frame(C2A, 0x56, signal))
 
 
-def test_a_download_may_end_with_a_signal(tried: Try) -> None:
-    """It is what a chunk of length 0 means (L787), and no further chunk of the file."""
-    assert not tried(SaysThatItGivesUp, "5.3/6", "5.3/7", "5.3/9", "5.4/6", **_HASTE).alarms
+def test_download_may_end_with_the_error_signal(tried: Try) -> None:
+    """A chunk of length 0 is the error signal (L787), not a further chunk of the file."""
+    assert not tried(
+        SignalsFailedDownload, "5.3/6", "5.3/7", "5.3/9", "5.4/6", **_SHORT_TIMEOUT
+    ).alarms
 
 
 class AnswersTheErrorSignal(ControllerCore):
-    """A chunk of length 0 ends an upload, and is answered 0 (A-5-10)."""
+    """A chunk of length 0 aborts an upload and is answered 0 (A-5-10)."""
 
     def upload_chunk(self, request: Request) -> bool | Silence:
-        """Answer it, whatever it ends."""
-        said = super().upload_chunk(request)
-        return False if said is SILENCE else said
+        reply = super().upload_chunk(request)
+        return False if reply is SILENCE else reply
 
 
 def test_the_error_signal_may_be_answered(tried: Try) -> None:
-    """Its answer is not taken for that to the first chunk of another file."""
-    assert not tried(AnswersTheErrorSignal, "5.2/14", "5.2/17", "5.4/6", **_HASTE).alarms
+    """The reply is not treated as the reply to the first chunk of another file."""
+    assert not tried(AnswersTheErrorSignal, "5.2/14", "5.2/17", "5.4/6", **_SHORT_TIMEOUT).alarms
 
 
-def test_an_answer_to_no_chunk_may_be_refused(tried: Try) -> None:
-    """The 0 is no chunk (A-5-16), neither for the cases nor for the judge."""
-    assert not tried(RefusesAnswers, "5.3/10").alarms
+def test_unexpected_answer_may_be_refused(tried: Try) -> None:
+    """The reply 0 is not a chunk (A-5-16), neither for the cases nor for the judge."""
+    assert not tried(RefusesUnexpectedAnswers, "5.3/10").alarms
 
 
 @pytest.mark.parametrize("chunks", [1, 2, 3, 4])
-def test_what_is_stored_may_be_short(tried: Try, chunks: int) -> None:
-    """Where nothing may be sent a program of the robot's own is fetched, of whatever size."""
+def test_stored_program_may_be_short(tried: Try, chunks: int) -> None:
+    """If nothing may be uploaded, a program of the robot is downloaded, whatever its size is."""
 
     class Delivered(ControllerCore):
         def __init__(self, plant: Plant, store: Store, dialect: Dialect) -> None:

@@ -1,6 +1,6 @@
-"""Controllers that follow readings of two-stage commands which have no key, and so no claim.
+"""Conforming controllers that follow readings of two-stage commands without a key in the ICS.
 
-The register lists them as conforming: no case of the suite may fail of them.
+The register lists these readings as conforming, so no case of the suite may fail.
 """
 
 import itertools
@@ -29,12 +29,15 @@ from scaraspec.virtual_controller.session import Action, Request, Session
 
 Try = Callable[..., Any]
 
-_VISIBLE = 0.5
+_MIN_STEP = 0.5
 _CLAUSES = ("4", "7", *(f"4.{n}" for n in (15, 16, 17, 18, 23, 24, 25, 26, 27, 28)))
 
 
-class Latching(ControllerCore):
-    """Behind an emergency stop nothing moves until a reset (A-4.17-2); a stop is never refused."""
+class StopLatches(ControllerCore):
+    """After an emergency stop, motion is refused until a reset (A-4.17-2);
+
+    a stop is never refused.
+    """
 
     latched = False
 
@@ -57,34 +60,37 @@ class Latching(ControllerCore):
         return super().reset(request)
 
 
-class Away(Latching):
-    """It is slow, and its initial tool position elsewhere: every reset takes its time."""
+class SlowAndAwayFromHome(StopLatches):
+    """The arm is slow and not at its initial position, so that every reset takes time."""
 
     def __init__(self, plant: Plant, *arguments: Any, **named: Any) -> None:
-        stands = arm.inverse(arm.Pose(296.0, 0.0, 250.0, 0.0), near=arm.UPPER)
-        super().__init__(Plant(plant.clock.time(0.0), 0.0, stands), *arguments, **named)
+        start = arm.inverse(arm.Pose(296.0, 0.0, 250.0, 0.0), near=arm.UPPER)
+        super().__init__(Plant(plant.clock.time(0.0), 0.0, start), *arguments, **named)
 
     def _plan_move(self, pose: arm.Pose, speed_percent: int, now_s: float) -> motion.Motion:
         return super()._plan_move(pose, min(speed_percent, 2), now_s)
 
 
-class Late(ControllerCore):
-    """What is missing or out of reach is found out late (A-4.15-1, A-4.24-5); a release ends when
-    the joints are locked again (A-4.25-2); locked joints are not locked again (A-4.25-3)."""
+class DetectsProblemsLate(ControllerCore):
+    """Missing programs and unreachable targets are detected late (A-4.15-1, A-4.24-5).
+
+    A release ends when the joints are locked again (A-4.25-2). Releasing released joints and
+    locking locked joints is refused (A-4.25-3).
+    """
 
     release: Request | None = None
 
     def run_program(self, request: Request) -> Acceptance:
-        return self._later_refused(request, super().run_program(request), "20")
+        return self._accept_refused(request, super().run_program(request), "20")
 
     def simulate_program(self, request: Request) -> Acceptance:
-        return self._later_refused(request, super().simulate_program(request), "20")
+        return self._accept_refused(request, super().simulate_program(request), "20")
 
     def set_tool_coordinates(self, request: Request) -> Acceptance:
         answer = super().set_tool_coordinates(request)
-        return self._later_refused(request, answer, "05") if request.value else answer
+        return self._accept_refused(request, answer, "05") if request.value else answer
 
-    def _later_refused(self, request: Request, answer: Acceptance, code: str) -> Acceptance:
+    def _accept_refused(self, request: Request, answer: Acceptance, code: str) -> Acceptance:
         if answer.code != code or self.robot.task is not None:
             return answer
         self.send_result(request, Outcome(done=False, code=code))
@@ -109,13 +115,16 @@ class Late(ControllerCore):
             super().send_result(self.release, outcome)
 
 
-class Quick(ControllerCore):
-    """Moves take no time, a reset moves nothing (A-4.18-3), another jog replaces the one before
-    (A-4.28-5), a jog in no direction is not answered; the arm stands at the end of its reach."""
+class MovesInNoTime(ControllerCore):
+    """Moves take no time, and a reset does not move the arm (A-4.18-3).
+
+    Another jog replaces the current one (A-4.28-5). A jog with an invalid direction is not
+    answered. The arm is at the limit of its workspace.
+    """
 
     def __init__(self, plant: Plant, *arguments: Any, **named: Any) -> None:
-        stretched = arm.inverse(arm.Pose(399.9, 0.0, 350.0, 0.0), near=arm.UPPER)
-        super().__init__(Plant(plant.clock.time(0.0), 0.0, stretched), *arguments, **named)
+        start = arm.inverse(arm.Pose(399.9, 0.0, 350.0, 0.0), near=arm.UPPER)
+        super().__init__(Plant(plant.clock.time(0.0), 0.0, start), *arguments, **named)
 
     def _plan_move(self, pose: arm.Pose, speed_percent: int, now_s: float) -> motion.Motion:
         return motion.hold(super()._plan_move(pose, speed_percent, now_s).waypoints[-1])
@@ -135,8 +144,8 @@ class Quick(ControllerCore):
         return super().jog(request)
 
 
-class Slow(ControllerCore):
-    """Whatever is sent comes two seconds late (A-3-15)."""
+class DelaysEverything(ControllerCore):
+    """Everything is sent two seconds late (A-3-15)."""
 
     def __init__(self, *arguments: Any, **named: Any) -> None:
         super().__init__(*arguments, **named)
@@ -161,24 +170,24 @@ class Slow(ControllerCore):
         return min(times_s, default=None)
 
 
-class Deaf(ControllerCore):
-    """A robot that executes answers nothing but the stop (A-4-3)."""
+class UnresponsiveWhileBusy(ControllerCore):
+    """While a command executes, only the emergency stop is answered (A-4-3)."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
         if self.robot.task is None or frame.opcode == 0x32:
             super().handle(session, frame, now_s)
 
 
-class DeafAndSlow(Deaf):
-    """Whatever it does lasts for two seconds, even a move to where it stands."""
+class SlowAndUnresponsive(UnresponsiveWhileBusy):
+    """Every move takes at least two seconds, also to the current pose."""
 
     def _plan_move(self, pose: arm.Pose, speed_percent: int, now_s: float) -> motion.Motion:
-        way = super()._plan_move(pose, speed_percent, now_s)
-        return replace(way, duration_s=max(way.duration_s, 2.0))
+        plan = super()._plan_move(pose, speed_percent, now_s)
+        return replace(plan, duration_s=max(plan.duration_s, 2.0))
 
 
-class _Brakes:
-    """What takes a tenth of a second."""
+class _SlowBrakes:
+    """An activity of a tenth of a second."""
 
     def __init__(self, now_s: float) -> None:
         self.next_event_s = now_s + 0.1
@@ -187,14 +196,14 @@ class _Brakes:
         return DONE if now_s >= self.next_event_s else None
 
 
-class DeafAtItsBrakes(Deaf):
-    """The joints take their time to be released and locked, in which nothing is answered."""
+class UnresponsiveWhileBraking(UnresponsiveWhileBusy):
+    """Releasing and locking the joints takes a tenth of a second, in which nothing is answered."""
 
     def _set_locked(self, request: Request, *, locked: bool) -> Acceptance:
         if code := self.robot.refusal_code(moves=False):
             return refused(code)
         self.plant.locked = locked
-        self.robot.task = Task(request, MOVING, _Brakes(request.now_s))
+        self.robot.task = Task(request, MOVING, _SlowBrakes(request.now_s))
         return ACCEPTED
 
 
@@ -215,9 +224,11 @@ class SimulatesInNoTime(ControllerCore):
         return ACCEPTED
 
 
-class Trembles(ControllerCore):
-    """At the ends of its travel it stands, the last digits of its readings are never still, and
-    every second one lies beyond; what does is refused (A-4.24-5)."""
+class ReportsNoise(ControllerCore):
+    """The reported values are noisy, and the arm is at the limits of its joints.
+
+    Every second reported value is beyond a limit, and is refused as a target (A-4.24-5).
+    """
 
     at: Final = arm.Joints(arm.UPPER[0], 100.0, arm.LOWER[2], 0.0)
     _odd = False
@@ -225,31 +236,31 @@ class Trembles(ControllerCore):
     def __init__(self, plant: Plant, *arguments: Any, **named: Any) -> None:
         super().__init__(Plant(plant.clock.time(0.0), 0.0, self.at), *arguments, **named)
 
-    def _trembling(self, request: Request) -> arm.Joints:
+    def _noisy_joints(self, request: Request) -> arm.Joints:
         self._odd = not self._odd
-        by = 0.012 if self._odd else -0.012
+        noise = 0.012 if self._odd else -0.012
         inner, outer, wrist, rotation = self.plant.joints(request.now_s)
-        return arm.Joints(inner + by, outer + by, wrist - by, rotation + by)
+        return arm.Joints(inner + noise, outer + noise, wrist - noise, rotation + noise)
 
     def get_joint_angles(self, request: Request) -> JointValues:
-        return JointValues(*(round(value, 3) for value in self._trembling(request)))
+        return JointValues(*(round(value, 3) for value in self._noisy_joints(request)))
 
     def get_tool_coordinates(self, request: Request) -> Pose:
-        shown = arm.forward(self._trembling(request))
-        return Pose(*[round(value, 3) for value in (*shown[:4], 0.0, 0.0)])
+        shown = (round(value, 3) for value in arm.forward(self._noisy_joints(request)))
+        return Pose(*shown, theta_y=0.0, theta_z=0.0)
 
 
-class Turns(ControllerCore):
-    """It tells thetaX within half a turn of 0 (A-7-2), and stands where a tremble turns it over.
+class WrapsAngle(ControllerCore):
+    """The reported thetaX is within half a turn of 0 (A-7-2), and is at the point where it wraps.
 
-    It turns by tenths of a degree, so that it does not creep away from there.
+    Moves are rounded to tenths of a degree, so that the arm stays at this point.
     """
 
     _odd = False
 
     def __init__(self, plant: Plant, *arguments: Any, **named: Any) -> None:
-        stands = arm.inverse(arm.Pose(300.0, 0.0, 250.0, 180.0), near=arm.UPPER)
-        super().__init__(Plant(plant.clock.time(0.0), 0.0, stands), *arguments, **named)
+        start = arm.inverse(arm.Pose(300.0, 0.0, 250.0, 180.0), near=arm.UPPER)
+        super().__init__(Plant(plant.clock.time(0.0), 0.0, start), *arguments, **named)
 
     def get_tool_coordinates(self, request: Request) -> Pose:
         self._odd = not self._odd
@@ -257,9 +268,9 @@ class Turns(ControllerCore):
         return pose._replace(theta_x=_within_half_a_turn(pose.theta_x + 0.01 * self._odd))
 
     def _plan_move(self, pose: arm.Pose, speed_percent: int, now_s: float) -> motion.Motion:
-        stands_deg = arm.forward(self.plant.joints(now_s)).theta_x_deg
-        turned_deg = round(stands_deg + _within_half_a_turn(pose.theta_x_deg - stands_deg), 1)
-        return super()._plan_move(pose._replace(theta_x_deg=turned_deg), speed_percent, now_s)
+        current_deg = arm.forward(self.plant.joints(now_s)).theta_x_deg
+        target_deg = round(current_deg + _within_half_a_turn(pose.theta_x_deg - current_deg), 1)
+        return super()._plan_move(pose._replace(theta_x_deg=target_deg), speed_percent, now_s)
 
 
 def _within_half_a_turn(angle_deg: float) -> float:
@@ -269,32 +280,34 @@ def _within_half_a_turn(angle_deg: float) -> float:
 @pytest.mark.parametrize(
     ("core", "requirement"),
     [
-        *((Deaf, alone) for alone in ("3/18", "4/14", "4.17/7", "4.24/8", "6.5/20", "6.5/25")),
-        *((DeafAndSlow, alone) for alone in ("3/18", "4.17/6", "4.24/8", "4.28/3")),
-        (DeafAtItsBrakes, "4.25/2"),
+        *(
+            (UnresponsiveWhileBusy, alone)
+            for alone in ("3/18", "4/14", "4.17/7", "4.24/8", "6.5/20", "6.5/25")
+        ),
+        *((SlowAndUnresponsive, alone) for alone in ("3/18", "4.17/6", "4.24/8", "4.28/3")),
+        (UnresponsiveWhileBraking, "4.25/2"),
         (SimulatesInNoTime, "4.17/6"),
-        (Latching, "3/17"),
-        (Away, "4.28/3"),
-        (Trembles, "4.21/3"),
+        (StopLatches, "3/17"),
+        (SlowAndAwayFromHome, "4.28/3"),
+        (ReportsNoise, "4.21/3"),
     ],
 )
-def test_cases_that_are_tried_alone_know_no_less(
+def test_single_cases_probe_what_they_need(
     tried: Try, core: type[ControllerCore], requirement: str
 ) -> None:
-    """What is found out in a whole run is found out by whoever has to know it, too."""
+    """A case that runs alone probes the readings that a complete run would already know."""
     assert not tried(core, requirement).failed
 
 
-class Lags(ControllerCore):
-    """Its status is that of what has ended for a moment longer."""
+class DelaysStatus(ControllerCore):
+    """The status of a command is reported for 30 ms after its end."""
 
     lag_s = 0.03
-    _ended, _ended_s = "00", -1.0
+    _last_state, _ended_s = "00", -1.0
 
     def send_result(self, request: Request, outcome: Outcome) -> None:
-        """Remember what ended, and when."""
         if request.command.name in STATE_OF:
-            self._ended, self._ended_s = STATE_OF[request.command.name], self._now_s
+            self._last_state, self._ended_s = STATE_OF[request.command.name], self._now_s
         super().send_result(request, outcome)
 
     def _process_due(self, now_s: float) -> None:
@@ -302,130 +315,139 @@ class Lags(ControllerCore):
         super()._process_due(now_s)
 
     def get_status(self, request: Request) -> str:
-        """Tell of it."""
         late = super().get_status(request) == "00" and request.now_s < self._ended_s + self.lag_s
-        return self._ended if late else super().get_status(request)
+        return self._last_state if late else super().get_status(request)
 
 
-class LagsForLong(Lags):
-    """For longer than a moment."""
+class DelaysStatusLong(DelaysStatus):
+    """The status of a command is reported for 200 ms after its end."""
 
     lag_s = 0.2
 
 
-def test_the_status_may_be_a_moment_late(tried: Try) -> None:
-    """Behind the final result it returns to 00 (L318): not every robot changes both at once."""
+def test_status_may_be_slightly_late(tried: Try) -> None:
+    """The status returns to 00 after the final result (L318), not necessarily at the same time."""
     only = ("3/30", "4.8/7", "4.17/6", "4.17/8", "4.18/4", "4/7", "4/8")
-    assert not tried(Lags, *only).alarms
-    assert tried(LagsForLong, *only).failed >= {"4.8/3", "4.17/4", "4/7"}
+    assert not tried(DelaysStatus, *only).alarms
+    assert tried(DelaysStatusLong, *only).failed >= {"4.8/3", "4.17/4", "4/7"}
 
 
-class TellsOfItself(ControllerCore):
-    """Whenever its status changes it is told to every client, whether asked for or not (A-3-16)."""
+class SendsStatusChanges(ControllerCore):
+    """Every change of the status is sent to every client without a request (A-3-16)."""
 
-    _told = "00"
+    _last_status = "00"
 
     def _finish_tasks(self, now_s: float) -> None:
         super()._finish_tasks(now_s)
-        if self.robot.status == self._told:
+        if self.robot.status == self._last_status:
             return
-        self._told = self.robot.status
+        self._last_status = self.robot.status
         for session in self.sessions.values():
             if session.logged_in:
-                self.emit(session, Frame(C2A, 0x09, self._told.encode()))
+                self.emit(session, Frame(C2A, 0x09, self._last_status.encode()))
 
 
 @pytest.mark.parametrize(
-    "core", [Latching, Away, Late, Quick, Deaf, DeafAndSlow, Trembles, Turns, TellsOfItself]
+    "core",
+    [
+        StopLatches,
+        SlowAndAwayFromHome,
+        DetectsProblemsLate,
+        MovesInNoTime,
+        UnresponsiveWhileBusy,
+        SlowAndUnresponsive,
+        ReportsNoise,
+        WrapsAngle,
+        SendsStatusChanges,
+    ],
 )
 def test_no_false_alarm(tried: Try, core: type[ControllerCore]) -> None:
-    """No case of the two-stage commands fails of what the register lets a controller do."""
+    """No case of the two-stage commands fails because of a reading in the register."""
     cases = tried(core, *(r for r in REQUIREMENTS if r.partition("/")[0] in _CLAUSES))
     assert not cases.alarms
     assert cases.counts[Verdict.PASS] > 60
 
 
-def test_a_latch_is_released_by_a_reset_that_ends(tried: Try) -> None:
-    """The result of the reset that was stopped is none of the reset that follows."""
+def test_latch_is_released_by_a_completed_reset(tried: Try) -> None:
+    """The result of a stopped reset is not treated as the result of the next reset."""
     stops = []
 
-    class Watched(Away):
+    class Watched(SlowAndAwayFromHome):
         def emergency_stop(self, request: Request) -> Acceptance:
             stops.append(request.now_s)
             return super().emergency_stop(request)
 
     assert not tried(Watched, "4.8/6").wrong
-    assert len(stops) == 2  # the first proves the emergency stop
+    assert len(stops) == 2  # the first one proves that the emergency stop works
 
 
 def test_slow_replies(tried: Try) -> None:
-    """A program that is to be interrupted outlasts what is asked meanwhile, slow as that may be."""
-    assert not tried(Slow, "4.15/8", "4.18/2").wrong
+    """A program that must be interrupted runs longer than the requests before the stop take."""
+    assert not tried(DelaysEverything, "4.15/8", "4.18/2").wrong
 
 
-class Loose(ControllerCore):
-    """Switched on, its joints are loose, and nothing moves until they are locked (A-4.25-1)."""
+class StartsReleased(ControllerCore):
+    """At power-on the joints are released; moves are refused until they are locked (A-4.25-1)."""
 
     def __init__(self, *arguments: Any, **named: Any) -> None:
         super().__init__(*arguments, **named)
         self.plant.locked = False
 
 
-class LetsGo(ControllerCore):
-    """An emergency stop lets go of the joints, and nothing moves until they are locked."""
+class StopReleasesJoints(ControllerCore):
+    """An emergency stop releases the joints, and moves are refused until they are locked."""
 
     def emergency_stop(self, request: Request) -> Acceptance:
-        """Let go of them."""
-        said = super().emergency_stop(request)
-        self.plant.locked &= not said.accepted
-        return said
+        reply = super().emergency_stop(request)
+        self.plant.locked &= not reply.accepted
+        return reply
 
 
-class Unhomed(Latching):
-    """Switched on, it moves only behind a reset (A-4-1)."""
+class NeedsResetFirst(StopLatches):
+    """After power-on, moves are refused until a reset (A-4-1)."""
 
     latched = True
 
 
-@pytest.mark.parametrize("core", [Loose, Unhomed])
-def test_what_a_robot_wants_first(tried: Try, core: type[ControllerCore]) -> None:
-    """A robot that is not ready to move is made so, ahead of the first case that moves it."""
+@pytest.mark.parametrize("core", [StartsReleased, NeedsResetFirst])
+def test_robot_is_made_ready_first(tried: Try, core: type[ControllerCore]) -> None:
+    """A robot that is not ready to move is made ready before the first case that moves it."""
     assert not tried(core, "4.24/5").wrong
 
 
-def test_joints_may_be_loose_behind_a_stop(tried: Try) -> None:
-    """They are locked again by who wants it to move, if a reset does not do (A-4.17-2)."""
-    assert not tried(LetsGo, "4.8/7", "4.15/5", "4.17/6", "4.28/4").alarms
+def test_stop_may_release_the_joints(tried: Try) -> None:
+    """If a reset does not lock the joints, the suite locks them before a motion (A-4.17-2)."""
+    assert not tried(StopReleasesJoints, "4.8/7", "4.15/5", "4.17/6", "4.28/4").alarms
 
 
-def test_who_need_not_move_is_not_moved(tried: Try) -> None:
-    """Where no case moves anything, nothing is moved, allowed or not: the plan says so."""
-    asked = set()
+def test_robot_is_not_moved_without_need(tried: Try) -> None:
+    """If no planned case moves the arm, the suite does not move it, even if motion is allowed."""
+    opcodes = set()
 
-    class Watched(Unhomed):
+    class Watched(NeedsResetFirst):
         def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-            asked.add(frame.opcode)
+            opcodes.add(frame.opcode)
             super().handle(session, frame, now_s)
 
     assert not tried(Watched, "4.6/2").wrong
-    assert asked.isdisjoint({0x30, 0x31, 0x33, 0x39, 0x3A, 0x3B, 0x3D})
+    assert opcodes.isdisjoint({0x30, 0x31, 0x33, 0x39, 0x3A, 0x3B, 0x3D})
     tried(Watched, "4.24/5")
-    assert 0x33 in asked
+    assert 0x33 in opcodes
 
 
-def test_who_steps_aside_comes_back(tried: Try) -> None:
-    """It goes along one axis at a time, and at the end back to where it stood."""
-    went = [arm.forward(Trembles.at)[:4]]
+def test_arm_returns_after_moving_away_from_its_limits(tried: Try) -> None:
+    """The arm moves away along one axis at a time, and returns to its initial pose."""
+    poses = [arm.forward(ReportsNoise.at)[:4]]
 
-    class Watched(Trembles):
+    class Watched(ReportsNoise):
         def set_tool_coordinates(self, request: Request) -> Acceptance:
             answer = super().set_tool_coordinates(request)
             if answer.accepted:
-                went.append(request.value[1:5])
+                poses.append(request.value[1:5])
             return answer
 
     assert not tried(Watched, "4.24/5").wrong
-    steps = [differences(there, here) for here, there in pairwise(went)]
-    assert max(map(max_deviation, went, itertools.repeat(went[0]))) > _VISIBLE
-    assert max_deviation(went[-1], went[0]) < _VISIBLE
-    assert all(sum(abs(way) > _VISIBLE for way in step) <= 1 for step in steps)
+    steps = [differences(there, here) for here, there in pairwise(poses)]
+    assert max(map(max_deviation, poses, itertools.repeat(poses[0]))) > _MIN_STEP
+    assert max_deviation(poses[-1], poses[0]) < _MIN_STEP
+    assert all(sum(abs(change) > _MIN_STEP for change in step) <= 1 for step in steps)

@@ -1,4 +1,4 @@
-"""Controllers that write values, and take them, in ways of their own, which are open."""
+"""Conforming controllers that print and accept values according to readings of their own."""
 
 import struct
 from collections.abc import Callable
@@ -25,7 +25,7 @@ Try = Callable[..., Any]
 
 
 class IgnoresMalformed(ControllerCore):
-    """A request that says nothing usable is not answered."""
+    """A request with an invalid payload is not answered."""
 
     def _reply(self, session: Session, command: Any, frame: Frame, answer: Any) -> None:
         if command.request.fields and self._value(command, frame) is None:
@@ -34,18 +34,16 @@ class IgnoresMalformed(ControllerCore):
 
 
 class IgnoresFurtherOutputs(ControllerCore):
-    """A port that 0x49 does not show is ignored, whatever is to become of it (A-4.32-2)."""
+    """A port that 0x49 does not report is not answered (A-4.32-2)."""
 
     def set_digital_output(self, request: Request) -> Any:
-        """Look for it."""
         return super().set_digital_output(request) if request.value.port <= 16 else SILENCE
 
 
 class ClosesAtFurtherOutputs(ControllerCore):
-    """Who asks for such a port is sent away (A-3-9)."""
+    """A port that 0x49 does not report closes the connection (A-3-9)."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Send him away."""
         value = self._value(BY_NAME["set_digital_output"], frame) if frame.opcode == 0x43 else None
         if value is not None and value.port > 16:
             self._end(session, now_s)
@@ -53,21 +51,19 @@ class ClosesAtFurtherOutputs(ControllerCore):
             super().handle(session, frame, now_s)
 
 
-class EndsWithABar(ControllerCore):
-    """Every field of what runs and where the arm is ends with a bar (A-T-4)."""
+class EndsWithBar(ControllerCore):
+    """The running program and the joint angles end with a bar (A-T-4)."""
 
     def emit(self, session: Session, frame: Frame) -> None:
-        """Add it."""
         if frame.opcode in (0x0A, 0x3C) and b"|" in frame.data:
             frame = Frame(C2A, frame.opcode, frame.data + b"|")
         super().emit(session, frame)
 
 
-class KeepsSingles(ControllerCore):
-    """Numbers are kept in 32 bits, and printed with six decimals (A-T-5)."""
+class StoresFloats(ControllerCore):
+    """Numbers are stored as floats of 4 bytes and printed with six decimals (A-T-5)."""
 
     def emit(self, session: Session, frame: Frame) -> None:
-        """Print them."""
         if frame.opcode in (0x34, 0x37):
             numbers = map(float, frame.data.split(b"|"))
             singles = struct.unpack("6f", struct.pack("6f", *[*numbers, 0.0, 0.0, 0.0][:6]))
@@ -79,22 +75,22 @@ class KeepsSingles(ControllerCore):
 @pytest.mark.parametrize(
     ("core", "only"),
     [
-        (KeepsSingles, ("4.20/3", "4.21/3")),
-        (EndsWithABar, ("4.9/2", "4.27/2")),
+        (StoresFloats, ("4.20/3", "4.21/3")),
+        (EndsWithBar, ("4.9/2", "4.27/2")),
         (IgnoresFurtherOutputs, ("4.32/4", "4.32/5")),
         (ClosesAtFurtherOutputs, ("4.32/4", "4.32/5")),
         (IgnoresMalformed, ("4.4/5", "4.5/5", "4.11/4", "4.13/5", "4.20/4", "4.21/4", "4.33/3")),
     ],
 )
-def test_what_is_open_is_not_failed(
+def test_open_behaviour_passes(
     tried: Try, core: type[ControllerCore], only: tuple[str, ...]
 ) -> None:
     """Every case of these requirements passes or is tolerated."""
     assert not tried(core, *only).wrong
 
 
-class OverlooksEnds(ControllerCore):
-    """The byte behind the data of a frame is taken for its end, whatever it is."""
+class AcceptsAnyEndByte(ControllerCore):
+    """Any byte is accepted as the end byte of a frame."""
 
     def _process_items(self, session: Session, found: list[Any], now_s: float) -> None:
         for index, item in enumerate(found):
@@ -103,57 +99,59 @@ class OverlooksEnds(ControllerCore):
         super()._process_items(session, found, now_s)
 
 
-def test_a_wrong_end_byte_may_be_overlooked_and_is_warned_of(tried: Try) -> None:
-    """What follows a frame in place of its end byte is open (A-3-10)."""
+def test_accepted_wrong_end_byte_is_tolerated(tried: Try) -> None:
+    """The handling of a wrong end byte is open (A-3-10)."""
     framewise = DEFAULT.replace(resync="framewise")
-    cases = tried(OverlooksEnds, "3/20", dialect=framewise)
+    cases = tried(AcceptsAnyEndByte, "3/20", dialect=framewise)
     assert not cases.wrong
     assert cases["3/20.end"].verdict is Verdict.TOLERATED
 
 
-class EndsWithANul(ControllerCore):
-    """Every text ends with a NUL, also one of no character (A-T-3)."""
+class EndsWithNul(ControllerCore):
+    """Every text ends with a NUL, also an empty one (A-T-3)."""
 
     def emit(self, session: Session, frame: Frame) -> None:
-        """Add it."""
         if frame.opcode in (0x08, 0x0A, 0x0B, 0x0D, 0x13):
             frame = Frame(C2A, frame.opcode, frame.data + b"\0")
         super().emit(session, frame)
 
 
-def test_no_default_program_may_be_told_as_a_nul(tried: Try) -> None:
-    """It is an empty text, which some end as they do any other (A-4.12-2, A-T-3)."""
-    assert not tried(EndsWithANul, "4.12/4", "4.12/3", "4.13/5").alarms
+def test_missing_default_program_may_be_a_nul(tried: Try) -> None:
+    """Without a default program, the reply may be an empty text with a NUL (A-4.12-2, A-T-3)."""
+    assert not tried(EndsWithNul, "4.12/4", "4.12/3", "4.13/5").alarms
 
 
 def test_a_binary_flag_may_end_with_a_nul(tried: Try) -> None:
-    """That nothing runs is two zero bytes then (A-T-1, A-T-3)."""
+    """Without a running program, the reply may be two zero bytes (A-T-1, A-T-3)."""
     binary = DEFAULT.replace(runinfo_binary="binary")
-    assert not tried(EndsWithANul, "4.9/2", "4.9/6", dialect=binary).alarms
+    assert not tried(EndsWithNul, "4.9/2", "4.9/6", dialect=binary).alarms
 
 
-class HasALongDefault(ControllerCore):
-    """The default program that it came with has a name of 40 bytes (A-4.9-5)."""
+class HasLongDefaultName(ControllerCore):
+    """The default program was delivered with the robot and has a name of 40 bytes (A-4.9-5)."""
 
     name = b"delivered-with-the-robot-in-the-year.rob"
-    has: Store
+    last_store: Store
 
     def __init__(self, plant: Plant, store: Store, dialect: Dialect) -> None:
         if self.name not in store:
             store.write(self.name, b"SCARA")
             store.save(replace(store.settings, default_program=self.name))
-        HasALongDefault.has = store
+        HasLongDefaultName.last_store = store
         super().__init__(plant, store, dialect.replace(name_max="255"))
 
 
-def test_a_default_program_of_a_long_name_is_put_back(tried: Try) -> None:
-    """By the bytes that were told: names of 30 bytes are what is sent of one's own."""
-    assert not tried(HasALongDefault, "4.13/3").wrong
-    assert HasALongDefault.has.settings.default_program == HasALongDefault.name
+def test_default_program_with_a_long_name_is_restored(tried: Try) -> None:
+    """The default program is restored with all reported bytes, not only the first 30."""
+    assert not tried(HasLongDefaultName, "4.13/3").wrong
+    assert HasLongDefaultName.last_store.settings.default_program == HasLongDefaultName.name
 
 
-class PushesSlowly(ControllerCore):
-    """It came with many programs, and pushes the parts of their list a moment apart (A-4.10-3)."""
+class SendsListSlowly(ControllerCore):
+    """Many programs were delivered with the robot.
+
+    The parts of their list are sent at intervals (A-4.10-3).
+    """
 
     def __init__(self, plant: Plant, store: Store, dialect: Dialect) -> None:
         for number in range(60):
@@ -162,7 +160,6 @@ class PushesSlowly(ControllerCore):
         self._due: list[tuple[float, Session, Frame]] = []
 
     def list_programs(self, request: Request) -> NameListPart:
-        """Keep all parts but the first for later."""
         first, *rest = list_parts(self.store.names())
         for number, part in enumerate(rest, 1):
             frame = Frame(C2A, request.frame.opcode, request.command.reply.encode(part, DEFAULT))
@@ -176,70 +173,64 @@ class PushesSlowly(ControllerCore):
 
     @property
     def next_event_s(self) -> float | None:
-        """When the next part is due."""
         times_s = (*(due[0] for due in self._due[:1]), super().next_event_s)
         return min((time_s for time_s in times_s if time_s is not None), default=None)
 
 
-def test_a_list_may_be_pushed_slowly(tried: Try) -> None:
-    """Whoever asks for it anew waits until the one before has come."""
-    assert not tried(PushesSlowly, "4/8", "4.10/4", "5.4/8").alarms
+def test_list_may_be_sent_slowly(tried: Try) -> None:
+    """The suite waits for the end of a list before it requests the next one."""
+    assert not tried(SendsListSlowly, "4/8", "4.10/4", "5.4/8").alarms
 
 
-class KeepsItsDefault(ControllerCore):
-    """The default program is not deleted (A-4.11-1)."""
+class KeepsDefaultProgram(ControllerCore):
+    """The default program cannot be deleted (A-4.11-1)."""
 
     def delete_program(self, request: Request) -> bool:
-        """Keep it."""
         kept = request.value == self.store.settings.default_program
         return not kept and super().delete_program(request)
 
 
-def test_a_default_program_that_stays_is_nobodys_fault(tried: Try) -> None:
-    """What the suite has made the default program need not go any more (A-4.11-1).
+def test_default_program_that_stays_is_reported(tried: Try) -> None:
+    """A program that the suite made the default program may stay (A-4.11-1).
 
-    No requirement is failed; the file that is left is reported.
+    No requirement is violated. The remaining file is reported.
     """
-    (left,) = tried(KeepsItsDefault, "4.13/3").alarms
-    assert "(the default program) was not listed at the start" in left
+    (message,) = tried(KeepsDefaultProgram, "4.13/3").alarms
+    assert "(the default program) was not listed at the start" in message
 
 
-class KeepsWhatItIsToHave(KeepsItsDefault):
-    """The default program may be none that is there yet (A-4.13-1), and then stays (A-4.11-1)."""
+class KeepsFutureDefault(KeepsDefaultProgram):
+    """A missing program can be set as default (A-4.13-1) and cannot be deleted later (A-4.11-1)."""
 
     def set_default_program(self, request: Request) -> bool:
-        """Take any name."""
         return self.save(default_program=request.value)
 
 
-def test_a_default_program_that_comes_later_stays_too(tried: Try) -> None:
-    """In a long use a name is taken for the default first, and stored afterwards."""
-    (left,) = tried(KeepsWhatItIsToHave, "3/31", examples=20).alarms
-    assert "(the default program) was not listed at the start" in left
+def test_default_program_that_is_stored_later_stays(tried: Try) -> None:
+    """A sequence sets a missing program as default and stores it later."""
+    (message,) = tried(KeepsFutureDefault, "3/31", examples=20).alarms
+    assert "(the default program) was not listed at the start" in message
 
 
-class BigChunks(ControllerCore):
-    """The numbers of a chunk are big-endian, as a network's are; those of a program are not."""
+class BigEndianChunks(ControllerCore):
+    """The numbers of a chunk are big-endian; those of a program are little-endian."""
 
     def upload_chunk(self, request: Request) -> bool | Silence:
-        """Take no other."""
         return request.frame.data[8:11] == bytes(3) and super().upload_chunk(request)
 
     def emit(self, session: Session, frame: Frame) -> None:
-        """Send no other."""
         if frame.opcode == 0x56:
-            head = b"".join(frame.data[at : at + 4][::-1] for at in (0, 4, 8))
-            frame = frame._replace(data=head + frame.data[12:])
+            header = b"".join(frame.data[at : at + 4][::-1] for at in (0, 4, 8))
+            frame = frame._replace(data=header + frame.data[12:])
         super().emit(session, frame)
 
     def is_program(self, name: bytes) -> bool:
-        """Whether it is listed: as a little-endian program of the usual layout only."""
+        """Only little-endian programs of the default layout are listed."""
         content = self.store.read(name) if name in self.store else b""
         nodes, variables = struct.unpack_from("<8xII", content) if len(content) > 16 else (0, 0)
         return name in self.store and len(content) == 97 + 64 * nodes + 28 * variables
 
     def run_program(self, request: Request) -> Acceptance | Silence:
-        """Run no other."""
         name = request.value
         if self.robot.task is None and name in self.store and not self.is_program(name):
             return refused("20")
@@ -247,49 +238,50 @@ class BigChunks(ControllerCore):
 
 
 def test_chunks_and_programs_may_differ_in_their_byte_order(tried: Try) -> None:
-    """Each is a point that is open by itself (A-5-2, A-6.1-4)."""
-    cases = tried(BigChunks, "4.8/4", "4.9/2", "4.10/11", "4.11/3", "5.2/12", "6.5/26")
+    """Each byte order is an open point of its own (A-5-2, A-6.1-4)."""
+    cases = tried(BigEndianChunks, "4.8/4", "4.9/2", "4.10/11", "4.11/3", "5.2/12", "6.5/26")
     assert not cases.alarms
 
 
-class HasRulesForPasswords(ControllerCore):
-    """A password has six to sixteen letters and digits, and is not the one before."""
+class RestrictsPasswords(ControllerCore):
+    """A password has six to sixteen letters and digits and differs from the previous one."""
 
     def set_password(self, request: Request) -> bool:
-        """Hold it against them."""
         old, new = request.value
         good = 6 <= len(new) <= 16 and new.isalnum() and new != old
         return good and super().set_password(request)
 
 
-def test_odd_passwords_may_be_refused(tried: Try) -> None:
-    """How long a password may be, and of what, is open (A-4.1-3)."""
-    cases = tried(HasRulesForPasswords, "4.2/3", "4.2/4", "4.2/6", examples=20)
+def test_passwords_may_be_restricted(tried: Try) -> None:
+    """The length and the characters of a password are open (A-4.1-3)."""
+    cases = tried(RestrictsPasswords, "4.2/3", "4.2/4", "4.2/6", examples=20)
     assert not cases.wrong
     assert cases["4.2/4"].verdict is Verdict.TOLERATED
 
 
-class WasNeverSetUp(ControllerCore):
-    """Its initial position is six zeros, and its default program is not stored: it refuses both."""
+class NotConfigured(ControllerCore):
+    """The initial position is six zeros and the default program is not stored:
+
+    neither can be set again.
+    """
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.save(initial_tool_position=(0.0,) * 6, default_program=b"gone.rob")
 
     def get_default_program(self, _: Request) -> bytes:
-        """Tell it all the same."""
         return self.store.settings.default_program
 
 
-def test_what_nobody_can_put_back(tried: Try) -> None:
-    """What the subject refuses to take back even at first leaves no run inconclusive."""
-    cases = tried(WasNeverSetUp, "4.13/3", "4.21/3", "4.13/2")
+def test_settings_that_cannot_be_restored(tried: Try) -> None:
+    """A setting that the SUT refuses to restore from the start makes no case inconclusive."""
+    cases = tried(NotConfigured, "4.13/3", "4.21/3", "4.13/2")
     assert not cases.wrong
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "utf-8"])
-def test_what_names_may_be_written_in_is_told(tried: Try, encoding: str) -> None:
-    """Of the names refused some are no text in the encoding that is taken (A-T-2)."""
+def test_encoding_of_names_is_reported(tried: Try, encoding: str) -> None:
+    """The refused names are not valid in the encoding that is accepted (A-T-2)."""
     case = tried(ControllerCore, "T/8", spoken=DEFAULT.replace(text_encoding=encoding))["T/8"]
     assert case.verdict is Verdict.TOLERATED
     assert case.observed == f"text_encoding = {encoding}"

@@ -1,4 +1,4 @@
-"""Controllers that are near to what the document leaves open, and wrong: a case still fails."""
+"""Faulty controllers that are similar to a conforming reading: a case still fails."""
 
 import math
 from collections.abc import Callable
@@ -17,28 +17,26 @@ from scaraspec.virtual_controller.session import Action, Request, Session
 
 Try = Callable[..., Any]
 
-_NO_CHUNK = Frame(C2A, 0x56, b"0")
+_ZERO = Frame(C2A, 0x56, b"0")
 
 
-class TakesALengthForAStart(ControllerCore):
-    """A length byte of 0xAA begins a frame anew, so that the data behind it are searched."""
+class TreatsLengthAsStart(ControllerCore):
+    """A length byte of 0xAA starts another frame, so that the data after it are parsed."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Answer what the data hold, too."""
         if len(frame.data) != A2C.start or A2C.start not in frame.data:
             super().handle(session, frame, now_s)
             return
-        begins = frame.data.index(A2C.start)
-        super().handle(session, Frame(A2C, frame.data[begins + 1]), now_s)
+        start = frame.data.index(A2C.start)
+        super().handle(session, Frame(A2C, frame.data[start + 1]), now_s)
 
 
-class KnowsEverybody(ControllerCore):
+class ServesWithoutLogin(ControllerCore):
     """One command is served without a login (A-4-4)."""
 
     opcode: int
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Serve it."""
         before, session.logged_in = (
             session.logged_in,
             session.logged_in or self.opcode == frame.opcode,
@@ -47,109 +45,100 @@ class KnowsEverybody(ControllerCore):
         session.logged_in = before or (session.logged_in and frame.opcode == 0x01)
 
 
-class LetsGo(KnowsEverybody):
-    """The joints are released."""
+class ReleasesWithoutLogin(ServesWithoutLogin):
+    """The joints can be released without a login."""
 
     opcode = 0x3A
 
 
-class Chooses(KnowsEverybody):
-    """The default program is set."""
+class SetsDefaultWithoutLogin(ServesWithoutLogin):
+    """The default program can be set without a login."""
 
     opcode = 0x0E
 
 
-class FollowsARefusalUp(ControllerCore):
-    """A name that is refused is followed by a 0 in place of a chunk; nobody has answered one."""
+class SendsZeroAfterRefusal(ControllerCore):
+    """A refused name is followed by a 0 with the opcode of chunks, although no chunk was sent."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Send it."""
         super().handle(session, frame, now_s)
         if frame.opcode == 0x54 and session.transfer is None:
-            self.emit(session, _NO_CHUNK)
+            self.emit(session, _ZERO)
 
 
-class FollowsAnEndUp(ControllerCore):
+class AnswersLastAnswer(ControllerCore):
     """The answer to the last chunk is answered 0."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Answer it."""
         end = session.transfer.end if session.transfer else None
         super().handle(session, frame, now_s)
         if frame.opcode == 0x56 and isinstance(end, Sender) and end.state is State.DONE:
-            self.emit(session, _NO_CHUNK)
+            self.emit(session, _ZERO)
 
 
-class HasNoPatience(ControllerCore):
-    """An answer to a chunk is refused after twenty seconds (25 have to be survived), or to none."""
+class TimesOutEarly(ControllerCore):
+    """A download is aborted after 20 s of silence; 25 s must be allowed."""
 
     def download_chunk(self, request: Request) -> Silence:
-        """Refuse it."""
         transfer = request.session.transfer
         due_s = transfer.end.deadline_s if transfer else 0.0
         if due_s is not None and request.now_s > due_s - 10:
             self.abort_transfer(request.session)
-            self.emit(request.session, _NO_CHUNK)
+            self.emit(request.session, _ZERO)
             return SILENCE
         return super().download_chunk(request)
 
 
-class TakesPlainNames(ControllerCore):
-    """A name has letters and digits."""
+class AcceptsPlainNames(ControllerCore):
+    """Only letters and digits are accepted in a name."""
 
     def upload_name(self, request: Request) -> bool:
-        """Refuse others."""
         plain: bool = request.value.partition(b".")[0].isalnum()
         return plain and super().upload_name(request)
 
 
-class TakesSmallNames(TakesPlainNames):
-    """Nor may they be capitals."""
+class AcceptsLowercaseNames(AcceptsPlainNames):
+    """Capital letters are not accepted in a name."""
 
     def upload_name(self, request: Request) -> bool:
-        """Refuse them."""
         return request.value == request.value.lower() and super().upload_name(request)
 
 
-class ListsSmallNames(TakesPlainNames):
-    """They are listed in small letters."""
+class ListsLowercaseNames(AcceptsPlainNames):
+    """Names are listed in lower case."""
 
     def emit(self, session: Session, frame: Frame) -> None:
-        """List them."""
         data = frame.data.lower() if frame.opcode == 0x0B else frame.data
         super().emit(session, frame._replace(data=data))
 
 
-class MissesSizes(ControllerCore):
-    """A file whose size has two bytes of zeros is taken for an empty one."""
+class TreatsSomeSizesAsEmpty(ControllerCore):
+    """A file whose size has two zero bytes is treated as empty."""
 
     def upload_chunk(self, request: Request) -> Any:
-        """Refuse it."""
         if request.value and not request.value.file_size & 0xFFFF:
             self.abort_transfer(request.session)
             return False
         return super().upload_chunk(request)
 
 
-class Collides(ControllerCore):
-    """Of names whose bytes have the same sum some are refused, as if there were no room."""
+class RefusesCollidingNames(ControllerCore):
+    """Names with the same sum of bytes are refused as if there were no room."""
 
     def upload_name(self, request: Request) -> bool:
-        """Refuse it."""
-        there = [sum(name) % 48 for name in self.store.names()]
-        collides = len(there) >= 7 and sum(request.value) % 48 in there
+        sums = [sum(name) % 48 for name in self.store.names()]
+        collides = len(sums) >= 7 and sum(request.value) % 48 in sums
         return not collides and super().upload_name(request)
 
 
-class TakesPathsLate(ControllerCore):
-    """A name with a path in it is accepted half a second later, behind the next reply (3/24)."""
+class AcceptsPathsLate(ControllerCore):
+    """A name with a path is accepted half a second later, after the next reply (3/24)."""
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self._due: list[tuple[float, Session]] = []
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Accept it later."""
         if frame.opcode == 0x50 and b"/" in frame.data:
             self._due.append((now_s + 0.5, session))
         else:
@@ -162,24 +151,21 @@ class TakesPathsLate(ControllerCore):
 
     @property
     def next_event_s(self) -> float | None:
-        """When an answer is due, too."""
         times_s = [super().next_event_s, *(due_s for due_s, _ in self._due)]
         return min((due_s for due_s in times_s if due_s is not None), default=None)
 
 
 class MovesLate(ControllerCore):
-    """A move that was refused begins a moment later, and the status says nothing of it."""
+    """A refused move starts later, and the status does not show it."""
 
     _due_s = math.inf
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Remember when."""
         super().handle(session, frame, now_s)
         if frame.opcode == 0x39 and self.robot.task is None:
             self._due_s = now_s + 0.05
 
     def get_tool_coordinates(self, request: Request) -> Pose:
-        """Be elsewhere then."""
         pose = super().get_tool_coordinates(request)
         return pose._replace(x=pose.x + 5) if request.now_s > self._due_s else pose
 
@@ -187,72 +173,69 @@ class MovesLate(ControllerCore):
 @pytest.mark.parametrize(
     ("core", "requirement"),
     [
-        (TakesALengthForAStart, "3/6"),
-        (LetsGo, "2/11"),
-        (Chooses, "2/11"),
+        (TreatsLengthAsStart, "3/6"),
+        (ReleasesWithoutLogin, "2/11"),
+        (SetsDefaultWithoutLogin, "2/11"),
         (MovesLate, "4.24/3"),
-        (FollowsARefusalUp, "5.3/10"),
-        (FollowsAnEndUp, "5.2/13"),
-        (HasNoPatience, "5.3/7"),
-        (TakesSmallNames, "5.2/2"),
-        (ListsSmallNames, "4.10/11"),
-        (MissesSizes, "5.2/16"),
-        (TakesPathsLate, "5.2/15"),
+        (SendsZeroAfterRefusal, "5.3/10"),
+        (AnswersLastAnswer, "5.2/13"),
+        (TimesOutEarly, "5.3/7"),
+        (AcceptsLowercaseNames, "5.2/2"),
+        (ListsLowercaseNames, "4.10/11"),
+        (TreatsSomeSizesAsEmpty, "5.2/16"),
+        (AcceptsPathsLate, "5.2/15"),
     ],
 )
-def test_a_fault_is_found(tried: Try, core: type[ControllerCore], requirement: str) -> None:
-    """What the document forbids is not excused by what it leaves open."""
+def test_fault_is_detected(tried: Try, core: type[ControllerCore], requirement: str) -> None:
+    """An open point does not hide what the document forbids."""
     assert requirement in tried(core, requirement).failed
 
 
 @pytest.mark.parametrize("only", ["4.10/4", "5.4/2"])
-def test_a_refusal_of_a_name_is_not_taken_for_want_of_room(tried: Try, only: str) -> None:
-    """When a file has gone there is room for the name that was refused (A-5-21)."""
-    assert "5.2/2" in tried(Collides, only).failed
+def test_refused_name_is_retried_with_more_room(tried: Try, only: str) -> None:
+    """After a file is deleted, there is room for the refused name (A-5-21)."""
+    assert "5.2/2" in tried(RefusesCollidingNames, only).failed
 
 
-class CarriesOver(ControllerCore):
-    """What came of an upload that was refused stands before the next one of its connection."""
+class PrependsRefusedUpload(ControllerCore):
+    """The content of a refused upload is prepended to the next upload of the same connection."""
 
-    left: tuple[Session, bytes] | None = None
-    takes: Session | None = None
+    leftover: tuple[Session, bytes] | None = None
+    current: Session | None = None
 
     def upload_chunk(self, request: Request) -> bool | Silence:
-        """Keep it, as a buffer that is not cleared."""
-        self.takes, transfer = request.session, request.session.transfer
+        self.current, transfer = request.session, request.session.transfer
         taken = super().upload_chunk(request)
         if transfer and isinstance(transfer.end, Receiver) and transfer.end.state is State.FAILED:
-            self.left = request.session, transfer.end.content
+            self.leftover = request.session, transfer.end.content
         return taken
 
     def _write(self, name: bytes, content: bytes) -> bool:
-        if self.left and self.left[0] is self.takes:
-            content, self.left = self.left[1] + content, None
+        if self.leftover and self.leftover[0] is self.current:
+            content, self.leftover = self.leftover[1] + content, None
         return super()._write(name, content)
 
 
-def test_what_a_broken_upload_left_in_its_connection(tried: Try) -> None:
-    """The next upload is sent on the same connection too, if that takes one."""
-    assert "5.4/6" in tried(CarriesOver, "5.4/6").failed
+def test_leftover_of_an_interrupted_upload_is_detected(tried: Try) -> None:
+    """The next upload uses the same connection, if it is accepted there."""
+    assert "5.4/6" in tried(PrependsRefusedUpload, "5.4/6").failed
 
 
-class AwaitsTheAnswerAlone(ControllerCore):
-    """While it sends a file, what came together with something else is no answer to a chunk."""
+class NeedsAnswerInOwnSegment(ControllerCore):
+    """An answer to a chunk is ignored if its segment contains other bytes."""
 
     alone = True
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
-        """See whether it comes alone: five bytes, or less."""
         self.alone = len(data) <= 5
         return super().receive(connection, data, now_s)
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Pass over an answer that does not."""
         if frame.opcode != 0x56 or self.alone:
             super().handle(session, frame, now_s)
 
 
-def test_an_answer_to_a_chunk_that_does_not_come_alone(tried: Try) -> None:
-    """It comes in one segment with questions, and is taken all the same."""
-    assert "2/6" in tried(AwaitsTheAnswerAlone, "5.4/8").failed
+def test_answer_in_a_shared_segment(tried: Try) -> None:
+    """An answer to a chunk must be accepted in one segment with queries."""
+    assert "2/6" in tried(NeedsAnswerInOwnSegment, "5.4/8").failed
     assert not tried(ControllerCore, "5.4/8").alarms
