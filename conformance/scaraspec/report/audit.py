@@ -1,8 +1,8 @@
 """Audit: what a judge found in a recording, as results.
 
-A requirement that was judged has at least one case. Findings of one requirement that say the same
-are one case with a count, so that a fault that occurs a thousand times is read once; its evidence
-is that of its first occurrences. No verdict is made here.
+A requirement that was judged has at least one case. Equal findings of one requirement become one
+case with a count and the evidence of the first occurrences, so that a frequent fault is listed
+once. This module makes no verdicts.
 """
 
 from collections import Counter, defaultdict
@@ -15,7 +15,7 @@ from scaraspec.judge.requirements import REQUIREMENTS, Method
 from scaraspec.judge.verdicts import Finding, Verdict
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.readings import READINGS
-from scaraspec.report.evidence import Exhibits
+from scaraspec.report.evidence import EvidenceCollector
 from scaraspec.report.model import (
     Case,
     ReadingSeen,
@@ -28,8 +28,8 @@ from scaraspec.report.model import (
 from scaraspec.report.session import SessionStats
 from scaraspec.user_message import UserMessage
 
-_SHOWN_PLACES: Final = 12
-_GRAVITY: Final = list(Verdict)
+_MAX_SHOWN_RANGES: Final = 12
+_BY_SEVERITY: Final = list(Verdict)
 
 
 def from_audit(
@@ -40,17 +40,17 @@ def from_audit(
     claims: Mapping[str, str] | None = None,
     replay: str = "",
 ) -> Results:
-    """Make results of a recording that has been judged to its end.
+    """Return the results of a recording that was judged completely.
 
     Args:
         judge: The judge, closed.
-        stats: Fed with everything that the judge yielded.
-        subject: What was judged.
-        claims: Readings that the controller's statement of conformance claims, by key.
-        replay: The command line that judges the recording again.
+        stats: The statistics, with all items that the judge yielded.
+        subject: The system under test.
+        claims: The readings that the ICS of the controller claims, by key.
+        replay: The command that repeats the audit.
     """
     tallies = {i: judge.tallies[i] for i in REQUIREMENTS if i in judge.tallies}
-    cases = {i: tuple(_cases(i, t, stats.exhibits, replay)) for i, t in tallies.items()}
+    cases = {i: tuple(_cases(i, t, stats.evidence, replay)) for i, t in tallies.items()}
     return Results(
         tool=Tool.own(),
         subject=subject,
@@ -70,43 +70,45 @@ def from_audit(
             for r in REQUIREMENTS.values()
             if Method.PASSIVE in r.testable or r.id in tallies
         ),
-        cases=tuple(case for of_one in cases.values() for case in of_one),
+        cases=tuple(case for group in cases.values() for case in group),
         session=stats.session(),
     )
 
 
-def _cases(requirement: str, tally: Tally, exhibits: Exhibits, replay: str) -> Iterator[Case]:
-    """The cases of one requirement: its findings by what they say, or that it was kept."""
+def _cases(
+    requirement: str, tally: Tally, collector: EvidenceCollector, replay: str
+) -> Iterator[Case]:
+    """Yield the cases of one requirement: its grouped findings, or one case for its passes."""
     groups: defaultdict[tuple[Verdict, object], list[Finding]] = defaultdict(list)
     for finding in tally.findings:
         groups[finding.verdict, finding.reading or finding.message].append(finding)
     if not groups:
-        message = UserMessage("kept {counts}", counts=_times(tally.counts[Verdict.PASS]))
+        message = UserMessage("met {times}", times=_times(tally.counts[Verdict.PASS]))
         yield Case(requirement, (requirement,), Verdict.PASS, message=message, replay=replay)
-    kept = Counter(finding.verdict for finding in tally.findings)
-    gravest_first = sorted(groups.values(), key=lambda g: -_GRAVITY.index(g[0].verdict))
-    for number, findings in enumerate(gravest_first, 1):
+    stored = Counter(finding.verdict for finding in tally.findings)
+    worst_first = sorted(groups.values(), key=lambda g: -_BY_SEVERITY.index(g[0].verdict))
+    for number, findings in enumerate(worst_first, 1):
         first = findings[0]
-        unkept = tally.counts[first.verdict] > kept[first.verdict]
-        places = dict.fromkeys(place for finding in findings for place in finding.evidence)
-        wire = tuple(exhibits.evidence(place) for place in islice(places, _SHOWN_PLACES))
+        incomplete = tally.counts[first.verdict] > stored[first.verdict]
+        ranges = dict.fromkeys(each for finding in findings for each in finding.evidence)
+        wire = tuple(collector.evidence(each) for each in islice(ranges, _MAX_SHOWN_RANGES))
         yield Case(
             id=requirement if number == 1 else f"{requirement}.{number}",
             requirements=(requirement,),
             verdict=first.verdict,
             cause=first.cause,
-            message=first.message + _how_often(len(findings), unkept=unkept),
+            message=first.message + _count_suffix(len(findings), incomplete=incomplete),
             expected=first.expected,
             observed=first.observed or " = ".join(first.reading or ()),
             replay=replay,
             wire=wire,
-            passing=exhibits.passing(wire) if first.verdict is Verdict.FAIL else (),
+            passing=collector.passing(wire) if first.verdict is Verdict.FAIL else (),
         )
 
 
-def _how_often(count: int, *, unkept: bool) -> str:
-    """A count after the message; `unkept` findings of its verdict may be equal."""
-    if unkept:
+def _count_suffix(count: int, *, incomplete: bool) -> str:
+    """Return the count after a message; a lower bound if not all findings were stored."""
+    if incomplete:
         return f" (at least {_times(count)})"
     return f" ({_times(count)})" if count > 1 else ""
 
@@ -116,10 +118,10 @@ def _times(count: int) -> str:
 
 
 def readings_of(
-    judge: Judge, party: Direction, claims: Mapping[str, str]
+    judge: Judge, sender: Direction, claims: Mapping[str, str]
 ) -> Mapping[str, ReadingSeen]:
-    """What a party does at the open points, by key; `claims` are its statement's."""
-    seen, mixed = judge.dialect_seen.of(party), judge.dialect_seen.mixed(party)
+    """Return the observed readings of one side by key; `claims` are those of its ICS."""
+    seen, mixed = judge.dialect_seen.of(sender), judge.dialect_seen.mixed(sender)
     return {
         key: ReadingSeen(
             options=seen.get(key, ()),

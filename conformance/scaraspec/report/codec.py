@@ -21,7 +21,7 @@ T = TypeVar("T")
 _INTEGER_LIMIT: Final = 1 << 63
 
 
-class MisfitError(ValueError):
+class InvalidValueError(ValueError):
     """A plain value has the wrong type; the message contains its position and the value."""
 
 
@@ -43,18 +43,18 @@ def to_plain(value: Any) -> Any:
     return value
 
 
-def from_plain(wanted: type[T], plain: Any) -> T:
-    """Create an object of type `wanted` from plain values.
+def from_plain(target: type[T], plain: Any) -> T:
+    """Create an object of type `target` from plain values.
 
     Raises:
-        MisfitError: A value has the wrong type or is missing.
+        InvalidValueError: A value has the wrong type or is missing.
     """
-    made: T = _make(wanted, plain, "")
-    return made
+    result: T = _make(target, plain, "")
+    return result
 
 
-def _make(wanted: Any, plain: Any, at: str) -> Any:
-    origin, args = get_origin(wanted), get_args(wanted)
+def _make(target: Any, plain: Any, at: str) -> Any:
+    origin, args = get_origin(target), get_args(target)
     if origin in (Union, types.UnionType):
         (inner,) = (arg for arg in args if arg is not type(None))
         return None if plain is None else _make(inner, plain, at)
@@ -64,94 +64,97 @@ def _make(wanted: Any, plain: Any, at: str) -> Any:
         keys, values = args
         return {
             _make(keys, k, f"a key of {at}"): _make(values, v, _join(at, k))
-            for k, v in _a(dict, plain, at).items()
+            for k, v in _checked(dict, plain, at).items()
         }
-    if is_dataclass(wanted):
-        return _make_dataclass(wanted, plain, at)
-    if issubclass(wanted, Enum):
-        return _make_enum(wanted, plain, at)
-    return _make_scalar(wanted, plain, at)
+    if is_dataclass(target):
+        return _make_dataclass(target, plain, at)
+    if issubclass(target, Enum):
+        return _make_enum(target, plain, at)
+    return _make_scalar(target, plain, at)
 
 
 def _make_tuple(args: tuple[Any, ...], plain: Any, at: str) -> tuple[Any, ...]:
-    items = _a(list, plain, at)
+    items = _checked(list, plain, at)
     if args[-1] is ...:
         args = args[:1] * len(items)
     if len(items) != len(args):
-        raise MisfitError(
+        raise InvalidValueError(
             UserMessage(
-                "{at} has {items_count} items, not {args_count}",
-                at=at,
-                items_count=len(items),
-                args_count=len(args),
+                "{position} has {item_count} items, not {expected_count}",
+                position=at,
+                item_count=len(items),
+                expected_count=len(args),
             )
         )
     pairs = zip(args, items, strict=True)
     return tuple(_make(arg, item, f"{at}[{i}]") for i, (arg, item) in enumerate(pairs))
 
 
-def _make_dataclass(wanted: Any, plain: Any, at: str) -> Any:
-    values = _a(dict, plain, at)
-    made = {}
-    for name, (hint, required) in _members(wanted).items():
+def _make_dataclass(target: Any, plain: Any, at: str) -> Any:
+    values = _checked(dict, plain, at)
+    result = {}
+    for name, (hint, required) in _members(target).items():
         if name in values:
-            made[name] = _make(hint, values[name], _join(at, name))
+            result[name] = _make(hint, values[name], _join(at, name))
         elif required:
-            raise MisfitError(UserMessage("{join} is missing", join=_join(at, name)))
-    return wanted(**made)
+            raise InvalidValueError(UserMessage("{position} is missing", position=_join(at, name)))
+    return target(**result)
 
 
 @cache
-def _members(wanted: Any) -> dict[str, tuple[Any, bool]]:
+def _members(target: Any) -> dict[str, tuple[Any, bool]]:
     """Return for each member its type, and whether it is required."""
-    hints = get_type_hints(wanted)
+    hints = get_type_hints(target)
     return {
         f.name: (hints[f.name], f.default is MISSING and f.default_factory is MISSING)
-        for f in fields(wanted)
+        for f in fields(target)
     }
 
 
-def _make_enum(wanted: type[Enum], plain: Any, at: str) -> Enum:
-    for member in wanted:
+def _make_enum(target: type[Enum], plain: Any, at: str) -> Enum:
+    for member in target:
         if member.value == plain:
             return member
-    names = ", ".join(str(member.value) for member in wanted)
-    raise MisfitError(
+    names = ", ".join(str(member.value) for member in target)
+    raise InvalidValueError(
         UserMessage(
-            "{at} is {plain}, not one of {names}", at=at, plain=reprlib.repr(plain), names=names
+            "{position} is {value}, not one of {names}",
+            position=at,
+            value=reprlib.repr(plain),
+            names=names,
         )
     )
 
 
-def _make_scalar(wanted: Any, plain: Any, at: str) -> Any:
-    if wanted is float and type(plain) is int:
+def _make_scalar(target: Any, plain: Any, at: str) -> Any:
+    if target is float and type(plain) is int:
         plain = float(_bounded(plain, at))
-    value = _a(wanted, plain, at)
-    if wanted is float and not math.isfinite(value):
-        raise MisfitError(UserMessage("{at} is no finite number", at=at))
-    return _bounded(value, at) if wanted is int else value
+    value = _checked(target, plain, at)
+    if target is float and not math.isfinite(value):
+        raise InvalidValueError(UserMessage("{position} is not a finite number", position=at))
+    return _bounded(value, at) if target is int else value
 
 
 def _bounded(number: int, at: str) -> int:
     if not -_INTEGER_LIMIT <= number < _INTEGER_LIMIT:
-        raise MisfitError(UserMessage("{at} does not fit 64 bits", at=at))
+        raise InvalidValueError(UserMessage("{position} does not fit 64 bits", position=at))
     return number
 
 
-_NAMES: Final = {dict: "an object", list: "an array", str: "a text", int: "an integer"} | {
+_TYPE_NAMES: Final = {dict: "an object", list: "an array", str: "a string", int: "an integer"} | {
     float: "a number",
     bool: "true or false",
 }
 
 
-def _a(wanted: type[T], plain: Any, at: str) -> T:
-    if type(plain) is not wanted:  # a bool is not accepted as an int
-        raise MisfitError(
+def _checked(target: type[T], plain: Any, at: str) -> T:
+    if type(plain) is not target:  # a bool is not accepted as an int
+        raise InvalidValueError(
             UserMessage(
-                "{value} is {plain}, not {names}",
-                value=at or "the whole",
-                plain=reprlib.repr(plain),
-                names=_NAMES[wanted],
+                "{position} is {value}, not {expected}",
+                position=at or "the document",
+                value=reprlib.repr(plain),
+                expected=_TYPE_NAMES[target],
             )
         )
     return plain

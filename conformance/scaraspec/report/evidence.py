@@ -34,58 +34,56 @@ _SHOWN_BYTES: Final = 512
 _HIDDEN_VALUE: Final = "(hidden)"
 
 
-class Exhibits:
+class EvidenceCollector:
     """Collects the output of a judge, and returns the evidence for the positions in findings."""
 
     def __init__(self) -> None:
         self._recent: deque[FrameSeen | InvalidBytes] = deque(maxlen=_RECENT_FRAMES)
         self._last: tuple[FrameSeen, ...] = ()
-        self._kept: dict[WireRange, Evidence] = {}
+        self._stored: dict[WireRange, Evidence] = {}
         self._findings: Counter[str] = Counter()
-        self._exchange: Exchange | None = (
-            None  # the exchange being judged, without a failure so far
-        )
-        self._sound: dict[str, tuple[FrameSeen, ...]] = {}
+        self._passing: Exchange | None = None  # the current exchange, without a failure so far
+        self._passed: dict[str, tuple[FrameSeen, ...]] = {}
 
     def add(self, item: TrafficEvent | Finding) -> None:
         """Add the next item; a finding follows the event that it judges."""
         if isinstance(item, Finding):
             if item.verdict is Verdict.FAIL:
-                self._exchange = None
-        elif self._exchange:
-            self._sound[self._exchange.name] = self._exchange.frames
-            self._exchange = None
+                self._passing = None
+        elif self._passing:
+            self._passed[self._passing.name] = self._passing.frames
+            self._passing = None
         match item:
             case FrameSeen() | InvalidBytes():
                 self._recent.append(item)
             case Exchange():
                 self._last = item.frames
-                self._exchange = item if item.ending is Ending.ANSWERED else None
+                self._passing = item if item.ending is Ending.ANSWERED else None
             case Transfer():
                 self._last = item.opening.frames if item.opening else ()
             case Finding():
-                self._keep(item)
+                self._store(item)
 
     def evidence(self, place: WireRange) -> Evidence:
         """Return the evidence at a position, with its bytes if they were stored."""
-        return self._kept.get(place) or _evidence(place)
+        return self._stored.get(place) or _evidence(place)
 
     def passing(self, wire: Sequence[Evidence]) -> tuple[Evidence, ...]:
         """Return the last passing exchange of the command at the end of `wire`; empty if none."""
         name = next((evidence.note.partition(",")[0] for evidence in reversed(wire)), "")
-        return tuple(exhibit(seen) for seen in self._sound.get(name, ()))
+        return tuple(evidence_of(seen) for seen in self._passed.get(name, ()))
 
-    def _keep(self, finding: Finding) -> None:
+    def _store(self, finding: Finding) -> None:
         self._findings[finding.requirement] += 1
         if self._findings[finding.requirement] > _FINDINGS_PER_REQUIREMENT:
             return
-        wanted = set(finding.evidence) - self._kept.keys()
+        wanted = set(finding.evidence) - self._stored.keys()
         for seen in chain(self._last, self._recent):
             if seen.place in wanted:
-                self._kept[seen.place] = exhibit(seen)
+                self._stored[seen.place] = evidence_of(seen)
 
 
-def exhibit(seen: FrameSeen | InvalidBytes) -> Evidence:
+def evidence_of(seen: FrameSeen | InvalidBytes) -> Evidence:
     """Return a frame or invalid bytes as evidence, with passwords masked."""
     if isinstance(seen, InvalidBytes):
         return _evidence(seen.place, f"no frame: {seen.why.value}", mask_unframed(seen.data))

@@ -12,7 +12,7 @@ from typing import Final
 from scaraspec.report.model import Timing
 
 _PER_OCTAVE: Final = 16
-_TOLD_PER_OCTAVE: Final = 4
+_REPORTED_PER_OCTAVE: Final = 4
 _FIRST_NS: Final = 1_000
 _BINS: Final = 32 * _PER_OCTAVE
 
@@ -38,9 +38,9 @@ class Histogram:
         """Return the statistics; None if there are no durations."""
         if not self._count:
             return None
-        told: Counter[int] = Counter()
+        reported: Counter[int] = Counter()
         for index, count in self._bins.items():
-            told[index * _TOLD_PER_OCTAVE // _PER_OCTAVE] += count
+            reported[index * _REPORTED_PER_OCTAVE // _PER_OCTAVE] += count
         return Timing(
             count=self._count,
             min_ms=_ms(self._min_ns),
@@ -48,17 +48,17 @@ class Histogram:
             p99_ms=_ms(self._quantile_ns(0.99)),
             max_ms=_ms(self._max_ns),
             bins=tuple(
-                (_ms(_FIRST_NS * 2 ** (index / _TOLD_PER_OCTAVE)), count)
-                for index, count in sorted(told.items())
+                (_ms(_FIRST_NS * 2 ** (index / _REPORTED_PER_OCTAVE)), count)
+                for index, count in sorted(reported.items())
             ),
         )
 
     def _quantile_ns(self, share: float) -> float:
-        due = math.ceil(share * self._count)
+        remaining = math.ceil(share * self._count)
         index = -1
-        for index, count in sorted(self._bins.items()):  # noqa: B007 - the last one is the answer
-            due -= count
-            if due <= 0:
+        for index, count in sorted(self._bins.items()):  # noqa: B007 - used after the loop
+            remaining -= count
+            if remaining <= 0:
                 break
         middle_ns = _FIRST_NS * 2 ** ((index + 0.5) / _PER_OCTAVE)
         return min(max(middle_ns, self._min_ns), self._max_ns)

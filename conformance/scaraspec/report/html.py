@@ -1,8 +1,8 @@
-"""report.html: one page for a person, in one file that asks nothing of the network.
+"""report.html: a page for users, in one file that makes no network requests.
 
-Here results are put into the order in which they are read; how that looks is in the templates, the
-words in `words`, the coordinates in `plots`. Everything that a template prints is escaped and made
-visible by the environment, never by the template.
+This module prepares and orders the results. The layout is in the templates, the texts are in
+`translations` and the coordinates in `plots`. The environment escapes and sanitizes everything
+that a template prints; templates do not.
 """
 
 import base64
@@ -22,14 +22,19 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.errors import TABLE_8_1
 from scaraspec.protocol.readings import READINGS
-from scaraspec.report import formatting as figures
+from scaraspec.report import formatting
 from scaraspec.report.files import write_whole
 from scaraspec.report.model import Case, CommandSeen, RequirementResult, Results, Session
-from scaraspec.report.ordering import TELLING, UNSETTLED, most_telling_first, told_once
+from scaraspec.report.ordering import (
+    UNSETTLED,
+    VERDICTS_BY_IMPORTANCE,
+    group_equal_cases,
+    most_important_first,
+)
 from scaraspec.report.plots import WIDTH, LatencyPlot, timeline
 from scaraspec.report.sanitizing import visible
 from scaraspec.report.segments import segments
-from scaraspec.report.translations import CLAUSES, WORDS, Language, Words
+from scaraspec.report.translations import CLAUSE_TITLES, TRANSLATIONS, Language, Translation
 
 _SIGNS: Final = {
     Verdict.FAIL: "✕",
@@ -39,24 +44,24 @@ _SIGNS: Final = {
     Verdict.PASS: "✓",
     Verdict.NONE: "·",
 }
-"""A verdict is never shown by its colour alone."""
+"""Signs of the verdicts: a verdict is not shown by its colour alone."""
 
 _NS: Final = 1_000_000_000
-_FIRST: Final = 5
+_MAX_TOP_CASES: Final = 5
 
 
 def write(results: Results, path: Path, language: Language = Language.ENGLISH) -> None:
-    """Write report.html, whole or not at all.
+    """Write report.html atomically.
 
     Raises:
-        OSError: It cannot be written.
+        OSError: The file cannot be written.
     """
     write_whole(path, render(results, language))
 
 
 def render(results: Results, language: Language = Language.ENGLISH) -> str:
-    """The page; both languages are in it, and `language` is shown first."""
-    cases = most_telling_first(results)
+    """Return the page. It contains both languages; `language` is shown first."""
+    cases = most_important_first(results)
     session = results.session
     return (
         _environment()
@@ -65,10 +70,10 @@ def render(results: Results, language: Language = Language.ENGLISH) -> str:
             results=results,
             language=language.value,
             cases=cases,
-            first=_first(cases),
+            top_cases=_top_cases(cases),
             clauses=_clauses(results, cases),
-            dialect=_keys(results),
-            verdicts=[v for v in TELLING if results.counts.get(v)],
+            dialect=_open_points(results),
+            verdicts=[v for v in VERDICTS_BY_IMPORTANCE if results.counts.get(v)],
             session=session,
             latency=LatencyPlot(_by_opcode(session)) if session else None,
             lanes=timeline(results, session) if session else {},
@@ -76,28 +81,28 @@ def render(results: Results, language: Language = Language.ENGLISH) -> str:
     )
 
 
-def _first(cases: list[Case]) -> list[tuple[int, Case, int]]:
-    """What to look at first: the number of a case on the page, and how many say the same."""
+def _top_cases(cases: list[Case]) -> list[tuple[int, Case, int]]:
+    """Return the most important cases: number on the page, case, and count of equal cases."""
     numbered = {case.id: number for number, case in enumerate(cases)}
-    told = told_once(case for case in cases if case.verdict in UNSETTLED)
-    return [(numbered[case.id], case, others) for case, others in told[:_FIRST]]
+    groups = group_equal_cases(case for case in cases if case.verdict in UNSETTLED)
+    return [(numbered[case.id], case, others) for case, others in groups[:_MAX_TOP_CASES]]
 
 
 def _by_opcode(session: Session) -> list[CommandSeen]:
-    """The commands in the order of the document, undefined opcodes after them."""
+    """Return the commands in the order of the document, then undefined opcodes."""
     order = {name: at for at, name in enumerate(BY_NAME)}
     return sorted(session.exchanges, key=lambda command: order.get(command.name, len(order)))
 
 
-def _keys(results: Results) -> list[str]:
-    """The open points that show on either side, in the order of the document."""
-    seen = {key for of_party in results.readings.values() for key in of_party}
+def _open_points(results: Results) -> list[str]:
+    """Return the keys of the open points of both sides, in the order of the document."""
+    seen = {key for of_side in results.readings.values() for key in of_side}
     return [key for key in READINGS if key in seen] + sorted(seen - READINGS.keys())
 
 
 @dataclass(frozen=True, slots=True)
 class _Square:
-    """One requirement in the matrix, and the number of its first case on the page."""
+    """A requirement in the coverage matrix, and the number of its first case on the page."""
 
     result: RequirementResult
     requirement: Requirement | None
@@ -105,7 +110,7 @@ class _Square:
 
 
 def _clauses(results: Results, cases: list[Case]) -> dict[str, list[_Square]]:
-    """The requirements in scope by clause, in the order of the document."""
+    """Return the requirements in scope by clause, in the order of the document."""
     numbers = {case.id: number for number, case in reversed(list(enumerate(cases)))}
     clauses: dict[str, list[_Square]] = {}
     for result in results.requirements:
@@ -116,29 +121,29 @@ def _clauses(results: Results, cases: list[Case]) -> dict[str, list[_Square]]:
 
 
 @cache
-def _both(words: Words) -> Markup:
-    """A text in both languages, of which the page shows one."""
+def _both(translation: Translation) -> Markup:
+    """Return markup that contains both languages; the page shows one."""
     return Markup(
         '<span class="en" lang="en">{}</span><span class="zh" lang="zh">{}</span>'
-    ).format(*words)
+    ).format(*translation)
 
 
-def _say(key: str, **values: Any) -> Markup:
-    """A text of the table in both languages, filled in."""
-    text = _both(WORDS[key])
-    return text.format(**{n: _finalize(v) for n, v in values.items()}) if values else text
+def _text(key: str, **values: Any) -> Markup:
+    """Return a text of `TRANSLATIONS` in both languages with its values."""
+    markup = _both(TRANSLATIONS[key])
+    return markup.format(**{n: _finalize(v) for n, v in values.items()}) if values else markup
 
 
 def _attribute(name: str, key: str, language: str) -> Markup:
-    """An attribute in the page's first language, with what the switch needs to change it."""
-    words = WORDS[key]
+    """Return an attribute in the first language, with the data for the language switch."""
+    translation = TRANSLATIONS[key]
     return Markup('{0}="{1}" data-attribute="{0}" data-en="{2.en}" data-zh="{2.zh}"').format(
-        name, getattr(words, language), words
+        name, getattr(translation, language), translation
     )
 
 
 def _finalize(value: Any) -> Any:
-    """What becomes of each expression of a template before it is escaped."""
+    """Sanitize the value of a template expression before it is escaped."""
     return visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
@@ -153,23 +158,23 @@ def _environment() -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    source = environment.loader.get_source  # type: ignore[union-attr]  # it was just given
+    source = environment.loader.get_source  # type: ignore[union-attr]  # set above
     script, style = (source(environment, name)[0] for name in ("report.js", "report.css"))
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     environment.globals |= {
         "attribute": _attribute,
         "both": _both,
-        "clause_words": CLAUSES,
-        "codes": {text: Words(c.meaning, c.original) for text, c in TABLE_8_1.items()},
-        "command_words": {n: Words(c.title, c.original) for n, c in BY_NAME.items()},
-        "count": figures.count,
+        "clause_titles": CLAUSE_TITLES,
+        "codes": {text: Translation(c.meaning, c.original) for text, c in TABLE_8_1.items()},
+        "command_words": {n: Translation(c.title, c.original) for n, c in BY_NAME.items()},
+        "count": formatting.count,
         "directions": tuple(Direction),
-        "duration": figures.duration,
-        "instant": figures.instant,
+        "duration": formatting.duration,
+        "instant": formatting.instant,
         "readings": READINGS,
         "requirements": REQUIREMENTS,
         "link_to": lambda file: quote(file, safe="/"),
-        "say": _say,
+        "text": _text,
         "script": Markup(script),  # noqa: S704 - our own file
         "script_digest": digest,
         "seconds": lambda time_ns: f"{time_ns // _NS}.{time_ns % _NS:09}",
@@ -177,6 +182,6 @@ def _environment() -> Environment:
         "signs": {verdict.value: sign for verdict, sign in _SIGNS.items()},
         "style": Markup(style),  # noqa: S704 - our own file
         "width": WIDTH,
-        "words": WORDS,
+        "words": TRANSLATIONS,
     }
     return environment

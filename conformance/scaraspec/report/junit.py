@@ -94,4 +94,4 @@ def _lines(case: Case) -> Iterator[str]:
     for evidence in case.wire:
         yield f"{evidence.place}: {evidence.frame_hex}".removesuffix(": ")
     if case.replay:
-        yield f"show it again: {case.replay}"
+        yield f"reproduction command: {case.replay}"

@@ -16,14 +16,14 @@ from typing import Any, Final, NoReturn
 from scaraspec.judge.verdicts import Cause, Conclusion, Verdict
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.report.codec import MisfitError, from_plain, to_plain
+from scaraspec.report.codec import InvalidValueError, from_plain, to_plain
 from scaraspec.report.files import write_whole
 from scaraspec.user_message import UserMessage
 
 SCHEMA: Final = "scaraspec.results/1"
 SEEN: Final = ".seen-"
 """Part of the id of a finding of the judge on the wire during a run."""
-_LARGEST_FILE_BYTES: Final = 512 * 2**20
+_MAX_FILE_BYTES: Final = 512 * 2**20
 
 
 class ResultsError(Exception):
@@ -396,16 +396,16 @@ class Results:
         """
         try:
             with path.open("rb") as file:
-                raw = file.read(_LARGEST_FILE_BYTES + 1)
+                raw = file.read(_MAX_FILE_BYTES + 1)
         except OSError as error:
             raise ResultsError(
                 UserMessage(
-                    "{path} cannot be read: {value}", path=path, value=error.strerror or error
+                    "{path} cannot be read: {reason}", path=path, reason=error.strerror or error
                 )
             ) from None
-        if len(raw) > _LARGEST_FILE_BYTES:
+        if len(raw) > _MAX_FILE_BYTES:
             raise ResultsError(
-                UserMessage("{path} is larger than results can be; name a results.json", path=path)
+                UserMessage("{path} is too large for results; name a results.json", path=path)
             )
         try:
             return cls.from_json(raw)
@@ -424,18 +424,18 @@ class Results:
         except json.JSONDecodeError as error:
             raise ResultsError(
                 UserMessage(
-                    "is torn or no results.json: {msg} at line {lineno}",
-                    msg=error.msg,
-                    lineno=error.lineno,
+                    "is incomplete or not a results.json: {problem} at line {line}",
+                    problem=error.msg,
+                    line=error.lineno,
                 )
             ) from None
         except (ValueError, RecursionError):
-            raise ResultsError("is no results.json: it is not readable as JSON") from None
+            raise ResultsError("is not a results.json: it is not valid JSON") from None
         _check_schema(plain)
         try:
             return from_plain(cls, plain)
-        except MisfitError as misfit:
-            raise ResultsError(UserMessage("is damaged: {misfit}", misfit=misfit)) from None
+        except InvalidValueError as error:
+            raise ResultsError(UserMessage("is damaged: {error}", error=error)) from None
 
 
 def _refuse(constant: str) -> NoReturn:
@@ -449,12 +449,12 @@ def _check_schema(plain: Any) -> None:
     if isinstance(schema, str) and schema.startswith(SCHEMA.rpartition("/")[0] + "/"):
         raise ResultsError(
             UserMessage(
-                "is of schema {schema!r} and this scaraspec reads {schema_2}: read it with "
-                "the version that wrote it",
+                "has the schema {schema!r}, but this version of scaraspec reads {supported}: "
+                "use the version that wrote it",
                 schema=schema[:40],
-                schema_2=SCHEMA,
+                supported=SCHEMA,
             )
         )
     raise ResultsError(
-        UserMessage('is no results.json: it does not say "schema": "{schema}"', schema=SCHEMA)
+        UserMessage('is not a results.json: "schema" is not "{schema}"', schema=SCHEMA)
     )

@@ -11,7 +11,7 @@ from scaraspec.judge.verdicts import Cause, Conclusion, Verdict
 from scaraspec.report.model import SEEN, Case, Results
 from scaraspec.user_message import UserMessage
 
-TELLING: Final = (
+VERDICTS_BY_IMPORTANCE: Final = (
     Verdict.FAIL,
     Verdict.ERROR,
     Verdict.INCONCLUSIVE,
@@ -27,7 +27,7 @@ UNSETTLED: Final = frozenset({Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE}
 _STRENGTHS, _BASES = list(Strength), list(Basis)
 
 
-def most_telling_first(results: Results) -> list[Case]:
+def most_important_first(results: Results) -> list[Case]:
     """Return the cases by importance: failures first, firm and stated requirements first.
 
     Among equals, findings of the judge on the wire come first, because they may be the cause of a
@@ -38,7 +38,7 @@ def most_telling_first(results: Results) -> list[Case]:
         judged = () if case.verdict is Verdict.PASS else case.requirements
         known = [REQUIREMENTS[r] for r in judged if r in REQUIREMENTS]
         return (
-            TELLING.index(case.verdict),
+            VERDICTS_BY_IMPORTANCE.index(case.verdict),
             min((_STRENGTHS.index(r.strength) for r in known), default=len(_STRENGTHS)),
             min((_BASES.index(r.basis) for r in known), default=len(_BASES)),
             SEEN not in case.id,
@@ -47,16 +47,16 @@ def most_telling_first(results: Results) -> list[Case]:
     return sorted(results.cases, key=key)
 
 
-def told_once(cases: Iterable[Case]) -> list[tuple[Case, int]]:
+def group_equal_cases(cases: Iterable[Case]) -> list[tuple[Case, int]]:
     """Group cases with equal verdict and message; return the first case and the count of others."""
-    alike: dict[tuple[Verdict, str], list[Case]] = {}
+    groups: dict[tuple[Verdict, str], list[Case]] = {}
     for case in cases:
-        alike.setdefault((case.verdict, case.message), []).append(case)
-    return [(same[0], len(same) - 1) for same in alike.values()]
+        groups.setdefault((case.verdict, case.message), []).append(case)
+    return [(group[0], len(group) - 1) for group in groups.values()]
 
 
 def cases_for_machines(results: Results) -> list[Case]:
-    """Return the cases for formats without a verdict of the whole run.
+    """Return the cases for formats that have no verdict of the whole run.
 
     If the run is not conformant but no case shows this, such as in a run that tested nothing, an
     additional case is added, so that the run does not pass.
@@ -65,8 +65,7 @@ def cases_for_machines(results: Results) -> list[Case]:
     if results.verdict is Conclusion.CONFORMANT or any(c.verdict in UNSETTLED for c in cases):
         return cases
     message: str = UserMessage(
-        "the run as a whole is {verdict_value}, though no case of it says so",
-        verdict_value=results.verdict.value,
+        "the run is {verdict}, although no case shows a reason", verdict=results.verdict.value
     )
     if results.verdict is Conclusion.NOTHING_TESTED:
         message = "nothing was tested: no requirement could be judged"

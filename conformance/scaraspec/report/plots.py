@@ -1,6 +1,6 @@
-"""Plots: results turned into coordinates, so that a template only has to draw them.
+"""Plots: coordinates for the templates, which only draw them.
 
-Every plot is `WIDTH` wide, heights go from 0 to 1. Nothing is counted or judged here.
+Every plot is `WIDTH` wide; heights are from 0 to 1. This module does not count or judge.
 """
 
 import math
@@ -14,24 +14,24 @@ from scaraspec.report.formatting import duration
 from scaraspec.report.model import CommandSeen, Results, Session, Timing
 
 WIDTH: Final = 400.0
-_NARROWEST: Final = 1.5
+_MIN_WIDTH: Final = 1.5
 _MARKS_PER_LANE: Final = 1000
-_ORDERLY: Final = ("done", "interrupted", "refused")
-"""How a run may end without anything having gone wrong on the wire."""
-_FASTEST_MS: Final = 0.001
+_GOOD_OUTCOMES: Final = ("done", "interrupted", "refused")
+"""Outcomes of a run that are not an error on the wire."""
+_AXIS_MIN_MS: Final = 0.001
 _BIN_RATIO: Final = 2 ** (1 / 4)
-"""Four bins of a `Timing` double the time."""
+"""Ratio of the limits of a bin of `Timing`: four bins double the time."""
 
 
 class Tick(NamedTuple):
-    """A labelled place on an axis."""
+    """A labelled position on an axis."""
 
     x: float
     label: str
 
 
 class Bar(NamedTuple):
-    """One bin of a histogram; `height` grows with the root of its count, so that few still show."""
+    """One bin of a histogram; `height` grows with the square root, so that small counts show."""
 
     x: float
     width: float
@@ -40,7 +40,7 @@ class Bar(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Distribution:
-    """A timing, and its histogram over the axis that all share."""
+    """A timing and its histogram on the shared axis."""
 
     timing: Timing
     of_result: bool
@@ -50,15 +50,15 @@ class Distribution:
 
 
 class LatencyPlot:
-    """The timings of all commands over one logarithmic axis of whole decades."""
+    """The timings of all commands on one logarithmic axis of whole decades."""
 
     def __init__(self, commands: Iterable[CommandSeen]) -> None:
         commands = tuple(commands)
         timings = [t for command in commands for t in (command.latency, command.duration) if t]
         fastest_ms = min((t.min_ms for t in timings), default=1.0)
         slowest_ms = max((t.max_ms for t in timings), default=1.0)
-        self._low = math.floor(math.log10(max(fastest_ms, _FASTEST_MS)))
-        self._high = max(math.ceil(math.log10(max(slowest_ms, _FASTEST_MS))), self._low + 1)
+        self._low = math.floor(math.log10(max(fastest_ms, _AXIS_MIN_MS)))
+        self._high = max(math.ceil(math.log10(max(slowest_ms, _AXIS_MIN_MS))), self._low + 1)
         decades_ms = [10.0**exponent for exponent in range(self._low, self._high + 1)]
         self.ticks = [Tick(self._x(ms), duration(ms)) for ms in decades_ms]
         self.rows = [(command, list(self._distributions(command))) for command in commands]
@@ -70,7 +70,7 @@ class LatencyPlot:
             yield self._distribution(command.duration, of_result=True)
 
     def _x(self, time_ms: float) -> float:
-        decades = math.log10(max(time_ms, _FASTEST_MS)) - self._low
+        decades = math.log10(max(time_ms, _AXIS_MIN_MS)) - self._low
         return round(WIDTH * min(max(decades / (self._high - self._low), 0), 1), 2)
 
     def _distribution(self, timing: Timing, *, of_result: bool) -> Distribution:
@@ -79,13 +79,13 @@ class LatencyPlot:
         for from_ms, count in timing.bins:
             x, end = self._x(from_ms), self._x(from_ms * _BIN_RATIO)
             height = round(math.sqrt(max(count, 0) / max(tallest, 1)), 3)
-            bars.append(Bar(x, round(max(end - x, _NARROWEST), 2), height))
+            bars.append(Bar(x, round(max(end - x, _MIN_WIDTH), 2), height))
         p50_x, p99_x = self._x(timing.p50_ms), self._x(timing.p99_ms)
         return Distribution(timing, of_result, tuple(bars), p50_x, p99_x)
 
 
 class Mark(NamedTuple):
-    """Something on the timeline: where, how well it went, and what it says when pointed at."""
+    """An item on the timeline: position, whether it is good, and its tooltip."""
 
     x: float
     width: float
@@ -94,7 +94,7 @@ class Mark(NamedTuple):
 
 
 def timeline(results: Results, session: Session) -> dict[str, list[Mark]]:
-    """What happened when, in lanes; those in which nothing happened are left out."""
+    """Return the items of the timeline by lane, without empty lanes."""
     mark = _marker(session)
     lanes = {
         "connections": (
@@ -109,7 +109,7 @@ def timeline(results: Results, session: Session) -> dict[str, list[Mark]]:
             mark(
                 r.begun_ns,
                 r.begun_ns + (r.duration_ms or 0) * 1e6,
-                good=r.outcome in _ORDERLY,
+                good=r.outcome in _GOOD_OUTCOMES,
                 title=f"{r.name}: {r.outcome}",
             )
             for r in session.runs
@@ -124,8 +124,8 @@ def timeline(results: Results, session: Session) -> dict[str, list[Mark]]:
             for e in case.wire
         ),
     }
-    filled = {name: list(islice(marks, _MARKS_PER_LANE)) for name, marks in lanes.items()}
-    return {name: marks for name, marks in filled.items() if marks}
+    bounded = {name: list(islice(marks, _MARKS_PER_LANE)) for name, marks in lanes.items()}
+    return {name: marks for name, marks in bounded.items() if marks}
 
 
 def _marker(session: Session) -> Callable[..., Mark]:
@@ -135,7 +135,7 @@ def _marker(session: Session) -> Callable[..., Mark]:
         return round(WIDTH * min(max((time_ns - session.begun_ns) / length_ns, 0), 1), 2)
 
     def mark(begun_ns: int, ended_ns: float, *, good: bool, title: str) -> Mark:
-        at = min(x(begun_ns), WIDTH - _NARROWEST)
-        return Mark(at, max(round(x(ended_ns) - at, 2), _NARROWEST), good, title)
+        at = min(x(begun_ns), WIDTH - _MIN_WIDTH)
+        return Mark(at, max(round(x(ended_ns) - at, 2), _MIN_WIDTH), good, title)
 
     return mark

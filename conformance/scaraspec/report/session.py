@@ -1,7 +1,7 @@
-"""SessionStats: what happened on the wire, counted while it passes and in bounded memory.
+"""Statistics of the traffic of a session, in bounded memory.
 
-Takes everything that a judge yields. Nothing is judged here. Durations go into histograms (see
-`histogram` for their error), lists are kept up to a limit and counted beyond it.
+`SessionStats` takes all items that a judge yields and makes no verdicts. Durations are counted in
+histograms (see `histogram` for their error). Lists have a limit; further entries are only counted.
 """
 
 from collections import Counter, defaultdict
@@ -11,7 +11,7 @@ from typing import Final, TypeVar
 from scaraspec.judge.verdicts import Finding
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.fields import show
-from scaraspec.report.evidence import Exhibits
+from scaraspec.report.evidence import EvidenceCollector
 from scaraspec.report.histogram import Histogram
 from scaraspec.report.model import (
     CommandSeen,
@@ -34,7 +34,7 @@ from scaraspec.traffic.events import (
 )
 from scaraspec.traffic.wire import Kind, WireEvent, WireRange
 
-_LISTED: Final = 500
+_MAX_LISTED: Final = 500
 _RUNS: Final = ("run_program", "simulate_program")
 
 T = TypeVar("T")
@@ -42,7 +42,7 @@ T = TypeVar("T")
 
 @dataclass(slots=True)
 class _Command:
-    """The exchanges of one command so far."""
+    """Statistics of one command."""
 
     count: int = 0
     refused: int = 0
@@ -53,7 +53,7 @@ class _Command:
 
 @dataclass(slots=True)
 class _Connection:
-    """One connection so far."""
+    """Statistics of one connection."""
 
     begun_ns: int
     ended_ns: int
@@ -65,16 +65,20 @@ class _Connection:
 
     @property
     def remark(self) -> str:
-        """Its addresses, and how often it was tampered with on purpose."""
+        """The addresses and the number of injected faults."""
         faults = f"injected faults: {self.faults}" if self.faults else ""
         return "; ".join(filter(None, (self.note, faults)))
 
 
 class SessionStats:
-    """Counts happenings; what findings rest on is kept in `exhibits`."""
+    """Counts traffic events.
+
+    Attributes:
+        evidence: Stores the evidence of findings.
+    """
 
     def __init__(self) -> None:
-        self.exhibits = Exhibits()
+        self.evidence = EvidenceCollector()
         self._begun_ns: int | None = None
         self._ended_ns = 0
         self._bytes: Counter[Direction] = Counter()
@@ -87,30 +91,30 @@ class SessionStats:
         self._unlisted: Counter[str] = Counter()
 
     def add(self, item: TrafficEvent | Finding) -> None:
-        """Take the next thing that a judge yields."""
-        self.exhibits.add(item)
+        """Add the next item that a judge yields."""
+        self.evidence.add(item)
         match item:
             case FrameSeen():
                 self._frames += 1
-                connection = self._passed(item.place)
+                connection = self._count_bytes(item.place)
                 if connection:
                     connection.frames += 1
             case InvalidBytes():
                 self._undecodable_bytes += item.place.length_bytes
-                self._passed(item.place)
+                self._count_bytes(item.place)
             case LinkChange(event):
-                self._link(event)
+                self._add_link_change(event)
             case CaptureGap(event):
-                self._lost(event)
+                self._add_loss(event)
             case Injected(event):
-                self._injected(event)
+                self._add_fault(event)
             case Exchange():
-                self._exchange(item)
+                self._add_exchange(item)
             case Transfer():
-                self._list("transfers", self._transfers, _transfer(item))
+                self._add_to("transfers", self._transfers, _transfer(item))
 
     def session(self) -> Session | None:
-        """What happened so far; None where nothing did."""
+        """Return the statistics so far; None if there were no events."""
         if self._begun_ns is None:
             return None
         return Session(
@@ -148,27 +152,27 @@ class SessionStats:
             unlisted=dict(self._unlisted),
         )
 
-    def _at(self, name: str, time_ns: int) -> _Connection | None:
-        """The connection's record, moved on to `time_ns`; None beyond those that are listed."""
+    def _connection_at(self, name: str, time_ns: int) -> _Connection | None:
+        """Return the connection and extend it to `time_ns`; None if it is not listed."""
         self._begun_ns = time_ns if self._begun_ns is None else min(self._begun_ns, time_ns)
         self._ended_ns = max(self._ended_ns, time_ns)
         connection = self._connections.get(name)
         if connection is None:
-            if len(self._connections) >= _LISTED:
+            if len(self._connections) >= _MAX_LISTED:
                 return None
             connection = self._connections[name] = _Connection(time_ns, time_ns)
         connection.ended_ns = max(connection.ended_ns, time_ns)
         return connection
 
-    def _passed(self, place: WireRange) -> _Connection | None:
+    def _count_bytes(self, place: WireRange) -> _Connection | None:
         self._bytes[place.direction] += place.length_bytes
-        connection = self._at(place.connection, place.time_ns)
+        connection = self._connection_at(place.connection, place.time_ns)
         if connection:
             connection.bytes[place.direction] += place.length_bytes
         return connection
 
-    def _link(self, event: WireEvent) -> None:
-        connection = self._at(event.connection, event.time_ns)
+    def _add_link_change(self, event: WireEvent) -> None:
+        connection = self._connection_at(event.connection, event.time_ns)
         if connection is None:
             if event.kind is Kind.OPENED:
                 self._unlisted["connections"] += 1
@@ -177,8 +181,8 @@ class SessionStats:
         else:
             connection.ending = event.kind.value
 
-    def _lost(self, event: WireEvent) -> None:
-        self._at(event.connection, event.time_ns)
+    def _add_loss(self, event: WireEvent) -> None:
+        self._connection_at(event.connection, event.time_ns)
         loss = Loss(
             event.connection,
             event.direction,
@@ -187,13 +191,13 @@ class SessionStats:
             event.time_ns,
             event.note,
         )
-        self._list("losses", self._losses, loss)
+        self._add_to("losses", self._losses, loss)
 
-    def _injected(self, event: WireEvent) -> None:
-        if connection := self._at(event.connection, event.time_ns):
+    def _add_fault(self, event: WireEvent) -> None:
+        if connection := self._connection_at(event.connection, event.time_ns):
             connection.faults += 1
 
-    def _exchange(self, exchange: Exchange) -> None:
+    def _add_exchange(self, exchange: Exchange) -> None:
         command = self._commands[exchange.name]
         command.count += 1
         command.refused += exchange.accepted is False
@@ -204,10 +208,10 @@ class SessionStats:
         if exchange.duration_ns is not None:
             command.duration.add(exchange.duration_ns)
         if exchange.name in _RUNS:
-            self._list("runs", self._runs, _run(exchange))
+            self._add_to("runs", self._runs, _run(exchange))
 
-    def _list(self, name: str, listed: list[T], item: T) -> None:
-        if len(listed) < _LISTED:
+    def _add_to(self, name: str, listed: list[T], item: T) -> None:
+        if len(listed) < _MAX_LISTED:
             listed.append(item)
         else:
             self._unlisted[name] += 1
@@ -242,7 +246,7 @@ def _run(exchange: Exchange) -> RunSeen:
 
 
 def _outcome(exchange: Exchange) -> tuple[str, str | None]:
-    """How a run ended, in one word or two, and the code that came with it."""
+    """Return the outcome of a run and its code of table 8-1, if there is one."""
     outcome = exchange.outcome
     if exchange.accepted is False:
         return "refused", getattr(exchange.answer, "code", None)

@@ -13,7 +13,11 @@ from rich.text import Text
 
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.report.model import Case, Results
-from scaraspec.report.ordering import TELLING, most_telling_first, told_once
+from scaraspec.report.ordering import (
+    VERDICTS_BY_IMPORTANCE,
+    group_equal_cases,
+    most_important_first,
+)
 from scaraspec.report.sanitizing import visible
 
 _STYLES: Final = {
@@ -39,9 +43,11 @@ def show(results: Results, console: Console, *, findings: int = DEFAULT_FINDINGS
         console: The output; tables are drawn only if it is a terminal.
         findings: The maximum number of findings, the most important first.
     """
-    told = [case for case in most_telling_first(results) if case.verdict is not Verdict.PASS]
-    shown = told_once(told)[:findings]
-    hidden = len(told) - sum(1 + others for _, others in shown)
+    not_passed = [
+        case for case in most_important_first(results) if case.verdict is not Verdict.PASS
+    ]
+    shown = group_equal_cases(not_passed)[:findings]
+    hidden = len(not_passed) - sum(1 + others for _, others in shown)
     if console.is_terminal:
         _draw(results, shown, console)
     else:
@@ -60,8 +66,8 @@ def _lines(results: Results, shown: Sequence[tuple[Case, int]]) -> Iterator[str]
     yield from results.notices
     yield f"{results.verdict.value}: {results.subject.title}"
     yield f"{_counts(results)}; {_coverage(results)}"
-    for party, dialect in _dialects(results):
-        yield f"dialect of the {party}: {dialect}"
+    for side, dialect in _dialects(results):
+        yield f"dialect of the {side}: {dialect}"
     for case, others in shown:
         parts = (case.verdict.value, _which(case, others), _what(case), _where(case))
         yield " · ".join(filter(None, parts))
@@ -77,8 +83,8 @@ def _draw(results: Results, shown: Sequence[tuple[Case, int]], console: Console)
     facts.add_column(overflow="fold")
     facts.add_row("cases", _counts(results))
     facts.add_row("coverage", _coverage(results))
-    for party, dialect in _dialects(results):
-        facts.add_row(_text(f"dialect, {party}"), _text(dialect))
+    for side, dialect in _dialects(results):
+        facts.add_row(_text(f"dialect, {side}"), _text(dialect))
     console.print(facts)
     if not shown:
         return
@@ -94,7 +100,9 @@ def _draw(results: Results, shown: Sequence[tuple[Case, int]], console: Console)
 
 
 def _counts(results: Results) -> str:
-    counted = [f"{results.counts[v]} {v.value}" for v in TELLING if results.counts.get(v)]
+    counted = [
+        f"{results.counts[v]} {v.value}" for v in VERDICTS_BY_IMPORTANCE if results.counts.get(v)
+    ]
     tried = f"; {results.examples} examples" if results.examples else ""
     return (", ".join(counted) or "no cases") + tried
 
@@ -105,14 +113,14 @@ def _coverage(results: Results) -> str:
 
 def _dialects(results: Results) -> Iterator[tuple[str, str]]:
     """Yield for each side the observed readings that are not the default, with contradictions."""
-    for party, seen in results.readings.items():
-        told = [
+    for side, seen in results.readings.items():
+        observed = [
             f"{key}={'+'.join(reading.options)}{' (mixed)' if reading.mixed else ''}"
             for key, reading in seen.items()
             if reading.options and not reading.default
         ]
         if seen:
-            yield party, ", ".join(told) or "the default, as far as it shows"
+            yield side, ", ".join(observed) or "the default, as far as observed"
 
 
 def _which(case: Case, others: int) -> str:

@@ -52,7 +52,7 @@ _FRAME = Evidence(
 _TIMING = Timing(3, 0.0151, 0.0357, 0.044, 0.044, ((0.013454, 1), (0.038055, 2)))
 
 _CASES = (
-    Case("3/1", ("3/1",), Verdict.PASS, message="kept 12 times"),
+    Case("3/1", ("3/1",), Verdict.PASS, message="met 12 times"),
     Case(
         "3/18",
         ("3/18",),

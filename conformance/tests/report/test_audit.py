@@ -114,7 +114,7 @@ def test_claims_stand_beside_what_was_seen() -> None:
 def test_a_requirement_that_was_kept_says_how_often() -> None:
     """A pass is a case, so that a run is never green for having no case."""
     (case,) = results_of(passes=12).cases
-    assert (case.id, case.verdict, case.message) == ("3/18", Verdict.PASS, "kept 12 times")
+    assert (case.id, case.verdict, case.message) == ("3/18", Verdict.PASS, "met 12 times")
     assert (case.cause, case.wire) == (None, ())
 
 

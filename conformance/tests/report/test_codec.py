@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from scaraspec.report.codec import MisfitError, from_plain, to_plain
+from scaraspec.report.codec import InvalidValueError, from_plain, to_plain
 
 
 class Colour(Enum):
@@ -59,13 +59,13 @@ def test_a_whole_number_is_taken_for_a_number() -> None:
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"name": None}, "name is None, not a text"),
+        ({"name": None}, "name is None, not a string"),
         ({"colour": "green"}, "colour is 'green', not one of red, blue"),
         ({"inner": {}}, "inner.number is missing"),
         ({"inner": {"number": True}}, "inner.number is True, not an integer"),
         ({"inner": {"number": 1.5}}, "inner.number is 1.5, not an integer"),
         ({"inner": {"number": 2**63}}, "inner.number does not fit 64 bits"),
-        ({"inner": {"number": 1, "share": float("inf")}}, "inner.share is no finite number"),
+        ({"inner": {"number": 1, "share": float("inf")}}, "inner.share is not a finite number"),
         ({"inner": {"number": 1, "share": 10**400}}, "inner.share does not fit 64 bits"),
         ({"inner": []}, "inner is [], not an object"),
         ({"pairs": {}}, "pairs is {}, not an array"),
@@ -77,12 +77,12 @@ def test_a_whole_number_is_taken_for_a_number() -> None:
 )
 def test_what_does_not_fit_is_told_with_its_place(change: dict[str, Any], told: str) -> None:
     """The message leads a reader to the line that is wrong."""
-    with pytest.raises(MisfitError) as caught:
+    with pytest.raises(InvalidValueError) as caught:
         from_plain(Outer, {"name": "x", "colour": "red"} | change)
     assert str(caught.value) == told
 
 
 def test_the_whole_may_be_wrong() -> None:
     """Where there is no place to name, the whole is."""
-    with pytest.raises(MisfitError, match="the whole is 3, not an object"):
+    with pytest.raises(InvalidValueError, match="the document is 3, not an object"):
         from_plain(Outer, 3)

@@ -8,7 +8,7 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import Frame, SkipReason
 from scaraspec.protocol.transfer import FILE_DATA, Chunk
-from scaraspec.report.evidence import Exhibits, exhibit
+from scaraspec.report.evidence import EvidenceCollector, evidence_of
 from scaraspec.report.model import FrameField
 from scaraspec.traffic.events import Ending, Exchange, FrameSeen, InvalidBytes
 from scaraspec.traffic.wire import WireRange
@@ -31,13 +31,15 @@ def finding(*places: WireRange, requirement: str = "3/18") -> Finding:
 
 
 def parts(frame: Frame) -> list[tuple[str, int, int, str]]:
-    """The fields of a frame's exhibit."""
-    return [(f.name, f.offset_bytes, f.length_bytes, f.value) for f in exhibit(seen(frame)).fields]
+    """Return the fields of a frame."""
+    return [
+        (f.name, f.offset_bytes, f.length_bytes, f.value) for f in evidence_of(seen(frame)).fields
+    ]
 
 
 def test_an_exhibit_says_where_and_what_it_is() -> None:
     """Place, note and bytes."""
-    found = exhibit(seen(Frame(C2A, 0x30, b"11", tagged=True), at=66))
+    found = evidence_of(seen(Frame(C2A, 0x30, b"11", tagged=True), at=66))
     assert (found.connection, found.direction, found.offset_bytes) == ("1", C2A, 66)
     assert (found.length_bytes, found.time_ns) == (7, 1066)
     assert (found.note, found.frame_hex) == ("run_program, final result", "CC9030023131AA")
@@ -98,7 +100,7 @@ def test_a_chunk_shows_its_structure() -> None:
 )
 def test_a_password_is_hidden(frame: Frame) -> None:
     """Only its length and the bars are left; a reply that repeats it is hidden, too."""
-    found = exhibit(seen(frame))
+    found = evidence_of(seen(frame))
     assert b"sesame".hex().upper() not in found.frame_hex
     assert set(bytes.fromhex(found.frame_hex[6:-2])) <= set(b"*|")
     assert "sesame" not in repr(found)
@@ -106,25 +108,25 @@ def test_a_password_is_hidden(frame: Frame) -> None:
 
 def test_the_flag_of_a_login_is_shown() -> None:
     """One byte cannot be a password, and is what a reader looks for."""
-    assert exhibit(seen(Frame(C2A, 0x01, b"0"))).frame_hex == "CC010130AA"
+    assert evidence_of(seen(Frame(C2A, 0x01, b"0"))).frame_hex == "CC010130AA"
 
 
 def test_a_password_is_hidden_in_bytes_that_are_no_frame() -> None:
     """A login with a wrong length must not give away what a right one hides."""
-    found = exhibit(undecodable(A2C, b"\x00\xaa\x01\x09sesame\xcc"))
+    found = evidence_of(undecodable(A2C, b"\x00\xaa\x01\x09sesame\xcc"))
     assert found.frame_hex == "00AA0109" + "2A" * 7
     assert found.note == "no frame: bad end"
 
 
 def test_bytes_that_are_no_frame_are_shown_up_to_a_limit() -> None:
     """Garbage is evidence; a megabyte of it is not better evidence."""
-    assert exhibit(undecodable(C2A, b"\xcc\x09\x05")).frame_hex == "CC0905"
-    assert len(exhibit(undecodable(C2A, b"\x55" * 4000)).frame_hex) == 1024
+    assert evidence_of(undecodable(C2A, b"\xcc\x09\x05")).frame_hex == "CC0905"
+    assert len(evidence_of(undecodable(C2A, b"\x55" * 4000)).frame_hex) == 1024
 
 
 def test_what_a_finding_names_is_kept() -> None:
     """Bytes come back for the place, though the recording has passed."""
-    exhibits, frame = Exhibits(), seen(Frame(A2C, 0x09))
+    exhibits, frame = EvidenceCollector(), seen(Frame(A2C, 0x09))
     exhibits.add(frame)
     exhibits.add(finding(frame.place))
     for at in range(1000):
@@ -134,7 +136,7 @@ def test_what_a_finding_names_is_kept() -> None:
 
 def test_a_place_whose_bytes_are_gone_is_still_told() -> None:
     """No bytes are made up for it."""
-    exhibits, frame = Exhibits(), seen(Frame(A2C, 0x09), at=12)
+    exhibits, frame = EvidenceCollector(), seen(Frame(A2C, 0x09), at=12)
     exhibits.add(frame)
     for at in range(100, 1000):
         exhibits.add(seen(Frame(A2C, 0x08), at))
@@ -145,11 +147,11 @@ def test_a_place_whose_bytes_are_gone_is_still_told() -> None:
 
 def test_memory_is_bounded() -> None:
     """A requirement that fails at every frame keeps the first of them."""
-    exhibits = Exhibits()
+    exhibits = EvidenceCollector()
     for at in range(2000):
         exhibits.add(seen(Frame(A2C, 0x09), at))
         exhibits.add(finding(WireRange("1", A2C, at, 4, 1000 + at)))
-    assert len(exhibits._kept) == 50
+    assert len(exhibits._stored) == 50
     assert (
         FrameField("start", 0, 1, "A2C")
         in exhibits.evidence(WireRange("1", A2C, 0, 4, 1000)).fields
@@ -158,7 +160,7 @@ def test_memory_is_bounded() -> None:
 
 def test_the_nearest_right_exchange() -> None:
     """The last exchange of the command that nothing was wrong with, beside one that failed."""
-    exhibits = Exhibits()
+    exhibits = EvidenceCollector()
     for at, code in ((0, b"01"), (100, b"00"), (200, b"0")):
         request, reply = seen(Frame(A2C, 0x09), at), seen(Frame(C2A, 0x09, code), at)
         command = BY_NAME["get_status"]
@@ -166,4 +168,4 @@ def test_the_nearest_right_exchange() -> None:
     exhibits.add(finding(reply.place))
     wire = (exhibits.evidence(reply.place),)
     assert [e.frame_hex for e in exhibits.passing(wire)] == ["AA0900CC", "CC09023030AA"]
-    assert exhibits.passing([exhibit(seen(Frame(A2C, 0x08)))]) == ()
+    assert exhibits.passing([evidence_of(seen(Frame(A2C, 0x08)))]) == ()

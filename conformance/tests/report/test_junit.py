@@ -45,7 +45,7 @@ def test_a_failure_says_all_that_a_log_needs(full: Results) -> None:
         "observed: a second one\n"
         "connection 1, C2A byte 73, 7 bytes: CC9030023131AA\n"
         "connection 1, C2A byte 73, 7 bytes\n"
-        "show it again: scaraspec certify controller tcp://robot --only 3/18"
+        "reproduction command: scaraspec certify controller tcp://robot --only 3/18"
     )
 
 

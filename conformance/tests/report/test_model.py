@@ -131,18 +131,18 @@ def test_a_torn_file_is_told_as_one(full: Results, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("raw", "told"),
     [
-        (b"", "torn or no results.json"),
-        (b"\x89MCAP\xff\x00", "no results.json"),
-        (b"[" * 100_000, "no results.json"),
-        (b"[]", "does not say"),
-        (b'"scaraspec.results/1"', "does not say"),
-        (b"{}", "does not say"),
-        (b'{"schema": 1}', "does not say"),
-        (b'{"schema": "someone.else/1"}', "does not say"),
-        (b'{"schema": "scaraspec.results/2"}', "is of schema 'scaraspec.results/2'"),
+        (b"", "incomplete or not a results.json"),
+        (b"\x89MCAP\xff\x00", "not a results.json"),
+        (b"[" * 100_000, "not a results.json"),
+        (b"[]", 'is not a results.json: "schema" is not'),
+        (b'"scaraspec.results/1"', 'is not a results.json: "schema" is not'),
+        (b"{}", 'is not a results.json: "schema" is not'),
+        (b'{"schema": 1}', 'is not a results.json: "schema" is not'),
+        (b'{"schema": "someone.else/1"}', 'is not a results.json: "schema" is not'),
+        (b'{"schema": "scaraspec.results/2"}', "has the schema 'scaraspec.results/2'"),
         (b'{"schema": "scaraspec.results/1"}', "damaged: tool is missing"),
-        (b'{"schema": "scaraspec.results/1", "tool": NaN}', "not readable as JSON"),
-        (b'{"schema": ' + b"9" * 5000 + b"}", "no results.json"),
+        (b'{"schema": "scaraspec.results/1", "tool": NaN}', "not valid JSON"),
+        (b'{"schema": ' + b"9" * 5000 + b"}", "not a results.json"),
     ],
 )
 def test_what_is_no_results_file_is_told(raw: bytes, told: str) -> None:
@@ -174,8 +174,8 @@ def test_a_file_that_is_too_large_is_refused(
     """Memory is bounded by a limit, not by the file."""
     path = tmp_path / "results.json"
     full.write(path)
-    monkeypatch.setattr(model, "_LARGEST_FILE_BYTES", path.stat().st_size - 1)
-    with pytest.raises(ResultsError, match="larger than results can be"):
+    monkeypatch.setattr(model, "_MAX_FILE_BYTES", path.stat().st_size - 1)
+    with pytest.raises(ResultsError, match="too large for results"):
         Results.read(path)
 
 

@@ -6,12 +6,12 @@ import pytest
 
 from scaraspec.judge.verdicts import Cause, Conclusion, Verdict
 from scaraspec.report.model import Case, Results
-from scaraspec.report.ordering import cases_for_machines, most_telling_first, told_once
+from scaraspec.report.ordering import cases_for_machines, group_equal_cases, most_important_first
 
 
 def test_failures_come_first_and_passes_last(full: Results) -> None:
     """A reader who stops early has seen the worst."""
-    assert [case.verdict for case in most_telling_first(full)] == [
+    assert [case.verdict for case in most_important_first(full)] == [
         Verdict.FAIL,
         Verdict.ERROR,
         Verdict.INCONCLUSIVE,
@@ -25,7 +25,7 @@ def test_what_the_document_states_comes_before_what_follows_from_it(full: Result
     """Among failures: firm and stated, firm and derived, tolerant, unknown."""
     ids = ("9/9", "5.2/17", "3/18", "3/1")
     cases = tuple(Case(i, (i,), Verdict.FAIL, Cause.SUBJECT) for i in ids)
-    told = most_telling_first(replace(full, cases=cases))
+    told = most_important_first(replace(full, cases=cases))
     assert [case.id for case in told] == ["3/1", "3/18", "5.2/17", "9/9"]
 
 
@@ -33,16 +33,16 @@ def test_what_was_seen_comes_before_what_failed_for_it(full: Results) -> None:
     """Among equals; equal messages are listed once."""
     ids = ("5.3/4.a", "5.3/4.b", "5.3/4.seen-1")
     cases = tuple(Case(i, ("5.3/4",), Verdict.FAIL, message=i[:7]) for i in ids)
-    told = most_telling_first(replace(full, cases=cases))
+    told = most_important_first(replace(full, cases=cases))
     assert [case.id for case in told] == ["5.3/4.seen-1", "5.3/4.a", "5.3/4.b"]
     alike = [replace(case, message="so") for case in told[1:]]
-    assert told_once([told[0], *alike]) == [(told[0], 0), (alike[0], 1)]
+    assert group_equal_cases([told[0], *alike]) == [(told[0], 0), (alike[0], 1)]
 
 
 def test_passes_keep_the_order_of_the_document(full: Results) -> None:
     """There is nothing to rank among them."""
     cases = tuple(Case(i, (i,), Verdict.PASS) for i in ("3/18", "3/1", "9/9"))
-    told = most_telling_first(replace(full, cases=cases))
+    told = most_important_first(replace(full, cases=cases))
     assert [case.id for case in told] == ["3/18", "3/1", "9/9"]
 
 

@@ -74,7 +74,7 @@ def test_a_pass_is_no_finding(audited: Callable[[str], Results]) -> None:
 def test_the_default_dialect_is_said_to_be_one(audited: Callable[[str], Results]) -> None:
     """No output could mean that nothing was checked."""
     text = shown(audited("complaint-4"))
-    assert "dialect of the client: the default, as far as it shows" in text
+    assert "dialect of the client: the default, as far as observed" in text
 
 
 @pytest.mark.parametrize("as_terminal", [False, True])

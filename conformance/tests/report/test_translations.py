@@ -13,16 +13,16 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import State
 from scaraspec.report import translations as words
 from scaraspec.report.model import Role
-from scaraspec.report.translations import CLAUSES, WORDS, Words
+from scaraspec.report.translations import CLAUSE_TITLES, TRANSLATIONS, Translation
 from scaraspec.traffic.events import Ending
 from scaraspec.traffic.wire import Kind
 
 SETTLED = ("OPEN", "ANSWERED")
-ALL = {**WORDS, **{f"clause {clause}": heading for clause, heading in CLAUSES.items()}}
+ALL = {**TRANSLATIONS, **{f"clause {clause}": heading for clause, heading in CLAUSE_TITLES.items()}}
 
 
 @pytest.mark.parametrize("word", ALL.values(), ids=ALL)
-def test_both_languages_say_it(word: Words) -> None:
+def test_both_languages_say_it(word: Translation) -> None:
     """Neither is empty, Chinese has Chinese in it, and both are filled in alike."""
     assert word.en.strip() == word.en != ""
     assert word.zh.strip() == word.zh != ""
@@ -50,12 +50,12 @@ def test_every_value_that_the_page_names_has_its_words() -> None:
         *(f"ending_{k.value}" for k in (Kind.HALF_CLOSED, Kind.CLOSED, Kind.RESET)),
         "ending_open",
     }
-    assert needed - WORDS.keys() == set()
+    assert needed - TRANSLATIONS.keys() == set()
 
 
 def test_every_clause_has_its_heading() -> None:
     """The matrix has no nameless row."""
-    assert {r.clause for r in REQUIREMENTS.values()} <= CLAUSES.keys()
+    assert {r.clause for r in REQUIREMENTS.values()} <= CLAUSE_TITLES.keys()
 
 
 def test_no_word_is_left_over() -> None:
@@ -68,7 +68,7 @@ def test_no_word_is_left_over() -> None:
     computed |= {f"{conclusion.value}_means" for conclusion in Conclusion}
     left = [
         key
-        for key in WORDS
+        for key in TRANSLATIONS
         if f'"{key}"' not in said and key not in computed and not key.startswith(prefixes)
     ]
     assert left == []

@@ -1,4 +1,4 @@
-// Switches the language, searches, filters, and moves by keyboard; without it the page still reads.
+// Language switch, search, filters and keyboard navigation; the page is readable without it.
 "use strict";
 {
   const root = document.documentElement;
@@ -7,9 +7,9 @@
   const search = document.getElementById("search");
   const shown = document.getElementById("shown");
   const filters = [...document.querySelectorAll(".filters input")];
-  const texts = new Map(); // lower-case text of a case, made when it is first searched
+  const texts = new Map(); // lower-case text of a case, cached at the first search
 
-  function speak(language) {
+  function setLanguage(language) {
     root.lang = root.dataset.language = language;
     for (const element of document.querySelectorAll("[data-attribute]"))
       element.setAttribute(element.dataset.attribute, element.dataset[language]);
@@ -22,29 +22,29 @@
     return texts.get(element);
   }
 
-  function select() {
-    const wanted = search.value.trim().toLowerCase().split(/\s+/).filter(Boolean);
+  function applyFilters() {
+    const searchWords = search.value.trim().toLowerCase().split(/\s+/).filter(Boolean);
     const verdicts = new Set(filters.filter((box) => box.checked).map((box) => box.value));
     let count = 0;
     for (const element of cases) {
       element.hidden =
         !verdicts.has(element.dataset.verdict) ||
-        !wanted.every((word) => textOf(element).includes(word));
+        !searchWords.every((word) => textOf(element).includes(word));
       count += !element.hidden;
     }
     shown.value = count;
   }
 
   function move(step) {
-    const open = cases.filter((element) => !element.hidden);
-    const at = open.indexOf(document.activeElement.closest(".case"));
-    const next = open[at < 0 ? (step > 0 ? 0 : open.length - 1) : at + step];
+    const visible = cases.filter((element) => !element.hidden);
+    const at = visible.indexOf(document.activeElement.closest(".case"));
+    const next = visible[at < 0 ? (step > 0 ? 0 : visible.length - 1) : at + step];
     if (!next) return;
     next.querySelector("summary").focus();
     next.scrollIntoView({ block: "nearest" });
   }
 
-  function reveal() {
+  function openLinkedCase() {
     const element = /^#case-\d+$/.test(location.hash) && document.querySelector(location.hash);
     if (!element) return;
     element.hidden = false;
@@ -53,11 +53,11 @@
     element.scrollIntoView();
   }
 
-  for (const button of buttons) button.addEventListener("click", () => speak(button.dataset.switch));
+  for (const button of buttons) button.addEventListener("click", () => setLanguage(button.dataset.switch));
   if (search) {
-    search.addEventListener("input", select);
-    for (const box of filters) box.addEventListener("change", select);
-    select(); // a reloaded page keeps what was typed
+    search.addEventListener("input", applyFilters);
+    for (const box of filters) box.addEventListener("change", applyFilters);
+    applyFilters(); // a reloaded page keeps the search text
   }
   for (const button of document.querySelectorAll(".copy"))
     button.addEventListener("click", () =>
@@ -66,7 +66,7 @@
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     if (event.key === "Escape" && document.activeElement === search) search.blur();
-    if (event.target.matches("input, button")) return; // Enter on a summary unfolds by itself
+    if (event.target.matches("input, button")) return; // the browser opens a summary on Enter
     if (event.key === "/" && search) {
       event.preventDefault();
       search.focus();
@@ -76,15 +76,15 @@
     if (event.key === "k") move(-1);
   });
 
-  let folded = [];
+  let opened = [];
   addEventListener("beforeprint", () => {
-    folded = cases.filter((element) => !element.open && element.dataset.verdict !== "pass");
-    for (const element of folded) element.open = true;
+    opened = cases.filter((element) => !element.open && element.dataset.verdict !== "pass");
+    for (const element of opened) element.open = true;
   });
   addEventListener("afterprint", () => {
-    for (const element of folded) element.open = false;
+    for (const element of opened) element.open = false;
   });
-  addEventListener("hashchange", reveal);
-  speak(root.dataset.language);
-  reveal();
+  addEventListener("hashchange", openLinkedCase);
+  setLanguage(root.dataset.language);
+  openLinkedCase();
 }

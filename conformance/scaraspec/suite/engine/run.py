@@ -19,7 +19,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import READINGS
 from scaraspec.report import model
 from scaraspec.report.audit import readings_of
-from scaraspec.report.evidence import exhibit
+from scaraspec.report.evidence import evidence_of
 from scaraspec.report.model import Case, ReadingSeen, RequirementResult, Results, Role, Tool
 from scaraspec.report.session import SessionStats
 from scaraspec.suite.engine import case as cases
@@ -383,7 +383,7 @@ class Run(Generic[P]):
     def _case(self, outcome: Outcome) -> Case:
         """Convert an outcome to a case of the results."""
         case = outcome.case
-        wire = tuple(exhibit(seen) for seen in outcome.frames)
+        wire = tuple(evidence_of(seen) for seen in outcome.frames)
         bad = outcome.verdict is Verdict.FAIL
         failed = (outcome.requirement,) if outcome.requirement else case.requirements
         return Case(
@@ -399,7 +399,7 @@ class Run(Generic[P]):
             examples=outcome.examples,
             replay=self._replay(case.requirements[0] if case.requirements else ""),
             wire=() if outcome.verdict in (Verdict.NONE, Verdict.PASS) else wire,
-            passing=self._stats.exhibits.passing(wire) if bad else (),
+            passing=self._stats.evidence.passing(wire) if bad else (),
             attempts=outcome.attempts,
         )
 
@@ -428,7 +428,7 @@ class Run(Generic[P]):
                 finding, verdict=Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=message
             )
         times = "" if len(sightings) == 1 else f", {len(sightings)} times"
-        wire = tuple(self._stats.exhibits.evidence(p) for p in finding.evidence[:_SHOWN])
+        wire = tuple(self._stats.evidence.evidence(p) for p in finding.evidence[:_SHOWN])
         bad = finding.verdict is Verdict.FAIL
         where = f"; first seen in case {first.case}{times}" if first.case else times
         return Case(
@@ -441,7 +441,7 @@ class Run(Generic[P]):
             observed=finding.observed or " = ".join(finding.reading or ()),
             replay=self._replay(first.case.partition(".")[0] or finding.requirement),
             wire=wire,
-            passing=self._stats.exhibits.passing(wire) if bad else (),
+            passing=self._stats.evidence.passing(wire) if bad else (),
         )
 
     def _replay(self, requirement: str) -> str:

@@ -26,7 +26,10 @@ from scaraspec.virtual_controller.store import Store
 Try = Callable[..., Any]
 
 _POLL_S = 0.01
-_SHORT_TIMEOUT = {"dialect": DEFAULT.replace(xfer_timeout="1"), "claimed": {"xfer_timeout"}}
+_SHORT_TIMEOUT: dict[str, Any] = {
+    "dialect": DEFAULT.replace(xfer_timeout="1"),
+    "claimed": {"xfer_timeout"},
+}
 
 
 class RefusesUnexpectedAnswers(ControllerCore):

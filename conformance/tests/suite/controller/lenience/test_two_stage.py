@@ -246,8 +246,8 @@ class ReportsNoise(ControllerCore):
         return JointValues(*(round(value, 3) for value in self._noisy_joints(request)))
 
     def get_tool_coordinates(self, request: Request) -> Pose:
-        shown = (round(value, 3) for value in arm.forward(self._noisy_joints(request)))
-        return Pose(*shown, theta_y=0.0, theta_z=0.0)
+        shown = arm.forward(self._noisy_joints(request))
+        return Pose(*[round(value, 3) for value in (*shown[:4], 0.0, 0.0)])
 
 
 class WrapsAngle(ControllerCore):
