@@ -352,9 +352,13 @@ class Stream:
 
 
 def read(out: Path) -> dict[str, dict[Direction, Stream]]:
-    """What the files of a folder hold of each client."""
+    """Return what the files of a folder contain of each client.
+
+    A file is empty if its writer was killed before it wrote.
+    """
     found: dict[str, dict[Direction, Stream]] = {}
-    for file in sorted(out.glob("*.mcap"), key=_begin_ns):
+    files = [file for file in out.glob("*.mcap") if file.stat().st_size]
+    for file in sorted(files, key=_begin_ns):
         clients: dict[str, str] = {}
         for event in read_mcap(file):
             if event.kind is Kind.OPENED:

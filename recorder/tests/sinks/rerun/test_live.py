@@ -63,7 +63,7 @@ def test_a_process_that_dies_costs_nothing() -> None:
     assert not sink._pump.is_alive()
 
 
-@settings(max_examples=25)
+@settings(max_examples=8)
 @given(dice=st.randoms(use_true_random=False))
 def test_whatever_is_dropped_is_no_defect(shift: list[WireEvent], dice: Any) -> None:
     """Events are dropped without regard to what they are: what follows is still decoded."""
