@@ -26,9 +26,8 @@ from scaraspec.judge.rules.undecided import UNDECIDED
 from scaraspec.mutants import client as client_mutants
 from scaraspec.mutants import controller as controller_mutants
 from scaraspec.register import Entry, register
-from scaraspec.suite.engine.collection import CASES, collect
+from scaraspec.suite.engine.collection import CASES, METHODS, collect
 from scaraspec.suite.engine.plan import Options
-from scaraspec.suite.engine.run import METHODS
 from scaraspec.user_message import UserMessage
 
 if TYPE_CHECKING:

@@ -40,6 +40,43 @@ class Cause(Enum):
     SUITE = "suite"
 
 
+class Reason(Enum):
+    """Why a case has the verdict none or inconclusive; the values are a public interface."""
+
+    HAZARD = "hazard"
+    """Its hazard was not allowed."""
+    UNDEFINED_OPCODES = "undefined-opcodes"
+    """It sends undefined opcodes, which was not allowed."""
+    SLOW = "slow"
+    """It is slow and was not requested."""
+    HOOK = "hook"
+    """The ICS names no hook that it needs."""
+    ENDED_BEFORE = "earlier-session"
+    """An earlier session has completed it."""
+    FAILED_BEFORE = "failed-before"
+    """Its requirements have failed already."""
+    NOT_APPLICABLE = "not-applicable"
+    """The subject lacks what it tests, or the open point is read in another way."""
+    DEPENDENCY = "dependency"
+    """Something that it relies on has failed."""
+    UNREACHABLE = "unreachable"
+    """The subject cannot be used any more."""
+    WITHHELD = "withheld"
+    """A request that can start a motion was not sent: the emergency stop does not work."""
+    STALLED = "stalled"
+    """The tester's machine stalled during each attempt."""
+    INTERMITTENT = "intermittent"
+    """It failed in one attempt only, in which a message was missing or late."""
+    OTHER_CLIENT = "other-client"
+    """Another client may have caused the failure."""
+    UNDECIDED = "undecided"
+    """The evidence does not suffice; the message gives the reason."""
+    INTERRUPTED = "interrupted"
+    """The user ended the run."""
+    NOT_RESTORED = "not-restored"
+    """Something that the run has changed is left on the subject."""
+
+
 class ExitStatus(IntEnum):
     """What the command line returns."""
 

@@ -16,6 +16,7 @@ from scaraspec.judge.verdicts import Finding, Verdict
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.readings import READINGS
 from scaraspec.report.evidence import EvidenceCollector
+from scaraspec.report.fingerprint import document_lines, fingerprint
 from scaraspec.report.model import (
     Case,
     ReadingSeen,
@@ -103,6 +104,8 @@ def _cases(
             replay=replay,
             wire=wire,
             passing=collector.passing(wire) if first.verdict is Verdict.FAIL else (),
+            lines=document_lines((requirement,)),
+            fingerprint=fingerprint(requirement, requirement, first.message),
         )
 
 

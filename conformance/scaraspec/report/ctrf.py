@@ -84,6 +84,15 @@ def _test(case: Case, results: Results) -> dict[str, Any]:
     }
     if case.expected or case.observed:
         test["trace"] = f"expected: {case.expected}\nobserved: {case.observed}"
-    if case.replay:
-        test["extra"] = {"replay": case.replay}
+    if case.attempts:
+        failed = [each.verdict is Verdict.FAIL for each in case.attempts]
+        test |= {"retries": len(failed) - 1, "flaky": any(failed) and not all(failed)}
+    extra = {
+        "replay": case.replay,
+        "reason": case.reason.value if case.reason else "",
+        "fingerprint": case.fingerprint,
+        "lines": case.lines,
+    }
+    if any(extra.values()):
+        test["extra"] = {key: value for key, value in extra.items() if value}
     return test

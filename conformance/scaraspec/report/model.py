@@ -6,6 +6,7 @@ incompatible change needs a new schema number.
 """
 
 import json
+import platform
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -13,14 +14,15 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
-from scaraspec.judge.verdicts import Cause, Conclusion, Verdict
+from scaraspec.judge.verdicts import Cause, Conclusion, Reason, Verdict
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.codec import InvalidValueError, from_plain, to_plain
 from scaraspec.report.files import write_whole
 from scaraspec.user_message import UserMessage
 
-SCHEMA: Final = "scaraspec.results/1"
+SCHEMA: Final = "scaraspec.results/2"
+_READABLE: Final = ("scaraspec.results/1", SCHEMA)
 SEEN: Final = ".seen-"
 """Part of the id of a finding of the judge on the wire during a run."""
 _MAX_FILE_BYTES: Final = 512 * 2**20
@@ -49,6 +51,27 @@ class Tool:
     def own(cls) -> "Tool":
         """Return this tool with its version."""
         return cls("scaraspec", metadata.version("scaraspec"))
+
+
+@dataclass(frozen=True, slots=True)
+class RunInfo:
+    """How the results were produced.
+
+    Attributes:
+        begun_ns: The start of the run, in nanoseconds since the Unix epoch.
+        ended_ns: The end of the run.
+        seed: The seed of all drawn values.
+        settings: The settings of the run by name, such as ``allow`` and ``transfer_timeout_s``.
+        python: The version of Python.
+        platform: The operating system and the processor architecture.
+    """
+
+    begun_ns: int
+    ended_ns: int
+    seed: int
+    settings: Mapping[str, str] = field(default_factory=dict)
+    python: str = field(default_factory=platform.python_version)
+    platform: str = field(default_factory=lambda: f"{platform.system()} {platform.machine()}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,6 +201,10 @@ class Case:
         wire: The evidence, in order of time within each occurrence.
         passing: For a failure, the last passing exchange of the same command.
         attempts: The results of all attempts, if the case was tried several times.
+        reason: Why the verdict is none or inconclusive.
+        lines: The lines of the document that state the first requirement, such as ``L397``.
+        fingerprint: A hash that is equal for equal findings of different runs: it does not depend
+            on times, ports, connections, counters or bytes.
     """
 
     id: str
@@ -194,6 +221,9 @@ class Case:
     wire: tuple[Evidence, ...] = ()
     passing: tuple[Evidence, ...] = ()
     attempts: tuple[AttemptResult, ...] = ()
+    reason: Reason | None = None
+    lines: str = ""
+    fingerprint: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -348,6 +378,7 @@ class Results:
         session: The traffic on the wire, if known.
         notices: Important notices to show before the verdict, such as that the emergency stop
             does not work or that an interrupted run was recovered.
+        run: How the results were produced; None for results of schema 1.
     """
 
     tool: Tool
@@ -360,6 +391,7 @@ class Results:
     cases: tuple[Case, ...]
     session: Session | None = None
     notices: tuple[str, ...] = ()
+    run: RunInfo | None = None
 
     @property
     def judged(self) -> int:
@@ -444,7 +476,7 @@ def _refuse(constant: str) -> NoReturn:
 
 def _check_schema(plain: Any) -> None:
     schema = plain.get("schema") if isinstance(plain, dict) else None
-    if schema == SCHEMA:
+    if schema in _READABLE:
         return
     if isinstance(schema, str) and schema.startswith(SCHEMA.rpartition("/")[0] + "/"):
         raise ResultsError(
@@ -452,7 +484,7 @@ def _check_schema(plain: Any) -> None:
                 "has the schema {schema!r}, but this version of scaraspec reads {supported}: "
                 "use the version that wrote it",
                 schema=schema[:40],
-                supported=SCHEMA,
+                supported=" and ".join(_READABLE),
             )
         )
     raise ResultsError(

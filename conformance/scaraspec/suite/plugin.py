@@ -7,6 +7,7 @@ results, as of ``scaraspec certify``.
 """
 
 import os
+from collections.abc import Generator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Final
@@ -14,22 +15,24 @@ from typing import Final
 import pytest
 from rich.console import Console
 
-from scaraspec.judge.requirements import UnknownRequirementError, select
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.operating_system import state_directory
 from scaraspec.report import terminal
+from scaraspec.report.model import Role
 from scaraspec.suite.controller.harness.access import UrlAccess
 from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.state.recovery import RecoveryError
-from scaraspec.suite.engine.case import declare_mark
+from scaraspec.suite.engine.case import declare_mark, is_case
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.journal import ControllerBusyError, Journal, JournalError
 from scaraspec.suite.engine.plan import Options, hazards
 from scaraspec.suite.engine.run import Run
+from scaraspec.suite.engine.selection import parse_selection
 from scaraspec.transports.connect import resolve_url
 from scaraspec.transports.link import LinkError
 
+_TEAM_FAILED: Final = pytest.StashKey[bool]()
 _RUN: Final = pytest.StashKey[Run[ControllerUnderTest]]()
 
 
@@ -60,12 +63,14 @@ def pytest_configure(config: pytest.Config) -> None:
     folder = Path(os.environ.get("SCARASPEC_STATE") or state_directory())
     held = ExitStack()
     try:
+        selection = parse_selection(only or None, Role.CONTROLLER)
         adapter = ControllerAdapter(
             UrlAccess(url, config.getoption("--patience")),
             Ics.read(Path(ics)) if ics else Ics(),
             config.getoption("--subject-password").encode(),
             Options(
-                only=frozenset(r.id for r in select(only)) if only else None,
+                only=selection.requirements,
+                cases=selection.cases,
                 allowed=hazards(config.getoption("--allow")),
                 undefined=config.getoption("--undefined-opcodes"),
                 examples=config.getoption("--examples"),
@@ -78,7 +83,6 @@ def pytest_configure(config: pytest.Config) -> None:
     except (
         JournalError,
         LinkError,
-        UnknownRequirementError,
         ValueError,
     ) as error:
         raise pytest.UsageError(str(error)) from None
@@ -99,19 +103,38 @@ def pytest_sessionstart(session: pytest.Session) -> None:
             pytest.exit(f"{error}", int(ExitStatus.USAGE))
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Note whether a test of the team has failed, beside the cases of the suite."""
+    del call
+    report = yield
+    if report.failed and not is_case(item):
+        item.config.stash[_TEAM_FAILED] = True
+    return report
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Put everything back; the exit status is that of the results."""
+    """Restore everything; the results only raise the exit status.
+
+    A failed test of the team, or a failure of the subject, gives 1. Other errors of pytest keep
+    their status.
+    """
     run = session.config.stash.get(_RUN, None)
     if run is None:
         return
     run.end()
-    status = run.build_results().verdict.exit_status
-    if run.case_runner.cases and session.exitstatus in (
+    if not run.case_runner.cases or session.exitstatus not in (
         pytest.ExitCode.OK,
         pytest.ExitCode.TESTS_FAILED,
     ):
-        session.exitstatus = int(status)
+        return
+    status = run.build_results().verdict.exit_status
+    if session.config.stash.get(_TEAM_FAILED, False):
+        status = ExitStatus.NONCONFORMANT
+    session.exitstatus = int(status)
 
 
 def pytest_terminal_summary(config: pytest.Config) -> None:

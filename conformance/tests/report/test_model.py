@@ -95,9 +95,9 @@ def test_the_shape_is_the_promised_one(full: Results) -> None:
     plain = json.loads(full.to_json())
     assert plain.keys() == {
         *("schema", "tool", "subject", "role", "verdict", "counts", "readings"),
-        *("requirements", "cases", "session", "notices"),
+        *("requirements", "cases", "session", "notices", "run"),
     }
-    assert plain["schema"] == "scaraspec.results/1"
+    assert plain["schema"] == "scaraspec.results/2"
     assert plain["tool"].keys() == {"name", "version"}
     assert plain["requirements"][1] == {"id": "3/18", "verdict": "fail", "cases": ["3/18"]}
     assert plain["counts"] == dict.fromkeys(
@@ -108,6 +108,7 @@ def test_the_shape_is_the_promised_one(full: Results) -> None:
         == {
             *("id", "requirements", "verdict", "cause", "hazard", "message", "expected"),
             *("observed", "duration_s", "examples", "replay", "wire", "passing"),
+            *("attempts", "reason", "lines", "fingerprint"),
         }
         for case in plain["cases"]
     )
@@ -139,7 +140,7 @@ def test_a_torn_file_is_told_as_one(full: Results, tmp_path: Path) -> None:
         (b"{}", 'is not a results.json: "schema" is not'),
         (b'{"schema": 1}', 'is not a results.json: "schema" is not'),
         (b'{"schema": "someone.else/1"}', 'is not a results.json: "schema" is not'),
-        (b'{"schema": "scaraspec.results/2"}', "has the schema 'scaraspec.results/2'"),
+        (b'{"schema": "scaraspec.results/3"}', "has the schema 'scaraspec.results/3'"),
         (b'{"schema": "scaraspec.results/1"}', "damaged: tool is missing"),
         (b'{"schema": "scaraspec.results/1", "tool": NaN}', "not valid JSON"),
         (b'{"schema": ' + b"9" * 5000 + b"}", "not a results.json"),
@@ -253,7 +254,7 @@ def test_what_is_written_fits_the_schema(
 @pytest.mark.parametrize(
     ("path", "value"),
     [
-        (("schema",), "scaraspec.results/2"),
+        (("schema",), "scaraspec.results/3"),
         (("verdict",), "good"),
         (("counts", "good"), 1),
         (("cases", 0, "cause"), "nobody"),
@@ -295,3 +296,16 @@ def test_a_message_with_values_keeps_its_template(full: Results) -> None:
     assert plain["message"] == "jog took 2.0 s"
     assert plain["message_template"] == message.template
     assert plain["message_values"] == {"command": "jog", "time_s": "2.04"}
+
+
+def test_results_of_schema_1_can_be_read(full: Results) -> None:
+    """A file of an earlier version has no attempts, reasons, fingerprints and settings."""
+    plain = json.loads(full.to_json())
+    plain["schema"] = "scaraspec.results/1"
+    del plain["run"]
+    for case in plain["cases"]:
+        for key in ("attempts", "reason", "lines", "fingerprint"):
+            del case[key]
+    read = Results.from_json(json.dumps(plain))
+    assert [case.id for case in read.cases] == [case.id for case in full.cases]
+    assert read.run is None

@@ -7,7 +7,7 @@ from string import Formatter
 import pytest
 
 from scaraspec.judge.requirements import REQUIREMENTS, Basis, Strength
-from scaraspec.judge.verdicts import Cause, Conclusion, Verdict
+from scaraspec.judge.verdicts import Cause, Conclusion, Reason, Verdict
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import State
@@ -39,6 +39,7 @@ def test_every_value_that_the_page_names_has_its_words() -> None:
         *(f"{c.value}_means" for c in Conclusion),
         *(v.value for v in Verdict if v is not Verdict.INCONCLUSIVE),
         *(f"cause_{c.value}" for c in Cause),
+        *(f"reason_{r.value}" for r in Reason),
         *(f"hazard_{h.value}" for h in Hazard),
         *(r.value for r in Role),
         *(s.value for s in Strength),
@@ -62,7 +63,7 @@ def test_no_word_is_left_over() -> None:
     """A word that no template says any longer is taken out of the table."""
     templates = Path(words.__file__).with_name("templates").glob("*.html")
     said = "".join(template.read_text(encoding="utf-8") for template in templates)
-    prefixes = ("cause_", "hazard_", "state_", "outcome_", "ending_", "lane_")
+    prefixes = ("cause_", "reason_", "hazard_", "state_", "outcome_", "ending_", "lane_")
     kinds = (Conclusion, Verdict, Role, Strength, Basis, Direction)
     computed = {member.value for kind in kinds for member in kind}
     computed |= {f"{conclusion.value}_means" for conclusion in Conclusion}

@@ -1,6 +1,5 @@
 """`scaraspec certify client`: the suite acts as the controller."""
 
-import shlex
 from pathlib import Path
 from typing import Final
 
@@ -10,8 +9,7 @@ from rich.console import Console
 from scaraspec.api import certify
 from scaraspec.cli.certify.options import (
     conclude,
-    options_text,
-    requirements_of,
+    reproduction,
     statement_of,
     suite_options,
     user_errors,
@@ -24,6 +22,7 @@ from scaraspec.report.model import Role
 from scaraspec.suite.client.harness.attended import HELP, Attended
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.plan import Options
+from scaraspec.suite.engine.selection import parse_selection
 from scaraspec.transports.url import split_host_port
 from scaraspec.user_message import UserMessage
 
@@ -76,8 +75,10 @@ def command(  # noqa: PLR0913 - one for each option
         raise Problem("name a client: either --driver COMMAND, or --listen HOST:PORT --attended")
     with user_errors():
         statement = statement_of(ics, transfer_timeout)
+        selection = parse_selection(only, Role.CLIENT)
         options = Options(
-            only=requirements_of(only),
+            only=selection.requirements,
+            cases=selection.cases,
             seed=seed,
             examples=examples,
             exhaustive=exhaustive,
@@ -94,9 +95,6 @@ def command(  # noqa: PLR0913 - one for each option
             subject = _attended(listen, answer_timeout or _OPERATOR_S)
         else:
             raise Problem("no client: name its driver, such as --driver 'scaraspec client-driver'")
-        given = options_text(
-            driver=driver and shlex.quote(driver), listen=listen, ics=ics, seed=seed
-        )
         interruption = Interruption()
         with Display(Console(), len(cases), ticks=attended) as display:
             end_on_signals(interruption)
@@ -106,7 +104,7 @@ def command(  # noqa: PLR0913 - one for each option
                 ics=statement,
                 options=options,
                 out=out,
-                reproduction=f"scaraspec certify client{given}{' --attended' * attended}",
+                reproduction=reproduction(click.get_current_context()),
                 progress=display.progress,
                 interruption=interruption,
             )

@@ -8,8 +8,7 @@ from rich.console import Console
 from scaraspec.api import certify
 from scaraspec.cli.certify.options import (
     conclude,
-    options_text,
-    requirements_of,
+    reproduction,
     statement_of,
     suite_options,
     user_errors,
@@ -23,8 +22,10 @@ from scaraspec.cli.certify.running import (
 from scaraspec.cli.help import GroupedCommand
 from scaraspec.cli.options import DEFAULT_PASSWORD, Duration, Real, password_option
 from scaraspec.cli.problems import Problem
+from scaraspec.report.model import Role
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.plan import Options, hazards
+from scaraspec.suite.engine.selection import parse_selection
 from scaraspec.transports.url import parse
 
 _GROUPS = {
@@ -117,8 +118,10 @@ def command(  # noqa: PLR0913 - one for each option
             )
         if where:
             parse(where)  # an invalid URL is reported before the plan
+        selection = parse_selection(only, Role.CONTROLLER)
         options = Options(
-            only=requirements_of(only),
+            only=selection.requirements,
+            cases=selection.cases,
             allowed=hazards(allow),
             undefined=undefined_opcodes,
             seed=seed,
@@ -132,7 +135,6 @@ def command(  # noqa: PLR0913 - one for each option
             return
         if not yes:
             confirm_motion(cases, options, statement)
-        given = options_text(allow=allow, ics=ics, seed=seed, examples=examples)
         interruption = Interruption()
         with Display(Console(), len(cases)) as display:
             end_on_signals(interruption)
@@ -145,7 +147,7 @@ def command(  # noqa: PLR0913 - one for each option
                 out=out,
                 state_dir=state_dir,
                 lock_timeout_s=wait_for_lock,
-                reproduction=f"scaraspec certify controller {where}{given}",
+                reproduction=reproduction(click.get_current_context(), where),
                 progress=display.progress,
                 interruption=interruption,
             )

@@ -1,17 +1,18 @@
 """Options, errors and output that both certifications share."""
 
+import shlex
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
 import click
+from click.core import ParameterSource
 from rich.console import Console
 
 from scaraspec.api.run_folder import RunFolderError
 from scaraspec.cli.options import Real
 from scaraspec.cli.problems import Problem
-from scaraspec.judge.requirements import UnknownRequirementError, select
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.readings import ReadingError
 from scaraspec.report import terminal
@@ -22,6 +23,7 @@ from scaraspec.suite.engine.collection import SuiteError
 from scaraspec.suite.engine.ics import Ics, IcsError
 from scaraspec.suite.engine.journal import ControllerBusyError, JournalError
 from scaraspec.suite.engine.plan import HazardError
+from scaraspec.suite.engine.selection import SelectionError
 from scaraspec.transports.link import LinkError
 from scaraspec.user_message import UserMessage
 
@@ -36,7 +38,9 @@ _OPTIONS: Final = (
         metavar="S",
         help="Silence after which the subject abandons a transfer [30].",
     ),
-    click.option("--only", metavar="LIST", help="Clauses or requirements, such as 4.15,3/31."),
+    click.option(
+        "--only", metavar="LIST", help="Clauses, requirements or cases, such as 4.15,3/31."
+    ),
     click.option(
         "--seed", type=int, default=0, show_default=True, help="Seed of the drawn values."
     ),
@@ -78,18 +82,31 @@ def statement_of(ics: Path | None, transfer_timeout: float | None) -> Ics:
     return statement
 
 
-def requirements_of(only: str | None) -> frozenset[str] | None:
-    """Return the ids of the requirements that ``--only`` selects; None for all.
+_NOT_REPEATED: Final = frozenset(
+    {"only", "out", "yes", "dry_run", "password", "state_dir", "wait_for_lock"}
+)
+"""Parameters that do not change what a run finds, and the password, which no report shows."""
 
-    Raises:
-        UnknownRequirementError: The requirement does not exist.
+
+def reproduction(context: click.Context, url: str = "") -> str:
+    """Return the command that repeats a run exactly, without ``--only``.
+
+    Args:
+        context: The context of the command; its options that were given are repeated.
+        url: The URL of the controller; empty for a client.
     """
-    return frozenset(r.id for r in select(only)) if only else None
-
-
-def options_text(**given: object) -> str:
-    """Return the options that reproduce a run."""
-    return "".join(f" --{option} {value}" for option, value in given.items() if value)
+    words = ["scaraspec", "certify", *([context.info_name] if context.info_name else []), url]
+    for option in context.command.params:
+        name = option.name or ""
+        given = context.get_parameter_source(name) is not ParameterSource.DEFAULT
+        if not isinstance(option, click.Option) or name in _NOT_REPEATED:
+            continue
+        value = context.params[name]
+        if option.is_flag and value:
+            words.append(option.opts[-1])
+        elif name == "seed" or (given and not option.is_flag and value is not None):
+            words += [option.opts[-1], f"{value}"]
+    return shlex.join(filter(None, words))
 
 
 def conclude(results: Results, out: Path | None) -> None:
@@ -111,7 +128,7 @@ def user_errors() -> Iterator[None]:
         yield
     except (IcsError, LinkError, ReadingError, DriverError, ResultsError, RunFolderError) as error:
         raise Problem(str(error)) from None
-    except UnknownRequirementError as error:
+    except SelectionError as error:
         raise Problem(UserMessage("--only: {error}", error=error)) from None
     except HazardError as error:
         raise Problem(UserMessage("--allow: {error}", error=error)) from None

@@ -38,7 +38,8 @@ _RISKS: Final = {
 def show_plan(cases: Sequence[Case], options: Options, statement: Ics, console: Console) -> None:
     """Print how many cases run, by hazard, and why the others are skipped."""
     runs = [case for case in cases if not skip_reason(case, options, statement)]
-    skipped = Counter(why for case in cases if (why := skip_reason(case, options, statement)))
+    skips = [skip for case in cases if (skip := skip_reason(case, options, statement))]
+    skipped = Counter(skip.message for skip in skips)
     console.print(f"{len(runs)} of {len(cases)} cases will run:", soft_wrap=True)
     counts = Counter(case.hazard for case in runs)
     for hazard in Hazard:

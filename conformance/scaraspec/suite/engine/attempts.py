@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from scaraspec.judge.verdicts import Cause, Verdict
+from scaraspec.judge.verdicts import Cause, Reason, Verdict
 from scaraspec.report.model import AttemptResult
 from scaraspec.suite.engine.outcome import Outcome
 from scaraspec.user_message import UserMessage
@@ -97,6 +97,7 @@ def _settled(attempts: Sequence[Attempt], *, repeatable: bool) -> Outcome:
         last = attempts[-1]
         return _inconclusive(
             last.outcome,
+            Reason.STALLED,
             UserMessage(
                 "this machine stalled for {stall_s:.1f} s: {message}",
                 stall_s=last.stall_s,
@@ -111,6 +112,7 @@ def _settled(attempts: Sequence[Attempt], *, repeatable: bool) -> Outcome:
         return failed[0].outcome
     return _inconclusive(
         failed[0].outcome,
+        Reason.INTERMITTENT,
         UserMessage(
             "intermittent: the case failed in 1 of {count} attempts, in which a message was "
             "missing or late: {message}",
@@ -120,11 +122,12 @@ def _settled(attempts: Sequence[Attempt], *, repeatable: bool) -> Outcome:
     )
 
 
-def _inconclusive(outcome: Outcome, message: str) -> Outcome:
+def _inconclusive(outcome: Outcome, reason: Reason, message: str) -> Outcome:
     return replace(
         outcome,
         verdict=Verdict.INCONCLUSIVE,
         requirement="",
         cause=Cause.SET_UP,
+        reason=reason,
         message=message,
     )

@@ -13,7 +13,7 @@ from typing import Final
 import pytest
 from _pytest.runner import runtestprotocol
 
-from scaraspec.judge.verdicts import Cause, Verdict
+from scaraspec.judge.verdicts import Cause, Reason, Verdict
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.model import Role
 from scaraspec.suite.engine.attempts import Attempt, needs_another, settle
@@ -36,7 +36,7 @@ from scaraspec.suite.engine.outcome import (
     unless_disturbed,
     was_interrupted,
 )
-from scaraspec.suite.engine.plan import Options, is_selected, skip_reason
+from scaraspec.suite.engine.plan import Options, Skip, is_selected, skip_reason
 from scaraspec.suite.engine.stall_detector import Stall
 from scaraspec.suite.engine.system_under_test import SystemUnderTest
 from scaraspec.user_message import UserMessage
@@ -216,21 +216,41 @@ class CaseRunner:
     def _known(self, case: Case) -> Outcome | None:
         """The outcome of a case that need not run; None if it must run."""
         if case.id in self._completed:
-            return Outcome(case, Verdict.NONE, message="an earlier session has completed this case")
-        why = skip_reason(case, self.options, self.subject.ics)
-        if not why and self._failed.issuperset(case.requirements) and not self.options.exhaustive:
-            why = UserMessage(
+            message = "an earlier session has completed this case"
+            return Outcome(case, Verdict.NONE, message=message, reason=Reason.ENDED_BEFORE)
+        skip = skip_reason(case, self.options, self.subject.ics)
+        if not skip and self._failed.issuperset(case.requirements) and not self.options.exhaustive:
+            message = UserMessage(
                 "{requirements} failed already: repeat with --exhaustive to run its other cases",
                 requirements=", ".join(case.requirements),
             )
-        if why:
-            return Outcome(case, Verdict.NONE, cause=Cause.SET_UP, message=why)
+            skip = Skip(Reason.FAILED_BEFORE, message)
+        if skip:
+            return Outcome(
+                case,
+                Verdict.NONE,
+                cause=Cause.SET_UP,
+                message=skip.message,
+                reason=skip.reason,
+            )
         moves = Hazard.MOTION in case.hazards
-        why = self._dead or (self._unmoved if moves else "")
-        if (moves or case.undefined) and self.subject.stop_failure:
-            why = why or f"the emergency stop does not work: {self.subject.stop_failure.message}"
-        if why:
-            return Outcome(case, Verdict.INCONCLUSIVE, cause=Cause.DEPENDENCY, message=why)
+        failure = self.subject.stop_failure
+        obstacle = None
+        if self._dead:
+            obstacle = Skip(Reason.UNREACHABLE, self._dead)
+        elif moves and self._unmoved:
+            obstacle = Skip(Reason.DEPENDENCY, self._unmoved)
+        elif failure and (moves or case.undefined):
+            message = f"the emergency stop does not work: {failure.message}"
+            obstacle = Skip(Reason.WITHHELD, message)
+        if obstacle:
+            return Outcome(
+                case,
+                Verdict.INCONCLUSIVE,
+                cause=Cause.DEPENDENCY,
+                message=obstacle.message,
+                reason=obstacle.reason,
+            )
         return None
 
     def _run(self, case: Case, item: pytest.Item, nextitem: pytest.Item | None) -> Outcome:
@@ -386,12 +406,22 @@ class CaseRunner:
             case None:
                 pass
             case CaseSkipped():
-                return Outcome(case, Verdict.NONE, cause=Cause.SET_UP, message=message_of(raised))
+                return Outcome(
+                    case,
+                    Verdict.NONE,
+                    cause=Cause.SET_UP,
+                    message=message_of(raised),
+                    reason=Reason.NOT_APPLICABLE,
+                )
             case CaseInconclusive():
                 if isinstance(raised, JournalError):
                     self.give_up(str(raised))
                 return Outcome(
-                    case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=message_of(raised)
+                    case,
+                    Verdict.INCONCLUSIVE,
+                    cause=Cause.SET_UP,
+                    message=message_of(raised),
+                    reason=Reason.UNDECIDED,
                 )
             case CaseFailed():
                 return Outcome(
@@ -462,7 +492,13 @@ class CaseRunner:
         withheld = self.subject.withheld
         if not withheld or outcome.requirement.startswith("4.17/"):
             return outcome
-        return Outcome(outcome.case, Verdict.INCONCLUSIVE, cause=Cause.DEPENDENCY, message=withheld)
+        return Outcome(
+            outcome.case,
+            Verdict.INCONCLUSIVE,
+            cause=Cause.DEPENDENCY,
+            message=withheld,
+            reason=Reason.WITHHELD,
+        )
 
     def _afterwards(self, case: Case, outcome: Outcome) -> Outcome:
         """The positive control after a case: the subject is alive and idle again."""
@@ -495,7 +531,11 @@ class CaseRunner:
             if outcome.verdict in (Verdict.FAIL, Verdict.ERROR):
                 return outcome
             return Outcome(
-                case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=message_of(error)
+                case,
+                Verdict.INCONCLUSIVE,
+                cause=Cause.SET_UP,
+                message=message_of(error),
+                reason=Reason.UNDECIDED,
             )
         return outcome
 

@@ -8,6 +8,7 @@ from typing import Final
 
 import pytest
 
+from scaraspec.judge.requirements import Method
 from scaraspec.report.model import Role
 from scaraspec.suite.engine import case as cases
 from scaraspec.suite.engine.case_runner import CaseRunner
@@ -19,6 +20,9 @@ CASES: Final = {
     for role in (Role.CONTROLLER, Role.CLIENT)
 }
 """Where the shipped cases are."""
+
+METHODS: Final = {Role.CONTROLLER: Method.ACTIVE_CONTROLLER, Role.CLIENT: Method.ACTIVE_CLIENT}
+"""The test method for each role."""
 
 
 def collect(options: Options, role: Role = Role.CONTROLLER) -> list[cases.Case]:

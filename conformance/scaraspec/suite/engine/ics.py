@@ -73,6 +73,15 @@ class Ics:
         return self.dialect.seconds("reply_timeout") or 5.0
 
     @property
+    def timing_summary(self) -> dict[str, str]:
+        """The timeouts and the time scale by name, for the results."""
+        return {
+            "reply_timeout_s": f"{self.reply_s:g}",
+            "transfer_timeout_s": f"{self.transfer_s:g}",
+            "time_scale": f"{self.time_scale:g}",
+        }
+
+    @property
     def transfer_s(self) -> float:
         """After what silence a transfer is abandoned (5.4, L795)."""
         return self.dialect.seconds("xfer_timeout") or 30.0

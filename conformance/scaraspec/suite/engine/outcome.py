@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 from hypothesis.errors import Flaky
 
-from scaraspec.judge.verdicts import Cause, Verdict
+from scaraspec.judge.verdicts import Cause, Reason, Verdict
 from scaraspec.report.model import AttemptResult
 from scaraspec.suite.engine.case import Case
 from scaraspec.suite.engine.expectations import (
@@ -32,6 +32,7 @@ class Outcome:
         frames: The last frames of the case.
         readings: The readings that were tolerated, as key and option.
         attempts: The results of all attempts, if there were several.
+        reason: Why the verdict is none or inconclusive.
     """
 
     case: Case
@@ -46,6 +47,7 @@ class Outcome:
     frames: tuple[FrameSeen | InvalidBytes, ...] = ()
     readings: tuple[tuple[str, str], ...] = ()
     attempts: tuple[AttemptResult, ...] = ()
+    reason: Reason | None = None
 
 
 def unless_disturbed(outcome: Outcome, reason: str) -> Outcome:
@@ -57,6 +59,7 @@ def unless_disturbed(outcome: Outcome, reason: str) -> Outcome:
         verdict=Verdict.INCONCLUSIVE,
         requirement="",
         cause=Cause.SET_UP,
+        reason=Reason.OTHER_CLIENT,
         message=UserMessage(
             "{reason}. The case had found: {message}", reason=reason, message=outcome.message
         ),

@@ -4,8 +4,9 @@ Made before anything is sent, so that a tester sees what may move or be lost.
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
+from scaraspec.judge.verdicts import Reason
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.engine.case import Case
 from scaraspec.suite.engine.ics import Ics
@@ -32,6 +33,7 @@ class Options:
         exhaustive: Go on with a requirement that has failed.
         attended: Only what is on the checklist of an operator.
         brief: Nothing that takes long and that others judge, too.
+        cases: The ids of cases to run besides those of `only`.
     """
 
     only: frozenset[str] | None = None
@@ -42,6 +44,21 @@ class Options:
     exhaustive: bool = False
     attended: bool = False
     brief: bool = False
+    cases: frozenset[str] = frozenset()
+
+    @property
+    def summary(self) -> dict[str, str]:
+        """The options by name, for the results."""
+        allowed = sorted(hazard.value for hazard in self.allowed - {Hazard.READ_ONLY})
+        selected = [*sorted(self.only or ()), *sorted(self.cases)]
+        return {
+            "allow": ",".join(allowed),
+            "only": ",".join(selected),
+            "examples": f"{self.examples}",
+            "exhaustive": str(self.exhaustive).lower(),
+            "undefined_opcodes": str(self.undefined).lower(),
+            "attended": str(self.attended).lower(),
+        }
 
 
 def hazards(text: str) -> frozenset[Hazard]:
@@ -62,23 +79,34 @@ def hazards(text: str) -> frozenset[Hazard]:
     return frozenset({Hazard.READ_ONLY, *(known[name] for name in names)})
 
 
-def skip_reason(case: Case, options: Options, ics: Ics) -> str:
-    """Why a case cannot run; empty where it can."""
+class Skip(NamedTuple):
+    """Why a case cannot run: a code for programs, and a sentence."""
+
+    reason: Reason
+    message: str
+
+
+def skip_reason(case: Case, options: Options, ics: Ics) -> Skip | None:
+    """Return why a case cannot run; None if it can."""
     if missing := case.hazards - options.allowed - {Hazard.READ_ONLY}:
         names = ",".join(sorted(hazard.value for hazard in missing))
-        return f"it may do what was not allowed: --allow {names}"
+        return Skip(Reason.HAZARD, f"it may do what was not allowed: --allow {names}")
     if case.undefined and not options.undefined:
-        return "it sends undefined opcodes: --undefined-opcodes, never on a real robot"
+        message = "it sends undefined opcodes: --undefined-opcodes, never on a real robot"
+        return Skip(Reason.UNDEFINED_OPCODES, message)
     if options.brief and case.slow:
-        return "it takes long, and others judge its requirements, too: --exhaustive tries it"
-    if wanting := [name for name in case.needs if name not in ics.hooks]:
-        hooks = ", ".join(wanting)
-        return f"it needs {hooks} in [hooks] of the statement of conformance"
-    return ""
+        message = "it takes long, and others judge its requirements, too: --exhaustive tries it"
+        return Skip(Reason.SLOW, message)
+    if missing_hooks := [name for name in case.needs if name not in ics.hooks]:
+        hooks = ", ".join(missing_hooks)
+        return Skip(Reason.HOOK, f"it needs {hooks} in [hooks] of the statement of conformance")
+    return None
 
 
 def is_selected(case: Case, options: Options) -> bool:
     """Whether a case judges anything that was asked for."""
     if options.attended and not case.attended:
         return False
-    return options.only is None or any(r in options.only for r in case.requirements)
+    if options.only is None or case.id in options.cases:
+        return True
+    return any(requirement in options.only for requirement in case.requirements)

@@ -13,18 +13,19 @@ from functools import partial
 from itertools import chain
 from typing import Any, Final, Generic, Protocol, TypeVar
 
-from scaraspec.judge.requirements import REQUIREMENTS, Method
-from scaraspec.judge.verdicts import Cause, Verdict, conclude, worst
+from scaraspec.judge.requirements import REQUIREMENTS
+from scaraspec.judge.verdicts import Cause, Reason, Verdict, conclude, worst
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import READINGS
 from scaraspec.report import model
 from scaraspec.report.audit import readings_of
 from scaraspec.report.evidence import evidence_of
+from scaraspec.report.fingerprint import document_lines, fingerprint
 from scaraspec.report.model import Case, ReadingSeen, RequirementResult, Results, Role, Tool
 from scaraspec.report.session import SessionStats
 from scaraspec.suite.engine import case as cases
 from scaraspec.suite.engine.case_runner import Callbacks, CaseRunner
-from scaraspec.suite.engine.collection import CASES, cases_in, run_pytest
+from scaraspec.suite.engine.collection import CASES, METHODS, cases_in, run_pytest
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
@@ -35,10 +36,6 @@ from scaraspec.suite.engine.plan import Options, is_selected
 from scaraspec.suite.engine.stall_detector import Stall, StallDetector, threshold_s
 from scaraspec.suite.engine.system_under_test import SystemUnderTest
 from scaraspec.user_message import UserMessage
-
-METHODS: Final = {Role.CONTROLLER: Method.ACTIVE_CONTROLLER, Role.CLIENT: Method.ACTIVE_CLIENT}
-"""The test method for each role."""
-
 
 P = TypeVar("P", bound=SystemUnderTest)
 
@@ -183,6 +180,7 @@ class Run(Generic[P]):
             verbose=verbose,
         )
         self._state: Mapping[str, Any] = {}
+        self._begun_ns = self._subject.now_ns
         self._problems: list[str] = []
 
     def results(self) -> Results:
@@ -200,7 +198,9 @@ class Run(Generic[P]):
             self._try_cases()
         except KeyboardInterrupt:
             interrupted = True
-            self.case_runner.outcomes.append(_set_up("interrupted", "the user interrupted the run"))
+            self.case_runner.outcomes.append(
+                _set_up("interrupted", "the user interrupted the run", Reason.INTERRUPTED)
+            )
         finally:
             try:
                 self.end()
@@ -255,7 +255,9 @@ class Run(Generic[P]):
         if not self._subject.off:  # otherwise it was restored before it was switched off
             self._put_back()
         self._problems += self.adapter.finish(self._subject, self._state)
-        self.case_runner.outcomes += [_set_up("restore", problem) for problem in self._problems]
+        self.case_runner.outcomes += [
+            _set_up("restore", problem, Reason.NOT_RESTORED) for problem in self._problems
+        ]
         self._observer.close()
         self._resources.close()
 
@@ -310,6 +312,12 @@ class Run(Generic[P]):
             cases=made,
             session=self._stats.session(),
             notices=tuple(self._subject.notices),
+            run=model.RunInfo(
+                self._begun_ns,
+                self._subject.now_ns,
+                adapter.options.seed,
+                {**adapter.options.summary, **adapter.ics.timing_summary},
+            ),
         )
 
     def _dialect(self) -> dict[str, ReadingSeen]:
@@ -397,39 +405,40 @@ class Run(Generic[P]):
             observed=outcome.observed,
             duration_s=outcome.duration_s,
             examples=outcome.examples,
-            replay=self._replay(case.requirements[0] if case.requirements else ""),
+            replay=self._replay(case.id if not case.id.startswith(("run.", "claim.")) else ""),
             wire=() if outcome.verdict in (Verdict.NONE, Verdict.PASS) else wire,
             passing=self._stats.evidence.passing(wire) if bad else (),
             attempts=outcome.attempts,
+            reason=outcome.reason,
+            lines=document_lines(failed),
+            fingerprint=fingerprint(case.id, outcome.requirement, outcome.message),
         )
 
-    def _seen(self, number: int, sightings: list[CaseFinding]) -> Case:
+    def _seen(self, number: int, findings: list[CaseFinding]) -> Case:
         """Convert equal findings of the judge to a case of the results."""
-        reason = self._subject.others.reason
-        sightings = [s for s in sightings if not reason(s.case)] or sightings
-        first = sightings[0]
-        finding, doubt = first.finding, reason(first.case)
-        if doubt and finding.verdict is Verdict.FAIL:
+        disturbance = self._subject.others.reason
+        findings = [f for f in findings if not disturbance(f.case)] or findings
+        first = findings[0]
+        finding, reason = first.finding, None
+        if finding.verdict is Verdict.FAIL and (doubt := disturbance(first.case)):
+            reason = Reason.OTHER_CLIENT
             message = UserMessage(
-                "{doubt}. The judge had found: {message}",
-                doubt=doubt,
-                message=finding.message,
+                "{doubt}. The judge had found: {message}", doubt=doubt, message=finding.message
             )
-            finding = replace(
-                finding, verdict=Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=message
-            )
-        elif finding.verdict is Verdict.FAIL and not _is_confirmed(sightings):
+        elif finding.verdict is Verdict.FAIL and not _is_confirmed(findings):
+            reason = Reason.INTERMITTENT
             message = UserMessage(
                 "intermittent: found in one attempt only, in which a message was missing or late: "
                 "{message}",
                 message=finding.message,
             )
+        if reason:
             finding = replace(
                 finding, verdict=Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=message
             )
-        times = "" if len(sightings) == 1 else f", {len(sightings)} times"
+        times = "" if len(findings) == 1 else f", {len(findings)} times"
         wire = tuple(self._stats.evidence.evidence(p) for p in finding.evidence[:_SHOWN])
-        bad = finding.verdict is Verdict.FAIL
+        failed = finding.verdict is Verdict.FAIL
         where = f"; first seen in case {first.case}{times}" if first.case else times
         return Case(
             id=f"{finding.requirement}{model.SEEN}{number}",
@@ -439,14 +448,19 @@ class Run(Generic[P]):
             message=f"{finding.message}{where}",
             expected=finding.expected,
             observed=finding.observed or " = ".join(finding.reading or ()),
-            replay=self._replay(first.case.partition(".")[0] or finding.requirement),
+            replay=self._replay(first.case or finding.requirement),
             wire=wire,
-            passing=self._stats.evidence.passing(wire) if bad else (),
+            passing=self._stats.evidence.passing(wire) if failed else (),
+            reason=reason,
+            lines=document_lines((finding.requirement,)),
+            fingerprint=fingerprint(
+                finding.requirement, finding.requirement, first.finding.message
+            ),
         )
 
-    def _replay(self, requirement: str) -> str:
+    def _replay(self, selection: str) -> str:
         replay = self.adapter.replay
-        only = f" --only {requirement}" if requirement else ""
+        only = f" --only {selection}" if selection else ""
         return f"{replay}{only}" if replay else ""
 
 
@@ -460,10 +474,10 @@ def _is_confirmed(sightings: Iterable[CaseFinding]) -> bool:
     return len(attempts) > 1 or any(not a.late or not a.repeatable for a in attempts)
 
 
-def _set_up(name: str, message: str) -> Outcome:
+def _set_up(name: str, message: str, reason: Reason) -> Outcome:
     """The outcome of a problem of the run itself, which makes the run incomplete."""
     case = cases.Case(f"run.{name}", (), frozenset({Hazard.READ_ONLY}))
-    return Outcome(case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=message)
+    return Outcome(case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=message, reason=reason)
 
 
 def _wrong_from_the_start(error: CaseFailed) -> Outcome:

@@ -1,0 +1,46 @@
+"""What `--only` names."""
+
+import pytest
+
+from scaraspec.report.model import Role
+from scaraspec.suite.engine.selection import Selection, SelectionError, parse_selection
+
+
+@pytest.mark.parametrize(
+    ("text", "requirements", "cases"),
+    [
+        ("4.7/1", {"4.7/1"}, set()),
+        ("4/8.queries", set(), {"4/8.queries"}),
+        (" 4.7/1 , 4/8.queries", {"4.7/1"}, {"4/8.queries"}),
+        ("3/31.seen-1", {"3/31"}, set()),
+        ("claim.prelogin", set(), {"claim.prelogin"}),
+    ],
+)
+def test_items(text: str, requirements: set[str], cases: set[str]) -> None:
+    """Requirements, cases, findings and claims are accepted, as the report prints them."""
+    expected = Selection(frozenset(requirements), frozenset(cases))
+    assert parse_selection(text, Role.CONTROLLER) == expected
+
+
+def test_everything() -> None:
+    """Without a list everything is selected; a clause names what can be tested of it."""
+    assert parse_selection(None, Role.CONTROLLER).requirements is None
+    clause = parse_selection("4.7", Role.CONTROLLER).requirements
+    assert clause is not None
+    assert {each.partition("/")[0] for each in clause} == {"4.7"}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "an item of the list is empty"),
+        ("4.7/1,,", "an item of the list is empty"),
+        ("T/9", "T/9 cannot be tested on a controller: `scaraspec requirements --clause T/9`"),
+        ("4/8.nothing", "There is no requirement '4/8.nothing'"),
+    ],
+)
+def test_errors(text: str, message: str) -> None:
+    """An item that names nothing to run is an error, not an empty run."""
+    with pytest.raises(SelectionError) as caught:
+        parse_selection(text, Role.CONTROLLER)
+    assert message in str(caught.value)
