@@ -1,7 +1,7 @@
-"""Case: the properties of a test of the suite, so that a plan can be made before anything runs.
+"""Case: the properties of a test of the suite. A plan is made from them before anything runs.
 
-A case names the requirements that it judges, the worst that it can do to a real robot, and what it
-needs beyond a link. Nothing is run here.
+A case names the requirements that it judges, its hazards for a real robot, and the hooks that it
+needs. This module runs nothing.
 """
 
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from scaraspec.report.model import Role
 
 MARK: Final = "scaraspec_case"
 
-_GRAVITY: Final = (Hazard.READ_ONLY, Hazard.STATE, Hazard.MOTION, Hazard.DESTRUCTIVE)
+_BY_SEVERITY: Final = (Hazard.READ_ONLY, Hazard.STATE, Hazard.MOTION, Hazard.DESTRUCTIVE)
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -26,16 +26,16 @@ class Case:
     """One thing that the suite tries.
 
     Attributes:
-        id: Its first requirement, with a short suffix where that has several cases.
-        requirements: What it judges, the ids of the catalogue.
-        hazards: What it may do to a real robot; each of them has to be allowed.
-        needs: Hooks of the statement of conformance without which it cannot run.
-        sentence: What it tries, in one line.
-        undefined: It sends undefined opcodes.
-        last: The subject may be gone afterwards.
-        slow: It takes long, and other cases judge all of its requirements, too.
-        attended: It is on the checklist of an operator, too.
-        role: Whom it tries.
+        id: The first requirement, with a short suffix if it has several cases.
+        requirements: The ids of the requirements that the case judges.
+        hazards: What the case may do to a real robot; each hazard must be allowed.
+        needs: The hooks of the ICS without which the case cannot run.
+        sentence: What the case tries, in one line.
+        undefined: The case sends undefined opcodes.
+        last: The subject may be switched off afterwards.
+        slow: The case is slow, and other cases judge all of its requirements, too.
+        attended: The case is also on the checklist of an operator.
+        role: The role of the subject.
     """
 
     id: str
@@ -59,27 +59,26 @@ class Case:
 
     @property
     def hazard(self) -> Hazard:
-        """The worst of its hazards."""
-        return max(self.hazards, key=_GRAVITY.index)
+        """The most severe hazard of the case."""
+        return max(self.hazards, key=_BY_SEVERITY.index)
 
 
 def client_case(*requirements: str, name: str = "", attended: bool = False) -> Callable[[F], F]:
-    """Make a test function a case that plays the controller.
+    """Make a test function a case in which the suite acts as the controller.
 
     Args:
-        requirements: What it judges; its id is the first of them.
-        name: The suffix of its id where the first requirement has several cases.
-        attended: It is on the checklist of an operator, too.
+        requirements: The requirements that it judges; the first one is its id.
+        name: The suffix of the id if the first requirement has several cases.
+        attended: The case is also on the checklist of an operator.
 
     Raises:
         UnknownRequirementError: A requirement does not exist.
         ValueError: A requirement cannot be tested on a client.
     """
     _check(requirements, Method.ACTIVE_CLIENT, "controller")
-    nothing = frozenset({Hazard.READ_ONLY})
-    identity = _identity(requirements, name)
-    made = Case(identity, requirements, nothing, attended=attended, role=Role.CLIENT)
-    return _marked(made)
+    hazards = frozenset({Hazard.READ_ONLY})
+    case_id = _case_id(requirements, name)
+    return _marked(Case(case_id, requirements, hazards, attended=attended, role=Role.CLIENT))
 
 
 def case(  # noqa: PLR0913 - one for each property of a case
@@ -91,52 +90,54 @@ def case(  # noqa: PLR0913 - one for each property of a case
     last: bool = False,
     slow: bool = False,
 ) -> Callable[[F], F]:
-    """Make a test function a case that plays the client.
+    """Make a test function a case in which the suite acts as the client.
 
     Args:
-        requirements: What it judges; its id is the first of them.
-        name: The suffix of its id where the first requirement has several cases.
-        hazards: What it may do to a real robot; by default the catalogue's hazards.
-        needs: Hooks without which it cannot run.
-        undefined: It sends undefined opcodes.
-        last: It ends the subject.
-        slow: It takes long, and other cases judge all of its requirements, too.
+        requirements: The requirements that it judges; the first one is its id.
+        name: The suffix of the id if the first requirement has several cases.
+        hazards: What it may do to a real robot; by default the hazards of its requirements.
+        needs: The hooks without which it cannot run.
+        undefined: The case sends undefined opcodes.
+        last: The case may switch the subject off.
+        slow: The case is slow, and other cases judge all of its requirements, too.
 
     Raises:
         UnknownRequirementError: A requirement does not exist.
         ValueError: A requirement cannot be tested on a controller.
     """
     entries = _check(requirements, Method.ACTIVE_CONTROLLER, "client")
-    worst = frozenset(hazards or (entry.hazard for entry in entries)) | {Hazard.READ_ONLY}
-    identity = _identity(requirements, name)
-    made = Case(identity, requirements, worst, needs, undefined=undefined, last=last, slow=slow)
-    return _marked(made)
+    own = frozenset(hazards or (entry.hazard for entry in entries)) | {Hazard.READ_ONLY}
+    case_id = _case_id(requirements, name)
+    return _marked(
+        Case(case_id, requirements, own, needs, undefined=undefined, last=last, slow=slow)
+    )
 
 
-def _check(requirements: tuple[str, ...], method: Method, part: str) -> list[Requirement]:
+def _check(requirements: tuple[str, ...], method: Method, suite_role: str) -> list[Requirement]:
     entries = [requirement(r) for r in requirements]
     for entry in entries:
         if method not in entry.testable:
-            raise ValueError(f"{entry.id} cannot be tested by playing the {part}")
+            raise ValueError(f"{entry.id} cannot be tested if the suite acts as the {suite_role}")
     return entries
 
 
-def _identity(requirements: tuple[str, ...], name: str) -> str:
+def _case_id(requirements: tuple[str, ...], name: str) -> str:
     return f"{requirements[0]}.{name}" if name else requirements[0]
 
 
-def _marked(made: Case) -> Callable[[F], F]:
-    """A decorator that marks a test function with its case."""
+def _marked(case_: Case) -> Callable[[F], F]:
+    """Return a decorator that marks a test function with its case."""
 
     def mark(function: F) -> F:
-        told = replace(made, sentence=(function.__doc__ or "").strip().partition("\n")[0])
-        return getattr(pytest.mark, MARK)(told)(function)  # type: ignore[no-any-return] # pytest returns what it marks
+        sentence = (function.__doc__ or "").strip().partition("\n")[0]
+        marked = replace(case_, sentence=sentence)
+        return getattr(pytest.mark, MARK)(marked)(function)  # type: ignore[no-any-return] # pytest returns what it marks
 
     return mark
 
 
 def declare_mark(config: pytest.Config) -> None:
-    """Tell pytest of the mark that cases bear."""
+    """Register the mark of cases with pytest."""
     config.addinivalue_line("markers", f"{MARK}(case): a case of the suite")
 
 
@@ -146,17 +147,17 @@ def is_case(item: pytest.Item) -> bool:
 
 
 def case_of(item: pytest.Item) -> Case:
-    """The case of a collected test, named apart where it has parameters.
+    """Return the case of a collected test. The id of a parametrized case has a suffix.
 
     Raises:
-        TypeError: The test is no case.
+        TypeError: The test is not a case.
     """
     mark = item.get_closest_marker(MARK)
     if mark is None:
-        raise TypeError(f"{item.nodeid} is no case: give it @case")
-    made: Case = mark.args[0]
+        raise TypeError(f"{item.nodeid} is not a case: add the decorator @case")
+    marked: Case = mark.args[0]
     parameters = getattr(item, "callspec", None)
     if parameters is None or not parameters.id:
-        return made
-    dot = "." if "." not in made.id.partition("/")[2] else "-"
-    return replace(made, id=f"{made.id}{dot}{parameters.id}")
+        return marked
+    separator = "." if "." not in marked.id.partition("/")[2] else "-"
+    return replace(marked, id=f"{marked.id}{separator}{parameters.id}")

@@ -1,4 +1,4 @@
-"""Chunks: what is checked of each chunk that a subject sends, whichever way the file goes."""
+"""Chunks: the checks of each chunk that a subject sends, in an upload or a download."""
 
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA_BYTES, HEAD_BYTES, Chunk
 from scaraspec.suite.engine.connection import ReceivedFrame
@@ -6,35 +6,40 @@ from scaraspec.suite.engine.expectations import expect, expect_equal
 
 
 def chunk_of(answer: ReceivedFrame) -> Chunk:
-    """What a chunk frame carries.
+    """Return the chunk of a frame.
 
     Raises:
-        CaseFailed: No fileData.
+        CaseFailed: The data of the frame is not a fileData.
     """
     size_bytes, chunk = len(answer.frame.data), answer.value
     whole = isinstance(chunk, Chunk) and size_bytes in (FILE_DATA_BYTES, HEAD_BYTES + chunk.length)
     expect(
         whole,
-        "the data of a chunk is no fileData",
+        "the data of a chunk is not a fileData",
         expected=f"{FILE_DATA_BYTES} bytes",
         observed=f"{size_bytes} bytes: {answer}",
         requirement="5.1/1",
     )
-    assert isinstance(chunk, Chunk), "it was just seen"
+    assert isinstance(chunk, Chunk), "checked above"
     return chunk
 
 
-def expect_next(chunk: Chunk, due: int, size_bytes: int) -> None:
-    """Hold a chunk of a file of this size against where the ones before it have got to.
+def expect_next(chunk: Chunk, position: int, size_bytes: int) -> None:
+    """Require that a chunk is the next one of a file.
+
+    Args:
+        chunk: The chunk.
+        position: The number of bytes in the chunks before it.
+        size_bytes: The size of the file in bytes.
 
     Raises:
-        CaseFailed: It does not follow on them, or is out of bounds.
+        CaseFailed: The chunk has another position or file size, or is out of bounds.
     """
     expect_equal(chunk.file_size, size_bytes, "the file size changed", requirement="5.1/3")
     expect_equal(
         chunk.position,
-        due,
-        "a chunk does not follow on the one before",
+        position,
+        "a chunk does not follow the one before",
         requirement="5.1/8",
     )
     expect_chunk_length(chunk)
@@ -42,10 +47,10 @@ def expect_next(chunk: Chunk, due: int, size_bytes: int) -> None:
 
 
 def expect_chunk_length(chunk: Chunk) -> None:
-    """Hold against a chunk that its buffer would be empty, or too small for what it holds.
+    """Require that the length of a chunk is between 1 and the size of its buffer.
 
     Raises:
-        CaseFailed: It is so.
+        CaseFailed: It is not.
     """
     expect(
         1 <= chunk.length <= BUFFER_BYTES,
@@ -57,10 +62,10 @@ def expect_chunk_length(chunk: Chunk) -> None:
 
 
 def expect_within(chunk: Chunk, size_bytes: int) -> None:
-    """Hold a chunk of a file of this size against the end of the file.
+    """Require that a chunk does not extend beyond the end of its file.
 
     Raises:
-        CaseFailed: It reaches beyond.
+        CaseFailed: It does.
     """
     end = chunk.position + chunk.length
     message = "a chunk reaches beyond the end of the file"
@@ -69,31 +74,31 @@ def expect_within(chunk: Chunk, size_bytes: int) -> None:
 
 
 def expect_chunk_position(chunk: Chunk, content: bytes) -> None:
-    """Hold a chunk's position against where the file holds what is in it.
+    """Require that the data of a chunk is at its position in the file.
 
     Raises:
-        CaseFailed: It is another place, or there is none.
+        CaseFailed: The data is at another position, or not in the file.
     """
     at = content.find(chunk.data) if chunk.data else -1
     expect(
-        at >= 0 and content.startswith(chunk.data, chunk.position),  # a short one may recur
-        "position is not where the content belongs",
-        expected="a place in the file" if at < 0 else f"{at}",
-        observed=f"{chunk.position}" + ", of what is not in the file" * (at < 0),
+        at >= 0 and content.startswith(chunk.data, chunk.position),  # short data may occur twice
+        "the data of a chunk is not at its position in the file",
+        expected="data of the file" if at < 0 else f"{at}",
+        observed=f"{chunk.position}" + ", with data that is not in the file" * (at < 0),
         requirement="5.1/4",
     )
 
 
 def expect_chunk_content(chunk: Chunk, content: bytes) -> None:
-    """Hold a chunk against what the file holds where the chunk says that it stands.
+    """Require that the valid bytes of a chunk equal the file at its position.
 
     Raises:
-        CaseFailed: It counts other bytes as the file's.
+        CaseFailed: They differ.
     """
     valid = content[chunk.position : chunk.position + BUFFER_BYTES]
     expect(
         valid.startswith(chunk.data),
-        "length counts bytes that are not the file's",
+        "the length of a chunk includes bytes that are not of the file",
         expected=f"at most {len(valid)}",
         observed=f"{chunk.length}",
         requirement="5.1/5",

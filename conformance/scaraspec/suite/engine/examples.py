@@ -1,7 +1,7 @@
-"""Examples: the values for which a case is tried, listed or drawn, and how many they are.
+"""Examples: the values that a case tries, listed or drawn, and their number.
 
-A case is one sentence. Where that holds for many values, each of them is sent by itself and what
-comes of it is judged by itself: that is an example. What is repeated, or one step of many, is none.
+A case tests one statement. If it holds for many values, each value is sent and judged on its own:
+this is an example. Repetitions and steps of a sequence are not examples.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -20,7 +20,7 @@ Test = Callable[..., None]
 
 @dataclass(slots=True)
 class Tally:
-    """How many examples have been tried."""
+    """The number of examples tried."""
 
     examples: int = 0
 
@@ -30,7 +30,7 @@ _TALLY: Final[ContextVar[Tally]] = ContextVar("tally")
 
 @contextmanager
 def count_examples() -> Iterator[Tally]:
-    """Count the examples tried inside."""
+    """Count the examples that are tried while the context is active."""
     tally = Tally()
     token = _TALLY.set(tally)
     try:
@@ -40,14 +40,14 @@ def count_examples() -> Iterator[Tally]:
 
 
 def examples(values: Iterable[T]) -> Iterator[T]:
-    """Try these values, one after the other."""
+    """Yield these values and count each as an example."""
     for value in values:
         _count()
         yield value
 
 
 def given(*strategies: SearchStrategy[Any], **named: SearchStrategy[Any]) -> Callable[[Test], Test]:
-    """Try what hypothesis draws from these strategies: its `given`, and each draw is counted."""
+    """Wrap `hypothesis.given` and count each draw as an example."""
 
     def mark(test: Test) -> Test:
         @wraps(test)
@@ -61,7 +61,7 @@ def given(*strategies: SearchStrategy[Any], **named: SearchStrategy[Any]) -> Cal
 
 
 def _count() -> None:
-    """Count one; a case that a team's own test calls is not counted."""
+    """Count one example. In a test outside of a run of the suite, nothing is counted."""
     tally = _TALLY.get(None)
     if tally is not None:
         tally.examples += 1

@@ -1,7 +1,7 @@
-"""Expect: how a case says that its subject did wrong, or that it could not find out.
+"""Expectations: how a case reports a failure of its subject, or that it has no verdict.
 
-Every check names what the document leads to expect and what was there instead. A case that returns
-has passed; one that raises something else than what is here has a mistake of its own.
+Every check names the expected and the observed value. A case that returns has passed. A case that
+raises another exception than those of this module is itself defective.
 """
 
 from collections.abc import Collection
@@ -14,9 +14,9 @@ class CaseFailed(AssertionError):  # noqa: N818 - it is the subject's error, not
     """The subject violates a requirement.
 
     Attributes:
-        requirement: Which; empty for the first of the case.
-        expected: What the document leads to expect.
-        observed: What was there instead.
+        requirement: The violated requirement; empty for the first requirement of the case.
+        expected: What the document requires.
+        observed: What was observed instead.
     """
 
     def __init__(
@@ -27,41 +27,41 @@ class CaseFailed(AssertionError):  # noqa: N818 - it is the subject's error, not
 
 
 class NoReply(CaseFailed):
-    """A request that a living subject left unanswered, or answered by ending the link (3/31).
+    """A request was not answered, or the subject closed the connection instead (3/31).
 
     Attributes:
-        owed: The requirement that every such reply comes; empty if there is none.
+        owed: The requirement that such a reply is sent; empty if there is none.
     """
 
     owed = ""
 
 
 class OperationRefused(CaseFailed):
-    """An order that a client refuses by itself, sending nothing of it.
+    """A client refused an operation before it sent a request.
 
-    Values that only the register's silence allows, such as a pose out of reach, a case may order
-    `allow_refusal`; the document's own examples, and what is as ordinary, it must not.
+    A case uses `allow_refusal` for values that a client may refuse, such as a pose out of reach.
+    A client must not refuse the examples of the document and other ordinary values.
 
     Attributes:
-        after_s: How long it took.
+        after_s: The time from the operation to the refusal, in seconds.
     """
 
     after_s = 0.0
 
 
 class CaseInconclusive(Exception):  # noqa: N818 - it is not an error
-    """The case could not find out; the text says why."""
+    """The case has no verdict; the message states the reason."""
 
 
 class Unreadable(CaseInconclusive):
-    """The subject reports no valid status: whether it is at rest is unknown.
+    """The subject reports no valid status, so it is unknown whether it is at rest.
 
-    Nothing that may move it is tried any more.
+    The suite starts no further motion.
     """
 
 
 class CaseSkipped(CaseInconclusive):
-    """The case did not begin; the text says what it would need."""
+    """The case did not run; the message states what it needs."""
 
 
 def expect(
@@ -72,20 +72,20 @@ def expect(
     observed: str = "",
     requirement: str = "",
 ) -> None:
-    """Fail the subject unless the condition holds.
+    """Require a condition.
 
     Raises:
-        CaseFailed: It does not.
+        CaseFailed: The condition is false.
     """
     if not condition:
         raise CaseFailed(message, expected=expected, observed=observed, requirement=requirement)
 
 
 def expect_equal(observed: Any, expected: Any, message: str, *, requirement: str = "") -> None:
-    """Fail the subject unless both are equal.
+    """Require that two values are equal.
 
     Raises:
-        CaseFailed: They are not.
+        CaseFailed: They differ.
     """
     if observed != expected:
         raise CaseFailed(
@@ -99,18 +99,18 @@ def expect_equal(observed: Any, expected: Any, message: str, *, requirement: str
 def expect_in(
     observed: Any, options: Collection[Any], message: str, *, requirement: str = ""
 ) -> None:
-    """Fail the subject unless this is one of the options.
+    """Require that a value is one of the options.
 
     Raises:
-        CaseFailed: It is none.
+        CaseFailed: It is not.
     """
     if observed not in options:
-        wanted = " or ".join(map(show_value, options))
+        expected = " or ".join(map(show_value, options))
         raise CaseFailed(
-            message, expected=wanted, observed=show_value(observed), requirement=requirement
+            message, expected=expected, observed=show_value(observed), requirement=requirement
         )
 
 
 def show_value(value: Any) -> str:
-    """A value in the words of a report."""
+    """Return a value as reports show it."""
     return show(value) if isinstance(value, bytes) else str(value)

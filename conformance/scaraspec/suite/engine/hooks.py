@@ -1,6 +1,6 @@
-"""Hooks: commands of the tester's own that handle the subject: restart it, drive its inputs.
+"""Hooks: commands of the user that operate the subject, for example restart it or set its inputs.
 
-They come from the statement of conformance, run without a shell and within a time limit.
+The ICS names them. They run without a shell and with a timeout.
 """
 
 import shlex
@@ -15,56 +15,59 @@ from scaraspec.user_message import UserMessage
 HOOKS: Final[Mapping[str, str]] = MappingProxyType(
     {
         "start": "starts the subject",
-        "stop": "ends it in order",
-        "restart": "ends it and starts it again, as after 0x05 or a crash",
-        "power_cut": "cuts its power and gives it back",
-        "set_input": "drives digital input {port} to {value}, 0 or 1",
-        "set_analog": "drives analog input {port} to {value}",
-        "motor_fault": "makes the motors fail of {joints}, names of L299 between commas",
-        "position_fault": "makes the position fault of code 05",
-        "angle_fault": "makes the angle fault of code 06",
-        "clear_faults": "takes every fault and its cause away",
-        "disk_full": "lets the subject's disk take no more",
-        "disk_free": "gives the disk room again",
+        "stop": "stops the subject",
+        "restart": "stops the subject and starts it again, as after 0x05 or a crash",
+        "power_cut": "switches the power of the subject off and on",
+        "set_input": "sets digital input {port} to {value}, 0 or 1",
+        "set_analog": "sets analog input {port} to {value}",
+        "motor_fault": "causes a motor fault of {joints}, names of L299 separated by commas",
+        "position_fault": "causes the position fault of code 05",
+        "angle_fault": "causes the angle fault of code 06",
+        "clear_faults": "removes every fault and its cause",
+        "disk_full": "fills the disk of the subject",
+        "disk_free": "frees the disk of the subject",
         "factory_reset": "sets the password of --password without a login; deletes no file",
     }
 )
-"""Every hook: its name in ``[hooks]``, and what its command has to do."""
+"""Every hook: its name in ``[hooks]``, and what its command must do."""
+
+
+_MAX_OUTPUT: Final = 200
 
 
 class HookError(Exception):
-    """A hook did not do its work; one sentence."""
+    """A hook failed; the message is one sentence."""
 
 
 class Hook(Protocol):
-    """One way to handle the subject."""
+    """An operation on the subject."""
 
     def run(self, **values: object) -> None:
-        """Do it.
+        """Run the hook.
 
         Raises:
-            HookError: It did not do its work.
+            HookError: The hook failed.
         """
 
 
 @dataclass(frozen=True, slots=True)
 class CommandHook:
-    """A command line with ``{placeholders}``, and how long it may take, in seconds."""
+    """A command line with ``{placeholders}``, and its timeout in seconds."""
 
     name: str
     command: str
     timeout_s: float
 
     def run(self, **values: object) -> None:
-        """Run it.
+        """Run the command.
 
         Raises:
-            HookError: It cannot be started, does not end in time, or ends with another status
-                than 0.
+            HookError: The command cannot be started, does not end in time, or ends with a status
+                other than 0.
         """
         try:
             words = [word.format(**values) for word in shlex.split(self.command)]
-            done = subprocess.run(  # noqa: S603 - the tester's own command, without a shell
+            done = subprocess.run(  # noqa: S603 - the user's command, without a shell
                 words,
                 capture_output=True,
                 text=True,
@@ -76,33 +79,35 @@ class CommandHook:
         except (KeyError, IndexError, ValueError) as error:
             raise HookError(
                 UserMessage(
-                    "the hook {self_} is no command line: {error}", self_=self.name, error=error
+                    "the hook {name} is not a valid command line: {error}",
+                    name=self.name,
+                    error=error,
                 )
             ) from None
         except subprocess.TimeoutExpired:
             raise HookError(
                 UserMessage(
-                    "the hook {self_} did not end in {timeout_s:g} s",
-                    self_=self.name,
+                    "the hook {name} did not end within {timeout_s:g} s",
+                    name=self.name,
                     timeout_s=self.timeout_s,
                 )
             ) from None
         except OSError as error:
             raise HookError(
                 UserMessage(
-                    "the hook {self_} cannot be run: {strerror}",
-                    self_=self.name,
+                    "the hook {name} cannot be started: {strerror}",
+                    name=self.name,
                     strerror=error.strerror,
                 )
             ) from None
         if done.returncode:
-            said = (done.stderr or done.stdout).strip().splitlines()
-            why = UserMessage(": {said}", said=said[-1][:200]) if said else ""
+            output = (done.stderr or done.stdout).strip().splitlines()
+            detail = f": {output[-1][:_MAX_OUTPUT]}" if output else ""
             raise HookError(
                 UserMessage(
-                    "the hook {self_} ended with status {returncode}{why}",
-                    self_=self.name,
-                    returncode=done.returncode,
-                    why=why,
+                    "the hook {name} ended with status {status}{detail}",
+                    name=self.name,
+                    status=done.returncode,
+                    detail=detail,
                 )
             )

@@ -1,9 +1,9 @@
-"""Hypothesis profile: how hypothesis draws for a run, which a seed alone decides.
+"""Hypothesis profile: makes the draws of a run depend on its seed only.
 
-By itself it tries constants of the modules that it takes for the user's own as well. Those are all
-of ours in a source tree and none in an installation, and of a tree those that happen to be loaded:
-neither may decide what a case tries. There is no setting for that: it is taken from where it stands
-now, and a hypothesis that has moved it draws as it pleases.
+By default, hypothesis also tries constants from local modules. In a source tree these are the
+loaded modules of scaraspec, in an installation there are none, so the draws would differ. No
+setting disables this, so this module patches a private function of hypothesis. If a version of
+hypothesis has no such function, the constants are tried.
 """
 
 from typing import Final
@@ -16,10 +16,10 @@ _PROFILE: Final = "scaraspec-suite"
 
 
 class HypothesisProfile:
-    """Settles how hypothesis draws, from `begin` to `end`.
+    """The hypothesis settings of a run, active from `begin` to `end`.
 
     Args:
-        examples: How many values a drawn case tries.
+        examples: How many values a case tries that draws its values.
     """
 
     def __init__(self, examples: int) -> None:
@@ -28,7 +28,7 @@ class HypothesisProfile:
         self._patch = pytest.MonkeyPatch()
 
     def begin(self) -> None:
-        """Draw as the suite does from now on."""
+        """Load the profile of the suite."""
         self._before = settings.get_current_profile_name()
         settings.register_profile(
             _PROFILE,
@@ -41,18 +41,18 @@ class HypothesisProfile:
             print_blob=False,
         )
         settings.load_profile(_PROFILE)
-        none = getattr(providers, "Constants", tuple)
-        self._patch.setattr(providers, "_get_local_constants", none, raising=False)
-        _forget()
+        no_constants = getattr(providers, "Constants", tuple)
+        self._patch.setattr(providers, "_get_local_constants", no_constants, raising=False)
+        _clear_constants()
 
     def end(self) -> None:
-        """Draw as before."""
+        """Load the earlier profile."""
         settings.load_profile(self._before)
         self._patch.undo()
-        _forget()
+        _clear_constants()
 
 
-def _forget() -> None:
-    """Let constants that were found be found again."""
-    if found := getattr(providers, "CONSTANTS_CACHE", None):
-        found.cache.clear()
+def _clear_constants() -> None:
+    """Clear the cache of constants, so that hypothesis collects them again."""
+    if constants := getattr(providers, "CONSTANTS_CACHE", None):
+        constants.cache.clear()

@@ -1,34 +1,34 @@
-"""Interruption: a tester ends a run between two of its steps, never within one.
+"""Interruption: the user ends a run between two of its steps, never within a step.
 
-A signal may come between any two instructions. Within a step of a wire, what was received would be
-lost to the judge, or reach it twice, and the subject would fail for our haste. Signals themselves,
-and what they mean, are not met here.
+A signal may arrive between any two instructions. Within a step of a connection, received bytes
+would be lost to the judge or be judged twice, and the subject would fail because of the suite.
+This module does not handle signals.
 """
 
 from types import TracebackType
 
 
 class Interruption:
-    """Whether a run must end; as a context manager it makes its body one step.
+    """A request to end the run. As a context manager it makes its body one step.
 
     Attributes:
-        asked: Its end was requested.
+        asked: The user has requested the end of the run.
     """
 
     def __init__(self) -> None:
-        self.asked = self._due = False
+        self.asked = self._pending = False
         self._steps = 0
 
     def ask(self) -> None:
         """End the run now, or after the running step.
 
         Raises:
-            KeyboardInterrupt: Now.
+            KeyboardInterrupt: No step is running.
         """
         self.asked = True
         if not self._steps:
             raise KeyboardInterrupt
-        self._due = True
+        self._pending = True
 
     def __enter__(self) -> None:
         self._steps += 1
@@ -40,6 +40,6 @@ class Interruption:
         trace: TracebackType | None,
     ) -> None:
         self._steps -= 1
-        if self._due and not self._steps:
-            self._due = False
+        if self._pending and not self._steps:
+            self._pending = False
             raise KeyboardInterrupt

@@ -1,7 +1,7 @@
-"""Observer: all that passes between the suite and its subject, judged and kept as evidence.
+"""Observer: judges all traffic between the suite and its subject, and keeps it as evidence.
 
-Every case is watched by the judge that also reads captures from the field. What the suite itself
-sends is often wrong on purpose: only what the subject did counts.
+The judge that reads captures from the field also watches every case. The suite often sends invalid
+data on purpose, so only findings about the subject count.
 """
 
 from collections import deque
@@ -31,9 +31,9 @@ from scaraspec.traffic.events import (
 from scaraspec.traffic.wire import WireEvent
 
 _RECENT_FRAMES: Final = 40
-"""Frames of a case that are remembered, for it to look at."""
+"""How many frames of a case are kept."""
 _EVIDENCE_FRAMES: Final = 12
-"""How many of them are kept as evidence of what it did last."""
+"""How many of them become the evidence of a case."""
 
 
 @dataclass(eq=False, slots=True)
@@ -85,14 +85,19 @@ class Observer:
     """Watches all connections of a run.
 
     Args:
-        role: What the subject is.
-        ics: What it claims.
+        role: The role of the subject.
+        ics: The claims of the subject.
         needs_login: False for a serial link (L83).
-        take: Is given every wire event: a recording.
-        hear: Is given what happened and what is wrong with it: statistics.
+        take: Called with every wire event, for a recording.
+        hear: Called with every traffic event and finding, for statistics.
+        interruption: Ends the run; None for a new one.
 
     Attributes:
-        interruption: Ends the run; not within it, so that what passes is kept and judged, once.
+        interruption: Ends the run between two steps, so that all traffic is judged exactly once.
+        findings: The findings about the subject so far.
+        case: The id of the running case; empty between cases.
+        recent: The last frames of the running case.
+        unsolicited: The last first replies that answer no request, not even a late one (A-3-16).
     """
 
     def __init__(  # noqa: PLR0913 - the collaborators of a run
@@ -112,10 +117,9 @@ class Observer:
         self._time_ns = 0
         self.recent: deque[FrameSeen | InvalidBytes] = deque(maxlen=_RECENT_FRAMES)
         self.unsolicited: deque[FrameSeen] = deque(maxlen=_RECENT_FRAMES)
-        """The last first replies that answer nothing, not even late (A-3-16)."""
-        self._role, self._beyond = role, ics.undecidable_requirements
+        self._role, self._undecidable = role, ics.undecidable_requirements
         self._take, self._hear = take, hear
-        self._overlooked = ""
+        self._ignored = ""
 
     @property
     def case(self) -> str:
@@ -137,41 +141,41 @@ class Observer:
         self.findings[since:] = kept
 
     def event(self, event: WireEvent, *, judged: bool) -> None:
-        """Something passed; a connection that is not judged carries what is no protocol."""
+        """Record a wire event, and judge it unless its connection carries invalid bytes."""
         self._take(event)
         self._time_ns = event.time_ns
         if judged:
             self._listen(self.judge.feed(event))
 
     def frame(self, seen: FrameSeen | InvalidBytes) -> None:
-        """A frame, or bytes that are none, passed: evidence of the running case."""
+        """Keep a frame, or invalid bytes, as evidence of the running case."""
         self.recent.append(seen)
 
     @property
     def unsolicited_opcodes(self) -> frozenset[int]:
-        """The opcodes of what the subject has told of itself lately (A-3-16)."""
+        """The opcodes of the recent unsolicited replies (A-3-16)."""
         return frozenset(seen.frame.opcode for seen in self.unsolicited)
 
     @property
     def evidence(self) -> tuple[FrameSeen | InvalidBytes, ...]:
-        """What passed last in the running case."""
+        """The last frames of the running case."""
         return tuple(self.recent)[-_EVIDENCE_FRAMES:]
 
     @contextmanager
     def ignoring(self, requirement: str) -> Iterator[None]:
-        """Ignore findings of the judge about this requirement in the body.
+        """Ignore findings of the judge about this requirement while the context is active.
 
-        For what the judge cannot know: that a file which it takes for right need not be right for
-        a subject whose readings are not found out yet.
+        An example: a program file is valid for the judge, but invalid for a subject whose readings
+        are not detected yet.
         """
-        self._overlooked = requirement
+        self._ignored = requirement
         try:
             yield
         finally:
-            self._overlooked = ""
+            self._ignored = ""
 
     def close(self) -> None:
-        """The run has ended."""
+        """End the run, and judge what is still pending."""
         self._listen(self.judge.close())
 
     def _listen(self, items: Iterator[TrafficEvent | Finding]) -> None:
@@ -183,7 +187,7 @@ class Observer:
                 self.attempt.late = self.attempt.late or _is_late(item)
                 if isinstance(item, UnsolicitedReply) and not (item.late or item.seen.frame.tagged):
                     self.unsolicited.append(item.seen)
-            elif item.requirement in (self._overlooked, *self._beyond) or event is None:
+            elif item.requirement in (self._ignored, *self._undecidable) or event is None:
                 continue
             elif responsible_role(item, event) is self._role:
                 begin_ns = self._begin_ns(item)
@@ -207,18 +211,18 @@ _WITHOUT_ANSWER: Final = (Ending.UNANSWERED, Ending.UNFINISHED, Ending.CUT_OFF, 
 
 
 def sending_direction(role: Role) -> Direction:
-    """The direction in which a subject of this role sends."""
+    """Return the direction in which a subject of this role sends."""
     return C2A if role is Role.CONTROLLER else A2C
 
 
-def responsible_role(finding: Finding, happening: TrafficEvent) -> Role | None:
-    """Whose finding it is, which may be the suite as the other end; None if unknown."""
+def responsible_role(finding: Finding, event: TrafficEvent) -> Role | None:
+    """Return the role that a finding is about: the subject or the suite; None if unknown."""
     binds = REQUIREMENTS[finding.requirement].binds
     if binds is not Binds.BOTH:
         return Role.CONTROLLER if binds is Binds.CONTROLLER else Role.CLIENT
-    if isinstance(happening, Transfer):
-        return Role.CLIENT if happening.upload else Role.CONTROLLER
-    if isinstance(happening, Exchange):
-        return Role.CLIENT if happening.name == "upload_chunk" else Role.CONTROLLER
-    sender = sender_of(happening)
+    if isinstance(event, Transfer):
+        return Role.CLIENT if event.upload else Role.CONTROLLER
+    if isinstance(event, Exchange):
+        return Role.CLIENT if event.name == "upload_chunk" else Role.CONTROLLER
+    sender = sender_of(event)
     return None if sender is None else Role.CONTROLLER if sender is C2A else Role.CLIENT

@@ -1,6 +1,6 @@
-"""Plan: which cases a run tries, and why it leaves the others out.
+"""Plan: which cases a run tries, and why it skips the others.
 
-Made before anything is sent, so that a tester sees what may move or be lost.
+The plan is made before anything is sent. It shows what the robot may move and what may be lost.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from scaraspec.user_message import UserMessage
 
 
 class HazardError(ValueError):
-    """A name that is no hazard."""
+    """The name of a hazard does not exist."""
 
 
 ALL: Final = frozenset(Hazard)
@@ -22,17 +22,17 @@ ALL: Final = frozenset(Hazard)
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What a tester asks for.
+    """The options of the user.
 
     Attributes:
-        only: The ids of the requirements in question; None for all.
-        allowed: The hazards permitted; read-only is always.
+        only: The ids of the requirements to test; None for all.
+        allowed: The permitted hazards; read-only is always permitted.
         undefined: Undefined opcodes may be sent.
-        seed: Of everything that is drawn at random.
-        examples: How many values a drawn case tries.
-        exhaustive: Go on with a requirement that has failed.
-        attended: Only what is on the checklist of an operator.
-        brief: Nothing that takes long and that others judge, too.
+        seed: The seed of all random values.
+        examples: How many values a case tries that draws its values.
+        exhaustive: Run all cases of a requirement, even after one has failed.
+        attended: Run only the cases on the checklist of an operator.
+        brief: Skip slow cases whose requirements other cases judge, too.
         cases: The ids of cases to run besides those of `only`.
     """
 
@@ -62,10 +62,10 @@ class Options:
 
 
 def hazards(text: str) -> frozenset[Hazard]:
-    """The hazards that a comma list names, and read-only.
+    """Return the hazards of a comma-separated list, and read-only.
 
     Raises:
-        HazardError: One of them is none.
+        HazardError: A name is not a hazard.
     """
     names = [name.strip() for name in text.split(",") if name.strip()]
     known = {hazard.value: hazard for hazard in Hazard}
@@ -73,7 +73,9 @@ def hazards(text: str) -> frozenset[Hazard]:
         if name not in known:
             raise HazardError(
                 UserMessage(
-                    "{name!r} is no hazard: they are {known}", name=name, known=", ".join(known)
+                    "{name!r} is not a hazard: choose from {known}",
+                    name=name,
+                    known=", ".join(known),
                 )
             )
     return frozenset({Hazard.READ_ONLY, *(known[name] for name in names)})
@@ -90,21 +92,24 @@ def skip_reason(case: Case, options: Options, ics: Ics) -> Skip | None:
     """Return why a case cannot run; None if it can."""
     if missing := case.hazards - options.allowed - {Hazard.READ_ONLY}:
         names = ",".join(sorted(hazard.value for hazard in missing))
-        return Skip(Reason.HAZARD, f"it may do what was not allowed: --allow {names}")
+        message = UserMessage(
+            "it has a hazard that is not allowed: --allow {hazards}", hazards=names
+        )
+        return Skip(Reason.HAZARD, message)
     if case.undefined and not options.undefined:
         message = "it sends undefined opcodes: --undefined-opcodes, never on a real robot"
         return Skip(Reason.UNDEFINED_OPCODES, message)
     if options.brief and case.slow:
-        message = "it takes long, and others judge its requirements, too: --exhaustive tries it"
+        message = "it is slow, and other cases judge its requirements, too: --exhaustive runs it"
         return Skip(Reason.SLOW, message)
     if missing_hooks := [name for name in case.needs if name not in ics.hooks]:
         hooks = ", ".join(missing_hooks)
-        return Skip(Reason.HOOK, f"it needs {hooks} in [hooks] of the statement of conformance")
+        return Skip(Reason.HOOK, UserMessage("it needs {hooks} in [hooks] of the ICS", hooks=hooks))
     return None
 
 
 def is_selected(case: Case, options: Options) -> bool:
-    """Whether a case judges anything that was asked for."""
+    """Whether the options select a case."""
     if options.attended and not case.attended:
         return False
     if options.only is None or case.id in options.cases:

@@ -1,8 +1,7 @@
-"""Shortening: which steps of a sequence that fails matter.
+"""Shrink: finds the steps that a failing sequence needs.
 
-hypothesis shortens what it has drawn without knowing what it is; of steps each of which may be left
-out, a tenth of the tries finds the few that are needed, and a try may last seconds on a robot: as
-long as an answer is awaited, where it fails by one that does not come.
+Each step of a sequence may be omitted. A search that knows this needs a tenth of the attempts that
+hypothesis needs. An attempt on a robot may take seconds, for example until a reply times out.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,15 +11,15 @@ from scaraspec.suite.engine.expectations import CaseFailed
 
 T = TypeVar("T")
 
-_TRIES: Final = 200
+_MAX_ATTEMPTS: Final = 200
 
 
 class Failure(NamedTuple):
     """How a sequence fails.
 
     Attributes:
-        error: What was not met.
-        steps: How many of its steps were taken, the one that failed among them.
+        error: The failed expectation.
+        steps: How many steps were performed, including the one that failed.
     """
 
     error: CaseFailed
@@ -35,28 +34,28 @@ def shrink_sequence(
     steps: Sequence[T],
     failure: Failure,
     attempt: Callable[[Sequence[T]], Failure | None],
-    goes_on: Callable[[], bool] = _always,
+    has_time: Callable[[], bool] = _always,
 ) -> Failure:
-    """Leave out of a sequence whatever it fails without, in a bounded number of tries.
+    """Omit steps without which a sequence still fails, in a bounded number of attempts.
 
     Args:
         steps: The sequence.
         failure: How it fails.
-        attempt: Takes the steps of another sequence; None where it does not fail in the same way.
-        goes_on: Whether there is time for another try.
+        attempt: Performs another sequence; returns None if it does not fail in the same way.
+        has_time: Whether there is time for another attempt.
 
     Returns:
-        How the shortest sequence fails that was found.
+        The failure of the shortest sequence found.
     """
-    steps, tries = steps[: failure.steps], 0
+    steps, attempts = steps[: failure.steps], 0
     size = len(steps) // 2
     while size:
         before = end = len(steps)
-        while end > 0 and tries < _TRIES and goes_on():
+        while end > 0 and attempts < _MAX_ATTEMPTS and has_time():
             fewer = [*steps[: max(end - size, 0)], *steps[end:]]
-            tries += 1
+            attempts += 1
             if again := attempt(fewer):
                 steps, failure = fewer[: again.steps], again
             end = min(end - size, len(steps))
-        size = size // 2 or len(steps) < before  # single steps until each of them is needed
+        size = size // 2 or len(steps) < before  # repeat with single steps until each is needed
     return failure

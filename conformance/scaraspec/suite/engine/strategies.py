@@ -1,7 +1,6 @@
-"""Hypothesis strategies made from the command table: what a correct peer may send.
+"""Hypothesis strategies derived from the command table: what a correct peer may send.
 
-Every command and field has one; a field type without a strategy is an error here, not a hole in
-the suite.
+Every command and every field type has a strategy. A field type without one raises an error.
 """
 
 from datetime import datetime
@@ -20,13 +19,13 @@ from scaraspec.protocol.transfer import BUFFER_BYTES, Chunk, FileData
 NAME_CHARACTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-"
 
 names = st.text(NAME_CHARACTERS, min_size=1, max_size=26).map(lambda s: f"{s}.rob".encode())
-"""File names that every reading of the document takes (A-5-20)."""
+"""File names that are valid in every reading of the document (A-5-20)."""
 
 
 @singledispatch
 def values(field: fields.Field) -> SearchStrategy[Any]:
-    """Values that a field can hold, over its whole documented domain."""
-    raise TypeError(f"{type(field).__name__} has no strategy: add one to suite/strategies.py")
+    """Return a strategy for the whole documented domain of a field."""
+    raise TypeError(f"{type(field).__name__} has no strategy: add one to this module")
 
 
 @values.register
@@ -92,7 +91,7 @@ chunks = st.builds(
     st.integers(0, 2**20),
     st.integers(0, 2**20),
 )
-"""Chunks that lie within their file."""
+"""Chunks within the bounds of their file."""
 
 
 _refusals = st.sampled_from(sorted(c.text for c in errors.REFUSALS))
@@ -101,8 +100,8 @@ _failures = st.sampled_from(sorted(c.text for c in errors.FAILURES))
 
 @singledispatch
 def payload_values(payload: payloads.Payload) -> SearchStrategy[Any]:
-    """Values that a payload can hold."""
-    raise TypeError(f"{type(payload).__name__} has no strategy: add one to suite/strategies.py")
+    """Return a strategy for the values of a payload."""
+    raise TypeError(f"{type(payload).__name__} has no strategy: add one to this module")
 
 
 @payload_values.register
@@ -160,12 +159,12 @@ def _(payload: FileData) -> SearchStrategy[Chunk]:  # noqa: ARG001 - chosen by i
 
 
 def _frames_of(command: Command, direction: Direction) -> SearchStrategy[Frame]:
-    asks = direction is command.initiator
-    payload = command.request if asks else command.reply
+    is_request = direction is command.initiator
+    payload = command.request if is_request else command.reply
     first = payload_values(payload).map(
         lambda value: Frame(direction, command.opcode, payload.encode(value))
     )
-    if asks or command.result is None:
+    if is_request or command.result is None:
         return first
     result = command.result
     return first | payload_values(result).map(
@@ -174,5 +173,5 @@ def _frames_of(command: Command, direction: Direction) -> SearchStrategy[Frame]:
 
 
 def frames(direction: Direction) -> SearchStrategy[Frame]:
-    """Frames that a correct peer may send in this direction, of all commands."""
+    """Return a strategy for the frames of all commands that a correct peer may send."""
     return st.one_of([_frames_of(command, direction) for command in COMMANDS])
