@@ -1,4 +1,4 @@
-"""What most tests of the suite do: let some of its cases be tried on a controller of their own."""
+"""Shared fixtures: run some of the cases on a controller made by the test."""
 
 from collections.abc import Callable, Collection
 from typing import Any
@@ -14,11 +14,11 @@ from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.virtual_controller.core import ControllerCore
 
-_RUN_AND_WRONG = (Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE)
+_NOT_PASSED = (Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE)
 
 
-class Tried(dict[str, Case]):
-    """What came of each case, by its id; and what was found out at the open points."""
+class CaseResults(dict[str, Case]):
+    """The results of the cases by their id, and the observed readings."""
 
     def __init__(self, results: Results) -> None:
         super().__init__((case.id, case) for case in results.cases)
@@ -26,20 +26,26 @@ class Tried(dict[str, Case]):
         self.readings = results.readings[results.role.value]
 
     @property
-    def wrong(self) -> list[str]:
-        """Those that neither passed nor were tolerated; there are some at all."""
+    def not_passed(self) -> list[str]:
+        """The cases that neither passed nor were tolerated, including skipped ones.
+
+        At least one case must have been collected.
+        """
         assert self
-        return self._of(*_RUN_AND_WRONG, Verdict.NONE)
+        return self._of(*_NOT_PASSED, Verdict.NONE)
 
     @property
-    def alarms(self) -> list[str]:
-        """Those that were run, and neither passed nor were tolerated; some were."""
+    def problems(self) -> list[str]:
+        """The cases that ran and neither passed nor were tolerated.
+
+        At least one case must have passed or been tolerated.
+        """
         assert self.counts[Verdict.PASS] + self.counts[Verdict.TOLERATED]
-        return self._of(*_RUN_AND_WRONG)
+        return self._of(*_NOT_PASSED)
 
     @property
-    def failed(self) -> set[str]:
-        """The requirements that are violated; there are cases at all."""
+    def violated(self) -> set[str]:
+        """The violated requirements. At least one case must have been collected."""
         assert self
         failed = (case for case in self.values() if case.verdict is Verdict.FAIL)
         return {requirement for case in failed for requirement in case.requirements}
@@ -48,33 +54,33 @@ class Tried(dict[str, Case]):
         return [f"{c.id}: {c.message}" for c in self.values() if c.verdict in verdicts]
 
 
-def _tried(
+def _run_cases(
     core: type[ControllerCore],
     *only: str,
-    spoken: Dialect | None = None,
+    actual: Dialect | None = None,
     allowed: Collection[Hazard] = ALL,
     examples: int = 3,
-    handled: Collection[str] = (),
+    hooks: Collection[str] = (),
     **claims: Any,
-) -> Tried:
-    """Try the cases of these requirements.
+) -> CaseResults:
+    """Run the cases of these requirements.
 
     Args:
         core: The controller.
         only: The requirements.
-        spoken: The readings that it follows; where not said, those that it claims.
-        allowed: The hazards that may be risked.
-        examples: How many to draw.
-        handled: The hooks that there are.
-        claims: What is in its statement of conformance besides.
+        actual: The readings that the controller follows; by default the claimed ones.
+        allowed: The allowed hazards.
+        examples: The number of examples to draw.
+        hooks: The available hooks.
+        claims: Other fields of the ICS.
     """
-    robot = Robot(core, spoken or claims.get("dialect", DEFAULT))
-    hooks = {name: hook for name, hook in hooks_of(robot).items() if name in handled}
+    robot = Robot(core, actual or claims.get("dialect", DEFAULT))
+    handlers = {name: hook for name, hook in hooks_of(robot).items() if name in hooks}
     options = Options(frozenset(only), frozenset(allowed), undefined=True, examples=examples)
-    return Tried(certified(robot, Ics(hooks=hooks, **claims), options))
+    return CaseResults(certified(robot, Ics(hooks=handlers, **claims), options))
 
 
 @pytest.fixture
-def tried() -> Callable[..., Tried]:
-    """Let the suite try some cases on a controller."""
-    return _tried
+def run_cases() -> Callable[..., CaseResults]:
+    """Return a function that runs cases on a controller."""
+    return _run_cases

@@ -1,4 +1,4 @@
-"""Nothing is sent that the tester has not allowed, and every case says what it needs to send."""
+"""Only allowed requests are sent, and every case declares the hazards that it needs."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -27,8 +27,8 @@ STORED = b"stored.rob"
 HAZARDS = {command.name: command.hazard for command in BY_OPCODE.values()}
 
 
-class Hears(ControllerCore):
-    """Has a program, as robots have, and keeps what it is asked."""
+class RecordsCommands(ControllerCore):
+    """Has a stored program and records the commands of all requests."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
@@ -37,7 +37,6 @@ class Hears(ControllerCore):
         self.inbox: set[str] = set()
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Keep the command."""
         if frame.opcode in BY_OPCODE:
             self.inbox.add(BY_OPCODE[frame.opcode].name)
         super().handle(session, frame, now_s)
@@ -53,27 +52,27 @@ class Hears(ControllerCore):
     ],
     ids=["nothing", "no-state", "no-motion", "nothing-destructive"],
 )
-def test_nothing_else_is_sent(allowed: frozenset[Hazard]) -> None:
-    """But for logins, and for the suite's own files, which it takes away again."""
-    cores: list[Hears] = []
+def test_only_allowed_commands_are_sent(allowed: frozenset[Hazard]) -> None:
+    """The exceptions are logins and the deletion of the suite's own files."""
+    cores: list[RecordsCommands] = []
 
     def make(*args: Any, **kwargs: Any) -> ControllerCore:
-        cores.append(Hears(*args, **kwargs))
+        cores.append(RecordsCommands(*args, **kwargs))
         return cores[-1]
 
     robot = Robot(make, DEFAULT)  # type: ignore[arg-type] # it only calls it
     options = Options(allowed=frozenset(allowed), examples=1)
     cases = certified(robot, Ics(hooks=hooks_of(robot)), options).cases
-    bad = (Verdict.ERROR, Verdict.FAIL, Verdict.INCONCLUSIVE)
-    assert [f"{case.id}: {case.message}" for case in cases if case.verdict in bad] == []
-    heard = set().union(*(core.inbox for core in cores))
+    problems = (Verdict.ERROR, Verdict.FAIL, Verdict.INCONCLUSIVE)
+    assert [f"{case.id}: {case.message}" for case in cases if case.verdict in problems] == []
+    received = set().union(*(core.inbox for core in cores))
     own = {"login"} | ({"delete_program"} if Hazard.STATE in allowed else set())
-    assert {name for name in heard if HAZARDS[name] not in allowed} <= own
+    assert {name for name in received if HAZARDS[name] not in allowed} <= own
     assert cores[-1].store.names() == [STORED]
 
 
-def test_what_a_killed_run_has_left_is_not_forgotten(tmp_path: Path) -> None:
-    """A run that may not put it back says so, and leaves the journal to one that may."""
+def test_recovery_waits_until_it_is_allowed(tmp_path: Path) -> None:
+    """A run that may not restore the settings reports an error and keeps the journal."""
     robot = Robot(ControllerCore, DEFAULT)
     file = tmp_path / "journal"
     killed = Journal(file)
@@ -84,13 +83,13 @@ def test_what_a_killed_run_has_left_is_not_forgotten(tmp_path: Path) -> None:
     options = Options(only=frozenset({"4.8/2"}))
     for allowed in (options.allowed, ALL - {Hazard.MOTION}):
         with pytest.raises(RecoveryError, match=r"--allow .*motion"):
-            Run(_setting(robot, replace(options, allowed=allowed), Journal(file))).results()
-    results = Run(_setting(robot, replace(options, allowed=ALL), Journal(file))).results()
+            Run(_adapter(robot, replace(options, allowed=allowed), Journal(file))).results()
+    results = Run(_adapter(robot, replace(options, allowed=ALL), Journal(file))).results()
     assert results.verdict is Conclusion.CONFORMANT
     assert "the outputs was 0000000000000000" in results.notices[0]
     assert not file.exists()
 
 
-def _setting(robot: Robot, options: Options, journal: Journal) -> ControllerAdapter:
+def _adapter(robot: Robot, options: Options, journal: Journal) -> ControllerAdapter:
     access = MemoryAccess(robot.network)
     return ControllerAdapter(access, Ics(), PASSWORD, options, journal=journal)

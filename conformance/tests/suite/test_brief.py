@@ -1,4 +1,4 @@
-"""Without --exhaustive what takes long is left out, and no requirement is."""
+"""Without --exhaustive, slow cases are skipped, and every requirement is still judged."""
 
 import pytest
 
@@ -13,10 +13,10 @@ from scaraspec.virtual_controller.core import ControllerCore
 
 
 @pytest.mark.parametrize("undefined", [False, True])
-@pytest.mark.parametrize("most", range(1, len(Hazard) + 1))
-def test_no_requirement_is_lost(most: int, *, undefined: bool) -> None:
-    """Whatever is allowed, what a slow case judges is judged by one that is not slow, too."""
-    options = Options(allowed=frozenset(list(Hazard)[:most]), undefined=undefined)
+@pytest.mark.parametrize("hazard_count", range(1, len(Hazard) + 1))
+def test_no_requirement_is_lost(hazard_count: int, *, undefined: bool) -> None:
+    """For each set of allowed hazards, other cases judge the requirements of the slow cases."""
+    options = Options(allowed=frozenset(list(Hazard)[:hazard_count]), undefined=undefined)
     cases = [case for case in collect(options) if not skip_reason(case, options, Ics())]
     everything = {requirement for case in cases for requirement in case.requirements}
     quick = {requirement for case in cases if not case.slow for requirement in case.requirements}
@@ -24,8 +24,8 @@ def test_no_requirement_is_lost(most: int, *, undefined: bool) -> None:
     assert any(case.slow for case in cases)
 
 
-def test_what_is_slow_is_not_run() -> None:
-    """It is told as not run, and why; what judges the same is run."""
+def test_slow_cases_are_skipped() -> None:
+    """A slow case is reported as skipped with a reason; other cases of its requirement run."""
     options = Options(frozenset({"4.5/6"}), ALL, brief=True)
     results = certified(Robot(ControllerCore, DEFAULT), Ics(), options)
     cases = {case.id: case for case in results.cases}

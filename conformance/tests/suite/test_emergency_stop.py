@@ -1,4 +1,4 @@
-"""Once the emergency stop does not work, nothing is sent that can start a motion."""
+"""After the emergency stop has failed, the suite sends nothing that can start a motion."""
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -28,20 +28,18 @@ CLAUSES = tuple(f"4.{number}" for number in (15, 16, 17, 18, 24, 25, 26, 28, 32)
 ONLY = frozenset(r for r in REQUIREMENTS if r.partition("/")[0] in CLAUSES) | {"3/21"}
 
 
-class Refuses(ControllerCore):
+class RefusesStop(ControllerCore):
     """Every stop is refused."""
 
     def emergency_stop(self, request: Request) -> Acceptance:
-        """Refuse it."""
         del request
         return Acceptance(accepted=False)
 
 
-class HasNoEffect(ControllerCore):
-    """Every stop is said to be done, and what executes goes on."""
+class IgnoresStop(ControllerCore):
+    """Every stop is answered with success and has no effect."""
 
     def emergency_stop(self, request: Request) -> Acceptance:
-        """Say so."""
         if self.robot.task is None:
             return Acceptance(accepted=False)
         self.send_result(request, DONE)
@@ -49,32 +47,29 @@ class HasNoEffect(ControllerCore):
 
 
 class _Delays(ControllerCore):
-    """What a stop does comes three seconds late."""
+    """A callback is executed later."""
 
     _due: "tuple[float, Callable[[], object]] | None" = None
 
     @property
     def next_event_s(self) -> float | None:
-        """The late stop, too."""
         before = super().next_event_s
         if self._due is None:
             return before
         return self._due[0] if before is None else min(before, self._due[0])
 
     def advance(self, now_s: float) -> Any:
-        """Do what is due."""
         if self._due and now_s >= self._due[0]:
-            _, act = self._due
+            _, callback = self._due
             self._due = None
-            act()
+            callback()
         return super().advance(now_s)
 
 
 class StopsLate(_Delays):
-    """A stop is answered at once, and takes effect three seconds later."""
+    """A stop is answered at once and takes effect three seconds later."""
 
     def emergency_stop(self, request: Request) -> Acceptance:
-        """Stop later."""
         if self.robot.task is None:
             return Acceptance(accepted=False)
         later_s = request.now_s + 3
@@ -84,28 +79,26 @@ class StopsLate(_Delays):
 
 
 class AnswersLate(_Delays):
-    """A stop takes effect at once, and is answered three seconds later."""
+    """A stop takes effect and is answered three seconds later."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Answer later."""
         if frame.opcode == 0x32 and self.robot.task is not None and self._due is None:
             self._due = (now_s + 3, lambda: ControllerCore.handle(self, session, frame, now_s + 3))
             return
         super().handle(session, frame, now_s)
 
 
-class SaysNothing(ControllerCore):
+class DoesNotAnswerStop(ControllerCore):
     """No stop is answered."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Drop it."""
         if frame.opcode != 0x32:
             super().handle(session, frame, now_s)
 
 
+CORES = (RefusesStop, IgnoresStop, StopsLate, AnswersLate, DoesNotAnswerStop)
 MUTANTS = {
-    **{core.__name__: core for core in (Refuses, HasNoEffect, StopsLate, AnswersLate)},
-    "SaysNothing": SaysNothing,
+    **{core.__name__: core for core in CORES},
     **{
         name: mutants()[name].wrong
         for name in (
@@ -117,42 +110,45 @@ MUTANTS = {
 }
 
 
-class Tried(NamedTuple):
-    """What came of a run: each opcode that was sent, and the robot's status then."""
+class StopRun(NamedTuple):
+    """The results of a run, and the opcodes that were sent before and after a stop failed.
+
+    The status of the robot is stored with each opcode.
+    """
 
     results: Results
     before: list[tuple[int, str]]
     after: list[tuple[int, str]]
 
 
-def _certified(core: type[ControllerCore], monkeypatch: pytest.MonkeyPatch) -> Tried:
-    """Certify it with everything allowed; what was sent before and after a stop has failed."""
-    heard: list[tuple[int, str]] = []
-    failed_at: list[int] = []
+def _certify(core: type[ControllerCore], monkeypatch: pytest.MonkeyPatch) -> StopRun:
+    """Run the cases with all hazards allowed."""
+    sent: list[tuple[int, str]] = []
+    failed_after: list[int] = []
     fail = StopMonitor.fail
 
-    def noting(monitor: StopMonitor, *what: str) -> None:
-        failed_at.append(len(heard))
-        fail(monitor, *what)
+    def record_failure(monitor: StopMonitor, *details: str) -> None:
+        failed_after.append(len(sent))
+        fail(monitor, *details)
 
-    monkeypatch.setattr(StopMonitor, "fail", noting)
+    monkeypatch.setattr(StopMonitor, "fail", record_failure)
 
     class Watched(core):  # type: ignore[misc, valid-type] # a class that the test names
         def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-            heard.append((frame.opcode, self.robot.status))
+            sent.append((frame.opcode, self.robot.status))
             super().handle(session, frame, now_s)
 
     robot = Robot(Watched, DEFAULT)
     options = Options(ONLY, ALL, undefined=True, examples=2)
     results = certified(robot, Ics(hooks=hooks_of(robot)), options)
-    at = failed_at[0] if failed_at else len(heard)
-    return Tried(results, heard[:at], heard[at:])
+    at = failed_after[0] if failed_after else len(sent)
+    return StopRun(results, sent[:at], sent[at:])
 
 
 @pytest.mark.parametrize("name", MUTANTS)
-def test_nothing_moves_after_a_stop_that_failed(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of the opcodes after it none starts a motion, and a reset only leaves an error state."""
-    results, before, after = _certified(MUTANTS[name], monkeypatch)
+def test_nothing_moves_after_a_failed_stop(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a failed stop, no motion is started, and a reset is sent only in an error state."""
+    results, before, after = _certify(MUTANTS[name], monkeypatch)
     assert results.verdict is Conclusion.NONCONFORMANT
     assert results.notices[0].startswith("THE EMERGENCY STOP DOES NOT WORK")
     assert 0x32 in {opcode for opcode, _ in before}
@@ -162,16 +158,16 @@ def test_nothing_moves_after_a_stop_that_failed(name: str, monkeypatch: pytest.M
     assert any("the emergency stop does not work" in reason for reason in reasons)
 
 
-@pytest.mark.parametrize("name", ["Refuses", "HasNoEffect", "StopsLate", "AnswersLate"])
-def test_the_first_motion_proves_the_stop(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A stop that works for no command is found with one step of the arm."""
-    tried = _certified(MUTANTS[name], monkeypatch)
-    assert {opcode for opcode, _ in tried.before if opcode in STARTERS} == {0x39}
+@pytest.mark.parametrize("name", [core.__name__ for core in CORES[:-1]])
+def test_first_motion_tests_the_stop(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stop that never works is detected with one step of the arm."""
+    run = _certify(MUTANTS[name], monkeypatch)
+    assert {opcode for opcode, _ in run.before if opcode in STARTERS} == {0x39}
 
 
-def test_the_proof_is_the_first_motion_of_every_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever is tried first: a step, then the stop, then all else."""
-    tried = _certified(ControllerCore, monkeypatch)
-    opcodes = [opcode for opcode, _ in tried.before if opcode in {*STARTERS, 0x33, 0x32}]
+def test_stop_is_tested_by_the_first_motion_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first motion of a run is a step, which is followed by a stop."""
+    run = _certify(ControllerCore, monkeypatch)
+    opcodes = [opcode for opcode, _ in run.before if opcode in {*STARTERS, 0x33, 0x32}]
     assert opcodes[:2] == [0x39, 0x32]
-    assert not tried.after
+    assert not run.after

@@ -1,4 +1,4 @@
-"""The user's files survive every run, however it ends."""
+"""The files of the user are unchanged after every run, however it ends."""
 
 import errno
 import os
@@ -47,7 +47,7 @@ SELECTIONS: tuple[Only, ...] = (
     ("4.2/4", "4.13/5"),
 )
 NAMES = (
-    *(b"zs1.rob", b"zs6.rob", b"ZS2.ROB", b"zs1.txt"),  # as earlier versions named their files
+    *(b"zs1.rob", b"zs6.rob", b"ZS2.ROB", b"zs1.txt"),  # names of earlier versions
     *(b"zsaaaa1.rob", b"ZSAAAA2.ROB", b"zsaaaa3.txt", b"zsaaaa", b"zsaaab1.rob", b"zsaaaam1.rob"),
     *(b"my program.rob", "焊接.rob".encode(), "焊接.rob".encode("gb18030"), b"pick.txt", b"a"),
 )
@@ -63,26 +63,26 @@ MUTANTS = (
     *("overwrites-files", "uploads-outlive-their-connection", "runs-the-nearest-name"),
     *("new-password-is-forgotten", "runs-before-it-looks", "stores-names-in-latin"),
 )
-"""Faulty controllers that lose no file by themselves."""
+"""Faulty controllers that do not lose files because of their fault."""
 PASSWORD = b"the user's own"
 
 
 _NO_CHANGE = ("login", "delete_program", "upload_chunk", "emergency_stop")
-"""Requests that change nothing that is not written down already."""
+"""Requests that change nothing that is not in the journal already."""
 
 
 class KilledError(BaseException):
-    """The process is gone."""
+    """The process was killed."""
 
 
 @dataclass
-class Moments:
-    """Counts the points at which a run may be interrupted, and acts at one of them.
+class InterruptionPoints:
+    """Counts the points at which a run may be interrupted, and calls a function at one of them.
 
     Attributes:
-        at: The point; it never comes if that is 0.
-        act: What happens then.
-        dead: The process is gone: at every later point it is still gone.
+        at: The number of the point; 0 for none.
+        act: The function.
+        dead: The process was killed; every later point raises `KilledError`.
     """
 
     at: int = 0
@@ -104,9 +104,9 @@ class Moments:
 
 @dataclass(frozen=True)
 class WatchedAccess(MemoryAccess):
-    """Every frame passes a point before and after it, and is compared with the journal."""
+    """Each frame passes a point before and after it, and is compared with the journal."""
 
-    moments: Moments = field(default_factory=Moments)
+    moments: InterruptionPoints = field(default_factory=InterruptionPoints)
     journal: Path = Path()
 
     def connect(self) -> Link:
@@ -114,27 +114,27 @@ class WatchedAccess(MemoryAccess):
         link = super().connect()
         send, receive, framer = link.send, link.receive, Framer(A2C)
 
-        def sent(data: bytes) -> int:
+        def send_watched(data: bytes) -> int:
             self.moments()
             for item in framer.feed(data):
                 if isinstance(item, Frame):
-                    assert_written_down(item, self.journal)
+                    assert_journaled(item, self.journal)
             time_ns = send(data)
             self.moments()
             return time_ns
 
-        def received(deadline_s: float, others: Sequence[Link] = ()) -> Arrival | None:
+        def receive_watched(deadline_s: float, others: Sequence[Link] = ()) -> Arrival | None:
             arrival = receive(deadline_s, others)
             if arrival is not None:
                 self.moments()
             return arrival
 
-        link.send, link.receive = sent, received  # type: ignore[method-assign]  # of this one link
+        link.send, link.receive = send_watched, receive_watched  # type: ignore[method-assign]  # of this one link
         return link
 
 
-def assert_written_down(frame: Frame, path: Path) -> None:
-    """What a request may change is in the journal before it is sent."""
+def assert_journaled(frame: Frame, path: Path) -> None:
+    """Assert that the journal contains what a request may change, before it is sent."""
     command = BY_OPCODE.get(frame.opcode)
     if command is None or command.hazard is Hazard.READ_ONLY or command.name in _NO_CHANGE:
         return
@@ -152,14 +152,14 @@ def assert_written_down(frame: Frame, path: Path) -> None:
 
 
 class WatchedJournal(Journal):
-    """Passes a point before and after each record.
+    """A journal that passes a point before and after each record.
 
     Args:
         path: The file.
         moments: The points.
     """
 
-    def __init__(self, path: Path, moments: Moments) -> None:
+    def __init__(self, path: Path, moments: InterruptionPoints) -> None:
         super().__init__(path)
         self._moments = moments
 
@@ -178,12 +178,12 @@ class WatchedJournal(Journal):
         super().finish()
 
 
-class Disk(ModuleType):
-    """The module `os`, but the disk is full from some write on.
+class FullDisk(ModuleType):
+    """The module `os` with a disk that is full from one write on.
 
     Args:
         at: The number of that write.
-        fits: How many of its bytes there is room for.
+        fits: How many bytes of it are written.
         lasts: How many writes fail.
     """
 
@@ -234,7 +234,7 @@ class Device:
         return f"<{files}, default {self.default!r}, {self.fault or 'no fault'}>"
 
     def assert_unchanged(self) -> None:
-        """List, bytes, default program and password are those of the user."""
+        """Assert that files, default program and password are those of the user."""
         store = self.robot._store
         assert {name: store.read(name) for name in store.names()} == self.files
         assert store.settings.default_program == self.default
@@ -244,14 +244,14 @@ class Device:
         self,
         folder: str,
         only: Only,
-        moments: Moments | None = None,
+        moments: InterruptionPoints | None = None,
         token: str = "aaaa",
     ) -> Results | None:
-        """Run these cases; without results if the process was killed."""
-        moments, path = moments or Moments(), Path(folder) / "journal"
+        """Run these cases; return None if the process was killed."""
+        moments, path = moments or InterruptionPoints(), Path(folder) / "journal"
         journal = WatchedJournal(path, moments)
         tokens = iter((token, *(f"aa{a}{b}" for a in "abc" for b in "abcdefgh")))
-        setting = ControllerAdapter(
+        adapter = ControllerAdapter(
             WatchedAccess(self.robot.network, moments=moments, journal=path),
             Ics(hooks={"restart": hooks_of(self.robot)["restart"]}),
             PASSWORD,
@@ -259,11 +259,13 @@ class Device:
             journal=journal,
             draw_token=tokens.__next__,
         )
-        run = Run(setting)
-        if moments.act is end_in_order:
+        run = Run(adapter)
+        if moments.act is interrupt:
             moments.act = run.interruption.ask
         try:
-            with ThreadPoolExecutor(1) as thread:  # in which hypothesis can draw for the run, too
+            with ThreadPoolExecutor(
+                1
+            ) as thread:  # so that the run can use hypothesis inside a hypothesis test
                 return thread.submit(run.results).result()
         except BaseException:
             if not moments.dead:
@@ -275,25 +277,25 @@ class Device:
             journal.close()
 
 
-def end_in_order() -> None:
-    """Stands for Ctrl-C."""
+def interrupt() -> None:
+    """A placeholder for Ctrl-C."""
 
 
-class Size(NamedTuple):
-    """How long a run is that nothing interrupts: points, and writes of its journal."""
+class RunSize(NamedTuple):
+    """The number of points and of journal writes of a run without an interruption."""
 
     points: int
     writes: int
 
 
 @cache
-def size(only: Only) -> Size:
-    """The size of a run of these cases."""
-    moments, disk = Moments(), Disk()
+def run_size(only: Only) -> RunSize:
+    """Return the size of a run of these cases."""
+    moments, disk = InterruptionPoints(), FullDisk()
     with pytest.MonkeyPatch.context() as patch, TemporaryDirectory() as folder:
         patch.setattr(journal_module, "os", disk)
         Device({b"mine.rob": b"!"}, b"").run(folder, only, moments)
-    return Size(moments.passed, disk.writes)
+    return RunSize(moments.passed, disk.writes)
 
 
 CONTENTS = {path.read_bytes(): path.stem for path in sorted(PROGRAMS.rglob("*.rob"))}
@@ -302,7 +304,7 @@ CONTENTS = {path.read_bytes(): path.stem for path in sorted(PROGRAMS.rglob("*.ro
 
 @st.composite
 def devices(draw: st.DrawFn, fault: str = "") -> Device:
-    """Controllers with some files, of which one may be the default program."""
+    """Draw controllers with some files, one of which may be the default program."""
     names = st.sampled_from(NAMES) | st.text("abzsrotx.1 试", min_size=1, max_size=9).map(
         str.encode
     )
@@ -319,13 +321,13 @@ def _is_name(name: bytes) -> bool:
 
 selections = st.sampled_from(SELECTIONS)
 parts = st.integers(0, 1000)
-"""Where in a run something happens, in thousandths of it."""
+"""The position of an event in a run, in thousandths of its points."""
 tokens = st.sampled_from(("aaaa", "zzzz"))
-"""What is in the names of the next run's files; the first run has the former."""
+"""The token in the file names of the next run; the first run uses the first one."""
 
 
-def few(examples: int) -> Callable[[Any], Any]:
-    """So many examples: each is one run or several, so that shrinking would take minutes."""
+def with_examples(examples: int) -> Callable[[Any], Any]:
+    """Limit the number of examples, and do not shrink them: each one is one run or more."""
     return settings(
         max_examples=examples,
         phases=(Phase.explicit, Phase.generate),
@@ -333,10 +335,10 @@ def few(examples: int) -> Callable[[Any], Any]:
     )
 
 
-@few(3)
+@with_examples(3)
 @given(devices(), selections)
 def test_normal_end(device: Device, only: Only) -> None:
-    """A run that ends in order leaves the user's files as they were, and no journal."""
+    """A run that ends normally leaves the user's files unchanged and no journal."""
     with TemporaryDirectory() as folder:
         results = device.run(folder, only)
         assert results
@@ -344,32 +346,34 @@ def test_normal_end(device: Device, only: Only) -> None:
         assert not any(Path(folder).iterdir())
 
 
-@few(5)
+@with_examples(5)
 @given(devices(), selections, parts)
 def test_interruption(device: Device, only: Only, part: int) -> None:
-    """A run that is ended by Ctrl-C leaves the user's files as they were, and no journal."""
+    """A run that is interrupted by Ctrl-C leaves the user's files unchanged and no journal."""
     with TemporaryDirectory() as folder:
-        device.run(folder, only, Moments(1 + size(only).points * part // 1000, end_in_order))
+        device.run(
+            folder, only, InterruptionPoints(1 + run_size(only).points * part // 1000, interrupt)
+        )
         device.assert_unchanged()
         assert not any(Path(folder).iterdir())
 
 
-@few(5)
+@with_examples(5)
 @given(st.sampled_from(MUTANTS).flatmap(devices), selections)
-def test_failure(device: Device, only: Only) -> None:
-    """A run against a faulty controller leaves the user's files as they were."""
+def test_faulty_controller(device: Device, only: Only) -> None:
+    """A run against a faulty controller leaves the user's files unchanged."""
     with TemporaryDirectory() as folder:
         device.run(folder, only)
         device.assert_unchanged()
 
 
-@few(5)
+@with_examples(5)
 @given(devices(), selections, parts, st.integers(0, 60), st.sampled_from((1, 3, 10_000)))
 def test_full_disk(device: Device, only: Only, part: int, fits: int, lasts: int) -> None:
-    """A run whose journal cannot be written is inconclusive and puts everything back."""
-    disk = Disk(1 + size(only).writes * part // 1000, fits, lasts)
+    """A run whose journal cannot be written is inconclusive and restores everything."""
+    disk = FullDisk(1 + run_size(only).writes * part // 1000, fits, lasts)
     with TemporaryDirectory() as folder:
-        with pytest.MonkeyPatch.context() as patch, suppress(JournalError):  # it cannot begin
+        with pytest.MonkeyPatch.context() as patch, suppress(JournalError):  # the run cannot start
             patch.setattr(journal_module, "os", disk)
             results = device.run(folder, only)
             assert results
@@ -381,19 +385,19 @@ def test_full_disk(device: Device, only: Only, part: int, fits: int, lasts: int)
         assert not any(Path(folder).iterdir())
 
 
-@few(5)
+@with_examples(5)
 @given(
     devices(), st.tuples(selections, selections), st.lists(parts, min_size=1, max_size=2), tokens
 )
 def test_kill(device: Device, only: tuple[Only, Only], parts: list[int], token: str) -> None:
-    """The run after a killed run puts back what that has left, wherever it was killed."""
-    killed, then = only
+    """The run after a killed run restores what the killed run left, whenever it was killed."""
+    killed_only, next_only = only
     with TemporaryDirectory() as folder:
         for part in parts:
-            moments = Moments(1 + size(killed).points * part // 1000)
+            moments = InterruptionPoints(1 + run_size(killed_only).points * part // 1000)
             moments.act = moments.kill
-            device.run(folder, killed, moments)
-        results = device.run(folder, then, token=token)
+            device.run(folder, killed_only, moments)
+        results = device.run(folder, next_only, token=token)
         assert results
         device.assert_unchanged()
         assert not any(Path(folder).iterdir())

@@ -1,4 +1,4 @@
-"""A run puts back what an interrupted one has left, as far as it may, and says so."""
+"""A run restores what an interrupted run left, as far as it is allowed, and reports it."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
@@ -40,18 +40,18 @@ BEFORE = {
     "default program": "mine.rob",
     "gripper centre": [1.0, 2.0, 3.0],
 }
-"""What the settings were before the interrupted run, as far as the tests need them."""
+"""The settings before the interrupted run, as far as the tests need them."""
 
 
 @dataclass
-class Bench:
-    """A controller with a program of its user, and the journal of a run that was interrupted.
+class InterruptedRun:
+    """A controller with a program of its user, and the journal of an interrupted run.
 
     Attributes:
         path: The journal.
-        core: What the controller does.
+        core: The class of the controller.
         robot: The controller.
-        requests: What was sent to it, in order: the command and its data.
+        requests: The requests that were sent, in order: the command and its data.
     """
 
     path: Path
@@ -79,7 +79,7 @@ class Bench:
         store.save(replace(store.settings, **settings))
 
     def interrupted(self, *records: tuple[str, dict[str, Any]]) -> None:
-        """Make the journal of a run that was killed after these records."""
+        """Write the journal of a run that was killed after these records."""
         journal = Journal(self.path)
         journal.begin("2026-01-01T00:00:00+00:00", BEFORE)
         for event, values in records:
@@ -92,7 +92,7 @@ class Bench:
         only: str = "4.8/2",
         journal: Journal | None = None,
     ) -> Results:
-        """The next run."""
+        """Start the next run."""
         journal = journal or Journal(self.path)
         options = Options(
             frozenset(r.id for r in select(only)),
@@ -100,15 +100,15 @@ class Bench:
             examples=3,
         )
         access = MemoryAccess(self.robot.network)
-        setting = ControllerAdapter(access, Ics(), PASSWORD, options, journal=journal)
+        adapter = ControllerAdapter(access, Ics(), PASSWORD, options, journal=journal)
         try:
-            return Run(setting).results()
+            return Run(adapter).results()
         finally:
             journal.close()
 
     @property
     def passwords(self) -> list[bytes]:
-        """What was tried in logins."""
+        """The passwords of all logins."""
         return [data for name, data in self.requests if name == "login"]
 
     @property
@@ -118,9 +118,9 @@ class Bench:
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Bench:
+def bench(tmp_path: Path) -> InterruptedRun:
     """A conforming controller."""
-    return Bench(tmp_path / "journal")
+    return InterruptedRun(tmp_path / "journal")
 
 
 def change(setting: str) -> tuple[str, dict[str, Any]]:
@@ -135,19 +135,20 @@ def stored(name: str) -> tuple[str, dict[str, Any]]:
     return "accepted", {"name": name}
 
 
-def test_stop_comes_first(bench: Bench) -> None:
+def test_stop_comes_first(bench: InterruptedRun) -> None:
     """If the robot may be moving, the first request after the login is the emergency stop."""
     bench.interrupted(("motion", {}), password("zs"))
     bench.set(password=b"zs")
     results = bench.run()
     names = [name for name, _ in bench.requests]
-    assert names[:3] == ["login", "login", "emergency_stop"]  # the first login shows the password
+    # The first login finds the current password.
+    assert names[:3] == ["login", "login", "emergency_stop"]
     assert results.verdict is Conclusion.CONFORMANT
     assert "nothing moved" in results.notices[0]
 
 
-def test_the_robot_is_stopped(bench: Bench) -> None:
-    """A program that an interrupted run has started does not run on."""
+def test_running_program_is_stopped(bench: InterruptedRun) -> None:
+    """A program that an interrupted run started is stopped."""
     bench.robot._store.write(b"zsaaaa1.rob", (PROGRAM))
     bench.interrupted(("motion", {}), stored("zsaaaa1.rob"))
     line = bench.robot.network.connect()
@@ -160,7 +161,7 @@ def test_the_robot_is_stopped(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize(
-    ("record", "left", "allowed", "says"),
+    ("record", "settings", "allowed", "error"),
     [
         (
             change("gripper centre"),
@@ -179,19 +180,19 @@ def test_the_robot_is_stopped(bench: Bench) -> None:
         ),
     ],
 )
-def test_not_allowed(
-    bench: Bench,
+def test_recovery_not_allowed(
+    bench: InterruptedRun,
     record: tuple[str, dict[str, Any]],
-    left: dict[str, Any],
+    settings: dict[str, Any],
     allowed: Collection[Hazard],
-    says: str,
+    error: str,
 ) -> None:
-    """A recovery that is not allowed changes nothing, and one sentence says what would allow it."""
+    """A recovery that is not allowed changes nothing, and the error names the missing option."""
     bench.robot._store.write(b"other.rob", PROGRAM)
     bench.interrupted(record)
-    bench.set(**left)
+    bench.set(**settings)
     before, journal = bench.robot._store.settings, bench.path.read_bytes()
-    with pytest.raises(RecoveryError, match=says):
+    with pytest.raises(RecoveryError, match=error):
         bench.run(allowed)
     assert bench.robot._store.settings == before
     assert bench.path.read_bytes() == journal
@@ -199,8 +200,8 @@ def test_not_allowed(
     assert all(BY_NAME[name].hazard is Hazard.READ_ONLY for name in sent - {"login"})
 
 
-def test_five_passwords(bench: Bench) -> None:
-    """Without --allow destructive five passwords are tried, the last one that was set first."""
+def test_five_passwords(bench: InterruptedRun) -> None:
+    """Without --allow destructive, five passwords are tried, the last one that was set first."""
     bench.interrupted(*(password(f"zs{number}") for number in range(8)))
     bench.set(password=b"lost")
     with pytest.raises(RecoveryError, match=r"the suite has set is zs7\. Restore"):
@@ -208,8 +209,8 @@ def test_five_passwords(bench: Bench) -> None:
     assert bench.passwords == [b"zs7", PASSWORD, b"zs6", b"zs5", b"zs4"]
 
 
-def test_more_passwords(bench: Bench) -> None:
-    """With --allow destructive more passwords are tried, and the user reads how many."""
+def test_more_passwords(bench: InterruptedRun) -> None:
+    """With --allow destructive, more passwords are tried, and their number is reported."""
     bench.interrupted(*(password(f"zs{number}") for number in range(8)))
     bench.set(password=b"zs1")
     results = bench.run()
@@ -222,8 +223,8 @@ def test_more_passwords(bench: Bench) -> None:
     assert "the password was zs1" in results.notices[1]
 
 
-class KeepsDefault(ControllerCore):
-    """It does not delete its default program (A-4.11-1)."""
+class KeepsDefaultProgram(ControllerCore):
+    """The default program cannot be deleted (A-4.11-1)."""
 
     def delete_program(self, request: Request) -> bool:
         return request.value != self.store.settings.default_program and super().delete_program(
@@ -231,10 +232,10 @@ class KeepsDefault(ControllerCore):
         )
 
 
-@pytest.mark.parametrize("core", [ControllerCore, KeepsDefault])
+@pytest.mark.parametrize("core", [ControllerCore, KeepsDefaultProgram])
 def test_default_program(tmp_path: Path, core: type[ControllerCore]) -> None:
-    """The default program is the user's again, and the suite's file in its place is gone."""
-    bench = Bench(tmp_path / "journal", core)
+    """The default program of the user is restored, and the suite's file is deleted."""
+    bench = InterruptedRun(tmp_path / "journal", core)
     bench.robot._store.write(b"zsaaaa1.rob", PROGRAM)
     bench.interrupted(stored("zsaaaa1.rob"), change("default program"))
     bench.set(default_program=b"zsaaaa1.rob")
@@ -245,8 +246,8 @@ def test_default_program(tmp_path: Path, core: type[ControllerCore]) -> None:
     assert not bench.path.exists()
 
 
-def test_changes_of_the_user(bench: Bench) -> None:
-    """What the user has changed since is reported, kept, and does not stop the run."""
+def test_changes_of_the_user(bench: InterruptedRun) -> None:
+    """Later changes by the user are reported and kept, and do not stop the run."""
     bench.robot._store.write(b"zsaaaa1.rob", PROGRAM)
     bench.interrupted(stored("zsaaaa1.rob"), change("clock"))
     bench.robot._store.write(b"newer.rob", PROGRAM)
@@ -259,8 +260,8 @@ def test_changes_of_the_user(bench: Bench) -> None:
     assert "is newer.rob: the suite has not set it" in results.notices[0]
 
 
-class Reverses(ControllerCore):
-    """It keeps a new password the wrong way round."""
+class ReversesPassword(ControllerCore):
+    """A new password is stored in reverse order."""
 
     def set_password(self, request: Request) -> bool:
         old, new = request.value
@@ -268,21 +269,21 @@ class Reverses(ControllerCore):
 
 
 def test_an_altered_password(tmp_path: Path) -> None:
-    """If a controller alters a password, every report and the journal name what the suite set."""
-    bench = Bench(tmp_path / "journal", Reverses)
+    """If a controller alters a password, reports and journal contain the one that was set."""
+    bench = InterruptedRun(tmp_path / "journal", ReversesPassword)
     results = bench.run(only="4.2/4")
-    left = Journal(bench.path).earlier
-    assert left
-    last = left.passwords[-1]
+    changes = Journal(bench.path).earlier
+    assert changes
+    last = changes.passwords[-1]
     assert last
     assert bench.robot._store.settings.password == last.encode()[::-1]
     assert results.verdict is Conclusion.NONCONFORMANT
-    said = StringIO()
-    terminal.show(results, Console(file=said, width=500))
+    output = StringIO()
+    terminal.show(results, Console(file=output, width=500))
     html.write(results, tmp_path / "report.html")
     results.write(tmp_path / "results.json")
     sentence = f"the last one that the suite has set is {show(last.encode())}"
-    assert sentence in said.getvalue()
+    assert sentence in output.getvalue()
     for name in ("report.html", "results.json"):
         assert last in (tmp_path / name).read_text("utf-8"), name
     with pytest.raises(RecoveryError, match=last):
@@ -290,32 +291,32 @@ def test_an_altered_password(tmp_path: Path) -> None:
 
 
 class FullJournal(Journal):
-    """Its disk is full once so many such records are written.
+    """A journal whose disk is full after a number of matching records.
 
     Args:
         path: The file.
-        count: How many.
-        event: Their event.
-        values: Some of their values.
+        count: The number of records.
+        event: The event of the records.
+        values: Values that the records contain.
     """
 
     def __init__(self, path: Path, count: int = 0, event: str = "", **values: Any) -> None:
         super().__init__(path)
-        self._left, self._event, self._values = count, event, values
+        self._remaining, self._event, self._values = count, event, values
 
     def write(self, event: str, **values: Any) -> None:
         super().write(event, **values)
-        self._left -= event == self._event and self._values.items() <= values.items()
+        self._remaining -= event == self._event and self._values.items() <= values.items()
 
     def flush(self) -> None:
-        if not self._left:
+        if not self._remaining:
             self.failure = "the disk is full"
             raise JournalError(self.failure)
         super().flush()
 
 
-def test_a_full_disk_after_a_password(bench: Bench) -> None:
-    """The user's password is set again, although that cannot be written down."""
+def test_a_full_disk_after_a_password(bench: InterruptedRun) -> None:
+    """The user's password is set again although this cannot be recorded."""
     journal = FullJournal(bench.path, 1, "password", value=PLAIN_PASSWORD.decode())
     results = bench.run(only="4.2", journal=journal)
     assert results.verdict is Conclusion.INCONCLUSIVE
@@ -324,8 +325,8 @@ def test_a_full_disk_after_a_password(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("count", range(1, 8))
-def test_a_full_disk_after_an_upload(bench: Bench, count: int) -> None:
-    """A file whose upload was accepted gets no content if that cannot be written down."""
+def test_a_full_disk_after_an_upload(bench: InterruptedRun, count: int) -> None:
+    """A file whose upload was accepted gets no content if this cannot be recorded."""
     results = bench.run(only="4.13/3", journal=FullJournal(bench.path, count, "offered"))
     assert results.verdict is Conclusion.INCONCLUSIVE
     uploads = [name for name, _ in bench.requests if name.startswith("upload")]
@@ -333,8 +334,8 @@ def test_a_full_disk_after_an_upload(bench: Bench, count: int) -> None:
     assert uploads[-1] == "upload_name"
 
 
-def test_a_full_disk_in_a_recovery(bench: Bench) -> None:
-    """What an interrupted run has left is put back before the next run cannot begin."""
+def test_a_full_disk_in_a_recovery(bench: InterruptedRun) -> None:
+    """The settings are restored although the next run cannot start."""
     bench.interrupted(change("*"))
     bench.set(default_program=b"")
     with pytest.raises(JournalError):
@@ -343,7 +344,7 @@ def test_a_full_disk_in_a_recovery(bench: Bench) -> None:
 
 
 def test_a_token_in_use() -> None:
-    """No file of a run begins its name as a stored file does, in whatever letters."""
+    """No file name of a run begins like the name of a stored file, in upper or lower case."""
     tokens = iter(("aaaa", "bbbb", "cccc"))
     files = OwnFiles(Journal(), tokens.__next__)
     files.begin([b"ZSAAAA7.ROB", b"zsbbbb", b"zscc1.rob"])

@@ -1,4 +1,4 @@
-"""Sequences find what no single command shows, and say which few steps it takes."""
+"""Sequences of requests detect faults that single commands do not show, and are shrunk."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -26,9 +26,9 @@ from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
-Try = Callable[..., Any]
+RunCases = Callable[..., Any]
 
-ASKING = frozenset({Hazard.READ_ONLY})
+READ_ONLY = frozenset({Hazard.READ_ONLY})
 
 
 @pytest.mark.parametrize(
@@ -54,37 +54,36 @@ ASKING = frozenset({Hazard.READ_ONLY})
         ),
     ],
 )
-def test_shrunk(
-    tried: Try, fault: str, requirement: str, case: str, steps: tuple[str, ...]
+def test_failing_sequence_is_shrunk(
+    run_cases: RunCases, fault: str, requirement: str, case: str, steps: tuple[str, ...]
 ) -> None:
-    """A fault that lies between commands is found, and told with the few steps that it takes."""
-    found = tried(mutants()[fault].wrong, requirement, examples=20)[case]
-    assert found.verdict is Verdict.FAIL
-    assert found.requirements == (requirement,)
-    told = found.message.partition(" after: ")[2].split("; ")
-    assert not told[0].startswith("…"), found.message
-    left = iter(told)
-    assert all(any(step.startswith(name) for step in left) for name in steps), told
+    """The message of a failed sequence contains only the few steps that it needs."""
+    result = run_cases(mutants()[fault].wrong, requirement, examples=20)[case]
+    assert result.verdict is Verdict.FAIL
+    assert result.requirements == (requirement,)
+    sequence = result.message.partition(" after: ")[2].split("; ")
+    assert not sequence[0].startswith("…"), result.message
+    remaining = iter(sequence)
+    assert all(any(step.startswith(name) for step in remaining) for name in steps), sequence
 
 
-class LooksAtTheBeginning(ControllerCore):
-    """The old password may be any that begins like it."""
+class ComparesPasswordPrefix(ControllerCore):
+    """The old password of a change may have additional letters."""
 
     def set_password(self, request: Request) -> bool:
-        """Take it."""
         value, old = request.value, self.store.settings.password
         if value is not None and value.old.startswith(old):
             request = replace(request, value=value._replace(old=old))
         return super().set_password(request)
 
 
-def test_more_than_the_old_password_is_a_wrong_one(tried: Try) -> None:
-    """It is offered now and then where passwords are changed."""
-    assert "4.2/3" in tried(LooksAtTheBeginning, "4.2/3", examples=20).failed
+def test_longer_old_password_is_tried(run_cases: RunCases) -> None:
+    """Sequences sometimes send an old password with additional letters."""
+    assert "4.2/3" in run_cases(ComparesPasswordPrefix, "4.2/3", examples=20).violated
 
 
-class IsFull(ControllerCore):
-    """There are so many programs that their list has parts."""
+class HasManyPrograms(ControllerCore):
+    """There are so many programs that the list has several parts."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
@@ -93,12 +92,12 @@ class IsFull(ControllerCore):
 
 
 @pytest.mark.parametrize("list_cont", ["push", "request"])
-def test_a_list_that_was_asked_for_is_taken_to_its_end(list_cont: str) -> None:
-    """No part of it is taken for one of the next list (A-4.10-3)."""
+def test_list_is_read_completely(list_cont: str) -> None:
+    """No part of a list is treated as a part of the next list (A-4.10-3)."""
     dialect = DEFAULT.replace(list_cont=list_cont)
-    access, ics = MemoryAccess(Robot(IsFull, dialect).network), Ics(dialect=dialect)
-    setting = ControllerAdapter(access, ics, PASSWORD, Options(allowed=ALL))
-    subject = setting.subject(Observer(setting.role, ics))
+    access, ics = MemoryAccess(Robot(HasManyPrograms, dialect).network), Ics(dialect=dialect)
+    adapter = ControllerAdapter(access, ics, PASSWORD, Options(allowed=ALL))
+    subject = adapter.subject(Observer(adapter.role, ics))
     number = [query.name for query in QUERIES].index("list_programs")
     ask = Step("query", *divmod(number, VALUES), 0)
     model = Model(subject, [], [b"new.rob"])
@@ -106,48 +105,45 @@ def test_a_list_that_was_asked_for_is_taken_to_its_end(list_cont: str) -> None:
         model.perform(step)
 
 
-class ForgetsItsListLate(ControllerCore):
-    """A connection that has brought forty requests gets an empty list."""
+class EmptyListAfter40Requests(ControllerCore):
+    """After forty requests on a connection, its list is empty."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self._requests: Counter[int] = Counter()
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Count."""
         self._requests[session.connection] += 1
         super().handle(session, frame, now_s)
 
     def list_programs(self, request: Request) -> NameListPart:
-        """Tell nothing."""
         if self._requests[request.session.connection] > 40:
             return NameListPart(more=False, names=())
         return super().list_programs(request)
 
 
-def test_late_faults(tried: Try) -> None:
-    """What shows only after many requests is found, and the last steps before it are told."""
-    found = tried(ForgetsItsListLate, "4.10/11", examples=4)["3/31.long-use"]
-    assert found.verdict is Verdict.FAIL
-    assert " steps; " in found.message
+def test_fault_after_many_requests(run_cases: RunCases) -> None:
+    """A fault that appears after many requests is found; the message contains the last steps."""
+    result = run_cases(EmptyListAfter40Requests, "4.10/11", examples=4)["3/31.long-use"]
+    assert result.verdict is Verdict.FAIL
+    assert " steps; " in result.message
 
 
-class Hears(ControllerCore):
-    """Keeps what it is asked."""
+class RecordsOpcodes(ControllerCore):
+    """Records the opcodes of all requests."""
 
     inbox: set[int] = set()  # noqa: RUF012 - the test empties it
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Keep the opcode."""
         self.inbox.add(frame.opcode)
         super().handle(session, frame, now_s)
 
 
-def test_only_what_is_allowed(tried: Try) -> None:
-    """Where nothing but asking is allowed, nothing else is drawn."""
-    Hears.inbox.clear()
-    cases = tried(Hears, "3/31", allowed=ASKING, examples=20)
+def test_only_allowed_requests_are_generated(run_cases: RunCases) -> None:
+    """If only read-only cases are allowed, sequences contain only queries."""
+    RecordsOpcodes.inbox.clear()
+    cases = run_cases(RecordsOpcodes, "3/31", allowed=READ_ONLY, examples=20)
     assert cases["3/31.sequences"].verdict is Verdict.PASS
     assert cases["3/31.long-use"].verdict is Verdict.NONE
-    names = {BY_OPCODE[opcode].name for opcode in Hears.inbox}
+    names = {BY_OPCODE[opcode].name for opcode in RecordsOpcodes.inbox}
     assert names <= {c.name for c in COMMANDS if c.hazard is Hazard.READ_ONLY} | {"login"}

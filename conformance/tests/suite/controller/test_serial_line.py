@@ -1,4 +1,4 @@
-"""Over a serial line, whose end no subject notices, nothing of a case is left to the next."""
+"""Over a serial line, the end of a connection cannot be detected: cases must not affect others."""
 
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.mutants.controller_run import PASSWORD, Robot
@@ -20,16 +20,16 @@ def _results(*only: str) -> Results:
     return Run(ControllerAdapter(access, Ics(), PASSWORD, options)).results()
 
 
-def test_no_false_alarm() -> None:
-    """Halves of frames, chunks that were refused, transfers given up: the next case is served."""
+def test_cases_do_not_affect_each_other() -> None:
+    """After incomplete frames, refused chunks and aborted transfers, the next case is served."""
     results = _results("2/5", "3/20", "4.10/7", "5.1/7", "5.1/8", "5.2/10", "5.2/13", "5.3/6")
     found = {verdict for verdict, count in results.counts.items() if count}
     assert found == {Verdict.PASS, Verdict.NONE}
     assert results.counts[Verdict.PASS] > 15
 
 
-def test_who_leaves_is_not_missed() -> None:
-    """What a subject has to do when its client is gone cannot be found out."""
+def test_cases_that_disconnect_are_skipped() -> None:
+    """Cases about the end of a connection are skipped."""
     results = _results("2/13", "5.4/7")
     missed = {case.id for case in results.cases if "without its subject's notice" in case.message}
     assert missed == {"2/13", "2/13.leaving", "5.4/7.closed", "5.4/7.reset"}

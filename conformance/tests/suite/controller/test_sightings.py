@@ -1,4 +1,4 @@
-"""What the judge sees while the suite asks, and a recording would show as well."""
+"""Violations that the judge finds in the traffic of the suite, as in a recording."""
 
 from typing import Any
 
@@ -33,19 +33,19 @@ SETTINGS = [
 ]
 
 
-def _seen(make: type[ControllerCore], name: str, value: Any) -> set[str]:
-    """What the judge holds against a robot that is asked before and behind a setting."""
+def _violations(make: type[ControllerCore], name: str, value: Any) -> set[str]:
+    """Return the requirements that a setting between two queries violates."""
     ics = Ics(dialect=DEFAULT)
     access = MemoryAccess(Robot(make, DEFAULT).network)
-    setting = ControllerAdapter(access, ics, PASSWORD, Options(allowed=ALL))
-    observer = Observer(setting.role, ics)
-    subject = setting.subject(observer)
+    adapter = ControllerAdapter(access, ics, PASSWORD, Options(allowed=ALL))
+    observer = Observer(adapter.role, ics)
+    subject = adapter.subject(observer)
     line = subject.open()
     upload(line, NAME, short_program(subject))
     value = value or initial_of(line)._replace(theta_x=1.0)
-    for request, asked in ((f"get_{name}", None), (f"set_{name}", value), (f"get_{name}", None)):
+    for request, argument in ((f"get_{name}", None), (f"set_{name}", value), (f"get_{name}", None)):
         line.wait(0.01)
-        line.ask(request, asked)
+        line.ask(request, argument)
     subject.close_lines()
     observer.close()
     failed = (s.finding for s in observer.findings if s.finding.verdict is Verdict.FAIL)
@@ -53,7 +53,12 @@ def _seen(make: type[ControllerCore], name: str, value: Any) -> set[str]:
 
 
 @pytest.mark.parametrize(("fault", "requirement", "name", "value"), SETTINGS)
-def test_what_was_refused_and_is_told(fault: str, requirement: str, name: str, value: Any) -> None:
-    """A setting that is answered 0 and carried out is seen; one that is answered 1 is right."""
-    assert _seen(mutants()[fault].wrong, name, value) == {requirement}
-    assert _seen(ControllerCore, name, value) == set()
+def test_refused_setting_that_takes_effect(
+    fault: str, requirement: str, name: str, value: Any
+) -> None:
+    """A setting that is answered 0 and takes effect is a violation;
+
+    one that is answered 1 is not.
+    """
+    assert _violations(mutants()[fault].wrong, name, value) == {requirement}
+    assert _violations(ControllerCore, name, value) == set()

@@ -1,4 +1,4 @@
-"""Waiting: on one connection while something comes on another, and for a robot that is off."""
+"""Waiting: frames on other connections, and a robot that was shut down."""
 
 from dataclasses import dataclass, field
 
@@ -20,12 +20,12 @@ from scaraspec.virtual_controller.core import ControllerCore
 
 def _subject(access: MemoryAccess) -> ControllerUnderTest:
     ics = Ics()
-    setting = ControllerAdapter(access, ics, PASSWORD, Options(allowed=ALL))
-    return setting.subject(Observer(setting.role, ics))
+    adapter = ControllerAdapter(access, ics, PASSWORD, Options(allowed=ALL))
+    return adapter.subject(Observer(adapter.role, ics))
 
 
-def test_what_comes_elsewhere_is_judged_as_it_comes() -> None:
-    """It is not left until somebody listens there: the judge is told all in the order of time."""
+def test_frames_of_other_connections_are_read_while_waiting() -> None:
+    """While the suite waits on one connection, frames of others are read and judged in order."""
     subject = _subject(MemoryAccess(Robot(ControllerCore, DEFAULT).network))
     line, other = subject.open(), subject.open()
     start_program(subject, other, RUN, seconds=1)
@@ -35,22 +35,22 @@ def test_what_comes_elsewhere_is_judged_as_it_comes() -> None:
 
 
 @dataclass(frozen=True)
-class IsOff(MemoryAccess):
-    """Nobody is there, however often one comes."""
+class SwitchedOff(MemoryAccess):
+    """Every connection attempt fails."""
 
-    came: list[float] = field(default_factory=list)
+    attempts_s: list[float] = field(default_factory=list)
 
     def connect(self) -> Link:
-        self.came.append(self.network.now_s)
-        raise LinkError("nobody is there")
+        self.attempts_s.append(self.network.now_s)
+        raise LinkError("connection refused")
 
 
 @pytest.mark.parametrize("off", [False, True])
-def test_a_robot_that_was_shut_down_is_looked_for_once(*, off: bool) -> None:
-    """Whoever waits for it looks again by himself; any other one may just be starting."""
-    access = IsOff(Robot(ControllerCore, DEFAULT).network)
+def test_one_connection_attempt_after_a_shutdown(*, off: bool) -> None:
+    """After a shutdown, one attempt is made; otherwise, the controller may be starting."""
+    access = SwitchedOff(Robot(ControllerCore, DEFAULT).network)
     subject = _subject(access)
     subject.off = off
-    with pytest.raises(NoReply, match="nobody is there"):
+    with pytest.raises(NoReply, match="connection refused"):
         subject.open()
-    assert (len(access.came) == 1) is off
+    assert (len(access.attempts_s) == 1) is off

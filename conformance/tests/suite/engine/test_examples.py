@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from scaraspec.suite.engine.examples import count_examples, examples, given
 from scaraspec.virtual_controller.core import ControllerCore
-from tests.suite.conftest import Tried
+from tests.suite.conftest import CaseResults
 
 
 def test_what_is_listed_and_drawn_is_counted() -> None:
@@ -31,8 +31,8 @@ def test_within_nothing_that_counts() -> None:
     assert list(examples(range(3))) == [0, 1, 2]
 
 
-def test_the_results_tell_of_them(tried: Callable[..., Tried]) -> None:
+def test_the_results_tell_of_them(run_cases: Callable[..., CaseResults]) -> None:
     """A case about many values tells how many they were; one about one thing tells 0."""
-    cases = tried(ControllerCore, "3/20", "4.7/2", examples=4)
+    cases = run_cases(ControllerCore, "3/20", "4.7/2", examples=4)
     assert cases["3/20.length"].examples == 12  # three sizes, and four lengths for each
     assert cases["4.7/2"].examples == 0

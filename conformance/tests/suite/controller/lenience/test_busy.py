@@ -17,7 +17,7 @@ from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.robot import DONE
 from scaraspec.virtual_controller.session import Request, Session
 
-Try = Callable[..., Any]
+RunCases = Callable[..., Any]
 
 _STATE = (Hazard.READ_ONLY, Hazard.STATE)
 
@@ -34,9 +34,9 @@ class ResetEndsAtRelease(ControllerCore):
         super().handle(session, frame, now_s)
 
 
-def test_robot_that_is_idle_again_may_accept_a_command(tried: Try) -> None:
+def test_robot_that_is_idle_again_may_accept_a_command(run_cases: RunCases) -> None:
     """A command may be accepted if the previous one may have just ended on another connection."""
-    cases = tried(ResetEndsAtRelease, "4/6")
+    cases = run_cases(ResetEndsAtRelease, "4/6")
     assert cases["4/6.reset"].verdict is Verdict.NONE
     assert all(cases[f"4/6.{name}"].verdict is Verdict.PASS for name in ("jog", "run_program"))
 
@@ -77,9 +77,9 @@ class DetectsMissingProgramLate(ControllerCore):
 
 
 @pytest.mark.parametrize("only", ["8/2", "T/1", "T/7"])
-def test_missing_program_may_be_detected_late(tried: Try, only: str) -> None:
+def test_missing_program_may_be_detected_late(run_cases: RunCases, only: str) -> None:
     """The suite waits for the result of an accepted command before it sends the next one."""
-    assert not tried(DetectsMissingProgramLate, only).alarms
+    assert not run_cases(DetectsMissingProgramLate, only).problems
 
 
 class FailsLate(ControllerCore):
@@ -101,11 +101,11 @@ class FailsLate(ControllerCore):
         return super().next_event_s if self._due_s is None else self._due_s
 
 
-def test_status_may_show_a_fault_before_the_result(tried: Try) -> None:
+def test_status_may_show_a_fault_before_the_result(run_cases: RunCases) -> None:
     """A status with a fault does not mean that nothing executes (A-4.8-2)."""
-    cases = tried(FailsLate, "4/3", handled=("motor_fault", "clear_faults"))
+    cases = run_cases(FailsLate, "4/3", hooks=("motor_fault", "clear_faults"))
     assert cases["4/3.fault"].verdict is Verdict.PASS
-    assert not cases.wrong
+    assert not cases.not_passed
 
 
 class SimulatesAtOnce(ControllerCore):
@@ -139,9 +139,11 @@ class QueuesRequestsWhileBusy(ControllerCore):
 
 
 @pytest.mark.parametrize("core", [SimulatesAtOnce, QueuesRequestsWhileBusy])
-def test_queries_may_be_impossible_while_executing(tried: Try, core: type[ControllerCore]) -> None:
+def test_queries_may_be_impossible_while_executing(
+    run_cases: RunCases, core: type[ControllerCore]
+) -> None:
     """Cases that need replies while a command executes are skipped (A-4-3)."""
-    cases = tried(core, "4.8/4", "4.8/5", "4.9/2", "4.9/3", "4.9/4")
+    cases = run_cases(core, "4.8/4", "4.8/5", "4.9/2", "4.9/3", "4.9/4")
     assert Verdict.FAIL not in {case.verdict for case in cases.values()}
 
 
@@ -172,10 +174,10 @@ class AnswersSomeQueriesLate(ControllerCore):
         return min(next_s, super().next_event_s or math.inf)
 
 
-def test_replies_may_come_in_any_order(tried: Try) -> None:
+def test_replies_may_come_in_any_order(run_cases: RunCases) -> None:
     """Replies may come in any order."""
-    cases = tried(AnswersSomeQueriesLate, "4.12/2", "4.12/5", "4.13/3", "4.14/3")
-    assert not cases.wrong
+    cases = run_cases(AnswersSomeQueriesLate, "4.12/2", "4.12/5", "4.13/3", "4.14/3")
+    assert not cases.not_passed
     assert "op_get_default" in cases.readings
 
 
@@ -203,10 +205,10 @@ class ClosesFirstConnectionDuringJog(ClosesFirstConnectionDuringMove):
 
 @pytest.mark.parametrize("core", [ClosesFirstConnectionDuringMove, ClosesFirstConnectionDuringJog])
 def test_closed_connection_does_not_mean_unresponsive(
-    tried: Try, core: type[ControllerCore]
+    run_cases: RunCases, core: type[ControllerCore]
 ) -> None:
     """A closed connection does not mean that the busy robot is unresponsive (A-4-3)."""
-    cases = tried(core, "4.8/7", "4.25/5")
+    cases = run_cases(core, "4.8/7", "4.25/5")
     assert cases["4.25/5.jog"].verdict is Verdict.PASS
     assert Verdict.NONE not in {case.verdict for case in cases.values()}
 
@@ -221,9 +223,9 @@ class RefusesSettingsWhileBusy(ControllerCore):
         return self.robot.task is None and super().set_time(request)
 
 
-def test_settings_may_be_refused_while_a_program_runs(tried: Try) -> None:
+def test_settings_may_be_refused_while_a_program_runs(run_cases: RunCases) -> None:
     """Settings may be refused during a program, like the gripper center (A-4.20-1)."""
-    assert not tried(RefusesSettingsWhileBusy, "4.5/4", "4.13/6", "4.9/2").wrong
+    assert not run_cases(RefusesSettingsWhileBusy, "4.5/4", "4.13/6", "4.9/2").not_passed
 
 
 class UnresponsiveWhileJogging(ControllerCore):
@@ -235,12 +237,14 @@ class UnresponsiveWhileJogging(ControllerCore):
             super().handle(session, frame, now_s)
 
 
-def test_unresponsive_only_while_jogging(tried: Try) -> None:
+def test_unresponsive_only_while_jogging(run_cases: RunCases) -> None:
     """A robot may answer queries during programs and not during a jog."""
-    cases = tried(UnresponsiveWhileJogging, "4.8/7", "4.25/5", "4.28/3", "4.28/4", "4.28/5", "4/6")
+    cases = run_cases(
+        UnresponsiveWhileJogging, "4.8/7", "4.25/5", "4.28/3", "4.28/4", "4.28/5", "4/6"
+    )
     skipped = [case.id for case in cases.values() if case.verdict is Verdict.NONE]
     assert "4.8/7.jogging" in skipped
-    assert not cases.alarms
+    assert not cases.problems
 
 
 class RunsProgramOfOthers(ControllerCore):
@@ -270,16 +274,18 @@ class ReportsRunWithoutProgram(RunsProgramOfOthers):
     name = b""
 
 
-def test_robot_in_use_is_skipped(tried: Try) -> None:
+def test_robot_in_use_is_skipped(run_cases: RunCases) -> None:
     """Cases that need an idle robot are skipped if a program of another user runs."""
-    cases = tried(RunsProgramOfOthers, "3/31", "4.8/3", "4.9/6", "4.20/4", allowed=_STATE)
+    cases = run_cases(RunsProgramOfOthers, "3/31", "4.8/3", "4.9/6", "4.20/4", allowed=_STATE)
     skipped = {case.id for case in cases.values() if "welding.rob" in case.message}
     sequences = {"3/31.sequences", "3/31.long-use", "4.20/3.sequences"}
     assert skipped == {"4.8/2", "4.9/6", "4.20/4", *sequences}
-    assert not cases.alarms
+    assert not cases.problems
 
 
 @pytest.mark.parametrize("core", [RunsProgramOfSuite, ReportsRunWithoutProgram])
-def test_wrong_status_is_not_a_program_of_others(tried: Try, core: type[ControllerCore]) -> None:
+def test_wrong_status_is_not_a_program_of_others(
+    run_cases: RunCases, core: type[ControllerCore]
+) -> None:
     """A status without a program, or with a program of the suite, is a failure."""
-    assert tried(core, "4.8/3", allowed=_STATE)["4.8/2"].verdict is Verdict.FAIL
+    assert run_cases(core, "4.8/3", allowed=_STATE)["4.8/2"].verdict is Verdict.FAIL

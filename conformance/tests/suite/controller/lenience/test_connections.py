@@ -14,7 +14,7 @@ from scaraspec.virtual_controller.behaviour import SILENCE
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Action, Carrier, Close, Request, Session
 
-Try = Callable[..., Any]
+RunCases = Callable[..., Any]
 
 
 class ClosesAtNextRequest(ControllerCore):
@@ -134,10 +134,10 @@ class SendsVersionAtConnect(ControllerCore):
     ],
 )
 def test_open_behaviour_passes(
-    tried: Try, core: type[ControllerCore], only: tuple[str, ...]
+    run_cases: RunCases, core: type[ControllerCore], only: tuple[str, ...]
 ) -> None:
     """Every case of these requirements passes or is tolerated."""
-    assert not tried(core, *only).wrong
+    assert not run_cases(core, *only).not_passed
 
 
 class AcceptsTwoClients(ControllerCore):
@@ -148,9 +148,9 @@ class AcceptsTwoClients(ControllerCore):
         return [Close(connection)] if full else super().open(connection, now_s, link)
 
 
-def test_two_clients_are_enough(tried: Try) -> None:
+def test_two_clients_are_enough(run_cases: RunCases) -> None:
     """The number of clients that are served at the same time is open (A-2-2)."""
-    assert not tried(AcceptsTwoClients, "3/29", "3/32").wrong
+    assert not run_cases(AcceptsTwoClients, "3/29", "3/32").not_passed
 
 
 class QueuesThirdClient(ControllerCore):
@@ -190,10 +190,10 @@ class IgnoresWrongPasswords(ControllerCore):
         return super().login(request) or SILENCE
 
 
-def test_third_client_may_wait(tried: Try) -> None:
+def test_third_client_may_wait(run_cases: RunCases) -> None:
     """A third client may wait without a reply (A-2-2), but a client that is served must get one."""
     for core, alarms in ((QueuesThirdClient, False), (IgnoresWrongPasswords, True)):
-        assert bool(tried(core, "4.2/4", "4.20/3", examples=20).wrong) is alarms
+        assert bool(run_cases(core, "4.2/4", "4.20/3", examples=20).not_passed) is alarms
 
 
 class DetectsTwoDisconnectsLate(AcceptsTwoClients):
@@ -218,9 +218,11 @@ class DetectsTwoDisconnectsLate(AcceptsTwoClients):
         return super().close(connection, now_s)
 
 
-def test_disconnect_may_be_detected_late(tried: Try) -> None:
+def test_disconnect_may_be_detected_late(run_cases: RunCases) -> None:
     """A new connection may be refused shortly after another one was closed (A-2-2)."""
-    assert not tried(DetectsTwoDisconnectsLate, "2/11", "2/13", "4/6", "5.2/11", "5.2/12").alarms
+    assert not run_cases(
+        DetectsTwoDisconnectsLate, "2/11", "2/13", "4/6", "5.2/11", "5.2/12"
+    ).problems
 
 
 class ClosesSomeConnections(ControllerCore):
@@ -234,9 +236,9 @@ class ClosesSomeConnections(ControllerCore):
         return [Close(connection)] if seventh else super().open(connection, now_s, link)
 
 
-def test_single_client_must_be_served(tried: Try) -> None:
+def test_single_client_must_be_served(run_cases: RunCases) -> None:
     """If several clients are served, a single client is always served (2/13)."""
-    assert "2/13" in tried(ClosesSomeConnections, "2/13").failed
+    assert "2/13" in run_cases(ClosesSomeConnections, "2/13").violated
 
 
 class ReplacesClientLate(ControllerCore):
@@ -267,9 +269,9 @@ class ReplacesClientLate(ControllerCore):
 
 
 @pytest.mark.parametrize("only", ["2/12", "3/18", "3/20", "4/6", "4.28/5"])
-def test_replaced_client_may_be_closed_late(tried: Try, only: str) -> None:
+def test_replaced_client_may_be_closed_late(run_cases: RunCases, only: str) -> None:
     """The reading of the newest client is detected even if the previous connection ends late."""
-    assert not tried(ReplacesClientLate, only).alarms
+    assert not run_cases(ReplacesClientLate, only).problems
 
 
 class ThirdClientReplacesFirst(ControllerCore):
@@ -281,10 +283,10 @@ class ThirdClientReplacesFirst(ControllerCore):
         return super().open(connection, now_s, link)
 
 
-def test_first_of_several_clients_may_be_replaced(tried: Try) -> None:
+def test_first_of_several_clients_may_be_replaced(run_cases: RunCases) -> None:
     """If a third client replaces the first one, no case opens more than it can keep."""
     only = ("2/11", "2/12", "4.2/4", "4.20/3", "5.2/12", "5.3/7", "5.4/5")
-    assert not tried(ThirdClientReplacesFirst, *only, examples=20).alarms
+    assert not run_cases(ThirdClientReplacesFirst, *only, examples=20).problems
 
 
 class DetectsDisconnectLate(ControllerCore):
@@ -304,11 +306,11 @@ class DetectsDisconnectLate(ControllerCore):
         return super().close(connection, now_s)
 
 
-def test_disconnect_of_the_only_client_may_be_detected_late(tried: Try) -> None:
+def test_disconnect_of_the_only_client_may_be_detected_late(run_cases: RunCases) -> None:
     """If one client is served, the next one may have to connect twice."""
-    cases = tried(DetectsDisconnectLate, "4.7/2", spoken=DEFAULT.replace(max_clients="one"))
+    cases = run_cases(DetectsDisconnectLate, "4.7/2", actual=DEFAULT.replace(max_clients="one"))
     assert cases
-    assert not cases.wrong
+    assert not cases.not_passed
 
 
 class SwitchesOffLate(ControllerCore):
@@ -326,10 +328,10 @@ class SwitchesOffLate(ControllerCore):
         return super().open(connection, now_s, link)
 
 
-def test_connection_before_switch_off_is_not_a_restart(tried: Try) -> None:
+def test_connection_before_switch_off_is_not_a_restart(run_cases: RunCases) -> None:
     """A connection that is served before the robot is off is not taken as a restart."""
-    cases = tried(SwitchesOffLate, "4.35/2")
-    assert not cases.wrong
+    cases = run_cases(SwitchesOffLate, "4.35/2")
+    assert not cases.not_passed
     assert cases["4.35/2"].verdict is Verdict.TOLERATED
 
 
@@ -343,6 +345,6 @@ class LeaksTheStatus(ControllerCore):
         return super().get_status(request)
 
 
-def test_reply_to_another_client_is_not_unsolicited(tried: Try) -> None:
+def test_reply_to_another_client_is_not_unsolicited(run_cases: RunCases) -> None:
     """A status that is only sent when another client requests it is a failure."""
-    assert "2/12" in tried(LeaksTheStatus, "2/12").failed
+    assert "2/12" in run_cases(LeaksTheStatus, "2/12").violated

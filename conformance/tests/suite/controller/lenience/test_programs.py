@@ -21,7 +21,7 @@ from scaraspec.virtual_controller.robot import BAD_ARGUMENT, Task
 from scaraspec.virtual_controller.session import Request
 from scaraspec.virtual_controller.store import Store
 
-Try = Callable[..., Any]
+RunCases = Callable[..., Any]
 
 
 class StopClearsOutputs(ControllerCore):
@@ -51,10 +51,10 @@ class RunClearsOutputs(StopClearsOutputs):
 
 
 @pytest.mark.parametrize("core", [StopClearsOutputs, RunClearsOutputs])
-def test_other_outputs_may_be_cleared(tried: Try, core: type[ControllerCore]) -> None:
+def test_other_outputs_may_be_cleared(run_cases: RunCases, core: type[ControllerCore]) -> None:
     """The start of a program and a stop may clear outputs that the program does not set."""
     only = ("4/15", "6.4/5", "6.5/9", "6.5/19", "6.5/21", "6.5/24", "6.5/26", "6.6a/14")
-    assert not tried(core, *only, examples=20, handled=("set_input",)).alarms
+    assert not run_cases(core, *only, examples=20, hooks=("set_input",)).problems
 
 
 class _Ticks(Run):
@@ -72,9 +72,9 @@ class SlowNodes(ControllerCore):
     interpreter = _Ticks
 
 
-def test_nodes_may_be_slow(tried: Try) -> None:
+def test_nodes_may_be_slow(run_cases: RunCases) -> None:
     """A wait may be late by half a second (6.5/20); the duration of other nodes is open."""
-    assert not tried(SlowNodes, "6.5/20", "6.5/22", "6.5/23").alarms
+    assert not run_cases(SlowNodes, "6.5/20", "6.5/22", "6.5/23").problems
 
 
 class TwoNoisyAnalogInputs(ControllerCore):
@@ -90,9 +90,9 @@ class TwoNoisyAnalogInputs(ControllerCore):
         return min(int(value * 102.3) + self.noise, 1023)
 
 
-def test_analog_inputs_may_be_few_coarse_and_noisy(tried: Try) -> None:
+def test_analog_inputs_may_be_few_coarse_and_noisy(run_cases: RunCases) -> None:
     """The unit (A-4.33-1) and the number of analog inputs are open."""
-    assert not tried(TwoNoisyAnalogInputs, "4.33/2", "6.5/9", handled=("set_analog",)).alarms
+    assert not run_cases(TwoNoisyAnalogInputs, "4.33/2", "6.5/9", hooks=("set_analog",)).problems
 
 
 class HasSensors(ControllerCore):
@@ -104,9 +104,9 @@ class HasSensors(ControllerCore):
             self.plant.digital_inputs[port] = int(now_s / (0.1 * port)) % 2 == 1
 
 
-def test_inputs_may_change_by_themselves(tried: Try) -> None:
+def test_inputs_may_change_by_themselves(run_cases: RunCases) -> None:
     """Programs wait only for inputs that do not change."""
-    assert not tried(HasSensors, "6.5/9", "6.5/21").alarms
+    assert not run_cases(HasSensors, "6.5/9", "6.5/21").problems
 
 
 class RunStoresConfiguration(ControllerCore):
@@ -125,9 +125,9 @@ class RunStoresConfiguration(ControllerCore):
         return super().run_program(request)
 
 
-def test_run_may_store_the_configuration_of_its_file(tried: Try) -> None:
+def test_run_may_store_the_configuration_of_its_file(run_cases: RunCases) -> None:
     """Programs contain valid positions, and resets do not rely on positions set before a run."""
-    assert not tried(RunStoresConfiguration, "4.15/5", "4.18/3", "4.8/4").alarms
+    assert not run_cases(RunStoresConfiguration, "4.15/5", "4.18/3", "4.8/4").problems
 
 
 class RunsShortPrograms(ControllerCore):
@@ -141,9 +141,9 @@ class RunsShortPrograms(ControllerCore):
         return reply
 
 
-def test_large_programs_may_be_refused(tried: Try) -> None:
+def test_large_programs_may_be_refused(run_cases: RunCases) -> None:
     """The maximum size of a program is open (A-5-21)."""
-    assert not tried(RunsShortPrograms, "6.4/5", "6.5/26").alarms
+    assert not run_cases(RunsShortPrograms, "6.4/5", "6.5/26").problems
 
 
 class StoresEightFiles(ControllerCore):
@@ -154,9 +154,9 @@ class StoresEightFiles(ControllerCore):
         self.store = Store(max_files=8)
 
 
-def test_there_may_be_room_for_few_programs(tried: Try) -> None:
+def test_there_may_be_room_for_few_programs(run_cases: RunCases) -> None:
     """No case fails because the store is full (A-5-21)."""
-    assert not tried(StoresEightFiles, "4.10/4", "6.5/28").alarms
+    assert not run_cases(StoresEightFiles, "4.10/4", "6.5/28").problems
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,8 +185,8 @@ class DetectsDamageDuringRun(ControllerCore):
         return ACCEPTED
 
 
-def test_damaged_file_may_fail_during_its_run(tried: Try) -> None:
+def test_damaged_file_may_fail_during_its_run(run_cases: RunCases) -> None:
     """A failed run is as valid as a refusal (A-4.15-2), and no further event is waited for."""
-    cases = tried(DetectsDamageDuringRun, "6.5/28")
-    assert not cases.alarms
+    cases = run_cases(DetectsDamageDuringRun, "6.5/28")
+    assert not cases.problems
     assert sum(case.duration_s for case in cases.values()) < 30

@@ -23,7 +23,7 @@ from scaraspec.virtual_controller.plant import Plant
 from scaraspec.virtual_controller.session import Action, Carrier, OpenTransfer, Request, Session
 from scaraspec.virtual_controller.store import Store
 
-Try = Callable[..., Any]
+RunCases = Callable[..., Any]
 
 _POLL_S = 0.01
 _SHORT_TIMEOUT: dict[str, Any] = {
@@ -50,14 +50,14 @@ class IgnoresStrayChunks(ControllerCore):
         return super().upload_chunk(request) if request.session.transfer else SILENCE
 
 
-def test_a_late_chunk_may_be_ignored(tried: Try) -> None:
+def test_a_late_chunk_may_be_ignored(run_cases: RunCases) -> None:
     """Waiting for a reply to a late chunk does not make another upload time out."""
-    assert not tried(IgnoresStrayChunks, "5.4/5", **_SHORT_TIMEOUT).alarms
+    assert not run_cases(IgnoresStrayChunks, "5.4/5", **_SHORT_TIMEOUT).problems
 
 
-def test_chunk_on_another_connection_may_be_ignored(tried: Try) -> None:
+def test_chunk_on_another_connection_may_be_ignored(run_cases: RunCases) -> None:
     """Waiting for a reply on another connection does not make the upload time out."""
-    assert not tried(IgnoresStrayChunks, "5.2/11", **_SHORT_TIMEOUT).alarms
+    assert not run_cases(IgnoresStrayChunks, "5.2/11", **_SHORT_TIMEOUT).problems
 
 
 class ClosesAfterFailedTransfer(ControllerCore):
@@ -74,10 +74,10 @@ class ClosesAfterFailedTransfer(ControllerCore):
             self._end(session, now_s)
 
 
-def test_failed_transfer_may_close_the_connection(tried: Try) -> None:
+def test_failed_transfer_may_close_the_connection(run_cases: RunCases) -> None:
     """The cases continue on a new connection (A-5-26)."""
     only = ("5.2/6", "5.3/9", "5.4/6", "5.4/8")
-    assert not tried(ClosesAfterFailedTransfer, *only).alarms
+    assert not run_cases(ClosesAfterFailedTransfer, *only).problems
 
 
 class SmallStore(ControllerCore):
@@ -88,17 +88,17 @@ class SmallStore(ControllerCore):
         self.store = Store(max_bytes=40_000, max_files=8)
 
 
-def test_store_may_be_small(tried: Try) -> None:
+def test_store_may_be_small(run_cases: RunCases) -> None:
     """The number and the size of files are open (A-5-21, A-5-25)."""
-    assert not tried(SmallStore, "3/6", "5.1/7", "5.2/10", "5.2/16", "5.4/2").alarms
+    assert not run_cases(SmallStore, "3/6", "5.1/7", "5.2/10", "5.2/16", "5.4/2").problems
 
 
 @pytest.mark.parametrize("partial_keep", ["remove", "keep"])
-def test_store_may_be_small_for_many_examples(tried: Try, partial_keep: str) -> None:
+def test_store_may_be_small_for_many_examples(run_cases: RunCases, partial_keep: str) -> None:
     """The files of one example, complete or interrupted, are deleted before the next one."""
-    spoken = DEFAULT.replace(partial_keep=partial_keep)
+    actual = DEFAULT.replace(partial_keep=partial_keep)
     only = ("5.1/8", "5.1/12", "5.2/10", "5.4/4", "5.4/5")
-    assert not tried(SmallStore, *only, spoken=spoken, examples=10).alarms
+    assert not run_cases(SmallStore, *only, actual=actual, examples=10).problems
 
 
 class TakesPlainNames(ControllerCore):
@@ -110,9 +110,9 @@ class TakesPlainNames(ControllerCore):
         return plain and super().upload_name(request)
 
 
-def test_characters_of_names_may_be_limited(tried: Try) -> None:
+def test_characters_of_names_may_be_limited(run_cases: RunCases) -> None:
     """The characters of names are open (A-5-20)."""
-    assert not tried(TakesPlainNames, "5.2/2", "5.2/11").alarms
+    assert not run_cases(TakesPlainNames, "5.2/2", "5.2/11").problems
 
 
 class WritesSlowly(ControllerCore):
@@ -140,9 +140,9 @@ class WritesSlowly(ControllerCore):
         return min((at_s for at_s in times_s if at_s is not None), default=None)
 
 
-def test_reply_to_a_chunk_may_be_slow(tried: Try) -> None:
+def test_reply_to_a_chunk_may_be_slow(run_cases: RunCases) -> None:
     """The suite waits for the reply to a chunk as long as the document allows (L763)."""
-    assert not tried(WritesSlowly, "5.2/6", "5.1/8").alarms
+    assert not run_cases(WritesSlowly, "5.2/6", "5.1/8").problems
 
 
 class PollsConnections(ControllerCore):
@@ -180,10 +180,10 @@ class PollsConnections(ControllerCore):
         return min((at_s for at_s in times_s if at_s is not None), default=None)
 
 
-def test_download_may_end_at_the_next_poll(tried: Try) -> None:
+def test_download_may_end_at_the_next_poll(run_cases: RunCases) -> None:
     """Until the poll, another client's deletion of the file is refused (A-4.11-1)."""
     only = ("3/31", "5.2/12", "4.11/2")
-    assert not tried(PollsConnections, *only, examples=20).alarms
+    assert not run_cases(PollsConnections, *only, examples=20).problems
 
 
 class OneTransferAtATime(PollsConnections):
@@ -194,10 +194,10 @@ class OneTransferAtATime(PollsConnections):
         return super()._can_begin(session) and not any(other.transfer for other in others)
 
 
-def test_one_transfer_at_a_time(tried: Try) -> None:
+def test_one_transfer_at_a_time(run_cases: RunCases) -> None:
     """The suite starts another download only when the controller has finished the previous one."""
     only = ("3/31", "4.2/4", "5.2/12", "5.4/1")
-    assert not tried(OneTransferAtATime, *only, examples=20).alarms
+    assert not run_cases(OneTransferAtATime, *only, examples=20).problems
 
 
 class TransferOutlivesConnection(ControllerCore):
@@ -235,13 +235,13 @@ class TransferNeverEnds(TransferOutlivesConnection):
         return self.orphaned
 
 
-def test_a_transfer_may_outlive_its_connection(tried: Try) -> None:
+def test_a_transfer_may_outlive_its_connection(run_cases: RunCases) -> None:
     """Other uploads are refused until the timeout of the transfer (A-5-17)."""
     only = ("4.15/5", "5.1/9", "5.2/2", "5.2/11", "5.3/7", "5.4/5", "5.4/7")
-    cases = tried(TransferOutlivesConnection, *only)
-    assert not cases.alarms
+    cases = run_cases(TransferOutlivesConnection, *only)
+    assert not cases.problems
     assert cases["5.4/7.closed"].verdict is Verdict.TOLERATED
-    assert "5.2/2" in tried(TransferNeverEnds, *only).failed
+    assert "5.2/2" in run_cases(TransferNeverEnds, *only).violated
 
 
 class KeepsPartialUpload(ControllerCore):
@@ -266,16 +266,16 @@ class DamagesPartialUpload(KeepsPartialUpload):
         return written[1:]
 
 
-def test_beginning_of_an_interrupted_upload_may_stay(tried: Try) -> None:
+def test_beginning_of_an_interrupted_upload_may_stay(run_cases: RunCases) -> None:
     """The written part may stay, or an empty file if empty files can be downloaded."""
     readings = {
         "dialect": _SHORT_TIMEOUT["dialect"].replace(empty_file="chunk"),
         "claimed": {"xfer_timeout"},
     }
-    cases = tried(KeepsPartialUpload, "5.4/5", "5.4/7", **readings)
-    assert not cases.alarms
+    cases = run_cases(KeepsPartialUpload, "5.4/5", "5.4/7", **readings)
+    assert not cases.problems
     assert cases["5.4/7.closed"].verdict is Verdict.TOLERATED
-    assert "5.4/7" in tried(DamagesPartialUpload, "5.4/7", **readings).failed
+    assert "5.4/7" in run_cases(DamagesPartialUpload, "5.4/7", **readings).violated
 
 
 class SendsStatusPeriodically(ControllerCore):
@@ -300,11 +300,11 @@ class SendsStatusPeriodically(ControllerCore):
         return min(super().next_event_s or math.inf, self._due_s)
 
 
-def test_unsolicited_frames_are_not_replies(tried: Try) -> None:
+def test_unsolicited_frames_are_not_replies(run_cases: RunCases) -> None:
     """An unsolicited status is neither a chunk (5.3/6) nor a reply to any request."""
-    assert not tried(
+    assert not run_cases(
         SendsStatusPeriodically, "2/12", "3/21", "5.3/7", **_SHORT_TIMEOUT, examples=1
-    ).alarms
+    ).problems
 
 
 class SignalsFailedDownload(ControllerCore):
@@ -330,11 +330,11 @@ class SignalsFailedDownload(ControllerCore):
             self.emit(session, Frame(C2A, 0x56, signal))
 
 
-def test_download_may_end_with_the_error_signal(tried: Try) -> None:
+def test_download_may_end_with_the_error_signal(run_cases: RunCases) -> None:
     """A chunk of length 0 is the error signal (L787), not a further chunk of the file."""
-    assert not tried(
+    assert not run_cases(
         SignalsFailedDownload, "5.3/6", "5.3/7", "5.3/9", "5.4/6", **_SHORT_TIMEOUT
-    ).alarms
+    ).problems
 
 
 class AnswersTheErrorSignal(ControllerCore):
@@ -345,18 +345,20 @@ class AnswersTheErrorSignal(ControllerCore):
         return False if reply is SILENCE else reply
 
 
-def test_the_error_signal_may_be_answered(tried: Try) -> None:
+def test_the_error_signal_may_be_answered(run_cases: RunCases) -> None:
     """The reply is not treated as the reply to the first chunk of another file."""
-    assert not tried(AnswersTheErrorSignal, "5.2/14", "5.2/17", "5.4/6", **_SHORT_TIMEOUT).alarms
+    assert not run_cases(
+        AnswersTheErrorSignal, "5.2/14", "5.2/17", "5.4/6", **_SHORT_TIMEOUT
+    ).problems
 
 
-def test_unexpected_answer_may_be_refused(tried: Try) -> None:
+def test_unexpected_answer_may_be_refused(run_cases: RunCases) -> None:
     """The reply 0 is not a chunk (A-5-16), neither for the cases nor for the judge."""
-    assert not tried(RefusesUnexpectedAnswers, "5.3/10").alarms
+    assert not run_cases(RefusesUnexpectedAnswers, "5.3/10").problems
 
 
 @pytest.mark.parametrize("chunks", [1, 2, 3, 4])
-def test_stored_program_may_be_short(tried: Try, chunks: int) -> None:
+def test_stored_program_may_be_short(run_cases: RunCases, chunks: int) -> None:
     """If nothing may be uploaded, a program of the robot is downloaded, whatever its size is."""
 
     class Delivered(ControllerCore):
@@ -366,5 +368,5 @@ def test_stored_program_may_be_short(tried: Try, chunks: int) -> None:
             super().__init__(plant, store, dialect)
 
     only = (r for r in REQUIREMENTS if r.startswith(("5.1/", "5.3/")))
-    cases = tried(Delivered, *only, allowed=(Hazard.READ_ONLY,), examples=1)
-    assert not cases.alarms
+    cases = run_cases(Delivered, *only, allowed=(Hazard.READ_ONLY,), examples=1)
+    assert not cases.problems

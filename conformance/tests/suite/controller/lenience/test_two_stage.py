@@ -27,7 +27,7 @@ from scaraspec.virtual_controller.plant import Plant
 from scaraspec.virtual_controller.robot import DONE, MOVING, Task
 from scaraspec.virtual_controller.session import Action, Request, Session
 
-Try = Callable[..., Any]
+RunCases = Callable[..., Any]
 
 _MIN_STEP = 0.5
 _CLAUSES = ("4", "7", *(f"4.{n}" for n in (15, 16, 17, 18, 23, 24, 25, 26, 27, 28)))
@@ -293,10 +293,10 @@ def _within_half_a_turn(angle_deg: float) -> float:
     ],
 )
 def test_single_cases_probe_what_they_need(
-    tried: Try, core: type[ControllerCore], requirement: str
+    run_cases: RunCases, core: type[ControllerCore], requirement: str
 ) -> None:
     """A case that runs alone probes the readings that a complete run would already know."""
-    assert not tried(core, requirement).failed
+    assert not run_cases(core, requirement).violated
 
 
 class DelaysStatus(ControllerCore):
@@ -325,11 +325,11 @@ class DelaysStatusLong(DelaysStatus):
     lag_s = 0.2
 
 
-def test_status_may_be_slightly_late(tried: Try) -> None:
+def test_status_may_be_slightly_late(run_cases: RunCases) -> None:
     """The status returns to 00 after the final result (L318), not necessarily at the same time."""
     only = ("3/30", "4.8/7", "4.17/6", "4.17/8", "4.18/4", "4/7", "4/8")
-    assert not tried(DelaysStatus, *only).alarms
-    assert tried(DelaysStatusLong, *only).failed >= {"4.8/3", "4.17/4", "4/7"}
+    assert not run_cases(DelaysStatus, *only).problems
+    assert run_cases(DelaysStatusLong, *only).violated >= {"4.8/3", "4.17/4", "4/7"}
 
 
 class SendsStatusChanges(ControllerCore):
@@ -361,14 +361,14 @@ class SendsStatusChanges(ControllerCore):
         SendsStatusChanges,
     ],
 )
-def test_no_false_alarm(tried: Try, core: type[ControllerCore]) -> None:
+def test_no_false_alarm(run_cases: RunCases, core: type[ControllerCore]) -> None:
     """No case of the two-stage commands fails because of a reading in the register."""
-    cases = tried(core, *(r for r in REQUIREMENTS if r.partition("/")[0] in _CLAUSES))
-    assert not cases.alarms
+    cases = run_cases(core, *(r for r in REQUIREMENTS if r.partition("/")[0] in _CLAUSES))
+    assert not cases.problems
     assert cases.counts[Verdict.PASS] > 60
 
 
-def test_latch_is_released_by_a_completed_reset(tried: Try) -> None:
+def test_latch_is_released_by_a_completed_reset(run_cases: RunCases) -> None:
     """The result of a stopped reset is not treated as the result of the next reset."""
     stops = []
 
@@ -377,13 +377,13 @@ def test_latch_is_released_by_a_completed_reset(tried: Try) -> None:
             stops.append(request.now_s)
             return super().emergency_stop(request)
 
-    assert not tried(Watched, "4.8/6").wrong
+    assert not run_cases(Watched, "4.8/6").not_passed
     assert len(stops) == 2  # the first one proves that the emergency stop works
 
 
-def test_slow_replies(tried: Try) -> None:
+def test_slow_replies(run_cases: RunCases) -> None:
     """A program that must be interrupted runs longer than the requests before the stop take."""
-    assert not tried(DelaysEverything, "4.15/8", "4.18/2").wrong
+    assert not run_cases(DelaysEverything, "4.15/8", "4.18/2").not_passed
 
 
 class StartsReleased(ControllerCore):
@@ -410,17 +410,17 @@ class NeedsResetFirst(StopLatches):
 
 
 @pytest.mark.parametrize("core", [StartsReleased, NeedsResetFirst])
-def test_robot_is_made_ready_first(tried: Try, core: type[ControllerCore]) -> None:
+def test_robot_is_made_ready_first(run_cases: RunCases, core: type[ControllerCore]) -> None:
     """A robot that is not ready to move is made ready before the first case that moves it."""
-    assert not tried(core, "4.24/5").wrong
+    assert not run_cases(core, "4.24/5").not_passed
 
 
-def test_stop_may_release_the_joints(tried: Try) -> None:
+def test_stop_may_release_the_joints(run_cases: RunCases) -> None:
     """If a reset does not lock the joints, the suite locks them before a motion (A-4.17-2)."""
-    assert not tried(StopReleasesJoints, "4.8/7", "4.15/5", "4.17/6", "4.28/4").alarms
+    assert not run_cases(StopReleasesJoints, "4.8/7", "4.15/5", "4.17/6", "4.28/4").problems
 
 
-def test_robot_is_not_moved_without_need(tried: Try) -> None:
+def test_robot_is_not_moved_without_need(run_cases: RunCases) -> None:
     """If no planned case moves the arm, the suite does not move it, even if motion is allowed."""
     opcodes = set()
 
@@ -429,13 +429,13 @@ def test_robot_is_not_moved_without_need(tried: Try) -> None:
             opcodes.add(frame.opcode)
             super().handle(session, frame, now_s)
 
-    assert not tried(Watched, "4.6/2").wrong
+    assert not run_cases(Watched, "4.6/2").not_passed
     assert opcodes.isdisjoint({0x30, 0x31, 0x33, 0x39, 0x3A, 0x3B, 0x3D})
-    tried(Watched, "4.24/5")
+    run_cases(Watched, "4.24/5")
     assert 0x33 in opcodes
 
 
-def test_arm_returns_after_moving_away_from_its_limits(tried: Try) -> None:
+def test_arm_returns_after_moving_away_from_its_limits(run_cases: RunCases) -> None:
     """The arm moves away along one axis at a time, and returns to its initial pose."""
     poses = [arm.forward(ReportsNoise.at)[:4]]
 
@@ -446,7 +446,7 @@ def test_arm_returns_after_moving_away_from_its_limits(tried: Try) -> None:
                 poses.append(request.value[1:5])
             return answer
 
-    assert not tried(Watched, "4.24/5").wrong
+    assert not run_cases(Watched, "4.24/5").not_passed
     steps = [differences(there, here) for here, there in pairwise(poses)]
     assert max(map(max_deviation, poses, itertools.repeat(poses[0]))) > _MIN_STEP
     assert max_deviation(poses[-1], poses[0]) < _MIN_STEP

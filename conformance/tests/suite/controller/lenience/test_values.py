@@ -21,7 +21,7 @@ from scaraspec.virtual_controller.plant import Plant
 from scaraspec.virtual_controller.session import Request, Session
 from scaraspec.virtual_controller.store import Store
 
-Try = Callable[..., Any]
+RunCases = Callable[..., Any]
 
 
 class IgnoresMalformed(ControllerCore):
@@ -83,10 +83,10 @@ class StoresFloats(ControllerCore):
     ],
 )
 def test_open_behaviour_passes(
-    tried: Try, core: type[ControllerCore], only: tuple[str, ...]
+    run_cases: RunCases, core: type[ControllerCore], only: tuple[str, ...]
 ) -> None:
     """Every case of these requirements passes or is tolerated."""
-    assert not tried(core, *only).wrong
+    assert not run_cases(core, *only).not_passed
 
 
 class AcceptsAnyEndByte(ControllerCore):
@@ -99,11 +99,11 @@ class AcceptsAnyEndByte(ControllerCore):
         super()._process_items(session, found, now_s)
 
 
-def test_accepted_wrong_end_byte_is_tolerated(tried: Try) -> None:
+def test_accepted_wrong_end_byte_is_tolerated(run_cases: RunCases) -> None:
     """The handling of a wrong end byte is open (A-3-10)."""
     framewise = DEFAULT.replace(resync="framewise")
-    cases = tried(AcceptsAnyEndByte, "3/20", dialect=framewise)
-    assert not cases.wrong
+    cases = run_cases(AcceptsAnyEndByte, "3/20", dialect=framewise)
+    assert not cases.not_passed
     assert cases["3/20.end"].verdict is Verdict.TOLERATED
 
 
@@ -116,15 +116,15 @@ class EndsWithNul(ControllerCore):
         super().emit(session, frame)
 
 
-def test_missing_default_program_may_be_a_nul(tried: Try) -> None:
+def test_missing_default_program_may_be_a_nul(run_cases: RunCases) -> None:
     """Without a default program, the reply may be an empty text with a NUL (A-4.12-2, A-T-3)."""
-    assert not tried(EndsWithNul, "4.12/4", "4.12/3", "4.13/5").alarms
+    assert not run_cases(EndsWithNul, "4.12/4", "4.12/3", "4.13/5").problems
 
 
-def test_a_binary_flag_may_end_with_a_nul(tried: Try) -> None:
+def test_a_binary_flag_may_end_with_a_nul(run_cases: RunCases) -> None:
     """Without a running program, the reply may be two zero bytes (A-T-1, A-T-3)."""
     binary = DEFAULT.replace(runinfo_binary="binary")
-    assert not tried(EndsWithNul, "4.9/2", "4.9/6", dialect=binary).alarms
+    assert not run_cases(EndsWithNul, "4.9/2", "4.9/6", dialect=binary).problems
 
 
 class HasLongDefaultName(ControllerCore):
@@ -141,9 +141,9 @@ class HasLongDefaultName(ControllerCore):
         super().__init__(plant, store, dialect.replace(name_max="255"))
 
 
-def test_default_program_with_a_long_name_is_restored(tried: Try) -> None:
+def test_default_program_with_a_long_name_is_restored(run_cases: RunCases) -> None:
     """The default program is restored with all reported bytes, not only the first 30."""
-    assert not tried(HasLongDefaultName, "4.13/3").wrong
+    assert not run_cases(HasLongDefaultName, "4.13/3").not_passed
     assert HasLongDefaultName.last_store.settings.default_program == HasLongDefaultName.name
 
 
@@ -177,9 +177,9 @@ class SendsListSlowly(ControllerCore):
         return min((time_s for time_s in times_s if time_s is not None), default=None)
 
 
-def test_list_may_be_sent_slowly(tried: Try) -> None:
+def test_list_may_be_sent_slowly(run_cases: RunCases) -> None:
     """The suite waits for the end of a list before it requests the next one."""
-    assert not tried(SendsListSlowly, "4/8", "4.10/4", "5.4/8").alarms
+    assert not run_cases(SendsListSlowly, "4/8", "4.10/4", "5.4/8").problems
 
 
 class KeepsDefaultProgram(ControllerCore):
@@ -190,12 +190,12 @@ class KeepsDefaultProgram(ControllerCore):
         return not kept and super().delete_program(request)
 
 
-def test_default_program_that_stays_is_reported(tried: Try) -> None:
+def test_default_program_that_stays_is_reported(run_cases: RunCases) -> None:
     """A program that the suite made the default program may stay (A-4.11-1).
 
     No requirement is violated. The remaining file is reported.
     """
-    (message,) = tried(KeepsDefaultProgram, "4.13/3").alarms
+    (message,) = run_cases(KeepsDefaultProgram, "4.13/3").problems
     assert "(the default program) was not listed at the start" in message
 
 
@@ -206,9 +206,9 @@ class KeepsFutureDefault(KeepsDefaultProgram):
         return self.save(default_program=request.value)
 
 
-def test_default_program_that_is_stored_later_stays(tried: Try) -> None:
+def test_default_program_that_is_stored_later_stays(run_cases: RunCases) -> None:
     """A sequence sets a missing program as default and stores it later."""
-    (message,) = tried(KeepsFutureDefault, "3/31", examples=20).alarms
+    (message,) = run_cases(KeepsFutureDefault, "3/31", examples=20).problems
     assert "(the default program) was not listed at the start" in message
 
 
@@ -237,10 +237,10 @@ class BigEndianChunks(ControllerCore):
         return super().run_program(request)
 
 
-def test_chunks_and_programs_may_differ_in_their_byte_order(tried: Try) -> None:
+def test_chunks_and_programs_may_differ_in_their_byte_order(run_cases: RunCases) -> None:
     """Each byte order is an open point of its own (A-5-2, A-6.1-4)."""
-    cases = tried(BigEndianChunks, "4.8/4", "4.9/2", "4.10/11", "4.11/3", "5.2/12", "6.5/26")
-    assert not cases.alarms
+    cases = run_cases(BigEndianChunks, "4.8/4", "4.9/2", "4.10/11", "4.11/3", "5.2/12", "6.5/26")
+    assert not cases.problems
 
 
 class RestrictsPasswords(ControllerCore):
@@ -252,10 +252,10 @@ class RestrictsPasswords(ControllerCore):
         return good and super().set_password(request)
 
 
-def test_passwords_may_be_restricted(tried: Try) -> None:
+def test_passwords_may_be_restricted(run_cases: RunCases) -> None:
     """The length and the characters of a password are open (A-4.1-3)."""
-    cases = tried(RestrictsPasswords, "4.2/3", "4.2/4", "4.2/6", examples=20)
-    assert not cases.wrong
+    cases = run_cases(RestrictsPasswords, "4.2/3", "4.2/4", "4.2/6", examples=20)
+    assert not cases.not_passed
     assert cases["4.2/4"].verdict is Verdict.TOLERATED
 
 
@@ -273,15 +273,15 @@ class NotConfigured(ControllerCore):
         return self.store.settings.default_program
 
 
-def test_settings_that_cannot_be_restored(tried: Try) -> None:
+def test_settings_that_cannot_be_restored(run_cases: RunCases) -> None:
     """A setting that the SUT refuses to restore from the start makes no case inconclusive."""
-    cases = tried(NotConfigured, "4.13/3", "4.21/3", "4.13/2")
-    assert not cases.wrong
+    cases = run_cases(NotConfigured, "4.13/3", "4.21/3", "4.13/2")
+    assert not cases.not_passed
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "utf-8"])
-def test_encoding_of_names_is_reported(tried: Try, encoding: str) -> None:
+def test_encoding_of_names_is_reported(run_cases: RunCases, encoding: str) -> None:
     """The refused names are not valid in the encoding that is accepted (A-T-2)."""
-    case = tried(ControllerCore, "T/8", spoken=DEFAULT.replace(text_encoding=encoding))["T/8"]
+    case = run_cases(ControllerCore, "T/8", actual=DEFAULT.replace(text_encoding=encoding))["T/8"]
     assert case.verdict is Verdict.TOLERATED
     assert case.observed == f"text_encoding = {encoding}"

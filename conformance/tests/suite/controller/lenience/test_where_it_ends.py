@@ -15,7 +15,7 @@ from scaraspec.virtual_controller.behaviour.base import Silence
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Action, Request, Session
 
-Try = Callable[..., Any]
+RunCases = Callable[..., Any]
 
 _ZERO = Frame(C2A, 0x56, b"0")
 
@@ -186,15 +186,17 @@ class MovesLate(ControllerCore):
         (AcceptsPathsLate, "5.2/15"),
     ],
 )
-def test_fault_is_detected(tried: Try, core: type[ControllerCore], requirement: str) -> None:
+def test_fault_is_detected(
+    run_cases: RunCases, core: type[ControllerCore], requirement: str
+) -> None:
     """An open point does not hide what the document forbids."""
-    assert requirement in tried(core, requirement).failed
+    assert requirement in run_cases(core, requirement).violated
 
 
 @pytest.mark.parametrize("only", ["4.10/4", "5.4/2"])
-def test_refused_name_is_retried_with_more_room(tried: Try, only: str) -> None:
+def test_refused_name_is_retried_with_more_room(run_cases: RunCases, only: str) -> None:
     """After a file is deleted, there is room for the refused name (A-5-21)."""
-    assert "5.2/2" in tried(RefusesCollidingNames, only).failed
+    assert "5.2/2" in run_cases(RefusesCollidingNames, only).violated
 
 
 class PrependsRefusedUpload(ControllerCore):
@@ -216,9 +218,9 @@ class PrependsRefusedUpload(ControllerCore):
         return super()._write(name, content)
 
 
-def test_leftover_of_an_interrupted_upload_is_detected(tried: Try) -> None:
+def test_leftover_of_an_interrupted_upload_is_detected(run_cases: RunCases) -> None:
     """The next upload uses the same connection, if it is accepted there."""
-    assert "5.4/6" in tried(PrependsRefusedUpload, "5.4/6").failed
+    assert "5.4/6" in run_cases(PrependsRefusedUpload, "5.4/6").violated
 
 
 class NeedsAnswerInOwnSegment(ControllerCore):
@@ -235,7 +237,7 @@ class NeedsAnswerInOwnSegment(ControllerCore):
             super().handle(session, frame, now_s)
 
 
-def test_answer_in_a_shared_segment(tried: Try) -> None:
+def test_answer_in_a_shared_segment(run_cases: RunCases) -> None:
     """An answer to a chunk must be accepted in one segment with queries."""
-    assert "2/6" in tried(NeedsAnswerInOwnSegment, "5.4/8").failed
-    assert not tried(ControllerCore, "5.4/8").alarms
+    assert "2/6" in run_cases(NeedsAnswerInOwnSegment, "5.4/8").violated
+    assert not run_cases(ControllerCore, "5.4/8").problems

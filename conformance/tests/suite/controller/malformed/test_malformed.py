@@ -1,4 +1,4 @@
-"""The malformed payloads of the suite are malformed, each in its own way, for every command."""
+"""The malformed payloads of every command are malformed and differ from each other."""
 
 from datetime import datetime
 from typing import Any
@@ -33,27 +33,27 @@ VALUES: dict[str, Any] = {
     "get_analog_input": 1,
     "upload_chunk": Chunk(1, 0, 1, b"!"),
 }
-ASKED = [command for command in COMMANDS if command.initiator is A2C]
+REQUESTS = [command for command in COMMANDS if command.initiator is A2C]
 
 
-def value_of(command: Command) -> Any:
-    """A valid value of a command's request."""
+def valid_value(command: Command) -> Any:
+    """Return a valid value for the request of a command."""
     return VALUES.get(command.name, b"file.rob" if command.request.fields else None)
 
 
-@pytest.mark.parametrize("command", ASKED, ids=lambda command: command.name)
-def test_every_command_has_malformed_payloads_of_different_kinds(command: Command) -> None:
-    """Each fits a frame, differs from the valid payload and bears a name of its own."""
-    made = malformed(command.name, value_of(command))
-    assert made
-    assert len({f"{each}" for each in made}) == len(made)
-    for each in made:
-        assert len(each.data) <= 255
-        assert each.data != command.request.encode(value_of(command))
+@pytest.mark.parametrize("command", REQUESTS, ids=lambda command: command.name)
+def test_malformed_payloads_differ(command: Command) -> None:
+    """Each payload fits a frame, differs from the valid payload and has a unique name."""
+    payloads = malformed(command.name, valid_value(command))
+    assert payloads
+    assert len({f"{payload}" for payload in payloads}) == len(payloads)
+    for payload in payloads:
+        assert len(payload.data) <= 255
+        assert payload.data != command.request.encode(valid_value(command))
 
 
-@pytest.mark.parametrize("command", ASKED, ids=lambda command: command.name)
-def test_what_is_firmly_malformed_is_complained_of(command: Command) -> None:
-    """The codec complains of each that no receiver may act upon."""
-    for each in malformed(command.name, value_of(command)):
-        assert not each.firm or command.request.decode(each.data).issues, f"{each}"
+@pytest.mark.parametrize("command", REQUESTS, ids=lambda command: command.name)
+def test_firm_payloads_have_decode_issues(command: Command) -> None:
+    """The codec reports an issue for each payload that no receiver may accept."""
+    for payload in malformed(command.name, valid_value(command)):
+        assert not payload.firm or command.request.decode(payload.data).issues, f"{payload}"

@@ -14,7 +14,7 @@ from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.request_framer import RequestFramer
 from scaraspec.virtual_controller.session import Action
 
-Try = Callable[..., Any]
+RunCases = Callable[..., Any]
 
 
 class SegmentIsFrame(RequestFramer):
@@ -112,7 +112,7 @@ class ExecutesOutputsLast(RequestFramer):
     ],
 )
 def test_fault_is_detected(
-    tried: Try, core: type[ControllerCore], only: str, requirement: str
+    run_cases: RunCases, core: type[ControllerCore], only: str, requirement: str
 ) -> None:
     """One of the cases that run fails for the violated requirement."""
-    assert requirement in tried(core, only, examples=1).failed
+    assert requirement in run_cases(core, only, examples=1).violated

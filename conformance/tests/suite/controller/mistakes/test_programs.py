@@ -34,7 +34,7 @@ from scaraspec.virtual_controller.behaviour.base import ACCEPTED, Silence
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
-Try = Callable[..., Any]
+RunCases = Callable[..., Any]
 
 
 def as_float(value: float) -> float:
@@ -396,24 +396,24 @@ class CachesProgramsBySum(CachesProgramsByName):
     ],
 )
 def test_fault_is_detected(
-    tried: Try, core: type[ControllerCore], only: str, requirement: str
+    run_cases: RunCases, core: type[ControllerCore], only: str, requirement: str
 ) -> None:
     """One of the cases that run fails for the violated requirement."""
-    assert requirement in tried(core, only, examples=1).failed
+    assert requirement in run_cases(core, only, examples=1).violated
 
 
-def test_outdated_inputs_are_detected(tried: Try) -> None:
+def test_outdated_inputs_are_detected(run_cases: RunCases) -> None:
     """With a hook that drives inputs, a case detects that a program uses outdated inputs."""
     assert (
         "6.6a/14"
-        in tried(
-            with_interpreter(UsesInitialInputs), "6.5/21", examples=1, handled=("set_input",)
-        ).failed
+        in run_cases(
+            with_interpreter(UsesInitialInputs), "6.5/21", examples=1, hooks=("set_input",)
+        ).violated
     )
 
 
-def test_observation_shows_the_program(tried: Try) -> None:
+def test_observation_shows_the_program(run_cases: RunCases) -> None:
     """The observed value contains the program that ran, so that its author sees the cause."""
-    failed = tried(with_interpreter(IfInElseIsFalse), "6.5/24", examples=1)["6.5/24"]
+    failed = run_cases(with_interpreter(IfInElseIsFalse), "6.5/24", examples=1)["6.5/24"]
     assert "of this program: 1 if " in failed.observed
     assert "; 2 set port " in failed.observed

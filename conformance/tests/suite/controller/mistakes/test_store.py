@@ -20,7 +20,7 @@ from scaraspec.virtual_controller.behaviour.base import ACCEPTED, Silence, refus
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
-Try = Callable[..., Any]
+RunCases = Callable[..., Any]
 
 
 class SendsListPartOf256Bytes(ControllerCore):
@@ -243,16 +243,16 @@ class HidesFileOfZero(ControllerCore):
     ],
 )
 def test_fault_is_detected(
-    tried: Try, core: type[ControllerCore], only: str, requirement: str
+    run_cases: RunCases, core: type[ControllerCore], only: str, requirement: str
 ) -> None:
     """One of the cases that run fails for the violated requirement."""
-    assert requirement in tried(core, only, examples=1).failed
+    assert requirement in run_cases(core, only, examples=1).violated
 
 
-def test_upload_as_default_is_detected_without_motion(tried: Try) -> None:
+def test_upload_as_default_is_detected_without_motion(run_cases: RunCases) -> None:
     """A case that needs no motion detects that an upload changes the default program."""
     allowed = (Hazard.READ_ONLY, Hazard.STATE)
-    assert "4.13/3" in tried(UploadSetsDefault, "4.13/3", allowed=allowed).failed
+    assert "4.13/3" in run_cases(UploadSetsDefault, "4.13/3", allowed=allowed).violated
 
 
 class FindsNoProgram(ControllerCore):
@@ -262,9 +262,9 @@ class FindsNoProgram(ControllerCore):
         return refused("20")
 
 
-def test_observations_of_many_files_are_one_finding(tried: Try) -> None:
+def test_observations_of_many_files_are_one_finding(run_cases: RunCases) -> None:
     """The judge reports the same violation for different files as one finding."""
-    cases = tried(FindsNoProgram, "4.15/4", "4/8", "8/5").values()
+    cases = run_cases(FindsNoProgram, "4.15/4", "4/8", "8/5").values()
     failed = (case for case in cases if case.verdict is Verdict.FAIL)
     (seen,) = (case for case in failed if case.id.startswith("8/5.seen"))
     assert seen.message.endswith(" times")

@@ -18,7 +18,7 @@ from scaraspec.virtual_controller.behaviour.base import Silence
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
-Try = Callable[..., Any]
+RunCases = Callable[..., Any]
 
 _CHUNK_BYTES = 212
 
@@ -158,7 +158,7 @@ class ContinuesAfterErrorSignal(ControllerCore):
     ],
 )
 def test_fault_is_detected(
-    tried: Try, core: type[ControllerCore], only: str, requirement: str
+    run_cases: RunCases, core: type[ControllerCore], only: str, requirement: str
 ) -> None:
     """One of the cases that run fails for the violated requirement."""
-    assert requirement in tried(core, only, examples=1).failed
+    assert requirement in run_cases(core, only, examples=1).violated

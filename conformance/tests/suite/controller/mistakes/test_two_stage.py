@@ -24,7 +24,7 @@ from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.robot import DONE, Task
 from scaraspec.virtual_controller.session import Action, Request, Session
 
-Try = Callable[..., Any]
+RunCases = Callable[..., Any]
 
 
 class StopsWhenAnyClientLeaves(ControllerCore):
@@ -292,18 +292,18 @@ class SixteenBitTargets(ControllerCore):
     ],
 )
 def test_fault_is_detected(
-    tried: Try, core: type[ControllerCore], only: str, requirement: str
+    run_cases: RunCases, core: type[ControllerCore], only: str, requirement: str
 ) -> None:
     """One of the cases that run fails for the violated requirement."""
-    assert requirement in tried(core, only, examples=1).failed
+    assert requirement in run_cases(core, only, examples=1).violated
 
 
-def test_jog_without_motion_is_skipped(tried: Try) -> None:
+def test_jog_without_motion_is_skipped(run_cases: RunCases) -> None:
     """A jog that does not move the arm is neither passed nor failed:
 
     there may be no room to move.
     """
-    directions = tried(JogDoesNotMove, "4.28/3")
+    directions = run_cases(JogDoesNotMove, "4.28/3")
     assert {case.verdict for case in directions.values()} == {Verdict.NONE}
 
 
@@ -315,14 +315,14 @@ class SwapsMotorCodes(ControllerCore):
         return {"14": "18", "18": "14"}.get(status, status)
 
 
-def test_swapped_motors_are_detected(tried: Try) -> None:
+def test_swapped_motors_are_detected(run_cases: RunCases) -> None:
     """A hook that makes a motor fail shows that another motor is reported (A-8-1)."""
     hooks = ("motor_fault", "clear_faults")
-    assert "8/4" in tried(SwapsMotorCodes, "8/2", handled=hooks).failed
-    assert not tried(ControllerCore, "8/2", handled=hooks).wrong
+    assert "8/4" in run_cases(SwapsMotorCodes, "8/2", hooks=hooks).violated
+    assert not run_cases(ControllerCore, "8/2", hooks=hooks).not_passed
 
 
 @pytest.mark.parametrize("fault", ["another-tag", "tag-behind-the-opcode"])
-def test_result_without_valid_tag_is_recognized(tried: Try, fault: str) -> None:
+def test_result_without_valid_tag_is_recognized(run_cases: RunCases, fault: str) -> None:
     """A final result is recognized by its content if its tag is wrong or misplaced."""
-    assert "3/12" in tried(mutants()[fault].wrong, "3/12").failed
+    assert "3/12" in run_cases(mutants()[fault].wrong, "3/12").violated

@@ -17,7 +17,7 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
-Try = Callable[..., Any]
+RunCases = Callable[..., Any]
 
 
 class PrintsNumbersAsPython(ControllerCore):
@@ -43,8 +43,8 @@ class IgnoresLastLetter(ControllerCore):
     """The last letter of a password is not compared."""
 
     def login(self, request: Request) -> bool:
-        correct, tried = self.store.settings.password, request.value
-        accepted = len(tried) == len(correct) and tried[:-1] == correct[:-1]
+        correct, received = self.store.settings.password, request.value
+        accepted = len(received) == len(correct) and received[:-1] == correct[:-1]
         request.session.logged_in |= accepted
         return accepted
 
@@ -80,9 +80,9 @@ class Compares16Letters(ControllerCore):
     """Only the first 16 letters of a password are compared."""
 
     def login(self, request: Request) -> bool:
-        correct, tried = self.store.settings.password, request.value
-        same = tried[:16] == correct[:16]
-        return super().login(replace(request, value=correct if same else tried))
+        correct, received = self.store.settings.password, request.value
+        same = received[:16] == correct[:16]
+        return super().login(replace(request, value=correct if same else received))
 
 
 class LeapsEveryEighthYear(ControllerCore):
@@ -321,10 +321,10 @@ class IgnoresHighestBit(ControllerCore):
     ],
 )
 def test_fault_is_detected(
-    tried: Try, core: type[ControllerCore], only: str, requirement: str
+    run_cases: RunCases, core: type[ControllerCore], only: str, requirement: str
 ) -> None:
     """One of the cases that run fails for the violated requirement."""
-    assert requirement in tried(core, only, examples=1, handled=("factory_reset",)).failed
+    assert requirement in run_cases(core, only, examples=1, hooks=("factory_reset",)).violated
 
 
 @pytest.mark.parametrize(
@@ -338,11 +338,11 @@ def test_fault_is_detected(
         (0x3C, b"1%059d|0|0|0" % 0),
     ],
 )
-def test_no_case_crashes_on_an_absurd_value(tried: Try, opcode: int, data: bytes) -> None:
+def test_no_case_crashes_on_an_absurd_value(run_cases: RunCases, opcode: int, data: bytes) -> None:
     """An absurd value makes no case end with an internal error."""
     core = type("Absurd", (RepliesConstant,), {"opcode": opcode, "data": data})
     only = ("2/11", "3/30", "4.5/4", "4.9/2", "5.2/12", "6.5/25", "6.5/28")
-    counts = tried(core, *only).counts
+    counts = run_cases(core, *only).counts
     assert not counts[Verdict.ERROR]
     assert counts[Verdict.PASS]
 
@@ -356,9 +356,9 @@ class ClockOfYear2090(ControllerCore):
         super().emit(session, frame)
 
 
-def test_timer_case_is_inconclusive_with_a_late_clock(tried: Try) -> None:
+def test_timer_case_is_inconclusive_with_a_late_clock(run_cases: RunCases) -> None:
     """The timer case is inconclusive if the time does not fit a timer."""
-    assert tried(ClockOfYear2090, "6.5/22")["6.5/22"].verdict is Verdict.INCONCLUSIVE
+    assert run_cases(ClockOfYear2090, "6.5/22")["6.5/22"].verdict is Verdict.INCONCLUSIVE
 
 
 class IgnoresGripperCenter(ControllerCore):
@@ -368,6 +368,6 @@ class IgnoresGripperCenter(ControllerCore):
         return True
 
 
-def test_refusal_is_not_the_reported_cause(tried: Try) -> None:
+def test_refusal_is_not_the_reported_cause(run_cases: RunCases) -> None:
     """If a setting is not stored, the message does not blame the refused request after it."""
-    assert "was refused" not in tried(IgnoresGripperCenter, "4.20/4")["4.20/4"].message
+    assert "was refused" not in run_cases(IgnoresGripperCenter, "4.20/4")["4.20/4"].message
