@@ -263,13 +263,13 @@ class ClientCore:
             self._observe("op_temp_reply", f"0x{frame.opcode:02X}")
         if parsed.part == "result" and self._executing(_STOP) and parsed.command.name != _STOP:
             self._observe("estop_interrupted", "first")
-        for complaint in parsed.decoded.issues:
+        for issue in parsed.decoded.issues:
             self.remarks.append(
                 UserMessage(
                     "{part} of {command}: {issue}",
                     part=parsed.part,
                     command=parsed.command.name,
-                    issue=complaint.text,
+                    issue=issue.text,
                 )
             )
 

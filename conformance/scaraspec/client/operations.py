@@ -73,18 +73,18 @@ class operation(Generic[P, T]):  # noqa: N801 - a decorator
         self.__doc__ = describe.__doc__
 
     @overload
-    def __get__(self, shell: None, owner: type) -> "operation[P, T]": ...
+    def __get__(self, client: None, owner: type) -> "operation[P, T]": ...
     @overload
-    def __get__(self, shell: "Client", owner: type) -> Callable[P, T]: ...
+    def __get__(self, client: "Client", owner: type) -> Callable[P, T]: ...
     @overload
     def __get__(
-        self, shell: "AsyncClient", owner: type
+        self, client: "AsyncClient", owner: type
     ) -> "Callable[P, Coroutine[Any, Any, T]]": ...
-    def __get__(self, shell: Any, owner: type) -> Any:
-        """The method as it is bound to a shell."""
-        if shell is None:
+    def __get__(self, client: Any, owner: type) -> Any:
+        """Return the method, bound to a client."""
+        if client is None:
             return self
-        return lambda *args, **kwargs: shell.perform(self.describe(shell, *args, **kwargs))
+        return lambda *args, **kwargs: client.perform(self.describe(client, *args, **kwargs))
 
 
 class start_method(Generic[P]):  # noqa: N801 - a decorator
@@ -99,18 +99,18 @@ class start_method(Generic[P]):  # noqa: N801 - a decorator
         self.__doc__ = whole.__doc__
 
     @overload
-    def __get__(self, shell: None, owner: type) -> "start_method[P]": ...
+    def __get__(self, client: None, owner: type) -> "start_method[P]": ...
     @overload
-    def __get__(self, shell: "Client", owner: type) -> "Callable[P, Pending]": ...
+    def __get__(self, client: "Client", owner: type) -> "Callable[P, Pending]": ...
     @overload
     def __get__(
-        self, shell: "AsyncClient", owner: type
+        self, client: "AsyncClient", owner: type
     ) -> "Callable[P, Coroutine[Any, Any, AsyncPending]]": ...
-    def __get__(self, shell: Any, owner: type) -> Any:
-        """The method as it is bound to a shell."""
-        if shell is None:
+    def __get__(self, client: Any, owner: type) -> Any:
+        """Return the method, bound to a client."""
+        if client is None:
             return self
-        return lambda *args, **kwargs: shell.start(self.describe(shell, *args, **kwargs))
+        return lambda *args, **kwargs: client.start(self.describe(client, *args, **kwargs))
 
 
 def _command_call(
@@ -456,7 +456,7 @@ class Operations(ABC):
 
     def _upload(self, remote: Text, content: bytes, progress: Progress | None) -> Call[None]:
         name = self._bytes(remote)
-        return Call(lambda core: core.upload(name, content), lambda nothing: nothing, progress)
+        return Call(lambda core: core.upload(name, content), lambda _: None, progress)
 
     def _bytes(self, text: Text) -> bytes:
         if isinstance(text, bytes):

@@ -33,7 +33,7 @@ def interpret_reply(parsed: Parsed, data: bytes) -> Any:
         ProtocolError: The reply cannot be decoded.
     """
     command, value = parsed.command, parsed.decoded.value
-    defects = {complaint.defect for complaint in parsed.decoded.issues}
+    defects = {issue.defect for issue in parsed.decoded.issues}
     match value:
         case True | Acceptance(accepted=True) | Outcome(done=True):
             if not defects <= {Defect.TRAILING_NUL}:
@@ -82,8 +82,8 @@ def _code(text: str | None, raw: bytes) -> errors.Code | None:
 
 def _undecodable(parsed: Parsed, data: bytes) -> ProtocolError:
     message = "final result" if parsed.part == "result" else "reply"
-    complaints = parsed.decoded.issues
-    reason = complaints[0].text if complaints else show(data)
+    issues = parsed.decoded.issues
+    reason = issues[0].text if issues else show(data)
     return ProtocolError(
         UserMessage(
             "the {message} of {command} cannot be decoded: {reason}",

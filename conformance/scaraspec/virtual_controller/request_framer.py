@@ -9,7 +9,7 @@ from scaraspec.protocol.frames import Frame, Framer, Skipped, SkipReason, Stream
 from scaraspec.protocol.readings import Dialect
 
 _HEAD_BYTES = 3
-_FRAME_BYTES = 4  # of a frame without data
+_FRAME_BYTES = 4  # a frame without data
 
 
 class RequestFramer:
@@ -21,7 +21,7 @@ class RequestFramer:
     def __init__(self, dialect: Dialect) -> None:
         self._resync = dialect["resync"]
         self._timeout_s = dialect.seconds("partial_timeout")
-        self._heard_s = 0.0
+        self._last_received_s = 0.0
         self._framer = self._new_framer()
 
     @property
@@ -34,11 +34,11 @@ class RequestFramer:
         """When a partial frame times out; None if there is none, or no timeout."""
         if self._timeout_s is None or not self._framer.held_bytes:
             return None
-        return self._heard_s + self._timeout_s
+        return self._last_received_s + self._timeout_s
 
     def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
         """Add received bytes and return the completed items, in order."""
-        self._heard_s = now_s
+        self._last_received_s = now_s
         return self._flushed(self._framer.feed(data))
 
     def expire(self, now_s: float) -> list[StreamItem]:
@@ -84,11 +84,11 @@ class _WholeCandidates:
                 until = at + _FRAME_BYTES + buffer[at + 2]
                 if until > len(buffer):
                     break
-                whole = buffer[at:until]
+                candidate = buffer[at:until]
                 found.append(
-                    Frame(A2C, whole[1], whole[_HEAD_BYTES:-1])
-                    if whole[-1] == A2C.end
-                    else Skipped(whole, SkipReason.BAD_END)
+                    Frame(A2C, candidate[1], candidate[_HEAD_BYTES:-1])
+                    if candidate[-1] == A2C.end
+                    else Skipped(candidate, SkipReason.BAD_END)
                 )
             at = until
         self._held = buffer[at:]

@@ -167,7 +167,7 @@ class Injector:
             where = f"at bytes {at}-{at + len(data) - 1}"
             at += len(data)
             if isinstance(item, Skipped):
-                parcel, done = QueuedFrame(f"no frame {where}", data, now_s, now_s), []
+                parcel, done = QueuedFrame(f"invalid bytes {where}", data, now_s, now_s), []
             else:
                 passing = ObservedFrame.of(item)
                 parcel = QueuedFrame(f"{passing} {where}", data, now_s, now_s)
@@ -175,7 +175,7 @@ class Injector:
             lane.add(parcel)
             self._release(now_s)
             if not done and not parcel.sent:
-                done = ["waits behind what is held up"]
+                done = ["waits for delayed frames"]
             self._notes += [
                 InjectionNote(lane.direction, f"{parcel.description}: {note}") for note in done
             ]

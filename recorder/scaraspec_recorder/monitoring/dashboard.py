@@ -70,11 +70,11 @@ class LineDisplay:
     def update(self, statuses: Sequence[Status], *, ending: bool) -> None:
         """Print changes, at most one per `MIN_INTERVAL_S` and recording."""
         for status in statuses:
-            told_s, told = self._reported.get(status.name, (-math.inf, _Problems()))
-            wrong = _Problems.of(status)
-            if wrong != told and not 0 <= status.time_s - told_s < MIN_INTERVAL_S:
-                self._reported[status.name] = status.time_s, wrong
-                for line in wrong.since(told):
+            reported_s, reported = self._reported.get(status.name, (-math.inf, _Problems()))
+            problems = _Problems.of(status)
+            if problems != reported and not 0 <= status.time_s - reported_s < MIN_INTERVAL_S:
+                self._reported[status.name] = status.time_s, problems
+                for line in problems.since(reported):
                     self._say(f"{status.name}: {line}")
         if ending:
             self._end(statuses)

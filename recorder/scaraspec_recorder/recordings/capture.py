@@ -35,11 +35,11 @@ def capture_sink(  # noqa: PLR0913 - independent options
         OSError: A file cannot be created.
         ImportError: The extra for Rerun is not installed.
     """
-    told = {
+    metadata = {
         **session_metadata(session or {}, needs_login=needs_login, redact=redact),
         **folder.take_metadata(),
     }
-    _, outputs = make_files(folder, "capture", told, draw=draw, optimized=True)
+    _, outputs = make_files(folder, "capture", metadata, draw=draw, optimized=True)
     marked = with_marks(outputs, triggers, folder)
     return Decoder(marked, Judge(needs_login=needs_login), Redactor() if redact else None)
 

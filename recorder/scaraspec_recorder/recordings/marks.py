@@ -37,7 +37,7 @@ def with_marks(
     Args:
         outputs: The outputs that write the recording; returned as they are without a trigger.
         triggers: The conditions, as text.
-        folder: The folder of the recording, through which the user asks for a mark.
+        folder: The folder of the recording, through which the user requests a mark.
 
     Raises:
         TriggerError: A text is not a condition.
@@ -63,7 +63,7 @@ class TriggerMarks:
         self._outputs = tuple(outputs)
         self._watchers = watchers
         self._now_ns = 0  # by the clock of the events, which may be later than that of the ticks
-        self._had_event = False  # an event came since the last tick
+        self._had_event = False  # there was an event since the last tick
         self._logged_ns = {trigger: deque[int](maxlen=LOGGED_A_MINUTE) for trigger in watchers}
         self._unlogged: Counter[str] = Counter()
 

@@ -125,8 +125,8 @@ def make_files(
         drawing = RerunSink.to_file(drawn, session, optimized=optimized, footer=not optimized)
     except BaseException:
         file.close()
-        for made in filter(None, (path, drawn)):
-            made.unlink()
+        for created in filter(None, (path, drawn)):
+            created.unlink()
         raise
     return (path, drawn), (capture, drawing)
 
@@ -137,7 +137,7 @@ class RecordingFiles:
     Exceptions of `McapSink` and `RerunSink` are not caught.
 
     Args:
-        shelf: The folder.
+        recording_folder: The folder.
         name: File name without suffix.
         session: Session metadata.
     """
@@ -147,10 +147,9 @@ class RecordingFiles:
     ) -> None:
         self._folder = recording_folder
         self._stats = RecordingStats()
-        made = make_files(
+        self._paths, self._outputs = make_files(
             recording_folder.folder, name, session, draw=recording_folder.draw, optimized=False
         )
-        self._paths, self._outputs = made
         self.optimized = Future[bool]()
         """Done when the files have their final size."""
         recording_folder.open_files.append(self)

@@ -35,7 +35,7 @@ from scaraspec_recorder.units import SECOND_NS, QuantityError, parse_duration
 SIGNAL: Final = "signal"
 """The condition that the user triggers with a signal, see `UserTrigger`."""
 
-_MOST_DUE: Final = 256  # requests of one command and connection whose replies are waited for
+_MAX_PENDING: Final = 256  # pending requests of one command and connection
 
 
 class TriggerError(ValueError):
@@ -45,15 +45,15 @@ class TriggerError(ValueError):
 class Trigger:
     """One condition. Each method returns why it fires; empty if it does not."""
 
-    def on_event(self, event: WireEvent) -> str:  # noqa: ARG002 - most conditions are on what it means
+    def on_event(self, event: WireEvent) -> str:  # noqa: ARG002 - for subclasses
         """Process a raw event."""
         return ""
 
-    def on_item(self, item: Item) -> str:  # noqa: ARG002 - silence needs none
+    def on_item(self, item: Item) -> str:  # noqa: ARG002 - for subclasses
         """Process an item derived from the last event."""
         return ""
 
-    def on_time(self, now_ns: int) -> str:  # noqa: ARG002 - few conditions are on time
+    def on_time(self, now_ns: int) -> str:  # noqa: ARG002 - for subclasses
         """Process the current time of the events' clock; all earlier events are known."""
         return ""
 
@@ -68,7 +68,7 @@ class UserTrigger(Trigger):
         """Fire at the next tick."""
         self._requested = True
 
-    def on_time(self, now_ns: int) -> str:  # noqa: ARG002 - whenever it is
+    def on_time(self, now_ns: int) -> str:  # noqa: ARG002 - at any time
         """Return the reason if the user requested a mark."""
         pressed, self._requested = self._requested, False
         return "requested by SIGUSR1" if pressed else ""
@@ -90,13 +90,13 @@ class _Code(Trigger):
     def on_item(self, item: Item) -> str:
         if not isinstance(item, FrameSeen):
             return ""
-        value, said = item.value, None
+        value, code = item.value, None
         if isinstance(value, Acceptance | Outcome):
-            said = value.code
+            code = value.code
         elif item.name == "get_status" and isinstance(value, str):
-            said = value if value != self._status else None
+            code = value if value != self._status else None
             self._status = value
-        return f"{item.name}: {event_text.frame_text(item)}" if said == self._code else ""
+        return f"{item.name}: {event_text.frame_text(item)}" if code == self._code else ""
 
 
 class _Refusal(Trigger):
@@ -108,7 +108,7 @@ class _Refusal(Trigger):
         return f"{item.name}: {event_text.frame_text(item)}" if refused else ""
 
 
-class _Found(Trigger):
+class _FindingTrigger(Trigger):
     def __init__(self, text: str) -> None:
         verdicts = [verdict.value for verdict in _GIVEN]
         self._verdicts = {Verdict(text)} if text in verdicts else {Verdict.FAIL, Verdict.ERROR}
@@ -161,14 +161,12 @@ class _Silence(Trigger):
         return "; ".join(filter(None, (self._check(c, now_ns) for c in self._last_traffic_ns)))
 
     def _check(self, connection: str, now_ns: int) -> str:
-        heard_ns = self._last_traffic_ns.get(connection)
-        if heard_ns is None:
+        last_ns = self._last_traffic_ns.get(connection)
+        if last_ns is None:
             self._last_traffic_ns[connection] = now_ns
-        elif now_ns - heard_ns >= self._limit_ns and connection not in self._fired:
+        elif now_ns - last_ns >= self._limit_ns and connection not in self._fired:
             self._fired.add(connection)
-            return (
-                f"no bytes on connection {connection} for {(now_ns - heard_ns) / SECOND_NS:.1f} s"
-            )
+            return f"no bytes on connection {connection} for {(now_ns - last_ns) / SECOND_NS:.1f} s"
         return ""
 
 
@@ -179,7 +177,7 @@ class _Late(Trigger):
         self._limit_ns = parse_duration(text)
         self._pending: dict[
             str, dict[str, deque[int]]
-        ] = {}  # by connection and command: when asked
+        ] = {}  # request times by connection and command
 
     def on_item(self, item: Item) -> str:
         if isinstance(item, FrameSeen):
@@ -190,22 +188,22 @@ class _Late(Trigger):
 
     def _frame(self, seen: FrameSeen) -> str:
         part = event_text.part_of(seen)
-        due = self._pending.setdefault(seen.place.connection, {})
+        pending = self._pending.setdefault(seen.place.connection, {})
         if part == "request":
-            due.setdefault(seen.name, deque(maxlen=_MOST_DUE)).append(seen.place.time_ns)
-        elif part == "reply" and (asked := due.get(seen.name)):
-            took_ns = seen.begun_ns - asked.popleft()
+            pending.setdefault(seen.name, deque(maxlen=_MAX_PENDING)).append(seen.place.time_ns)
+        elif part == "reply" and (request_times := pending.get(seen.name)):
+            took_ns = seen.begun_ns - request_times.popleft()
             if took_ns > self._limit_ns:
                 return f"{seen.name} answered after {took_ns / 1e6:.0f} ms"
         return ""
 
     def on_time(self, now_ns: int) -> str:
         late = []
-        for due in self._pending.values():
-            for name, asked in due.items():
-                while asked and now_ns - asked[0] > self._limit_ns:
+        for pending in self._pending.values():
+            for name, request_times in pending.items():
+                while request_times and now_ns - request_times[0] > self._limit_ns:
                     late.append(
-                        f"{name} not answered for {(now_ns - asked.popleft()) / 1e6:.0f} ms"
+                        f"{name} not answered for {(now_ns - request_times.popleft()) / 1e6:.0f} ms"
                     )
         return "; ".join(late)
 
@@ -231,7 +229,7 @@ class _Disconnect(Trigger):
 
     def __init__(self) -> None:
         self._unobserved: tuple[str, int] | None = (
-            None  # the last connection lost from sight, and when
+            None  # connection and time of the last gap of unknown length
         )
 
     def on_event(self, event: WireEvent) -> str:
@@ -253,7 +251,7 @@ _PLAIN: Final[dict[str, Callable[[], Trigger]]] = {
 }
 _WITH_ARGUMENT: Final[dict[str, Callable[[str], Trigger]]] = {
     "code": _Code,
-    "finding": _Found,
+    "finding": _FindingTrigger,
     "silence": _Silence,
     "late": _Late,
 }

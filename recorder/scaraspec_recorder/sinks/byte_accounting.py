@@ -96,8 +96,8 @@ class ByteAccountingCheck:
     def __init__(self) -> None:
         self.wrong = 0
         self._counted = ByteAccounting()
-        self._due: defaultdict[str, deque[Entries]] = defaultdict(deque)
-        self._given: defaultdict[str, deque[Entries]] = defaultdict(deque)
+        self._expected: defaultdict[str, deque[Entries]] = defaultdict(deque)
+        self._stored: defaultdict[str, deque[Entries]] = defaultdict(deque)
 
     def count(self, event: WireEvent) -> None:
         """Count a raw event of the file."""
@@ -106,23 +106,25 @@ class ByteAccountingCheck:
     def add_metadata(self, name: str, entries: Entries) -> None:
         """Process a metadata record of the file; records other than accounts are ignored."""
         if name.startswith(f"{STREAM}/"):
-            self._given[name].append(entries)
+            self._stored[name].append(entries)
             self._match(name)
 
     def close(self) -> None:
         """Finish: count accounts without a counterpart as wrong."""
         self._count(self._counted.close())
-        self.wrong += sum(len(left) for side in (self._due, self._given) for left in side.values())
+        self.wrong += sum(
+            len(rest) for side in (self._expected, self._stored) for rest in side.values()
+        )
 
     def _count(self, accounts: dict[str, Entries]) -> None:
         for name, entries in accounts.items():
-            self._due[name].append(entries)
+            self._expected[name].append(entries)
             self._match(name)
 
     def _match(self, name: str) -> None:
-        due, given = self._due[name], self._given[name]
-        if due and given:
-            self.wrong += due.popleft() != given.popleft()
-        for side in (self._due, self._given):
+        expected, stored = self._expected[name], self._stored[name]
+        if expected and stored:
+            self.wrong += expected.popleft() != stored.popleft()
+        for side in (self._expected, self._stored):
             if not side[name]:
                 del side[name]

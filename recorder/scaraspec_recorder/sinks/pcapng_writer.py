@@ -131,7 +131,7 @@ class PcapngWriter:
             link[sender].finished = True
             self._send(time_ns, link, sender, FIN | ACK)
 
-    def _send(  # noqa: PLR0913, PLR0917 - what a packet is made of
+    def _send(  # noqa: PLR0913, PLR0917 - the fields of a packet
         self,
         time_ns: int,
         link: _Link,
@@ -211,7 +211,7 @@ def _ip(source: bytes, target: bytes, segment: bytes) -> tuple[bytes, bytes]:
 
 def _checksum(data: bytes) -> bytes:
     """The Internet checksum (RFC 1071)."""
-    total = sum(array("H", data + bytes(len(data) % 2)))  # in whatever order this machine has
+    total = sum(array("H", data + bytes(len(data) % 2)))  # in the byte order of this machine
     while total >> 16:
         total = (total & 0xFFFF) + (total >> 16)
     return struct.pack("=H", ~total & 0xFFFF)

@@ -179,12 +179,12 @@ class SinkRunner:
 
     def _forward_mark_request(self) -> bool:
         """Forward a new mark request of the user. Return whether there was one."""
-        asked = self._reader.mark_request_count()
-        news = asked > self._mark_requests
-        if news:
+        count = self._reader.mark_request_count()
+        is_new = count > self._mark_requests
+        if is_new:
             self._folder.notify_mark_request()
-        self._mark_requests = asked
-        return news
+        self._mark_requests = count
+        return is_new
 
     def _tick(self, now_ns: int) -> None:
         self._ticked_ns = now_ns

@@ -106,8 +106,8 @@ def code_text(code: str) -> str:
 
 def exchange_text(exchange: Exchange) -> str:
     """Return the text of an exchange: request, replies, ending and duration."""
-    asked = frame_text(exchange.request)
-    parts = [f"{exchange.name} {asked}".rstrip()]
+    request = frame_text(exchange.request)
+    parts = [f"{exchange.name} {request}".rstrip()]
     if exchange.reply:
         parts.append(frame_text(exchange.reply) or "an empty reply")
     elif exchange.malformed:

@@ -14,19 +14,19 @@ from scaraspec.protocol.direction import Direction
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.tcp_segment import FIN, SYN, Segment
 
-ITEM_BYTES: Final = 256  # what a held segment or event costs in memory besides its data
+ITEM_BYTES: Final = 256  # memory of a held segment or event in addition to its data
 _MODULUS: Final = 1 << 32
 
-
-NO_POSITION: Final = -(1 << 63)  # before every position
+NO_POSITION: Final = -(1 << 63)
+"""A position before all others."""
 
 
 class PacketTime(NamedTuple):
-    """When something happened: by the observer's clock and, where that stands, by the capture.
+    """Time of an event: by the clock of the capture, then by the packet number.
 
     Attributes:
         time_ns: Nanoseconds since the Unix epoch.
-        number: Three times the number of the packet in the capture; less is just before it.
+        number: Three times the packet number; the two numbers before it are just before the packet.
     """
 
     time_ns: int
@@ -34,12 +34,12 @@ class PacketTime(NamedTuple):
 
 
 class OrderedEvent(NamedTuple):
-    """An event in its place.
+    """An event of a stream, in the order of the stream.
 
     Attributes:
-        at: Its moment.
-        acknowledged_peer: Position up to which its sender had heard the other stream by then.
-        end: Position up to which this stream has passed with it.
+        at: Its time.
+        acknowledged_peer: Position of the other stream that the sender had acknowledged.
+        end: Position of this stream after the event.
         event: The event.
     """
 
@@ -55,14 +55,14 @@ class ByteStream:
     Attributes:
         connection: Name of the connection.
         direction: Set before the first event is made.
-        start: Position of the stream's first byte; None while it is not known.
-        next: Position of the next byte to deliver; the lowest one known while `start` is None.
-        acknowledged: Position up to which the receiver has said that it has the bytes.
-        last: Moment of the latest event; no later one is earlier.
-        ready: Events that are in order and not released yet.
+        start: Position of the stream's first byte; None while it is unknown.
+        next: Position of the next byte to deliver; the lowest known one while `start` is None.
+        acknowledged: Position up to which the receiver has acknowledged the bytes.
+        last: Time of the latest event; later events do not have an earlier time.
+        ready: Events in order that are not released yet.
         released: Position up to which events have been released.
         ended: The end (FIN) has been delivered.
-        held_bytes: Memory taken by segments that wait for a missing byte.
+        held_bytes: Memory of the segments that wait for a missing byte.
         missing_start_note: Why the start was not captured.
     """
 
@@ -79,12 +79,12 @@ class ByteStream:
         self.held_bytes = 0
         self.missing_start_note = ""
         self._origin: int | None = None  # sequence number of position 0: the first one seen
-        self._seen = 0  # up to here bytes passed, captured or not
+        self._seen = 0  # position up to which bytes were sent, captured or not
         self._fin: int | None = None
         self._fin_at = self.last
         self._waiting: list[
             tuple[int, PacketTime, int, bytes]
-        ] = []  # position, moment, heard, data
+        ] = []  # position, time, acknowledged_peer, data
 
     @property
     def known_end(self) -> int:
@@ -94,12 +94,12 @@ class ByteStream:
 
     @property
     def offset_bytes(self) -> int:
-        """Stream offset of the next byte to deliver; -1 while the start is not known."""
+        """Stream offset of the next byte to deliver; -1 while the start is unknown."""
         return -1 if self.start is None else self.next - self.start
 
     @property
     def start_byte_balance(self) -> int:
-        """Of the waiting segments, how many more begin with 0xAA than with 0xCC."""
+        """Number of waiting segments that begin with 0xAA, minus those that begin with 0xCC."""
         starts = [data[0] for *_, data in self._waiting]
         return starts.count(Direction.A2C.start) - starts.count(Direction.C2A.start)
 
@@ -115,18 +115,18 @@ class ByteStream:
             self.start = self.next = self.released = self._position(isn + 1)
 
     def acknowledge(self, ack: int) -> int:
-        """The receiver has every byte before this sequence number, whose position is returned."""
+        """Process an acknowledgment: the receiver has every byte before it. Return its position."""
         position = self._position(ack)
         self.acknowledged = max(self.acknowledged, position)
         return position
 
-    def put(self, segment: Segment, at: PacketTime, heard: int) -> None:
-        """Take a segment of this stream, in whatever order they were captured.
+    def put(self, segment: Segment, at: PacketTime, acknowledged_peer: int) -> None:
+        """Add a segment of this stream. Segments may be captured in any order.
 
         Args:
             segment: The segment.
             at: When it was captured.
-            heard: Position of the other stream that it acknowledges.
+            acknowledged_peer: Position of the other stream that the segment acknowledges.
         """
         data, fin = segment.payload, segment.flags & FIN
         if self.ended or not (data or segment.cut_bytes or fin):
@@ -141,18 +141,18 @@ class ByteStream:
             self._fin, self._fin_at = end, at
         if data and captured_end > self.next:
             self.held_bytes += len(data) + ITEM_BYTES
-            heappush(self._waiting, (position, at, heard, data))
+            heappush(self._waiting, (position, at, acknowledged_peer, data))
 
     def advance(self) -> Iterator[OrderedEvent]:
-        """Deliver what now is in order. Where segments overlap, the one that begins first wins."""
+        """Yield the events that are now in order. If segments overlap, the earlier start wins."""
         if self.start is None or self.ended:
             return
         while self._waiting and self._waiting[0][0] <= self.next:
-            position, at, heard, data = heappop(self._waiting)
+            position, at, acknowledged_peer, data = heappop(self._waiting)
             self.held_bytes -= len(data) + ITEM_BYTES
             if fresh := data[self.next - position :]:
                 end = self.next + len(fresh)
-                yield self._ready(Kind.BYTES, at, end, heard, data=fresh)
+                yield self._ready(Kind.BYTES, at, end, acknowledged_peer, data=fresh)
                 self.next = end
         if self._fin is not None and self.next >= self._fin:
             self.ended = True
@@ -161,15 +161,15 @@ class ByteStream:
             yield self._ready(Kind.HALF_CLOSED, self._fin_at, self.next)
 
     def uncertainty(self, at: PacketTime, note: str) -> OrderedEvent:
-        """A gap of no bytes: nothing is missing, but what came before is not to be relied on."""
+        """Return a gap of zero bytes: no byte is missing, but earlier traffic is not reliable."""
         return self._ready(Kind.GAP, at, self.next, note=note)
 
     def give_up_missing(self, limit: int, since: PacketTime) -> Iterator[OrderedEvent]:
-        """Give up the bytes missing before position `limit`: gaps take their place.
+        """Replace the bytes missing before position `limit` by gaps.
 
         Args:
-            limit: What is missing from here on is still waited for.
-            since: When the first of these gaps showed.
+            limit: Position up to which missing bytes are given up.
+            since: When the first of these gaps was detected.
         """
         if self.start is None:
             self.start = self.next
@@ -188,18 +188,18 @@ class ByteStream:
             yield from self.advance()
 
     def _position(self, number: int) -> int:
-        """Position of a sequence number: of those it may mean, the one nearest to `next`."""
+        """Return the position of a sequence number: of the possible ones, the nearest to `next`."""
         if self._origin is None:
             self._origin = number - self.next
         ahead = (number - self._origin - self.next + _MODULUS // 2) % _MODULUS - _MODULUS // 2
         return self.next + ahead
 
-    def _ready(  # noqa: PLR0913 - an event has so many sides
+    def _ready(  # noqa: PLR0913 - the fields of an event
         self,
         kind: Kind,
         at: PacketTime,
         end: int,
-        heard: int = NO_POSITION,
+        acknowledged_peer: int = NO_POSITION,
         *,
         data: bytes = b"",
         length_bytes: int = 0,
@@ -207,6 +207,6 @@ class ByteStream:
     ) -> OrderedEvent:
         self.last = max(self.last, at)
         offset_bytes = 0 if kind is Kind.HALF_CLOSED else self.offset_bytes
-        where = (self.last.time_ns, self.connection, self.direction, kind)
-        event = WireEvent(*where, data, offset_bytes, length_bytes, note)
-        return OrderedEvent(self.last, heard, end, event)
+        fields = (self.last.time_ns, self.connection, self.direction, kind)
+        event = WireEvent(*fields, data, offset_bytes, length_bytes, note)
+        return OrderedEvent(self.last, acknowledged_peer, end, event)

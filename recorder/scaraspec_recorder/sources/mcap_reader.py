@@ -29,11 +29,11 @@ from scaraspec_recorder.sinks.mcap.chunk_writer import MAGIC
 from scaraspec_recorder.sinks.mcap.mcap_sink import LINK, SERIAL, SESSION
 from scaraspec_recorder.spool.forwarded_chunks import ForwardedChunk
 
-_MAX_RECORD_BYTES: Final = 1 << 26  # far beyond a chunk or an attachment of ours: damage
+_MAX_RECORD_BYTES: Final = 1 << 26  # more than any chunk or attachment of the recorder: damage
 _SEQUENCES: Final = 1 << 32
 _DAMAGE: Final = (
     McapError,
-    ValueError,  # of a text that is none, and of a checksum
+    ValueError,  # invalid text or checksum
     struct.error,
     OverflowError,
     MemoryError,

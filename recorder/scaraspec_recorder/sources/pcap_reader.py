@@ -36,7 +36,7 @@ _INTERFACE: Final = 1
 _TIME_OFFSET: Final = 14
 _PCAPNG_PACKET_BLOCKS: Final = {2, 3, 6}
 _GZIP_MAGIC: Final = b"\x1f\x8b"
-_MAX_RECORD_BYTES: Final = 16 << 20  # a length beyond it is damage, not a packet
+_MAX_RECORD_BYTES: Final = 16 << 20  # a greater length is damage
 _LINK_TYPE_MASK: Final = 0xFFFF  # the upper half of pcap's field has the length of a checksum
 _MAX_REASONS: Final = 8
 _MAX_TIME_NS: Final = (1 << 63) - 1
@@ -61,7 +61,7 @@ class PcapSummary:
 
 
 class PcapCapture:
-    """The wire events of a capture file, in order of time. Each iteration reads the file again.
+    """The wire events of a capture file, in the order of time. Each iteration reads the file again.
 
     Attributes:
         needs_login: Always True: the traffic is TCP.
@@ -81,7 +81,7 @@ class PcapCapture:
         """Read the file.
 
         Raises:
-            CaptureError: It cannot be opened, or is neither pcap nor pcapng.
+            CaptureError: The file cannot be opened, or is neither pcap nor pcapng.
         """
         self.summary = summary = PcapSummary()
         reassembler = Reassembler(None if self.port is None else (self.port,))
@@ -98,11 +98,11 @@ class PcapCapture:
                 continue
             summary.segments += 1
             if segment.cut_bytes:
-                oddities["cut short by the capture, the rest is a gap"] += 1
+                oddities["truncated by the capture; the rest is a gap"] += 1
             if latest_ns - segment.time_ns > STEP_NS:
                 latest_ns = segment.time_ns
             elif segment.time_ns < latest_ns:
-                oddities["captured out of the order of time"] += 1
+                oddities["not in the order of time"] += 1
             latest_ns = max(latest_ns, segment.time_ns)
             yield from reassembler.receive(segment)
         yield from reassembler.finish()
@@ -112,7 +112,7 @@ class PcapCapture:
         ]
         if reassembler.clock_steps:
             times = "once" if reassembler.clock_steps == 1 else f"{reassembler.clock_steps} times"
-            summary.notes.append(f"the capture's clock was set back: {times}")
+            summary.notes.append(f"the capture clock was set back {times}")
         if not summary.connections:
             where = "" if self.port is None else f" on port {self.port}"
             summary.notes.append(f"no TCP connection{where} among {summary.packets} packets")
@@ -124,7 +124,7 @@ def read_pcap(path: Path, *, port: int | None = DEFAULT_PORT) -> PcapCapture:
     Args:
         path: The file.
         port: TCP port of the controller; connections without it are ignored. None for every
-            connection, whatever its ports.
+            connection.
 
     Returns:
         The events; see `PcapCapture`.
@@ -137,7 +137,7 @@ def read_pcap(path: Path, *, port: int | None = DEFAULT_PORT) -> PcapCapture:
 
 
 class _Record(NamedTuple):
-    """One packet of the file, as `dissect` takes it."""
+    """A packet of the file; the fields are the arguments of `dissect`."""
 
     time_ns: int
     link_type: int
@@ -146,16 +146,16 @@ class _Record(NamedTuple):
 
 
 class _Source:
-    """The file as scapy reads it: it knows its position and refuses an invalid length."""
+    """The file for scapy: it has a position and rejects an invalid length."""
 
     def __init__(self, file: BinaryIO | gzip.GzipFile) -> None:
         self.position = 0
-        self.first = b""  # what was read first since the last mark
+        self.first = b""  # the first bytes read since the last mark
         self.ended = False  # the last read found the end of the file
         self._file = file
 
     def mark(self) -> int:
-        """A record begins here."""
+        """Mark the start of a record; return its position."""
         self.first = b""
         return self.position
 
@@ -168,7 +168,7 @@ class _Source:
 
 
 def _records(path: Path, notes: list[str]) -> Iterator[_Record]:
-    """The packets of the file, in its order; says in `notes` where it could not be read on."""
+    """Yield the packets of the file in order; add a note if the file is damaged."""
     with _reader(path) as (reader, source):
         read = _read_pcapng if hasattr(reader, "interfaces") else _read_pcap
         while True:
@@ -186,13 +186,13 @@ def _records(path: Path, notes: list[str]) -> Iterator[_Record]:
 
 
 class _Clock(int):
-    """Ticks a second of an interface; the seconds to add to its times."""
+    """Clock of an interface: ticks per second, and the offset of its times in seconds."""
 
     offset_s = 0
 
 
 def _describe(reader: Any, block: bytes, size: int) -> None:
-    """An interface, with what scapy leaves out: its times' offset, and 0 for no snap length."""
+    """Add an interface with data that scapy ignores: time offset, and no snap length for 0."""
     reader._read_block_idb(block, size)  # noqa: SLF001 - see below
     link_type, snap_bytes, options = reader.interfaces.pop()
     clock = _Clock(options["tsresol"])
@@ -203,12 +203,12 @@ def _describe(reader: Any, block: bytes, size: int) -> None:
     reader.interfaces.append((link_type, snap_bytes or _MAX_RECORD_BYTES, options))
 
 
-# scapy names the two methods below as the way to raw records; iterating over its readers would cut
-# packets at 65,535 bytes, and they are larger where a network card splits them.
+# scapy documents the two methods below for raw records. Iteration over its readers would truncate
+# packets at 65,535 bytes; with segmentation offload packets are larger.
 
 
 def _read_pcap(reader: Any, _: _Source) -> _Record:
-    """The next record."""
+    """Return the next record."""
     packet, meta = reader._read_packet(_MAX_RECORD_BYTES)  # noqa: SLF001 - see above
     if len(packet) < meta.caplen:
         raise EOFError
@@ -217,11 +217,11 @@ def _read_pcap(reader: Any, _: _Source) -> _Record:
 
 
 def _read_pcapng(reader: Any, source: _Source) -> _Record | None:
-    """The next block: None where it holds no packet; time 0 where the packet has none."""
+    """Return the packet of the next block, or None; its time is 0 if the block has none."""
     found = reader._read_block(_MAX_RECORD_BYTES)  # noqa: SLF001 - see above
     if found is None:
         if source.first == _PCAPNG_SECTION:
-            reader.interfaces.clear()  # scapy would go on counting from those of the last section
+            reader.interfaces.clear()  # scapy would continue to count from the last section
         elif struct.unpack(f"{reader.endian}I", source.first)[0] in _PCAPNG_PACKET_BLOCKS:
             raise ValueError("a packet of an interface that is not described")
         return None
@@ -236,7 +236,7 @@ def _read_pcapng(reader: Any, source: _Source) -> _Record | None:
 
 @contextmanager
 def _reader(path: Path) -> Iterator[tuple[Any, _Source]]:
-    """Scapy's reader of the file, silent: what it would warn of becomes a note."""
+    """Open the file with a reader of scapy without warnings; problems become notes."""
     try:
         from scapy.error import Scapy_Exception, log_runtime  # noqa: PLC0415 - an optional extra
         from scapy.utils import RawPcapReader  # noqa: PLC0415 - an optional extra
@@ -256,7 +256,7 @@ def _reader(path: Path) -> Iterator[tuple[Any, _Source]]:
                     UserMessage("{path} is not a capture: neither MCAP, pcap nor pcapng", path=path)
                 )
             source = _Source(file)
-            reader: Any = RawPcapReader(source)  # type: ignore[arg-type]  # open files serve as well
+            reader: Any = RawPcapReader(source)  # type: ignore[arg-type]  # it accepts open files, too
             if hasattr(reader, "interfaces"):
                 reader.blocktypes[_INTERFACE] = partial(_describe, reader)
             yield reader, source

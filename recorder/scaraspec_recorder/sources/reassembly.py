@@ -33,7 +33,7 @@ from scaraspec_recorder.sources.bytestream import (
 from scaraspec_recorder.tcp_segment import ACK, RST, SYN, Endpoint, Segment
 
 STEP_NS: Final = 1_000_000_000
-"""By how much times fall where the capture's clock was set back; packets are swapped by less."""
+"""Minimum decrease of the time that counts as a clock set back; swapped packets differ less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,10 +41,10 @@ class Limits:
     """Limits of waiting for missing bytes.
 
     Attributes:
-        late_segments: By how many segments a packet may stand too late in the capture.
-        held_bytes: Memory for what waits, of all connections together.
-        connections: How many connections are followed at once; beyond it the one that was silent
-            for longest is given up.
+        late_segments: Number of segments by which a packet may be late in the capture.
+        held_bytes: Memory for waiting events of all connections.
+        connections: Number of connections followed at once; beyond it the one that was silent
+            longest is given up.
     """
 
     late_segments: int = 256
@@ -54,30 +54,30 @@ class Limits:
 
 @dataclass(eq=False, slots=True)
 class _Connection:
-    """Two streams and what concerns both."""
+    """A connection and its two streams."""
 
     name: str
     ends: tuple[Endpoint, Endpoint]
-    streams: tuple[ByteStream, ByteStream]  # what ends[0] sends, what ends[1] sends
-    oriented: bool = False  # who is the controller is settled
-    under_way: bool = False  # something other than the opening handshake was seen
-    reset: tuple[ByteStream, PacketTime] | None = None  # whose RST, and when
+    streams: tuple[ByteStream, ByteStream]  # sent by ends[0], sent by ends[1]
+    oriented: bool = False  # which end is the controller is known
+    under_way: bool = False  # a segment after the opening handshake was captured
+    reset: tuple[ByteStream, PacketTime] | None = None  # sender and time of the RST
     over: bool = False
-    counted_bytes: int = 0  # what it adds to the memory in use
+    counted_bytes: int = 0  # its part of the memory in use
 
     def is_missing(self, stream: ByteStream) -> bool:
-        """Whether bytes of `stream` passed that have not been captured so far."""
+        """Whether bytes of `stream` were sent and are not captured so far."""
         if stream.start is None:
             return self.under_way
         return stream.next < stream.known_end
 
     def peer_of(self, stream: ByteStream) -> ByteStream:
-        """The other direction's stream."""
+        """Return the stream of the other direction."""
         a, b = self.streams
         return b if stream is a else a
 
     def orient(self, controller: Endpoint) -> str:
-        """Name the directions.
+        """Set the directions of the streams.
 
         Returns:
             Both addresses, client first.
@@ -90,31 +90,31 @@ class _Connection:
 
 @dataclass(eq=False, slots=True)
 class _Hole:
-    """Missing bytes at the front of a stream, while they are waited for."""
+    """Missing bytes at the front of a stream that may still arrive."""
 
     connection: _Connection
     stream: ByteStream
     offset_bytes: int
     since: PacketTime
-    proof: int = 0  # once proven: position before which nothing will be sent again
+    proof: int = 0  # if proven: position before which no byte will be sent again
     proven_at: int = 0  # number of the segment that proved it
 
 
 class Reassembler:
     """Reassembles TCP connections and names them "1", "2", … in the order of their appearance.
 
-    A connection appears with a SYN or, where the capture came late, with its first payload. The
-    controller is the end that the SYN went to; else the end with one of `ports`, where only one
-    has; else the end whose peer's segments begin with 0xAA more often than with 0xCC (clause 3,
-    L92-94); else the end with the lower port.
+    A connection appears with a SYN or, if the capture started later, with its first payload. The
+    controller is the destination of the SYN; otherwise the only end with one of `ports`; otherwise
+    the end whose peer sends more segments that begin with 0xAA than with 0xCC (clause 3, L92-94);
+    otherwise the end with the lower port.
 
     Args:
         ports: Connections with none of these ports are ignored; None ignores no connection.
-        limits: How long and how much to wait.
+        limits: Limits of waiting for missing bytes.
 
     Attributes:
-        connections: How many connections have appeared.
-        clock_steps: How often the capture's clock was set back.
+        connections: Number of connections so far.
+        clock_steps: Number of times that the clock of the capture was set back.
     """
 
     def __init__(
@@ -127,28 +127,26 @@ class Reassembler:
         self._received = 0
         self._serial = 0
         self._latest_ns = 0
-        self._clock_offset_ns = 0  # by how much the capture's clock was set back, in all
+        self._clock_offset_ns = 0  # total time by which the clock of the capture was set back
         self._released_ns = 0
         self._held_bytes = 0
-        self._followed: dict[tuple[Endpoint, Endpoint], _Connection] = {}  # silent ones first
+        self._followed: dict[tuple[Endpoint, Endpoint], _Connection] = {}  # longest silent first
         self._holes: dict[ByteStream, _Hole] = {}
-        self._ages: list[
-            tuple[PacketTime, int, _Hole]
-        ] = []  # of holes, also of some that are filled
-        self._proven: dict[ByteStream, _Hole] = {}  # first proven first
+        self._ages: list[tuple[PacketTime, int, _Hole]] = []  # of holes, including filled ones
+        self._proven: dict[ByteStream, _Hole] = {}  # in the order of the proof
         self._queue: list[
             tuple[PacketTime, int, ByteStream, ByteStream]
-        ] = []  # whose event, its peer
+        ] = []  # stream of the event, peer stream
 
     def receive(self, segment: Segment) -> list[WireEvent]:
-        """Take the next segment of the capture.
+        """Process the next segment of the capture.
 
         Args:
-            segment: In the order of the capture, which need not be that of sending.
+            segment: The segment; the order of the capture may differ from that of sending.
 
         Returns:
-            The events that no later segment can precede. Their times never fall: the time of bytes
-            is that of the segment which completed them.
+            The events that no later segment can precede. Their times never decrease: the time of
+            bytes is that of the segment which completed them.
         """
         self._received += 1
         connection = self._connection_of(segment)
@@ -161,7 +159,7 @@ class Reassembler:
         return self._settle()
 
     def _on_one_clock(self, segment: Segment) -> Segment:
-        """The segment at a time that does not fall far; where it has none, at the latest one."""
+        """Return the segment with a monotonic time; without a time, with the latest one."""
         time_ns = segment.time_ns + self._clock_offset_ns if segment.time_ns else self._latest_ns
         back_ns = self._latest_ns - time_ns
         if back_ns > STEP_NS:
@@ -176,16 +174,18 @@ class Reassembler:
         if stream.start is not None:
             at = PacketTime(segment.time_ns, 3 * self._received - 2)
             self._enqueue(
-                connection, stream, [stream.uncertainty(at, "the capture's clock went back")]
+                connection,
+                stream,
+                [stream.uncertainty(at, "the capture clock was set back")],
             )
 
     def follows(self, segment: Segment) -> bool:
-        """Whether the segment's ports are of interest; `receive` passes over others."""
+        """Whether the ports of the segment are selected; `receive` ignores other segments."""
         ports = self._ports
         return ports is None or segment.src.port in ports or segment.dst.port in ports
 
     def finish(self) -> list[WireEvent]:
-        """The capture has ended: what is missing stays missing.
+        """End the capture: missing bytes become gaps.
 
         Returns:
             The remaining events.
@@ -208,9 +208,9 @@ class Reassembler:
                 self._give_up(connection)
                 connection = None
         if connection is None:
-            carries = segment.payload or segment.cut_bytes
-            if not opens and (not carries or segment.flags & RST):
-                return None  # the rest of a connection that is over, or a sign of life
+            has_payload = segment.payload or segment.cut_bytes
+            if not opens and (not has_payload or segment.flags & RST):
+                return None  # the rest of an ended connection, or a keep-alive
             self.connections += 1
             name = str(self.connections)
             connection = _Connection(name, ends, (ByteStream(name), ByteStream(name)))
@@ -223,18 +223,18 @@ class Reassembler:
         at = connection.ends.index(segment.src)
         sender, receiver = connection.streams[at], connection.streams[1 - at]
         now = PacketTime(segment.time_ns, 3 * self._received)
-        heard_at, sent_at = (PacketTime(segment.time_ns, now.number - n) for n in (2, 1))
+        acknowledged_at, sent_at = (PacketTime(segment.time_ns, now.number - n) for n in (2, 1))
         if segment.flags & SYN:
             self._open(connection, segment, sender, receiver, now)
-        heard = receiver.acknowledge(segment.ack) if segment.flags & ACK else NO_POSITION
+        acknowledged = receiver.acknowledge(segment.ack) if segment.flags & ACK else NO_POSITION
         if segment.flags & RST:
             connection.reset = connection.reset or (sender, now)
         elif not segment.flags & SYN:
             connection.under_way = True
-        # The receiver first: what it lost, it lost before this segment answered it.
-        self._progress(connection, receiver, heard_at)
+        # The receiver first: its missing bytes were sent before this segment acknowledged them.
+        self._progress(connection, receiver, acknowledged_at)
         if not segment.flags & RST:  # the payload of a RST is a diagnostic text
-            sender.put(segment, now, heard)
+            sender.put(segment, now, acknowledged)
         self._progress(connection, sender, sent_at)
         self._conclude(connection)
 
@@ -246,22 +246,22 @@ class Reassembler:
         receiver: ByteStream,
         now: PacketTime,
     ) -> None:
-        """A SYN, first or repeated, or the answer to one."""
+        """Process a SYN or a SYN-ACK, the first one or a repeated one."""
         sender.begin(segment.seq)
-        answers = segment.flags & ACK
-        if answers and receiver.may_begin(segment.ack - 1):
+        is_syn_ack = segment.flags & ACK
+        if is_syn_ack and receiver.may_begin(segment.ack - 1):
             receiver.begin(segment.ack - 1)
         if connection.oriented:
             return
-        note = connection.orient(segment.src if answers else segment.dst)
-        opener = receiver if answers else sender
+        note = connection.orient(segment.src if is_syn_ack else segment.dst)
+        opener = receiver if is_syn_ack else sender
         for stream in connection.streams:
             stream.last = max(stream.last, now)
-            stream.missing_start_note = "the answer to the SYN was not captured"
+            stream.missing_start_note = "the SYN-ACK was not captured"
         self._mark(connection, opener, Kind.OPENED, opener.last, note)
 
     def _progress(self, connection: _Connection, stream: ByteStream, now: PacketTime) -> None:
-        """Deliver what is in order, and watch what is missing."""
+        """Deliver events that are in order, and track missing bytes."""
         self._enqueue(connection, stream, stream.advance())
         missing = connection.is_missing(stream)
         hole = self._holes.get(stream)
@@ -287,16 +287,16 @@ class Reassembler:
             self._proven[stream] = hole
 
     def _conclude(self, connection: _Connection) -> None:
-        """Tell the end of the connection once nothing before it is missing, and count memory."""
+        """Add the end of the connection when no bytes before it are missing; update the memory."""
         a, b = connection.streams
         if not (connection.over or connection.is_missing(a) or connection.is_missing(b)):
             if a.ended and b.ended:
                 self._end(connection, Kind.CLOSED, max(a, b, key=lambda stream: stream.last))
             elif connection.reset:
-                cutter, at = connection.reset
-                cutter.last = max(cutter.last, at)
-                note = "the connection was refused" if cutter.start is None else ""
-                self._end(connection, Kind.RESET, cutter, note)
+                sender, at = connection.reset
+                sender.last = max(sender.last, at)
+                note = "the connection was refused" if sender.start is None else ""
+                self._end(connection, Kind.RESET, sender, note)
         self._held_bytes += a.held_bytes + b.held_bytes - connection.counted_bytes
         connection.counted_bytes = a.held_bytes + b.held_bytes
 
@@ -308,17 +308,17 @@ class Reassembler:
     def _mark(
         self, connection: _Connection, stream: ByteStream, kind: Kind, at: PacketTime, note: str
     ) -> None:
-        """A change of the link takes its place."""
+        """Add an event without bytes, such as an opening."""
         event = WireEvent(at.time_ns, connection.name, stream.direction, kind, note=note)
         self._enqueue(connection, stream, [OrderedEvent(at, NO_POSITION, NO_POSITION, event)])
 
     def _give_up_hole(self, hole: _Hole, limit: int) -> None:
-        """Let gaps take the place of what is missing before position `limit`."""
+        """Replace the bytes missing before position `limit` by gaps."""
         connection, stream = hole.connection, hole.stream
         if not connection.oriented:
             addresses = connection.orient(self._guess_controller(connection))
             for each in connection.streams:
-                each.missing_start_note = f"capture begins mid-stream ({addresses})"
+                each.missing_start_note = f"the capture begins mid-stream ({addresses})"
         self._enqueue(connection, stream, stream.give_up_missing(limit, hole.since))
         self._forget(stream)
         self._progress(connection, stream, hole.since)
@@ -328,15 +328,15 @@ class Reassembler:
         a, b = connection.ends
         if self._ports is not None and (a.port in self._ports) != (b.port in self._ports):
             return a if a.port in self._ports else b
-        leaning = (
+        balance = (
             connection.streams[0].start_byte_balance - connection.streams[1].start_byte_balance
         )
-        if leaning:
-            return b if leaning > 0 else a
+        if balance:
+            return b if balance > 0 else a
         return min(a, b, key=lambda end: end.port)
 
     def _give_up(self, connection: _Connection) -> None:
-        """Wait no longer for anything of this connection."""
+        """Stop waiting for missing bytes of this connection."""
         for stream in connection.streams:
             if hole := self._holes.get(stream):
                 self._give_up_hole(hole, stream.known_end)
@@ -346,7 +346,7 @@ class Reassembler:
         self._proven.pop(stream, None)
 
     def _settle(self) -> list[WireEvent]:
-        """Give up what has been waited for long enough, and tell what waits for nothing."""
+        """Give up bytes after the limits of waiting; return the events that are complete."""
         while self._proven:
             hole = next(iter(self._proven.values()))
             if self._received - hole.proven_at < self._limits.late_segments:
@@ -373,7 +373,7 @@ class Reassembler:
     def _enqueue(
         self, connection: _Connection, stream: ByteStream, events: Iterable[OrderedEvent]
     ) -> None:
-        """Put events in their place."""
+        """Queue events in the order of time."""
         for ready in events:
             self._serial += 1
             stream.ready.append(ready)
@@ -381,9 +381,10 @@ class Reassembler:
             self._held_bytes += len(ready.event.data) + ITEM_BYTES
 
     def _release(self) -> list[WireEvent]:
-        """Tell what is older than the oldest hole, and nothing ahead of what it acknowledges.
+        """Return the events before the oldest hole, each after the bytes that it acknowledges.
 
-        So it is where the capture's clock stands still, or two interfaces have different ones.
+        The order of acknowledgment also applies if the clock of the capture stands still, or if
+        two interfaces have different clocks.
         """
         oldest = self._oldest_hole()
         events = []

@@ -119,7 +119,7 @@ def new_event_loop() -> asyncio.AbstractEventLoop:
     return uvloop.new_event_loop()
 
 
-def run(  # noqa: PLR0913, PLR0917 - all that a process is given
+def run(  # noqa: PLR0913, PLR0917 - the arguments of a process
     listener: socket.socket,
     route: Route,
     spool: Path,

@@ -161,7 +161,7 @@ def test_a_delay_holds_a_frame_and_what_is_behind_it(injector: Any) -> None:
         InjectionNote(C2A, "get_status reply at bytes 0-5: rule 1: 250 ms late")
     ]
     assert late.receive(C2A, RESULT, 1.1) == [
-        InjectionNote(C2A, "run_program result at bytes 6-11: waits behind what is held up")
+        InjectionNote(C2A, "run_program result at bytes 6-11: waits for delayed frames")
     ]
     assert late.next_s == 1.25
     assert late.tick(1.249) == []

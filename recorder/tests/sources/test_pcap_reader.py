@@ -331,7 +331,7 @@ def test_a_short_snap_length_leaves_gaps(path: Path) -> None:
         (Kind.BYTES, REPLY[:1], 0),
         (Kind.GAP, b"", 5),
     ]
-    assert capture.summary.notes == ["packets cut short by the capture, the rest is a gap: 2"]
+    assert capture.summary.notes == ["packets truncated by the capture; the rest is a gap: 2"]
 
 
 def test_a_lost_length_on_the_wire_leaves_gaps(path: Path) -> None:
@@ -440,7 +440,7 @@ def test_packets_out_of_order_are_noted(path: Path) -> None:
     path.write_bytes(section() + interface() + b"".join(blocks))
     capture = read_pcap(path)
     assert list(capture) == OVER_IPV4
-    assert capture.summary.notes == ["packets captured out of the order of time: 1"]
+    assert capture.summary.notes == ["packets not in the order of time: 1"]
 
 
 def test_a_clock_set_back_is_noted(path: Path) -> None:
@@ -452,7 +452,7 @@ def test_a_clock_set_back_is_noted(path: Path) -> None:
     capture = read_pcap(path)
     bytes_of = [event.data for event in capture if event.data]
     assert bytes_of == [event.data for event in OVER_IPV4 if event.data]
-    assert capture.summary.notes == ["the capture's clock was set back: once"]
+    assert capture.summary.notes == ["the capture clock was set back once"]
 
 
 def test_each_iteration_reads_anew(path: Path) -> None:

@@ -375,7 +375,7 @@ def test_sequence_numbers_wrap() -> None:
 
 def test_a_capture_that_comes_late_begins_with_gaps() -> None:
     """Both directions miss bytes of unknown number; offsets count from the first byte seen."""
-    note = f"capture begins mid-stream ({ADDRESSES})"
+    note = f"the capture begins mid-stream ({ADDRESSES})"
     events = run([a2c(5, 700, REQUEST, ack=300), c2a(6, 300, REPLY, ack=704)])
     assert events == [
         gap(5, C2A, 0, -1, note),
@@ -403,7 +403,7 @@ def test_a_lost_answer_to_the_syn_leaves_the_start_unknown() -> None:
     """Without the SYN-ACK nobody knows how much the controller sent before."""
     syn, _, ack = handshake()
     events = run([syn, ack, c2a(3, 0, REPLY)])
-    note = "the answer to the SYN was not captured"
+    note = "the SYN-ACK was not captured"
     assert events == [opened(), gap(0, C2A, 0, -1, note), data(3, C2A, 0, REPLY)]
 
 
@@ -581,7 +581,7 @@ def test_a_clock_that_is_set_back_goes_on_from_there() -> None:
     assert run(segments, reassembler) == [
         opened(at),
         data(at + 5, A2C, 0, REQUEST),
-        gap(at + 5, C2A, 0, 0, "the capture's clock went back"),
+        gap(at + 5, C2A, 0, 0, "the capture clock was set back"),
         data(at + 5, C2A, 0, REPLY),
         data(at + 7, A2C, 4, REQUEST),
         data(at + 7, C2A, 6, REPLY),  # without a time

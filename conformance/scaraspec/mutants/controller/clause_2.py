@@ -169,10 +169,10 @@ def _drops_partial(when: Callable[[RequestFramer, list[StreamItem]], bool]) -> C
 
 
 def _time_from_first_byte(framer: Any, data: bytes, now_s: float) -> list[StreamItem]:
-    held, since_s = framer.held_bytes, framer._heard_s  # noqa: SLF001 - it is a method of the framer
+    held, since_s = framer.held_bytes, framer._last_received_s  # noqa: SLF001 - it is a method of the framer
     found = _receive(framer, data, now_s)
     if held and not found:
-        framer._heard_s = since_s  # noqa: SLF001 - it is a method of the framer
+        framer._last_received_s = since_s  # noqa: SLF001 - it is a method of the framer
     return found
 
 

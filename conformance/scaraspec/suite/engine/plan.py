@@ -92,10 +92,8 @@ def skip_reason(case: Case, options: Options, ics: Ics) -> Skip | None:
     """Return why a case cannot run; None if it can."""
     if missing := case.hazards - options.allowed - {Hazard.READ_ONLY}:
         names = ",".join(sorted(hazard.value for hazard in missing))
-        message = UserMessage(
-            "it has a hazard that is not allowed: --allow {hazards}", hazards=names
-        )
-        return Skip(Reason.HAZARD, message)
+        text = "it has a hazard that is not allowed: --allow {hazards}"
+        return Skip(Reason.HAZARD, UserMessage(text, hazards=names))
     if case.undefined and not options.undefined:
         message = "it sends undefined opcodes: --undefined-opcodes, never on a real robot"
         return Skip(Reason.UNDEFINED_OPCODES, message)

@@ -207,8 +207,8 @@ class McapSink:
         request, reply, result = exchange.request, exchange.reply, exchange.result
         latency_ns, duration_ns = exchange.latency_ns, exchange.duration_ns
         latency = self._latencies.exchange(exchange)
-        said = exchange.outcome or exchange.answer
-        code = said.code if isinstance(said, Acceptance | Outcome) else None
+        answer = exchange.outcome or exchange.answer
+        code = answer.code if isinstance(answer, Acceptance | Outcome) else None
         data = schemas.encode(
             schemas.Exchange,
             number=number,

@@ -120,7 +120,7 @@ def styles() -> Iterator[tuple[str, Any]]:
 
 
 def names(texts: Iterable[str]) -> Any:
-    """The look of a lane whose states are names: in no colour that elsewhere means good or bad."""
+    """Return the style of a lane of names, without colours that mean good or bad elsewhere."""
     colours = cycle((_BLUE, _TEAL, _VIOLET))
     return _lane({text: (text, colour) for text, colour in zip(texts, colours, strict=False)})
 
@@ -219,7 +219,7 @@ def _log(name: str, contents: str, *levels: str) -> Any:
         contents=contents,
         name=name,
         rows=rrb.TextLogRows(filter_by_log_level=levels),
-        columns=rrb.TextLogColumns(  # `time` would be cut off: a column is as wide as its name
+        columns=rrb.TextLogColumns(  # a column is as wide as its name: `time` would be truncated
             timeline_columns=["elapsed"], text_log_columns=["LogLevel", "Body"]
         ),
     )

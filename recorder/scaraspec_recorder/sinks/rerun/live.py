@@ -27,7 +27,7 @@ CLOSE_TIMEOUT_S: Final = 5.0
 """Time limit for drawing the rest when the recording ends."""
 
 _BATCH_BYTES: Final = 64 << 10
-_EVENT_BYTES: Final = 200  # what an event without bytes counts
+_EVENT_BYTES: Final = 200  # size that an event without bytes counts
 _MOST_BATCHES: Final = 128
 
 _log = logging.getLogger(__name__)
@@ -98,7 +98,7 @@ class LiveSink:
         try:
             self._queue.put(None, timeout=CLOSE_TIMEOUT_S)
         except queue.Full:
-            pass  # it has not moved for so long
+            pass  # the process does not respond
         else:
             self._process.join(CLOSE_TIMEOUT_S)
         if self._process.is_alive():

@@ -16,7 +16,7 @@ from uuid import uuid4
 import rerun as rr
 import rerun_bindings
 
-_PIPES: Final = Path("/dev/fd")  # where a pipe has a name: not on every system
+_PIPES: Final = Path("/dev/fd")  # pipes have names there; not on every system
 _READ_BYTES: Final = 1 << 16
 
 
@@ -64,7 +64,7 @@ class RerunFile:
         self.stream, sent = rr.RecordingStream(application, recording_id=uuid4()), _Layout(layout)
         try:
             where = self._pipe.name if self._pipe else path
-            self.stream.save(where, sent, write_footer=footer)  # type: ignore[arg-type]  # it has what is asked of one
+            self.stream.save(where, sent, write_footer=footer)  # type: ignore[arg-type]  # it has the methods of a blueprint
         finally:
             sent.end()
             if self._pipe:

@@ -38,7 +38,7 @@ from scaraspec_recorder.sinks.rerun import blueprint, rerun_files, rerun_rows
 APPLICATION: Final = "scaraspec"
 FILE_DELAY_NS: Final = 5_000_000_000
 LIVE_DELAY_NS: Final = 100_000_000
-_MOST_NAMES: Final = 100  # that a lane has a look for
+_MOST_NAMES: Final = 100  # names with a style, per lane
 _PAGE_CHARACTERS: Final = 200_000
 _PORTS: Final = range(1, 41)  # L655, L667
 
@@ -152,7 +152,7 @@ class RerunSink:
         if self._batches and not 0 <= now_ns - self._sent_ns < self._delay_ns:
             self._sent_ns = now_ns
             self._batches.flush()
-            if self._file:  # a viewer takes it when it can
+            if self._file:  # a viewer may be slower
                 self._file.flush()
 
     def close(self, summary: Mapping[str, str]) -> None:
@@ -238,7 +238,7 @@ class RerunSink:
             self._state(blueprint.TRANSFER, f"{what} {show(exchange.transfer.name)}")
         drawer = self._DRAWERS.get(exchange.name)
         if exchange.answer is None and exchange.name != "get_running_program":
-            return  # a refusal; but that no program runs is a state
+            return  # a refusal; "no program runs" is a state
         if drawer and exchange.reply and not event_text.defect_texts(exchange.reply):
             drawer(self, exchange)
 
@@ -307,9 +307,9 @@ class RerunSink:
             self._state(blueprint.output_lane(port), bit)
 
     def _output(self, exchange: Exchange) -> None:
-        asked = exchange.asked
-        if exchange.accepted and isinstance(asked, PortValue) and asked.port in _PORTS:
-            self._state(blueprint.output_lane(asked.port), str(asked.value))
+        output = exchange.asked
+        if exchange.accepted and isinstance(output, PortValue) and output.port in _PORTS:
+            self._state(blueprint.output_lane(output.port), str(output.value))
 
     def _analog(self, exchange: Exchange) -> None:
         if exchange.asked in _PORTS:

@@ -24,11 +24,11 @@ PACKAGE: Final = "scara.v1"
 
 
 class RawChunk(NamedTuple):
-    """Bytes of one direction, as they passed: the truth from which all else can be made again.
+    """Raw bytes of one direction; everything else can be derived from them again.
 
-    The message's time is when they came in: by the kernel's clock of receipt where `kernel_time` is
-    true, else when the recorder read them. `forwarded_ns` is when it had passed them on; absent
-    if it is unknown.
+    The time of the message is the time of reception: the kernel timestamp if `kernel_time` is true,
+    otherwise the time at which the recorder read the bytes. `forwarded_ns` is the time at which
+    they were forwarded; absent if unknown.
     """
 
     connection: str
@@ -51,7 +51,7 @@ class ConnectionEvent(NamedTuple):
 
 
 class Gap(NamedTuple):
-    """Bytes that passed unrecorded; a length of -1 means that it is not known."""
+    """Bytes that are missing in the recording; the length -1 means unknown."""
 
     connection: str
     direction: str
@@ -61,7 +61,7 @@ class Gap(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """One frame, read against the command table; passwords are masked."""
+    """A frame, decoded with the command table; passwords are masked."""
 
     connection: str
     direction: str
@@ -76,7 +76,7 @@ class Frame(NamedTuple):
 
 
 class Undecodable(NamedTuple):
-    """A run of bytes that is no frame; `data` is at most its first 4096, passwords masked."""
+    """Bytes that belong to no frame; `data` has the first 4096 at most, passwords masked."""
 
     connection: str
     direction: str
@@ -87,10 +87,10 @@ class Undecodable(NamedTuple):
 
 
 class Exchange(NamedTuple):
-    """A request and what answered it. Its number is the same in every output of a recording.
+    """A request and its replies. Its number is the same in every output of a recording.
 
-    Of the latency, `robot_ms` is from passing the request on to the reply's coming in, and
-    `recorder_ms` what passing on has added both ways; absent where the recording does not tell.
+    Parts of the latency: `robot_ms` is from the forwarding of the request to the reception of the
+    reply, `recorder_ms` is the time that the recorder added in both directions; absent if unknown.
     """
 
     number: int
@@ -114,7 +114,7 @@ class Exchange(NamedTuple):
 
 
 class Transfer(NamedTuple):
-    """One file on its way; its content is an attachment of the same name where it arrived whole."""
+    """A file transfer; the content of a complete file is an attachment of the same name."""
 
     connection: str
     upload: bool
@@ -159,15 +159,15 @@ _TYPES: Final = {
 
 
 def _describe(kind: type[Message], proto: Any) -> None:
-    """Fill a DescriptorProto from a message's annotations."""
+    """Fill a DescriptorProto from the annotations of a message."""
     proto.name = kind.__name__
     for number, (name, hint) in enumerate(get_type_hints(kind).items(), start=1):
         field = proto.field.add(name=name, number=number, label=_PROTO.LABEL_OPTIONAL)
         if get_origin(hint) is tuple:
             field.label = _PROTO.LABEL_REPEATED
-            hint = get_args(hint)[0]  # noqa: PLW2901 - unwrapped: what is repeated
+            hint = get_args(hint)[0]  # noqa: PLW2901 - the type of the items
         elif NoneType in get_args(hint):
-            hint = get_args(hint)[0]  # noqa: PLW2901 - unwrapped: what may be absent
+            hint = get_args(hint)[0]  # noqa: PLW2901 - the type of the value
             field.proto3_optional = True
             field.oneof_index = len(proto.oneof_decl)
             proto.oneof_decl.add(name=f"_{name}")
@@ -175,7 +175,7 @@ def _describe(kind: type[Message], proto: Any) -> None:
 
 
 def _file(kind: type[Message]) -> Any:
-    """The .proto file of one message: no message needs another."""
+    """Return the .proto file of one message; messages do not depend on each other."""
     file = descriptor_pb2.FileDescriptorProto(
         name=f"scara/v1/{kind.__name__}.proto", package=PACKAGE, syntax="proto3"
     )
@@ -201,12 +201,12 @@ class SchemaError(ValueError):
 
 
 def full_name(kind: type[Message]) -> str:
-    """The protobuf name of a message, for example ``scara.v1.Frame``."""
+    """Return the protobuf name of a message, for example ``scara.v1.Frame``."""
     return f"{PACKAGE}.{kind.__name__}"
 
 
 def descriptor_set(kind: type[Message]) -> bytes:
-    """The FileDescriptorSet with which any reader understands messages of this kind."""
+    """Return the FileDescriptorSet with which any reader can decode messages of this kind."""
     data: bytes = descriptor_pb2.FileDescriptorSet(file=[_FILES[kind]]).SerializeToString()
     return data
 
