@@ -1,240 +1,185 @@
-"""Faults of clause 6.5: files that it does not allow, and that are run all the same (6.5/28)."""
+"""Mutants of clause 6.5: invalid program files that are executed (6.5/28)."""
 
-from dataclasses import replace
 from itertools import pairwise
-from typing import ClassVar, Final
 
-from scaraspec.mutants.controller import mutant
-from scaraspec.protocol.program_files import NodeType, Program, ProgramError, Severity, lint, parse
+from scaraspec.mutants.controller import mutant, row
+from scaraspec.mutants.operators.controller.programs import (
+    accepts_errors,
+    program_file,
+    straightened,
+)
+from scaraspec.protocol.program_files import NodeType, Program, parse
 from scaraspec.protocol.program_files.layout import DEFAULT_LAYOUT, FOOTER, MAGIC
 from scaraspec.virtual_controller.core import ControllerCore
-from scaraspec.virtual_controller.interpreter import Run
 
-_BUFFER_BYTES: Final = 512
+_HEAD, _FOOT = len(MAGIC), len(FOOTER)
 
 
-class _Mends(ControllerCore):
-    """Makes a right file of a wrong one."""
+def _with_magic(data: bytes) -> bytes:
+    return MAGIC + data[_HEAD:]
 
-    def mended(self, data: bytes) -> bytes:
-        """The file that it reads."""
+
+def _with_footer(data: bytes) -> bytes:
+    return data[:-_FOOT] + FOOTER
+
+
+def _capitals(data: bytes) -> bytes:
+    return data[:_HEAD].upper() + data[_HEAD:-_FOOT] + data[-_FOOT:].upper()
+
+
+def _cut(data: bytes) -> bytes:
+    if len(data) < DEFAULT_LAYOUT.header_bytes:
         return data
-
-    def parse_program(self, data: bytes) -> Program | None:
-        """Read what was made of it."""
-        return super().parse_program(self.mended(data))
+    end = DEFAULT_LAYOUT.file_bytes(*DEFAULT_LAYOUT.counts(data))
+    return data[: end - _FOOT] + FOOTER if end < len(data) else data
 
 
-@mutant("reads-no-scara", "6.5/28")
-class ReadsNoScara(_Mends):
-    """Nobody looks whether a file begins with SCARA."""
-
-    def mended(self, data: bytes) -> bytes:
-        """Write it."""
-        return MAGIC + data[len(MAGIC) :]
-
-
-@mutant("reads-no-aracs", "6.5/28")
-class ReadsNoAracs(_Mends):
-    """Nobody looks whether a file ends with ARACS."""
-
-    def mended(self, data: bytes) -> bytes:
-        """Write it."""
-        return data[: -len(FOOTER)] + FOOTER
+def _fill(data: bytes) -> bytes:
+    if len(data) < DEFAULT_LAYOUT.header_bytes:
+        return data
+    end = DEFAULT_LAYOUT.file_bytes(*DEFAULT_LAYOUT.counts(data))
+    if not len(data) < end < len(data) + DEFAULT_LAYOUT.node_bytes:
+        return data
+    return data[:-_FOOT].ljust(end - _FOOT, b"\0") + FOOTER
 
 
-@mutant("reads-no-aracs-of-long-files", "6.5/28", subtle=True)
-class ReadsNoAracsOfLongFiles(ReadsNoAracs):
-    """Nobody looks whether a file of more than 512 bytes ends with ARACS."""
-
-    def mended(self, data: bytes) -> bytes:
-        """Write it."""
-        return super().mended(data) if len(data) > _BUFFER_BYTES else data
-
-
-@mutant("reads-four-letters-of-scara", "6.5/28")
-class ReadsFourLettersOfScara(_Mends):
-    """The last letter of SCARA may be any, as where a NUL is thought to stand."""
-
-    def mended(self, data: bytes) -> bytes:
-        """Write it."""
-        return MAGIC + data[len(MAGIC) :] if data.startswith(MAGIC[:4]) else data
-
-
-@mutant("reads-scara-in-small-letters", "6.5/28")
-class ReadsScaraInSmallLetters(_Mends):
-    """The marks may be written in small letters."""
-
-    def mended(self, data: bytes) -> bytes:
-        """Write them large."""
-        head, foot = data[: len(MAGIC)].upper(), data[-len(FOOTER) :].upper()
-        return head + data[len(MAGIC) : -len(FOOTER)] + foot
-
-
-@mutant("reads-scara-for-aracs", "6.5/28")
-class ReadsScaraForAracs(_Mends):
-    """A file may end with SCARA as it begins."""
-
-    def mended(self, data: bytes) -> bytes:
-        """Write what is due."""
-        return data[: -len(FOOTER)] + FOOTER if data.endswith(MAGIC) else data
-
-
-@mutant("ignores-what-is-too-much", "6.5/28")
-class IgnoresWhatIsTooMuch(_Mends):
-    """What a file has beyond its counted nodes is left out."""
-
-    def mended(self, data: bytes) -> bytes:
-        """Cut it off."""
-        if len(data) < DEFAULT_LAYOUT.header_bytes:
-            return data
-        end = DEFAULT_LAYOUT.file_bytes(*DEFAULT_LAYOUT.counts(data))
-        return data[: end - len(FOOTER)] + FOOTER if end < len(data) else data
-
-
-@mutant("fills-what-is-missing", "6.5/28")
-class FillsWhatIsMissing(_Mends):
-    """What a file lacks at its end counts as zeros."""
-
-    def mended(self, data: bytes) -> bytes:
-        """Fill it."""
-        if len(data) < DEFAULT_LAYOUT.header_bytes:
-            return data
-        end = DEFAULT_LAYOUT.file_bytes(*DEFAULT_LAYOUT.counts(data))
-        if not len(data) < end < len(data) + DEFAULT_LAYOUT.node_bytes:
-            return data
-        return data[: -len(FOOTER)].ljust(end - len(FOOTER), b"\0") + FOOTER
+row(
+    "reads-no-scara",
+    "6.5/28",
+    "The magic SCARA at the beginning of a file is not checked.",
+    program_file(_with_magic),
+)
+row(
+    "reads-no-aracs",
+    "6.5/28",
+    "The footer ARACS at the end of a file is not checked.",
+    program_file(_with_footer),
+)
+row(
+    "reads-no-aracs-of-long-files",
+    "6.5/28",
+    "The footer ARACS of a file of more than 512 bytes is not checked.",
+    program_file(lambda data: _with_footer(data) if len(data) > 512 else data),
+    subtle=True,
+)
+row(
+    "reads-four-letters-of-scara",
+    "6.5/28",
+    "The last letter of SCARA is not checked.",
+    program_file(lambda data: _with_magic(data) if data.startswith(MAGIC[:4]) else data),
+)
+row(
+    "reads-scara-in-small-letters",
+    "6.5/28",
+    "The magic and the footer may be written in lower case.",
+    program_file(_capitals),
+)
+row(
+    "reads-scara-for-aracs",
+    "6.5/28",
+    "A file may end with SCARA in place of ARACS.",
+    program_file(lambda data: _with_footer(data) if data.endswith(MAGIC) else data),
+)
+row(
+    "ignores-what-is-too-much",
+    "6.5/28",
+    "Bytes of a file after its counted nodes are ignored.",
+    program_file(_cut),
+)
+row(
+    "fills-what-is-missing",
+    "6.5/28",
+    "Missing bytes of the last node of a file are read as zeros.",
+    program_file(_fill),
+)
 
 
 @mutant("runs-nothing-of-damaged-files", "6.5/28")
-class RunsNothingOfDamagedFiles(ControllerCore):
+class RunsEmptyProgram(ControllerCore):
     """A damaged file is run as a program without nodes."""
 
     def parse_program(self, data: bytes) -> Program:
-        """Something, in any case."""
         return super().parse_program(data) or Program()
 
 
 @mutant("runs-the-program-before", "6.5/28")
-class RunsTheProgramBefore(ControllerCore):
-    """In place of a damaged file the last right one is run."""
+class RunsLastProgram(ControllerCore):
+    """The last valid program is run in place of a damaged file."""
 
-    _before: Program | None = None
-
-    def parse_program(self, data: bytes) -> Program | None:
-        """Remember what was right."""
-        self._before = super().parse_program(data) or self._before
-        return self._before
-
-
-class _Patient(Run):
-    """Passes over markers without a partner."""
-
-    def _partner(self) -> int:
-        partner = self._structure.partners[self._index]
-        return self._index if partner is None else partner
-
-
-class _Forgives(ControllerCore):
-    """Runs what has some errors."""
-
-    interpreter = _Patient
-    forgiven: ClassVar[frozenset[str]]
+    _last: Program | None = None
 
     def parse_program(self, data: bytes) -> Program | None:
-        """Look for other errors only."""
-        try:
-            program = parse(data)
-        except ProgramError:
-            return None
-        errors = {finding.code for finding in lint(program) if finding.severity is Severity.ERROR}
-        return self.made(program) if errors <= self.forgiven else None
-
-    def made(self, program: Program) -> Program:
-        """The program that it runs."""
-        return program
+        self._last = super().parse_program(data) or self._last
+        return self._last
 
 
-@mutant("takes-keys-twice", "6.5/28")
-class TakesKeysTwice(_Forgives):
-    """Two variables may have the same key."""
-
-    forgiven = frozenset({"P-key-twice"})
-
-
-@mutant("takes-keys-twice-apart", "6.5/28", subtle=True)
-class TakesKeysTwiceApart(_Forgives):
-    """Two variables may have the same key unless they are neighbours."""
-
-    forgiven = frozenset({"P-key-twice"})
-
+class _RefusesEqualNeighbours(ControllerCore):
     def parse_program(self, data: bytes) -> Program | None:
-        """Look at neighbours."""
         program = super().parse_program(data)
-        if program is None:
-            return None
-        keys = [variable.key for variable in program.variables]
+        keys = [variable.key for variable in program.variables] if program else []
         return None if any(a == b for a, b in pairwise(keys)) else program
 
 
-class _Straightens(_Forgives):
-    """Runs curves as straight moves."""
-
-    def made(self, program: Program) -> Program:
-        """Replace them."""
-        nodes = [
-            replace(node, type=NodeType.STRAIGHT_MOVE) if node.type == NodeType.CURVE_MOVE else node
-            for node in program.nodes
-        ]
-        return replace(program, nodes=tuple(nodes))
-
-
-@mutant("takes-short-curves", "6.5/28")
-class TakesShortCurves(_Straightens):
-    """A curve may have fewer than three points."""
-
-    forgiven = frozenset({"P-curve-short"})
-
-
-@mutant("takes-other-nodes-in-curves", "6.5/28")
-class TakesOtherNodesInCurves(_Straightens):
-    """A curve may have other nodes than points."""
-
-    forgiven = frozenset({"P-curve-child"})
-
-
-@mutant("looks-at-three-points-of-acurve", "6.5/28", subtle=True)
-class LooksAtThreePointsOfACurve(TakesOtherNodesInCurves):
-    """Behind its third point a curve may have other nodes than points."""
-
+class _ChecksThreePoints(ControllerCore):
     def parse_program(self, data: bytes) -> Program | None:
-        """Look at those only."""
         program = super().parse_program(data)
-        if program is not None:
-            nodes = parse(data).nodes
-            for at, node in enumerate(nodes):
-                points = [child.type == NodeType.POINT for child in nodes[at + 1 : at + 4]]
-                if node.type == NodeType.CURVE_MOVE and not all(points):
-                    return None
+        nodes = parse(data).nodes if program else ()
+        for at, node in enumerate(nodes):
+            points = [child.type == NodeType.POINT for child in nodes[at + 1 : at + 4]]
+            if node.type == NodeType.CURVE_MOVE and not all(points):
+                return None
         return program
 
 
-@mutant("takes-open-loops", "6.5/28")
-class TakesOpenLoops(_Forgives):
-    """A loop may lack its end, and an end its loop."""
-
-    forgiven = frozenset({"P-loop"})
-
-
-@mutant("takes-open-branches", "6.5/28")
-class TakesOpenBranches(_Forgives):
-    """An IF may lack its ENDIF, and an ENDIF its IF."""
-
-    forgiven = frozenset({"P-if"})
-
-
-@mutant("takes-stray-else", "6.5/28")
-class TakesStrayElse(_Forgives):
-    """An ELSE may stand anywhere and any number of times."""
-
-    forgiven = frozenset({"P-else"})
+row(
+    "takes-keys-twice",
+    "6.5/28",
+    "Two variables may have the same key.",
+    accepts_errors("P-key-twice"),
+)
+row(
+    "takes-keys-twice-apart",
+    "6.5/28",
+    "Two variables may have the same key unless they are adjacent.",
+    _RefusesEqualNeighbours,
+    accepts_errors("P-key-twice"),
+    subtle=True,
+)
+row(
+    "takes-short-curves",
+    "6.5/28",
+    "A curve may have fewer than three points.",
+    accepts_errors("P-curve-short", change=straightened),
+)
+row(
+    "takes-other-nodes-in-curves",
+    "6.5/28",
+    "A curve may contain other nodes than points.",
+    accepts_errors("P-curve-child", change=straightened),
+)
+row(
+    "looks-at-three-points-of-acurve",
+    "6.5/28",
+    "A curve may contain other nodes after its third point.",
+    _ChecksThreePoints,
+    accepts_errors("P-curve-child", change=straightened),
+    subtle=True,
+)
+row(
+    "takes-open-loops",
+    "6.5/28",
+    "A loop may lack its end, and an end its loop.",
+    accepts_errors("P-loop"),
+)
+row(
+    "takes-open-branches",
+    "6.5/28",
+    "An IF may lack its ENDIF, and an ENDIF its IF.",
+    accepts_errors("P-if"),
+)
+row(
+    "takes-stray-else",
+    "6.5/28",
+    "An ELSE may be anywhere and occur any number of times.",
+    accepts_errors("P-else"),
+)

@@ -1,270 +1,221 @@
-"""Faults of clause 6.5: nodes that hold a program, for a time or until an input is so."""
+"""Mutants of clause 6.5: nodes that wait for a time or an input."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Any
 
-from scaraspec.mutants.operators.controller.programs import misrun
-from scaraspec.protocol.program_files import (
-    Condition,
-    Node,
-    WaitInput,
-    WaitSeconds,
-    WaitTimer,
-)
+from scaraspec.mutants.controller import Core, mutant, row
+from scaraspec.mutants.operators.controller.programs import with_interpreter
+from scaraspec.protocol.program_files import Condition, Node, WaitInput, WaitSeconds, WaitTimer
 from scaraspec.virtual_controller.interpreter import Run
 
-_PATIENCE_S = 0.4
+Wait = WaitInput | WaitTimer
 
 # ---------------------------------------------------------------------- waits
 
 
-class _Waits(Run):
-    """Waits for another time than the seconds of the node."""
+def _duration(change: Callable[[float], float]) -> Core:
+    """The seconds of waits are changed."""
 
-    def lasts_s(self, duration_s: float) -> float:
-        """For how long it waits."""
-        return duration_s
+    class ChangedDuration(Run):
+        def _begin(self, node: Node, now_s: float) -> float:
+            if isinstance(node.data, WaitSeconds):
+                return now_s + change(node.data.duration_s)
+            return super()._begin(node, now_s)
 
-    def _begin(self, node: Node, now_s: float) -> float:
-        if isinstance(node.data, WaitSeconds):
-            return now_s + self.lasts_s(node.data.duration_s)
-        return super()._begin(node, now_s)
-
-
-@misrun("waits-milliseconds", "6.5/20")
-class WaitsMilliseconds(_Waits):
-    """A wait takes thousandths of its seconds."""
-
-    def lasts_s(self, duration_s: float) -> float:
-        """Divide them."""
-        return duration_s / 1000
+    return with_interpreter(ChangedDuration)
 
 
-@misrun("waits-one-fifth-longer", "6.5/20")
-class WaitsOneFifthLonger(_Waits):
-    """A wait takes a fifth longer than its seconds."""
+def _wait(kind: type[Wait], change: Callable[[Any], Wait | None]) -> Core:
+    """Waits of one kind are changed; for None the program does not wait."""
 
-    def lasts_s(self, duration_s: float) -> float:
-        """Stretch them."""
-        return duration_s * 1.2
+    class ChangedWait(Run):
+        def _wait_ends_s(self, wait: Wait, now_s: float) -> float:
+            changed = change(wait) if isinstance(wait, kind) else wait
+            return now_s if changed is None else super()._wait_ends_s(changed, now_s)
 
-
-@misrun("waits-one-second-more", "6.5/20")
-class WaitsOneSecondMore(_Waits):
-    """A wait takes a second more than it should, as when ticks are counted from 0."""
-
-    def lasts_s(self, duration_s: float) -> float:
-        """Add it."""
-        return duration_s + 1
+    return with_interpreter(ChangedWait)
 
 
-@misrun("waits-slightly-less", "6.5/20", subtle=True)
-class WaitsSlightlyLess(_Waits):
-    """A wait is over a twentieth of a second early."""
+row(
+    "waits-milliseconds",
+    "6.5/20",
+    "The seconds of a wait are read as milliseconds.",
+    _duration(lambda duration_s: duration_s / 1000),
+)
+row(
+    "waits-one-fifth-longer",
+    "6.5/20",
+    "A wait takes a fifth longer than its seconds.",
+    _duration(lambda duration_s: duration_s * 1.2),
+)
+row(
+    "waits-one-second-more",
+    "6.5/20",
+    "A wait takes one second more than its seconds.",
+    _duration(lambda duration_s: duration_s + 1),
+)
+row(
+    "waits-slightly-less",
+    "6.5/20",
+    "A wait ends 0.05 s early.",
+    _duration(lambda duration_s: max(duration_s - 0.05, 0)),
+    subtle=True,
+)
+row(
+    "waits-signed-bytes",
+    "6.5/20",
+    "A wait of 128 seconds or more ends at once, because its byte is read as negative.",
+    _duration(lambda duration_s: duration_s if duration_s < 0x80 else 0),
+    subtle=True,
+)
 
-    def lasts_s(self, duration_s: float) -> float:
-        """Take it away."""
-        return max(duration_s - 0.05, 0)
 
-
-@misrun("waits-signed-bytes", "6.5/20", subtle=True)
-class WaitsSignedBytes(_Waits):
-    """A wait of 128 seconds or more is over at once, as its byte is taken for a negative one."""
-
-    def lasts_s(self, duration_s: float) -> float:
-        """Take the highest bit for a sign."""
-        return duration_s if duration_s < 0x80 else 0
-
-
-@misrun("waits-the-second-time-for-nothing", "6.5/20", subtle=True)
-class WaitsTheSecondTimeForNothing(_Waits):
+@mutant("waits-the-second-time-for-nothing", "6.5/20", subtle=True)
+class WaitsTwice(Run):
     """Only the first two waits of a program take time."""
 
-    def __init__(self, *given: Any, **named: Any) -> None:
-        super().__init__(*given, **named)
-        self._waits = 0
+    _waits = 0
 
-    def lasts_s(self, duration_s: float) -> float:
-        """Count them."""
-        self._waits += 1
-        return duration_s if self._waits <= 2 else 0
+    def _begin(self, node: Node, now_s: float) -> float:
+        ends_s = super()._begin(node, now_s)
+        self._waits += isinstance(node.data, WaitSeconds)
+        return now_s if isinstance(node.data, WaitSeconds) and self._waits > 2 else ends_s
 
 
-@misrun("waits-at-least-one-second", "6.5/20")
-class WaitsAtLeastOneSecond(_Waits):
-    """A wait of 0 seconds takes one."""
-
-    def lasts_s(self, duration_s: float) -> float:
-        """Lengthen it."""
-        return max(duration_s, 1)
-
-
-@misrun("timers-are-passed", "6.5/22")
-class TimersArePassed(Run):
-    """A timer does not hold the program."""
-
-    def _wait_ends_s(self, wait: WaitInput | WaitTimer, now_s: float) -> float:
-        return now_s if isinstance(wait, WaitTimer) else super()._wait_ends_s(wait, now_s)
-
-
-class _Timers(Run):
-    """Takes the instant of a timer for another one."""
-
-    def due(self, timer: WaitTimer) -> WaitTimer:
-        """The instant that it waits for."""
-        return timer
-
-    def _wait_ends_s(self, wait: WaitInput | WaitTimer, now_s: float) -> float:
-        return super()._wait_ends_s(self.due(wait) if isinstance(wait, WaitTimer) else wait, now_s)
-
-
-@misrun("timers-of-whole-seconds", "6.5/22")
-class TimersOfWholeSeconds(_Timers):
-    """The microseconds of a timer are left out."""
-
-    def due(self, timer: WaitTimer) -> WaitTimer:
-        """Leave them out."""
-        return replace(timer, microseconds=0)
-
-
-@misrun("timers-one-second-late", "6.5/22")
-class TimersOneSecondLate(_Timers):
-    """A timer is over a second after its instant."""
-
-    def due(self, timer: WaitTimer) -> WaitTimer:
-        """Add it."""
-        return replace(timer, seconds=timer.seconds + 1)
-
-
-@misrun("timers-of-another-zone", "6.5/22")
-class TimersOfAnotherZone(_Timers):
-    """A timer goes by Chinese time, eight hours ahead."""
-
-    def due(self, timer: WaitTimer) -> WaitTimer:
-        """Come earlier."""
-        return replace(timer, seconds=timer.seconds - 8 * 3600)
-
-
-@misrun("timers-are-durations", "6.5/22")
-class TimersAreDurations(_Timers):
-    """A timer waits for its seconds from now on."""
-
-    def due(self, timer: WaitTimer) -> WaitTimer:
-        """Double them."""
-        return replace(timer, seconds=2 * timer.seconds)
-
+row(
+    "waits-at-least-one-second",
+    "6.5/20",
+    "A wait takes at least one second.",
+    _duration(lambda duration_s: max(duration_s, 1)),
+)
+row(
+    "timers-are-passed",
+    "6.5/22",
+    "A program does not wait at a timer.",
+    _wait(WaitTimer, lambda _timer: None),
+)
+row(
+    "timers-of-whole-seconds",
+    "6.5/22",
+    "The microseconds of a timer are ignored.",
+    _wait(WaitTimer, lambda timer: replace(timer, microseconds=0)),
+)
+row(
+    "timers-one-second-late",
+    "6.5/22",
+    "A timer ends one second after its instant.",
+    _wait(WaitTimer, lambda timer: replace(timer, seconds=timer.seconds + 1)),
+)
+row(
+    "timers-of-another-zone",
+    "6.5/22",
+    "The instant of a timer is read as Chinese time, eight hours ahead.",
+    _wait(WaitTimer, lambda timer: replace(timer, seconds=timer.seconds - 8 * 3600)),
+)
+row(
+    "timers-are-durations",
+    "6.5/22",
+    "The seconds of a timer are counted from now.",
+    _wait(WaitTimer, lambda timer: replace(timer, seconds=2 * timer.seconds)),
+)
 
 # ---------------------------------------------------------------------- inputs
 
 
-class _Conditions(Run):
-    """Waits for something else of an input."""
-
-    def meant(self, wait: WaitInput) -> WaitInput:
-        """What it waits for."""
-        return wait
-
-    def _wait_ends_s(self, wait: WaitInput | WaitTimer, now_s: float) -> float:
-        return super()._wait_ends_s(
-            self.meant(wait) if isinstance(wait, WaitInput) else wait, now_s
-        )
-
-
-class _OtherConditions(_Conditions):
-    """Takes conditions for others."""
-
-    others: ClassVar[Mapping[int, Condition]]
-
-    def meant(self, wait: WaitInput) -> WaitInput:
-        """With the other condition."""
-        return replace(wait, condition=self.others.get(wait.condition, wait.condition))
-
-
-@misrun("conditions-as-operators", "6.5/9")
-class ConditionsAsOperators(_OtherConditions):
-    """Conditions 4 and 5 have each other's meaning, in the order of the operators 8 and 9."""
-
-    others = MappingProxyType(
-        {Condition.NOT_GREATER: Condition.NOT_LESS, Condition.NOT_LESS: Condition.NOT_GREATER}
+def _conditions(others: Mapping[int, Condition]) -> Core:
+    """Conditions are replaced by others."""
+    return _wait(
+        WaitInput,
+        lambda wait: replace(wait, condition=others.get(wait.condition, wait.condition)),
     )
 
 
-@misrun("greater-on-the-edge", "6.5/9", subtle=True)
-class GreaterOnTheEdge(_OtherConditions):
-    """Condition 1 holds on its edge too."""
-
-    others = MappingProxyType({Condition.GREATER: Condition.NOT_LESS})
+def _whole_value(wait: WaitInput) -> WaitInput:
+    whole = wait.value_hundredths // 100 * 100
+    return replace(wait, value_hundredths=whole or wait.value_hundredths % 2)  # 1: a digital 1
 
 
-@misrun("less-on-the-edge", "6.5/9", subtle=True)
-class LessOnTheEdge(_OtherConditions):
-    """Condition 2 holds on its edge too."""
-
-    others = MappingProxyType({Condition.LESS: Condition.NOT_GREATER})
-
-
-@misrun("equal-below-the-edge", "6.5/9", subtle=True)
-class EqualBelowTheEdge(_OtherConditions):
-    """Condition 3 holds below its edge too."""
-
-    others = MappingProxyType({Condition.EQUAL: Condition.NOT_GREATER})
-
-
-@misrun("not-greater-off-the-edge", "6.5/9", subtle=True)
-class NotGreaterOffTheEdge(_OtherConditions):
-    """Condition 4 does not hold on its edge."""
-
-    others = MappingProxyType({Condition.NOT_GREATER: Condition.LESS})
-
-
-@misrun("not-less-off-the-edge", "6.5/9", subtle=True)
-class NotLessOffTheEdge(_OtherConditions):
-    """Condition 5 does not hold on its edge."""
-
-    others = MappingProxyType({Condition.NOT_LESS: Condition.GREATER})
-
-
-@misrun("compares-the-value-with-the-input", "6.5/9")
-class ComparesTheValueWithTheInput(_OtherConditions):
-    """The value stands on the left of the condition and the input on the right."""
-
-    others = MappingProxyType(
+row(
+    "conditions-as-operators",
+    "6.5/9",
+    "Conditions 4 and 5 are exchanged, in the order of the operators 8 and 9.",
+    _conditions(
+        {Condition.NOT_GREATER: Condition.NOT_LESS, Condition.NOT_LESS: Condition.NOT_GREATER}
+    ),
+)
+row(
+    "greater-on-the-edge",
+    "6.5/9",
+    "Condition 1 also holds for equal values.",
+    _conditions({Condition.GREATER: Condition.NOT_LESS}),
+    subtle=True,
+)
+row(
+    "less-on-the-edge",
+    "6.5/9",
+    "Condition 2 also holds for equal values.",
+    _conditions({Condition.LESS: Condition.NOT_GREATER}),
+    subtle=True,
+)
+row(
+    "equal-below-the-edge",
+    "6.5/9",
+    "Condition 3 also holds for smaller inputs.",
+    _conditions({Condition.EQUAL: Condition.NOT_GREATER}),
+    subtle=True,
+)
+row(
+    "not-greater-off-the-edge",
+    "6.5/9",
+    "Condition 4 does not hold for equal values.",
+    _conditions({Condition.NOT_GREATER: Condition.LESS}),
+    subtle=True,
+)
+row(
+    "not-less-off-the-edge",
+    "6.5/9",
+    "Condition 5 does not hold for equal values.",
+    _conditions({Condition.NOT_LESS: Condition.GREATER}),
+    subtle=True,
+)
+row(
+    "compares-the-value-with-the-input",
+    "6.5/9",
+    "The value is the left operand of a condition and the input the right one.",
+    _conditions(
         {
             Condition.GREATER: Condition.LESS,
             Condition.LESS: Condition.GREATER,
             Condition.NOT_GREATER: Condition.NOT_LESS,
             Condition.NOT_LESS: Condition.NOT_GREATER,
         }
-    )
+    ),
+)
+row(
+    "compares-wholes",
+    "6.5/9",
+    "The decimals of the value that an input is compared with are ignored.",
+    _wait(WaitInput, _whole_value),
+    subtle=True,
+)
 
 
-@misrun("compares-wholes", "6.5/9", subtle=True)
-class ComparesWholes(_Conditions):
-    """What is less than one is left out of the value that an input is compared with."""
-
-    def meant(self, wait: WaitInput) -> WaitInput:
-        """With a whole value; a digital 1 may be stored as 1."""
-        whole = wait.value_hundredths // 100 * 100 or wait.value_hundredths % 2
-        return replace(wait, value_hundredths=whole)
-
-
-@misrun("analog-inputs-unscaled", "6.5/9")
-class AnalogInputsUnscaled(Run):
-    """Analog inputs are compared as they are and not in hundredths."""
+@mutant("analog-inputs-unscaled", "6.5/9")
+class ReadsAnalogUnits(Run):
+    """Analog inputs are compared in whole units, not in hundredths."""
 
     def _input(self, port: int) -> int:
         value = super()._input(port)
         return value // 100 if self._is_analog(port) else value
 
 
-@misrun("digital-inputs-of-all-ones", "6.5/9")
-class DigitalInputsOfAllOnes(Run):
-    """A digital input that is on counts 255."""
+@mutant("digital-inputs-of-all-ones", "6.5/9")
+class ReadsDigitalAs255(Run):
+    """A digital input that is on has the value 255."""
 
-    def _wait_ends_s(self, wait: WaitInput | WaitTimer, now_s: float) -> float:
+    def _wait_ends_s(self, wait: Wait, now_s: float) -> float:
         if isinstance(wait, WaitInput) and not self._is_analog(wait.port):
             state = 0xFF * self._input(wait.port)
             holds = Condition(wait.condition).holds(state, wait.value_hundredths)
@@ -272,69 +223,68 @@ class DigitalInputsOfAllOnes(Run):
         return super()._wait_ends_s(wait, now_s)
 
 
-@misrun("inputs-are-passed", "6.5/21", "6.5/9")
-class InputsArePassed(_Conditions):
-    """A program does not wait for inputs."""
+row(
+    "inputs-are-passed",
+    "6.5/21 6.5/9",
+    "A program does not wait for inputs.",
+    _wait(WaitInput, lambda _input: None),
+)
 
-    def _wait_ends_s(self, wait: WaitInput | WaitTimer, now_s: float) -> float:
-        return now_s if isinstance(wait, WaitInput) else super()._wait_ends_s(wait, now_s)
 
+@mutant("inputs-are-looked-at-once", "6.5/21")
+class ReadsInputOnce(Run):
+    """An input that does not fulfil its condition at first is never read again."""
 
-@misrun("inputs-are-looked-at-once", "6.5/21")
-class InputsAreLookedAtOnce(_Conditions):
-    """An input that does not meet its condition at first is never looked at again."""
+    def __init__(self, *args: Any, **named: Any) -> None:
+        super().__init__(*args, **named)
+        self._failed: set[int] = set()
 
-    def __init__(self, *given: Any, **named: Any) -> None:
-        super().__init__(*given, **named)
-        self._failed_at: set[int] = set()
-
-    def _wait_ends_s(self, wait: WaitInput | WaitTimer, now_s: float) -> float:
+    def _wait_ends_s(self, wait: Wait, now_s: float) -> float:
         ends_s = super()._wait_ends_s(wait, now_s)
         if ends_s == math.inf:
-            self._failed_at.add(id(wait))
-        return math.inf if id(wait) in self._failed_at else ends_s
+            self._failed.add(id(wait))
+        return math.inf if id(wait) in self._failed else ends_s
 
 
-@misrun("inputs-time-out", "6.5/21", subtle=True)
-class InputsTimeOut(_Conditions):
-    """A wait for an input is given up after less than half a second."""
+@mutant("inputs-time-out", "6.5/21", subtle=True)
+class TimesOut(Run):
+    """A wait for an input ends after 0.4 s at the latest."""
 
-    def __init__(self, *given: Any, **named: Any) -> None:
-        super().__init__(*given, **named)
+    def __init__(self, *args: Any, **named: Any) -> None:
+        super().__init__(*args, **named)
         self._begun_s: dict[int, float] = {}
 
-    def _wait_ends_s(self, wait: WaitInput | WaitTimer, now_s: float) -> float:
+    def _wait_ends_s(self, wait: Wait, now_s: float) -> float:
         ends_s = super()._wait_ends_s(wait, now_s)
         if isinstance(wait, WaitTimer):
             return ends_s
-        return min(ends_s, self._begun_s.setdefault(id(wait), now_s) + _PATIENCE_S)
+        return min(ends_s, self._begun_s.setdefault(id(wait), now_s) + 0.4)
 
 
-@misrun("waits-for-the-port-above", "6.5/21")
-class WaitsForThePortAbove(_Conditions):
-    """A program waits for the input above the one that its node names."""
+@mutant("waits-for-the-port-above", "6.5/21")
+class WaitsForNextPort(Run):
+    """A program waits for the digital input with the next number."""
 
-    def meant(self, wait: WaitInput) -> WaitInput:
-        """Go one on, but for analog inputs."""
-        return wait if self._is_analog(wait.port) else replace(wait, port=wait.port % 7 + 1)
+    def _wait_ends_s(self, wait: Wait, now_s: float) -> float:
+        if isinstance(wait, WaitInput) and not self._is_analog(wait.port):
+            wait = replace(wait, port=wait.port % 7 + 1)
+        return super()._wait_ends_s(wait, now_s)
 
 
-@misrun("waits-for-any-input", "6.5/21")
-class WaitsForAnyInput(_Conditions):
-    """A wait for an input ends as soon as any input meets the condition."""
+@mutant("waits-for-any-input", "6.5/21")
+class WaitsForAnyInput(Run):
+    """A wait for a digital input ends as soon as any of them fulfils the condition."""
 
-    def _wait_ends_s(self, wait: WaitInput | WaitTimer, now_s: float) -> float:
+    def _wait_ends_s(self, wait: Wait, now_s: float) -> float:
+        ends_s = super()._wait_ends_s
         if isinstance(wait, WaitTimer) or self._is_analog(wait.port):
-            return super()._wait_ends_s(wait, now_s)
-        ports = range(1, 7)
-        return min(
-            super(type(self), self)._wait_ends_s(replace(wait, port=p), now_s) for p in ports
-        )
+            return ends_s(wait, now_s)
+        return min(ends_s(replace(wait, port=port), now_s) for port in range(1, 7))
 
 
-@misrun("ends-after-an-input", "6.5/21")
-class EndsAfterAnInput(_Conditions):
-    """A program that has waited for an input ends when it comes, with what follows undone."""
+@mutant("ends-after-an-input", "6.5/21")
+class EndsAfterInput(Run):
+    """A program that has waited for an input ends without executing the nodes after it."""
 
     def _step(self, now_s: float) -> None:
         if isinstance(self._wait, WaitInput):

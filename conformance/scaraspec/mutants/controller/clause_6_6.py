@@ -1,22 +1,15 @@
-"""Faults of clause 6.6: operations of programs."""
+"""Mutants of clause 6.6: operations of programs."""
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from types import MappingProxyType
-from typing import ClassVar
 
-from scaraspec.mutants.operators.controller.programs import misrun
+from scaraspec.mutants.controller import Core, mutant, row
+from scaraspec.mutants.operators.controller.programs import with_interpreter
 from scaraspec.protocol.program_files import Operation, Opt, ResultType, ValueType
 from scaraspec.virtual_controller.interpreter import Run
 
-_COMPARING = (
-    Opt.GREATER,
-    Opt.LESS,
-    Opt.EQUAL,
-    Opt.GREATER_OR_EQUAL,
-    Opt.LESS_OR_EQUAL,
-)
+_COMPARISONS = (Opt.GREATER, Opt.LESS, Opt.EQUAL, Opt.GREATER_OR_EQUAL, Opt.LESS_OR_EQUAL)
 
 
 def _int16(value: int) -> int:
@@ -26,56 +19,57 @@ def _int16(value: int) -> int:
 # ---------------------------------------------------------------------- operators
 
 
-class _Alters(Run):
-    """Gives some operators other operands."""
+def _operands(change: Callable[[int, int], tuple[int, int]], *opts: Opt) -> Core:
+    """The operands of some operators are changed."""
 
-    opts: ClassVar[tuple[Opt, ...]]
+    class ChangedOperands(Run):
+        def _operands(self, operation: Operation) -> tuple[int, int]:
+            a, b = super()._operands(operation)
+            return change(a, b) if operation.opt in opts else (a, b)
 
-    def altered(self, a: int, b: int) -> tuple[int, int]:
-        """The operands that they get."""
-        return a, b
-
-    def _operands(self, operation: Operation) -> tuple[int, int]:
-        a, b = super()._operands(operation)
-        return self.altered(a, b) if operation.opt in self.opts else (a, b)
+    return with_interpreter(ChangedOperands)
 
 
-@misrun("subtracts-the-other-way", "6.6a/11")
-class SubtractsTheOtherWay(_Alters):
-    """A is taken from B."""
+def _operators(others: Mapping[int, Opt]) -> Core:
+    """Operators are replaced by others."""
 
-    opts = (Opt.SUBTRACT,)
+    class OtherOperators(Run):
+        def _holds(self, operation: Operation) -> bool:
+            return super()._holds(_replaced(operation))
 
-    def altered(self, a: int, b: int) -> tuple[int, int]:
-        """Swap them."""
-        return b, a
+        def _compute(self, operation: Operation) -> None:
+            super()._compute(_replaced(operation))
 
+    def _replaced(operation: Operation) -> Operation:
+        return replace(operation, opt=others.get(operation.opt, operation.opt))
 
-@misrun("divides-the-other-way", "6.6a/11")
-class DividesTheOtherWay(_Alters):
-    """B is divided by A."""
-
-    opts = (Opt.DIVIDE,)
-
-    def altered(self, a: int, b: int) -> tuple[int, int]:
-        """Swap them."""
-        return b, a or 1
+    return with_interpreter(OtherOperators)
 
 
-@misrun("subtracts-sizes-below-zero", "6.6a/11", subtle=True)
-class SubtractsSizesBelowZero(_Alters):
-    """Where both operands are below zero, their sizes are subtracted."""
+row(
+    "subtracts-the-other-way",
+    "6.6a/11",
+    "A is subtracted from B.",
+    _operands(lambda a, b: (b, a), Opt.SUBTRACT),
+)
+row(
+    "divides-the-other-way",
+    "6.6a/11",
+    "B is divided by A.",
+    _operands(lambda a, b: (b, a or 1), Opt.DIVIDE),
+)
+row(
+    "subtracts-sizes-below-zero",
+    "6.6a/11",
+    "If both operands are negative, their absolute values are subtracted.",
+    _operands(lambda a, b: (abs(a), abs(b)) if max(a, b) < 0 else (a, b), Opt.SUBTRACT),
+    subtle=True,
+)
 
-    opts = (Opt.SUBTRACT,)
 
-    def altered(self, a: int, b: int) -> tuple[int, int]:
-        """Drop the signs."""
-        return (abs(a), abs(b)) if max(a, b) < 0 else (a, b)
-
-
-@misrun("forgets-what-meets-itself", "6.6a/11", subtle=True)
-class ForgetsWhatMeetsItself(Run):
-    """A variable that is reckoned with itself counts as 0."""
+@mutant("forgets-what-meets-itself", "6.6a/11", subtle=True)
+class ReadsSameVariableAsZero(Run):
+    """An operation of a variable with itself uses 0 for both operands."""
 
     def _operands(self, operation: Operation) -> tuple[int, int]:
         first = (operation.value_a_type, operation.value_a)
@@ -85,277 +79,205 @@ class ForgetsWhatMeetsItself(Run):
         return super()._operands(operation)
 
 
-@misrun("adds-bytes", "6.6a/11")
-class AddsBytes(_Alters):
-    """Of what is added only the lowest byte counts."""
-
-    opts = (Opt.ADD,)
-
-    def altered(self, a: int, b: int) -> tuple[int, int]:
-        """Cut it."""
-        return a, (b + 128) % 256 - 128
-
-
-@misrun("multiplies-without-sign", "6.6a/11")
-class MultipliesWithoutSign(_Alters):
-    """Factors lose their signs."""
-
-    opts = (Opt.MULTIPLY,)
-
-    def altered(self, a: int, b: int) -> tuple[int, int]:
-        """Drop them."""
-        return abs(a), abs(b)
-
-
-@misrun("multiplies-halves", "6.6a/11", subtle=True)
-class MultipliesHalves(_Alters):
-    """Factors are cut to 16 bits."""
-
-    opts = (Opt.MULTIPLY,)
-
-    def altered(self, a: int, b: int) -> tuple[int, int]:
-        """Cut them."""
-        return _int16(a), _int16(b)
-
-
-@misrun("divides-rounding-up", "6.6a/11")
-class DividesRoundingUp(_Alters):
-    """Quotients are rounded up."""
-
-    opts = (Opt.DIVIDE,)
-
-    def altered(self, a: int, b: int) -> tuple[int, int]:
-        """Make the quotient whole."""
-        return (-(-a // b), 1) if b else (a, b)
-
-
-@misrun("divides-rounding-to-nearest", "6.6a/11", subtle=True)
-class DividesRoundingToNearest(_Alters):
-    """Quotients are rounded to the nearest number, as by floats."""
-
-    opts = (Opt.DIVIDE,)
-
-    def altered(self, a: int, b: int) -> tuple[int, int]:
-        """Make the quotient whole."""
-        return (round(a / b), 1) if b else (a, b)
-
-
-@misrun("divides-floats", "6.6a/11", subtle=True)
-class DividesFloats(_Alters):
-    """What is divided is made a float of four bytes first, so that great numbers lose digits."""
-
-    opts = (Opt.DIVIDE,)
-
-    def altered(self, a: int, b: int) -> tuple[int, int]:
-        """Round the dividend."""
-        return int(*struct.unpack("<f", struct.pack("<f", a))), b
-
-
-@misrun("compares-without-sign", "6.6a/12", subtle=True)
-class ComparesWithoutSign(_Alters):
-    """Numbers below zero are greater than all others, as unsigned ones are."""
-
-    opts = _COMPARING
-
-    def altered(self, a: int, b: int) -> tuple[int, int]:
-        """Take the sign for a bit."""
-        return a % 2**32, b % 2**32
-
-
-@misrun("not-equal-below-zero", "6.6a/12", subtle=True)
-class NotEqualBelowZero(_Alters):
-    """Equal numbers below zero are not as great as each other."""
-
-    opts = (Opt.GREATER_OR_EQUAL,)
-
-    def altered(self, a: int, b: int) -> tuple[int, int]:
-        """Lower the first."""
-        return (a - 1, b) if a == b < 0 else (a, b)
-
-
-@misrun("compares-halves", "6.6a/12", subtle=True)
-class ComparesHalves(_Alters):
-    """Only the lower 16 bits are compared."""
-
-    opts = _COMPARING
-
-    def altered(self, a: int, b: int) -> tuple[int, int]:
-        """Cut them."""
-        return _int16(a), _int16(b)
-
-
-@misrun("compares-the-other-way", "6.6a/12")
-class ComparesTheOtherWay(_Alters):
-    """B is compared with A."""
-
-    opts = _COMPARING
-
-    def altered(self, a: int, b: int) -> tuple[int, int]:
-        """Swap them."""
-        return b, a
-
-
-class _TakesForAnother(Run):
-    """Takes operators for others."""
-
-    instead: ClassVar[Mapping[int, Opt]] = MappingProxyType({})
-
-    def _meant(self, operation: Operation) -> Operation:
-        return replace(operation, opt=self.instead.get(operation.opt, operation.opt))
-
-    def _holds(self, operation: Operation) -> bool:
-        return super()._holds(self._meant(operation))
-
-    def _compute(self, operation: Operation) -> None:
-        super()._compute(self._meant(operation))
-
-
-@misrun("adds-where-it-multiplies", "6.6a/11")
-class AddsWhereItMultiplies(_TakesForAnother):
-    """Operator 3 adds."""
-
-    instead = MappingProxyType({Opt.MULTIPLY: Opt.ADD})
-
-
-@misrun("operators-as-conditions", "6.6a/12")
-class OperatorsAsConditions(_TakesForAnother):
-    """Operators 8 and 9 have each other's meaning, in the order of the conditions 4 and 5."""
-
-    instead = MappingProxyType(
-        {
-            Opt.GREATER_OR_EQUAL: Opt.LESS_OR_EQUAL,
-            Opt.LESS_OR_EQUAL: Opt.GREATER_OR_EQUAL,
-        }
-    )
-
-
-@misrun("greater-when-equal", "6.6a/12", subtle=True)
-class GreaterWhenEqual(_TakesForAnother):
-    """A > B holds too when both are equal."""
-
-    instead = MappingProxyType({Opt.GREATER: Opt.GREATER_OR_EQUAL})
-
-
-@misrun("less-when-equal", "6.6a/12", subtle=True)
-class LessWhenEqual(_TakesForAnother):
-    """A < B holds too when both are equal."""
-
-    instead = MappingProxyType({Opt.LESS: Opt.LESS_OR_EQUAL})
-
-
-@misrun("not-less-only-when-greater", "6.6a/12", subtle=True)
-class NotLessOnlyWhenGreater(_TakesForAnother):
-    """A >= B does not hold when both are equal."""
-
-    instead = MappingProxyType({Opt.GREATER_OR_EQUAL: Opt.GREATER})
-
-
-@misrun("not-greater-only-when-less", "6.6a/12", subtle=True)
-class NotGreaterOnlyWhenLess(_TakesForAnother):
-    """A <= B does not hold when both are equal."""
-
-    instead = MappingProxyType({Opt.LESS_OR_EQUAL: Opt.LESS})
-
+row(
+    "adds-bytes",
+    "6.6a/11",
+    "An addition uses only the lowest byte of B.",
+    _operands(lambda a, b: (a, (b + 128) % 256 - 128), Opt.ADD),
+)
+row(
+    "multiplies-without-sign",
+    "6.6a/11",
+    "A multiplication ignores the signs.",
+    _operands(lambda a, b: (abs(a), abs(b)), Opt.MULTIPLY),
+)
+row(
+    "multiplies-halves",
+    "6.6a/11",
+    "A multiplication uses only the lower 16 bits of the operands.",
+    _operands(lambda a, b: (_int16(a), _int16(b)), Opt.MULTIPLY),
+    subtle=True,
+)
+row(
+    "divides-rounding-up",
+    "6.6a/11",
+    "Quotients are rounded up.",
+    _operands(lambda a, b: (-(-a // b), 1) if b else (a, b), Opt.DIVIDE),
+)
+row(
+    "divides-rounding-to-nearest",
+    "6.6a/11",
+    "Quotients are rounded to the nearest integer.",
+    _operands(lambda a, b: (round(a / b), 1) if b else (a, b), Opt.DIVIDE),
+    subtle=True,
+)
+row(
+    "divides-floats",
+    "6.6a/11",
+    "A dividend is converted to a float of four bytes, so that large numbers lose digits.",
+    _operands(lambda a, b: (int(*struct.unpack("<f", struct.pack("<f", a))), b), Opt.DIVIDE),
+    subtle=True,
+)
+row(
+    "compares-without-sign",
+    "6.6a/12",
+    "Numbers are compared as unsigned: negative ones are greater than all others.",
+    _operands(lambda a, b: (a % 2**32, b % 2**32), *_COMPARISONS),
+    subtle=True,
+)
+row(
+    "not-equal-below-zero",
+    "6.6a/12",
+    "A >= B does not hold for equal negative numbers.",
+    _operands(lambda a, b: (a - 1, b) if a == b < 0 else (a, b), Opt.GREATER_OR_EQUAL),
+    subtle=True,
+)
+row(
+    "compares-halves",
+    "6.6a/12",
+    "Only the lower 16 bits are compared.",
+    _operands(lambda a, b: (_int16(a), _int16(b)), *_COMPARISONS),
+    subtle=True,
+)
+row(
+    "compares-the-other-way",
+    "6.6a/12",
+    "The operands of a comparison are exchanged.",
+    _operands(lambda a, b: (b, a), *_COMPARISONS),
+)
+row(
+    "adds-where-it-multiplies",
+    "6.6a/11",
+    "Operator 3 adds.",
+    _operators({Opt.MULTIPLY: Opt.ADD}),
+)
+row(
+    "operators-as-conditions",
+    "6.6a/12",
+    "Operators 8 and 9 are exchanged, in the order of the conditions 4 and 5.",
+    _operators({Opt.GREATER_OR_EQUAL: Opt.LESS_OR_EQUAL, Opt.LESS_OR_EQUAL: Opt.GREATER_OR_EQUAL}),
+)
+row(
+    "greater-when-equal",
+    "6.6a/12",
+    "A > B also holds for equal numbers.",
+    _operators({Opt.GREATER: Opt.GREATER_OR_EQUAL}),
+    subtle=True,
+)
+row(
+    "less-when-equal",
+    "6.6a/12",
+    "A < B also holds for equal numbers.",
+    _operators({Opt.LESS: Opt.LESS_OR_EQUAL}),
+    subtle=True,
+)
+row(
+    "not-less-only-when-greater",
+    "6.6a/12",
+    "A >= B does not hold for equal numbers.",
+    _operators({Opt.GREATER_OR_EQUAL: Opt.GREATER}),
+    subtle=True,
+)
+row(
+    "not-greater-only-when-less",
+    "6.6a/12",
+    "A <= B does not hold for equal numbers.",
+    _operators({Opt.LESS_OR_EQUAL: Opt.LESS}),
+    subtle=True,
+)
 
 # ---------------------------------------------------------------------- the result of a comparison
 
 
-@misrun("zero-is-false", "6.6a/2", "6.5/24")
-class ZeroIsFalse(Run):
-    """A comparison with result 0 takes the branch of what does not hold, as in C."""
+def _inverts(when: Callable[[int], bool]) -> Core:
+    """A comparison is inverted, if its result field fulfils a condition."""
 
-    def _holds(self, operation: Operation) -> bool:
-        return not super()._holds(operation)
+    class InvertsComparisons(Run):
+        def _holds(self, operation: Operation) -> bool:
+            return super()._holds(operation) != when(operation.result)
 
-
-@misrun("inverts-what-is-above-zero", "6.6a/2", subtle=True)
-class InvertsWhatIsAboveZero(Run):
-    """A result above 0 inverts a comparison, one below 0 does not."""
-
-    def _holds(self, operation: Operation) -> bool:
-        return super()._holds(operation) != (operation.result > 0)
+    return with_interpreter(InvertsComparisons)
 
 
-@misrun("inverts-by-the-lowest-byte", "6.6a/2", subtle=True)
-class InvertsByTheLowestByte(Run):
-    """A result inverts a comparison only if its lowest byte is not 0."""
-
-    def _holds(self, operation: Operation) -> bool:
-        return super()._holds(operation) != (operation.result % 256 != 0)
-
+row(
+    "zero-is-false",
+    "6.6a/2 6.5/24",
+    "A comparison is inverted whatever its result field is.",
+    _inverts(lambda _result: True),
+)
+row(
+    "inverts-what-is-above-zero",
+    "6.6a/2",
+    "A comparison is inverted if its result field is positive.",
+    _inverts(lambda result: result > 0),
+    subtle=True,
+)
+row(
+    "inverts-by-the-lowest-byte",
+    "6.6a/2",
+    "A comparison is inverted if the lowest byte of its result field is not 0.",
+    _inverts(lambda result: result % 256 != 0),
+    subtle=True,
+)
 
 # ---------------------------------------------------------------------- where results go
 
 
-class _Elsewhere(Run):
-    """Brings results elsewhere."""
-
-    def place(self, operation: Operation) -> Operation:
-        """The operation with another place for its result."""
-        return operation
+@mutant("keys-of-one-byte", "6.6a/13", subtle=True)
+class ComparesByteOfKeys(Run):
+    """A result is stored in the first variable whose key has the same lowest byte."""
 
     def _compute(self, operation: Operation) -> None:
-        super()._compute(self.place(operation))
+        if operation.result_type != ResultType.SET_PORT:
+            equal = (key for key in self._variables if (key - operation.result) % 256 == 0)
+            operation = replace(operation, result=next(equal))
+        super()._compute(operation)
 
 
-@misrun("keys-of-one-byte", "6.6a/13", subtle=True)
-class KeysOfOneByte(_Elsewhere):
-    """A result goes to the first variable whose key has the same lowest byte."""
+@mutant("assigns-to-the-next-variable", "6.6a/13")
+class AssignsToNextVariable(Run):
+    """An assignment changes the variable after the one in the operation."""
 
-    def place(self, operation: Operation) -> Operation:
-        """Look at that byte."""
-        if operation.result_type == ResultType.SET_PORT:
-            return operation
-        like = (key for key in self._variables if (key - operation.result) % 256 == 0)
-        return replace(operation, result=next(like))
-
-
-@misrun("assigns-to-the-next-variable", "6.6a/13")
-class AssignsToTheNextVariable(_Elsewhere):
-    """An assignment goes to the variable behind the one that it names."""
-
-    def place(self, operation: Operation) -> Operation:
-        """Go one on."""
-        if operation.result_type != ResultType.ASSIGNMENT:
-            return operation
-        keys = list(self._variables)
-        return replace(operation, result=keys[(keys.index(operation.result) + 1) % len(keys)])
+    def _compute(self, operation: Operation) -> None:
+        if operation.result_type == ResultType.ASSIGNMENT:
+            keys = list(self._variables)
+            key = keys[(keys.index(operation.result) + 1) % len(keys)]
+            operation = replace(operation, result=key)
+        super()._compute(operation)
 
 
-@misrun("calculates-into-a", "6.6a/13")
-class CalculatesIntoA(_Elsewhere):
-    """A calculation is stored in the variable of its value A, where that is one."""
+@mutant("calculates-into-a", "6.6a/13")
+class StoresResultInA(Run):
+    """The result of a calculation is stored in the variable of its value A, if A is a variable."""
 
-    def place(self, operation: Operation) -> Operation:
-        """Take A's key."""
+    def _compute(self, operation: Operation) -> None:
         stored = operation.result_type in (ResultType.CALCULATION, ResultType.ASSIGNMENT)
         if stored and operation.value_a_type == ValueType.VARIABLE:
-            return replace(operation, result=operation.value_a)
-        return operation
+            operation = replace(operation, result=operation.value_a)
+        super()._compute(operation)
 
 
-@misrun("ports-of-operations-from-zero", "6.6a/13")
-class PortsOfOperationsFromZero(_Elsewhere):
-    """An operation that sets a port sets the one above."""
+@mutant("ports-of-operations-from-zero", "6.6a/13")
+class SetsNextPort(Run):
+    """An operation that sets a port sets the one with the next number."""
 
-    def place(self, operation: Operation) -> Operation:
-        """Go one on."""
+    def _compute(self, operation: Operation) -> None:
         if operation.result_type == ResultType.SET_PORT:
-            return replace(operation, result=operation.result % 16 + 1)
-        return operation
+            operation = replace(operation, result=operation.result % 16 + 1)
+        super()._compute(operation)
 
 
-@misrun("operations-only-switch-on", "6.6a/13")
-class OperationsOnlySwitchOn(Run):
-    """An operation sets a port to 1 and never to 0."""
+@mutant("operations-only-switch-on", "6.6a/13")
+class OnlySetsPortsToOne(Run):
+    """An operation sets a port to 1 but never to 0."""
 
     def _compute(self, operation: Operation) -> None:
         if operation.result_type != ResultType.SET_PORT or self._operands(operation)[0]:
             super()._compute(operation)
 
 
-@misrun("assigns-nothing", "6.6a/13")
-class AssignsNothing(Run):
+@mutant("assigns-nothing", "6.6a/13")
+class IgnoresAssignments(Run):
     """An assignment has no effect."""
 
     def _compute(self, operation: Operation) -> None:
@@ -363,21 +285,21 @@ class AssignsNothing(Run):
             super()._compute(operation)
 
 
-@misrun("assigns-sizes", "6.6a/13", subtle=True)
-class AssignsSizes(Run):
-    """What is assigned loses its sign."""
+@mutant("assigns-sizes", "6.6a/13", subtle=True)
+class AssignsAbsoluteValues(Run):
+    """An assigned value loses its sign."""
 
     def _operands(self, operation: Operation) -> tuple[int, int]:
         a, b = super()._operands(operation)
         return (abs(a) if operation.result_type == ResultType.ASSIGNMENT else a), b
 
 
-# ---------------------------------------------------------------------- what values stand for
+# ---------------------------------------------------------------------- the meaning of values
 
 
-@misrun("numbers-are-keys", "6.6a/14", subtle=True)
-class NumbersAreKeys(Run):
-    """A number that is the key of a variable stands for the variable."""
+@mutant("numbers-are-keys", "6.6a/14", subtle=True)
+class ReadsNumbersAsKeys(Run):
+    """A number that is the key of a variable is replaced by the value of the variable."""
 
     def _value(self, value_type: int, value: int) -> int:
         if value_type == ValueType.NUMBER and value in self._variables:
@@ -385,59 +307,48 @@ class NumbersAreKeys(Run):
         return super()._value(value_type, value)
 
 
-@misrun("keys-are-numbers", "6.6a/14")
-class KeysAreNumbers(Run):
-    """The key of a variable stands for itself where it is value B."""
+@mutant("keys-are-numbers", "6.6a/14")
+class ReadsKeysAsNumbers(Run):
+    """The key of a variable is used as a number if it is value B."""
 
     def _operands(self, operation: Operation) -> tuple[int, int]:
         a, b = super()._operands(operation)
         return a, operation.value_b if operation.value_b_type == ValueType.VARIABLE else b
 
 
-class _ReadsInputs(Run):
-    """Reads something else for an input port."""
+def _reads(read: Callable[[Run, int], int]) -> Core:
+    """The value of an input port is changed."""
 
-    def read(self, port: int) -> int:
-        """What it reads."""
-        return self._input(port)
+    class ReadsInputs(Run):
+        def _value(self, value_type: int, value: int) -> int:
+            if value_type == ValueType.INPUT_PORT:
+                return read(self, value)
+            return super()._value(value_type, value)
 
-    def _value(self, value_type: int, value: int) -> int:
-        if value_type == ValueType.INPUT_PORT:
-            return self.read(value)
-        return super()._value(value_type, value)
-
-
-@misrun("inputs-of-operations-from-zero", "6.6a/14")
-class InputsOfOperationsFromZero(_ReadsInputs):
-    """An operation reads the input above the one that it names."""
-
-    def read(self, port: int) -> int:
-        """Go one on."""
-        return self._input(port % 8 + 1)
+    return with_interpreter(ReadsInputs)
 
 
-@misrun("inputs-inverted", "6.6a/14")
-class InputsInverted(_ReadsInputs):
-    """An input that is on counts as 0 and one that is off as 1."""
-
-    def read(self, port: int) -> int:
-        """Turn it round."""
-        return 1 - self._input(port)
-
-
-@misrun("reads-outputs-for-inputs", "6.6a/14")
-class ReadsOutputsForInputs(_ReadsInputs):
-    """The output port of that number is read in place of the input."""
-
-    def read(self, port: int) -> int:
-        """Read the output."""
-        return int(self._plant.digital_outputs[port])
-
-
-@misrun("inputs-are-numbers", "6.6a/14")
-class InputsAreNumbers(_ReadsInputs):
-    """The number of an input port stands for itself."""
-
-    def read(self, port: int) -> int:
-        """Read nothing."""
-        return port
+row(
+    "inputs-of-operations-from-zero",
+    "6.6a/14",
+    "An operation reads the input with the next number.",
+    _reads(lambda self, port: self._input(port % 8 + 1)),
+)
+row(
+    "inputs-inverted",
+    "6.6a/14",
+    "An input that is on has the value 0, and one that is off the value 1.",
+    _reads(lambda self, port: 1 - self._input(port)),
+)
+row(
+    "reads-outputs-for-inputs",
+    "6.6a/14",
+    "The output port with the same number is read in place of the input port.",
+    _reads(lambda self, port: int(self._plant.digital_outputs[port])),
+)
+row(
+    "inputs-are-numbers",
+    "6.6a/14",
+    "The number of an input port is used in place of its value.",
+    _reads(lambda _run, port: port),
+)

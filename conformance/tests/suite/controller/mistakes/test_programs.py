@@ -13,7 +13,11 @@ from typing import Any, ClassVar
 
 import pytest
 
-from scaraspec.mutants.controller.clause_6_5_damaged import TakesShortCurves
+from scaraspec.mutants.operators.controller.programs import (
+    accepts_errors,
+    straightened,
+    with_interpreter,
+)
 from scaraspec.mutants.operators.controller.transfers import SendsAfterTheEnd
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.protocol.program_files import (
@@ -41,11 +45,6 @@ def as_float(value: float) -> float:
     """Round a number to a float of 4 bytes."""
     rounded: float = struct.unpack("f", struct.pack("f", value))[0]
     return rounded
-
-
-def with_interpreter(run: type[interpreter.Run]) -> type[ControllerCore]:
-    """Return a controller that executes its programs with this interpreter."""
-    return type(run.__name__, (ControllerCore,), {"interpreter": run})
 
 
 class _KeepsStoppedRun(ControllerCore, ABC):
@@ -324,10 +323,8 @@ class ComparesWithKey(interpreter.Run):
         return a, operation.value_b if operation.opt >= Opt.GREATER else b
 
 
-class AcceptsTruncatedCurves(TakesShortCurves):
-    """A curve with a count of three points may have two if the file ends after them."""
-
-    forgiven = frozenset({"P-counts-past-end", "P-curve-short"})
+class RefusesSmallCurveCounts(ControllerCore):
+    """Refuses a program with a curve that counts fewer than three points."""
 
     def parse_program(self, data: bytes) -> Program | None:
         program = super().parse_program(data)
@@ -335,6 +332,16 @@ class AcceptsTruncatedCurves(TakesShortCurves):
             return None
         curves = (node for node in parse(data).nodes if node.type == NodeType.CURVE_MOVE)
         return None if any(node.counts < 3 for node in curves) else program
+
+
+AcceptsTruncatedCurves = type(
+    "AcceptsTruncatedCurves",
+    (
+        RefusesSmallCurveCounts,
+        accepts_errors("P-counts-past-end", "P-curve-short", change=straightened),
+    ),
+    {"__doc__": "A curve with a count of three points may have two if the file ends after them."},
+)
 
 
 class CachesProgramsByName(ControllerCore):
