@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 from scaraspec.mutants.controller import Core, mutant, row
-from scaraspec.mutants.operators.controller.connections import finds, other_framer, received_bytes
+from scaraspec.mutants.operators.controller.connections import finds, received_bytes, with_framer
 from scaraspec.mutants.operators.controller.requests import after
 from scaraspec.protocol.commands import Command
 from scaraspec.protocol.frames import Frame, StreamItem
@@ -207,7 +207,7 @@ row(
     "impatient-with-pauses",
     "2/5",
     "An unfinished frame is discarded after 0.5 s.",
-    other_framer(lambda dialect: RequestFramer(dialect.replace(partial_timeout="0.5"))),
+    with_framer(lambda dialect: RequestFramer(dialect.replace(partial_timeout="0.5"))),
 )
 row(
     "counts-from-first-byte",

@@ -7,8 +7,8 @@ from typing import Any
 from scaraspec.mutants.controller import Core, mutant, row
 from scaraspec.mutants.operators.controller.connections import (
     SendsLater,
-    other_framer,
     received_bytes,
+    with_framer,
 )
 from scaraspec.mutants.operators.controller.replies import frame_bytes
 from scaraspec.protocol.direction import A2C, C2A
@@ -168,7 +168,7 @@ row(
     "ends-at-first-end-byte",
     "3/9",
     "A frame ends at the first 0xCC, whatever its length byte is.",
-    other_framer(_EndsAtEndByte),
+    with_framer(_EndsAtEndByte),
 )
 row(
     "begins-anew-at-start-byte",

@@ -9,8 +9,8 @@ from scaraspec.mutants.operators.controller.connections import (
     crashes_on_bytes,
     crashes_on_skipped,
     on_skipped,
-    other_framer,
     received_bytes,
+    with_framer,
 )
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame, Skipped, SkipReason, StreamItem
@@ -30,7 +30,7 @@ def _deaf_after(why: SkipReason) -> Core:
             self._deaf |= any(isinstance(item, Skipped) and item.why is why for item in found)
             return found
 
-    return other_framer(Deaf)
+    return with_framer(Deaf)
 
 
 def _restart(core: Crashes, _session: Session, item: Skipped, now_s: float) -> None:
@@ -261,7 +261,7 @@ row(
     "3/29",
     "A partial frame never times out, and stays in the buffer of the next connection.",
     KeepsPartialFrame,
-    other_framer(lambda dialect: RequestFramer(dialect.replace(partial_timeout="none"))),
+    with_framer(lambda dialect: RequestFramer(dialect.replace(partial_timeout="none"))),
     subtle=True,
 )
 

@@ -23,7 +23,7 @@ def received_bytes(change: Callable[[bytes], bytes]) -> Core:
     return ReceivedBytes
 
 
-def other_framer(make: Callable[[Dialect], RequestFramer]) -> Core:
+def with_framer(make: Callable[[Dialect], RequestFramer]) -> Core:
     """Sessions use another request framer."""
 
     class OtherFramer(ControllerCore):
@@ -36,7 +36,7 @@ def other_framer(make: Callable[[Dialect], RequestFramer]) -> Core:
 
 def finds(receive: Callable[[RequestFramer, bytes, float], list[StreamItem]]) -> Core:
     """`receive` of a session's framer is replaced."""
-    return other_framer(type("Finds", (RequestFramer,), {"receive": receive}))
+    return with_framer(type("Finds", (RequestFramer,), {"receive": receive}))
 
 
 class Crashes(ControllerCore):

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from scaraspec.mutants.operators.controller.connections import other_framer
+from scaraspec.mutants.operators.controller.connections import with_framer
 from scaraspec.protocol.frames import Frame, StreamItem
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.request_framer import RequestFramer
@@ -101,11 +101,11 @@ class ExecutesOutputsLast(RequestFramer):
 @pytest.mark.parametrize(
     ("core", "only", "requirement"),
     [
-        (other_framer(ExecutesOutputsLast), "3/30", "3/30"),
-        (other_framer(SegmentIsFrame), "2/5", "2/5"),
-        (other_framer(DropsFrameOfManySegments), "2/5", "2/5"),
-        (other_framer(DropsSegmentAfterStop), "4.17/2", "2/6"),
-        (other_framer(DropsFrameBeforeFullBuffer), "2/6", "2/6"),
+        (with_framer(ExecutesOutputsLast), "3/30", "3/30"),
+        (with_framer(SegmentIsFrame), "2/5", "2/5"),
+        (with_framer(DropsFrameOfManySegments), "2/5", "2/5"),
+        (with_framer(DropsSegmentAfterStop), "4.17/2", "2/6"),
+        (with_framer(DropsFrameBeforeFullBuffer), "2/6", "2/6"),
         (TruncatesTo512Bytes, "2/6", "2/6"),
         (TruncatesTo1024Bytes, "2/6", "2/6"),
         (EndsAtFirstEndByte, "3/9", "3/9"),
