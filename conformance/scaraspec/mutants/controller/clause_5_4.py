@@ -1,139 +1,112 @@
-"""Faults of clause 5.4: the receiver, the end of a transfer, and what a broken one leaves."""
+"""Mutants of clause 5.4: the receiver, the end of a transfer, and what an aborted one leaves."""
 
 import struct
+from collections.abc import Callable
 from functools import cached_property
-from typing import ClassVar
+from typing import Any
 
-from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.operators.controller.transfers import JudgesChunks, SendsAfterTheEnd
+from scaraspec.mutants.controller import Core, mutant, row
+from scaraspec.mutants.operators.controller.requests import after, answer_when
+from scaraspec.mutants.operators.controller.transfers import (
+    SendsAfterTheEnd,
+    receiver_of,
+    receives,
+    sender_of,
+)
+from scaraspec.mutants.operators.receivers import judging, timing_out
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import NameListPart
-from scaraspec.protocol.transfer import (
-    BUFFER_BYTES,
-    FILE_DATA,
-    HEAD_BYTES,
-    Receiver,
-    Sender,
-    State,
-)
+from scaraspec.protocol.transfer import BUFFER_BYTES, HEAD_BYTES, Receiver, State
 from scaraspec.virtual_controller.behaviour.base import Silence
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import OpenTransfer, Request, Session
 
-_UPLOADS = (0x50, 0x52)
 _TRANSFERS = (0x50, 0x52, 0x54, 0x56)
 _LOGIN = 0x01
+_NO_PROGRAMS = NameListPart(more=False, names=())
 
 # The name
 
 
-@mutant("deleted-names-stay-taken", "5.4/1", subtle=True)
-class DeletedNamesStayTaken(ControllerCore):
-    """A name that was once deleted is never accepted again."""
+class _RefusesNames(ControllerCore):
+    """Refuses the names of uploads that are in `refused`."""
 
-    @cached_property
-    def deleted(self) -> set[bytes]:
-        """What it remembers."""
-        return set()
-
-    def delete_program(self, request: Request) -> bool:
-        """Remember it."""
-        deleted = super().delete_program(request)
-        if deleted:
-            self.deleted.add(request.value)
-        return deleted
+    refused: frozenset[bytes] = frozenset()
 
     def upload_name(self, request: Request) -> bool:
-        """Refuse it."""
-        return request.value not in self.deleted and super().upload_name(request)
+        return request.value not in self.refused and super().upload_name(request)
+
+
+@mutant("deleted-names-stay-taken", "5.4/1", subtle=True)
+class RefusesDeletedNames(_RefusesNames):
+    """A name that was once deleted is never accepted again."""
+
+    def delete_program(self, request: Request) -> bool:
+        deleted = super().delete_program(request)
+        if deleted:
+            self.refused |= {request.value}
+        return deleted
 
 
 @mutant("names-asked-for-in-vain-are-taken", "5.4/1", subtle=True)
-class NamesAskedForInVainAreTaken(ControllerCore):
-    """A name that was asked for in vain is entered in the directory, and then refused."""
-
-    @cached_property
-    def asked(self) -> set[bytes]:
-        """What it remembers."""
-        return set()
+class RefusesMissingNames(_RefusesNames):
+    """The name of a missing file is refused for uploads after a download of it was requested."""
 
     def download_name(self, request: Request) -> bool:
-        """Enter it."""
         if request.value not in self.store:
-            self.asked.add(request.value)
+            self.refused |= {request.value}
         return super().download_name(request)
 
-    def upload_name(self, request: Request) -> bool:
-        """Refuse it."""
-        return request.value not in self.asked and super().upload_name(request)
 
-
-@mutant("only-the-oldest-connection-creates", "5.4/1", subtle=True)
-class OnlyTheOldestConnectionCreates(ControllerCore):
-    """A file is created for the oldest connection only; the others are answered 0."""
-
-    def upload_name(self, request: Request) -> bool:
-        """Look who asks."""
-        oldest = min(self.sessions)
-        return request.session.connection == oldest and super().upload_name(request)
+row(
+    "only-the-oldest-connection-creates",
+    "5.4/1",
+    "A file is created for the oldest connection only; the others are answered 0.",
+    answer_when(
+        "upload_name",
+        lambda core, request: request.session.connection != min(core.sessions),
+        value=False,
+    ),
+    subtle=True,
+)
 
 
 @mutant("broken-uploads-block-their-name", "5.4/1", subtle=True)
-class BrokenUploadsBlockTheirName(ControllerCore):
-    """The name of a broken upload stays taken for good, though there is no file."""
-
-    @cached_property
-    def blocked(self) -> set[bytes]:
-        """What it remembers."""
-        return set()
+class RefusesAbortedNames(_RefusesNames):
+    """The name of an aborted upload stays taken forever, although there is no file."""
 
     def abort_transfer(self, session: Session) -> None:
-        """Block it."""
-        if session.transfer is not None and isinstance(session.transfer.end, Receiver):
-            self.blocked.add(session.transfer.name)
+        if session.transfer is not None and receiver_of(session):
+            self.refused |= {session.transfer.name}
         super().abort_transfer(session)
-
-    def upload_name(self, request: Request) -> bool:
-        """Refuse it."""
-        return request.value not in self.blocked and super().upload_name(request)
 
 
 @mutant("fetched-names-are-free", "5.4/2", "5.2/3", "5.1/10", subtle=True)
-class FetchedNamesAreFree(SendsAfterTheEnd):
-    """A file that was fetched whole may be overwritten."""
+class OverwritesDownloadedFiles(SendsAfterTheEnd):
+    """A file that was completely downloaded may be overwritten."""
 
-    @cached_property
-    def fetched(self) -> set[bytes]:
-        """What it remembers."""
-        return set()
+    _downloaded: frozenset[bytes] = frozenset()
 
-    def downloaded(self, session: Session, name: bytes) -> None:  # noqa: ARG002 - whoever it was
-        """Remember it."""
-        self.fetched.add(name)
+    def downloaded(self, _session: Session, name: bytes) -> None:
+        self._downloaded |= {name}
 
     def upload_name(self, request: Request) -> bool:
-        """Make room."""
-        if request.value in self.fetched:
+        if request.value in self._downloaded:
             self.remove(request.value)
         return super().upload_name(request)
 
 
 @mutant("knows-the-last-ten-names", "5.4/2", "5.2/3", "5.1/10", subtle=True)
-class KnowsTheLastTenNames(SendsAfterTheEnd):
-    """Whether a name is taken is looked up among the last ten only."""
+class OverwritesOldFiles(SendsAfterTheEnd):
+    """Only the names of the last ten uploads count as taken."""
 
-    @cached_property
-    def latest(self) -> list[bytes]:
-        """What it remembers."""
-        return []
+    _latest: tuple[bytes, ...] = ()
 
-    def uploaded(self, session: Session, name: bytes) -> None:  # noqa: ARG002 - whoever it was
-        """Remember it."""
-        self.latest = [*self.latest[-9:], name]
+    def uploaded(self, _session: Session, name: bytes) -> None:
+        self._latest = (*self._latest[-9:], name)
 
     def upload_name(self, request: Request) -> bool:
-        """Look there."""
-        if request.value not in self.latest:
+        if request.value not in self._latest:
             self.remove(request.value)
         return super().upload_name(request)
 
@@ -142,105 +115,59 @@ class KnowsTheLastTenNames(SendsAfterTheEnd):
 
 
 @mutant("fills-the-frame", "5.4/3", "5.1/5")
-class FillsTheFrame(ControllerCore):
-    """The chunks of a download hold as much as a frame can: 243 bytes."""
+class FillsFrames(ControllerCore):
+    """The chunks of a download contain up to 243 bytes, as many as fit into a frame."""
 
     def download_name(self, request: Request) -> bool:
-        """Keep the content at hand."""
-        self.content = self.store.read(request.value) if request.value in self.store else b""
+        self._content = self.store.read(request.value) if request.value in self.store else b""
         return super().download_name(request)
 
     def emit(self, session: Session, frame: Frame) -> None:
-        """Fill the first chunk."""
-        if frame.opcode == 0x56 and len(self.content) > BUFFER_BYTES:
-            length = min(243, len(self.content))
+        if frame.opcode == 0x56 and len(self._content) > BUFFER_BYTES:
+            length = min(243, len(self._content))
             order = "<III" if self.dialect["endian"] == "little" else ">III"
-            head = struct.pack(order, len(self.content), 0, length)
-            frame = frame._replace(data=head + self.content[:length])
+            head = struct.pack(order, len(self._content), 0, length)
+            frame = frame._replace(data=head + self._content[:length])
         super().emit(session, frame)
 
 
-class _WaitsForMore(Receiver):
-    """Does not see the end by itself."""
+row(
+    "waits-for-an-end-mark",
+    "5.4/4 5.1/7 5.2/12",
+    "A file is complete only when another chunk follows its last chunk.",
+    receives(judging(complete=lambda *_: False)),
+)
+row(
+    "full-last-chunk-is-not-the-end",
+    "5.4/4 5.1/7 5.2/16",
+    "A file of a multiple of 200 bytes is complete only when a shorter chunk follows.",
+    receives(
+        judging(
+            complete=lambda receiver, _: (
+                receiver.state is State.DONE
+                and bool(not receiver.size_bytes or receiver.size_bytes % BUFFER_BYTES)
+            )
+        )
+    ),
+    subtle=True,
+)
+row(
+    "short-chunk-is-the-end",
+    "5.4/4",
+    "A chunk of less than 200 bytes ends the file at any position.",
+    receives(
+        judging(
+            complete=lambda receiver, chunk: (
+                receiver.state is State.DONE or chunk.length < BUFFER_BYTES
+            )
+        )
+    ),
+)
 
-    def take(self, data: bytes, now_s: float) -> bool | None:
-        taken = super().take(data, now_s)
-        if taken and self.state is State.DONE and self.waits():
-            self.state = State.ACTIVE
-        return taken
-
-    def waits(self) -> bool:
-        """Whether something more is waited for."""
-        return True
-
-
-@mutant("waits-for-an-end-mark", "5.4/4", "5.1/7", "5.2/12")
-class WaitsForAnEndMark(JudgesChunks):
-    """A file is complete only when something follows on its last chunk."""
-
-    receiver: ClassVar[type[Receiver]] = _WaitsForMore
-
-
-class _WaitsBehindFullChunks(_WaitsForMore):
-    def waits(self) -> bool:
-        return bool(self.size_bytes and self.size_bytes % BUFFER_BYTES == 0)
-
-
-@mutant("full-last-chunk-is-not-the-end", "5.4/4", "5.1/7", "5.2/16", subtle=True)
-class FullLastChunkIsNotTheEnd(JudgesChunks):
-    """A file of a multiple of 200 bytes is complete only when a shorter chunk follows."""
-
-    receiver: ClassVar[type[Receiver]] = _WaitsBehindFullChunks
-
-
-class _EndsOnShortChunks(Receiver):
-    def take(self, data: bytes, now_s: float) -> bool | None:
-        taken = super().take(data, now_s)
-        chunk = FILE_DATA.decode(data).value
-        if taken and chunk is not None and chunk.length < BUFFER_BYTES:
-            self.state = State.DONE
-        return taken
+# The timeout
 
 
-@mutant("short-chunk-is-the-end", "5.4/4")
-class ShortChunkIsTheEnd(JudgesChunks):
-    """A chunk of less than 200 bytes ends the file, wherever it stands."""
-
-    receiver: ClassVar[type[Receiver]] = _EndsOnShortChunks
-
-
-# The time-out
-
-
-class _Patient(Receiver):
-    """Has another time-out."""
-
-    timeout_s: ClassVar[float] = 90.0
-
-    def __init__(self, *arguments: object, **named: object) -> None:
-        super().__init__(*arguments, **named)  # type: ignore[arg-type] # they are the receiver's
-        self._timeout_s = self.timeout_s
-
-
-@mutant("waits-for-chunks-too-long", "5.4/5")
-class WaitsForChunksTooLong(JudgesChunks):
-    """An upload goes on after a silence of 90 s."""
-
-    receiver: ClassVar[type[Receiver]] = _Patient
-
-
-class _Impatient(_Patient):
-    timeout_s: ClassVar[float] = 20.0
-
-
-@mutant("gives-up-chunks-too-early", "5.4/5")
-class GivesUpChunksTooEarly(JudgesChunks):
-    """An upload is given up after a silence of 20 s."""
-
-    receiver: ClassVar[type[Receiver]] = _Impatient
-
-
-class _FromTheBeginning(Receiver):
+class _ExpiresAfterBegin(Receiver):
     def take(self, data: bytes, now_s: float) -> bool | None:
         last_frame_s = self._last_frame_s
         taken = super().take(data, now_s)
@@ -248,119 +175,123 @@ class _FromTheBeginning(Receiver):
         return taken
 
 
-@mutant("uploads-last-thirty-seconds", "5.4/5", subtle=True)
-class UploadsLastThirtySeconds(JudgesChunks):
-    """An upload is given up 30 s after its name came, however many chunks have come since."""
-
-    receiver: ClassVar[type[Receiver]] = _FromTheBeginning
-
-
-class _FromTheFirstChunk(Receiver):
+class _ExpiresAfterChunks(Receiver):
     @property
     def deadline_s(self) -> float | None:
         return super().deadline_s if self.received_bytes else None
 
 
-@mutant("waits-for-the-first-chunk-for-ever", "5.4/5", subtle=True)
-class WaitsForTheFirstChunkForEver(JudgesChunks):
-    """An upload of which only the name came is never given up."""
+row(
+    "waits-for-chunks-too-long",
+    "5.4/5",
+    "An upload continues after 90 s without a chunk.",
+    receives(timing_out(90)),
+)
+row(
+    "gives-up-chunks-too-early",
+    "5.4/5",
+    "An upload is aborted after 20 s without a chunk.",
+    receives(timing_out(20)),
+)
+row(
+    "uploads-last-thirty-seconds",
+    "5.4/5",
+    "An upload is aborted 30 s after its name arrived, even if chunks have arrived since.",
+    receives(_ExpiresAfterBegin),
+    subtle=True,
+)
+row(
+    "waits-for-the-first-chunk-for-ever",
+    "5.4/5",
+    "An upload of which only the name arrived never times out.",
+    receives(_ExpiresAfterChunks),
+    subtle=True,
+)
 
-    receiver: ClassVar[type[Receiver]] = _FromTheFirstChunk
+# What an aborted transfer leaves
 
 
-# What is left of a broken transfer
+class _NoticesAborts(ControllerCore):
+    """Calls a method when an upload is aborted."""
 
-
-class _Breaks(ControllerCore):
-    """Does something when an upload breaks off."""
-
-    def broken(self, session: Session, name: bytes, receiver: Receiver) -> None:
-        """An upload has broken off."""
+    def aborted(self, name: bytes, receiver: Receiver) -> None:
+        """An upload was aborted."""
 
     def abort_transfer(self, session: Session) -> None:
-        """Notice it."""
         transfer = session.transfer
         super().abort_transfer(session)
         if transfer is not None and isinstance(transfer.end, Receiver):
-            self.broken(session, transfer.name, transfer.end)
+            self.aborted(transfer.name, transfer.end)
 
 
 @mutant("deaf-after-atime-out", "5.4/6", subtle=True)
-class DeafAfterATimeOut(_Breaks):
-    """After an upload was given up for silence, no request is answered any more."""
+class HangsAfterTimeout(_NoticesAborts):
+    """After an upload timed out, no request is answered."""
 
-    deaf = False
+    _hangs = False
 
-    def broken(self, session: Session, name: bytes, receiver: Receiver) -> None:  # noqa: ARG002 - whoever it was
-        """Hear no more."""
-        self.deaf = self.deaf or "no frame for" in receiver.reason
+    def aborted(self, _name: bytes, receiver: Receiver) -> None:
+        self._hangs = self._hangs or "no frame for" in receiver.reason
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Hear nothing."""
-        if not self.deaf:
+        if not self._hangs:
             super().handle(session, frame, now_s)
 
 
 @mutant("no-transfer-after-arefused-chunk", "5.4/6", subtle=True)
-class NoTransferAfterARefusedChunk(_Breaks):
-    """After a chunk was refused the transfer unit stays busy: no name is accepted any more."""
+class RefusesNamesAfterRefusedChunk(_NoticesAborts):
+    """After a chunk that is out of bounds was refused, every name is refused."""
 
-    stuck = False
+    _stuck = False
 
-    def broken(self, session: Session, name: bytes, receiver: Receiver) -> None:  # noqa: ARG002 - whoever it was
-        """Stay busy."""
-        self.stuck = self.stuck or "bounds" in receiver.reason
+    def aborted(self, _name: bytes, receiver: Receiver) -> None:
+        self._stuck = self._stuck or "bounds" in receiver.reason
 
     def upload_name(self, request: Request) -> bool:
-        """Refuse it."""
-        return not self.stuck and super().upload_name(request)
+        return not self._stuck and super().upload_name(request)
 
 
 @mutant("hangs-on-achunk-of-length-zero", "5.4/6")
-class HangsOnAChunkOfLengthZero(ControllerCore):
-    """After a chunk of length 0 in the middle of a file, no request is answered any more."""
+class HangsOnEmptyChunk(ControllerCore):
+    """After a chunk of length 0 in the middle of a file, no request is answered."""
 
-    hangs = False
+    _hangs = False
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Hang."""
         if frame.opcode == 0x52 and session.transfer and len(frame.data) >= HEAD_BYTES:
-            self.hangs = self.hangs or frame.data[0:12] == frame.data[0:8] + bytes(4) != bytes(12)
-        if not self.hangs:
+            self._hangs = self._hangs or frame.data[0:12] == frame.data[0:8] + bytes(4) != bytes(12)
+        if not self._hangs:
             super().handle(session, frame, now_s)
 
 
 @mutant("empty-files-block-transfers", "5.4/6", subtle=True)
-class EmptyFilesBlockTransfers(ControllerCore):
-    """After a file of no bytes was offered, files arrive without their first byte."""
+class DamagesFilesAfterEmptyFile(ControllerCore):
+    """After a file of no bytes was offered, files are stored without their first byte."""
 
-    spoilt = False
+    _damages = False
 
     def upload_chunk(self, request: Request) -> bool | Silence:
-        """Notice it."""
-        self.spoilt = self.spoilt or request.frame.data[:HEAD_BYTES] == bytes(HEAD_BYTES)
+        self._damages = self._damages or request.frame.data[:HEAD_BYTES] == bytes(HEAD_BYTES)
         return super().upload_chunk(request)
 
     def _write(self, name: bytes, content: bytes) -> bool:
-        return super()._write(name, content[1:] if self.spoilt else content)
+        return super()._write(name, content[1:] if self._damages else content)
 
 
 @mutant("fills-up-broken-files", "5.4/7")
-class FillsUpBrokenFiles(_Breaks):
-    """A broken upload leaves a file of its full size, zeros where nothing came."""
+class FillsAbortedFiles(_NoticesAborts):
+    """An aborted upload leaves a file of its full size, with zeros for the missing bytes."""
 
-    def broken(self, session: Session, name: bytes, receiver: Receiver) -> None:  # noqa: ARG002 - whoever it was
-        """Fill it up."""
+    def aborted(self, name: bytes, receiver: Receiver) -> None:
         if receiver.size_bytes:
             self._write(name, receiver.content.ljust(receiver.size_bytes, b"\0"))
 
 
 @mutant("keeps-what-it-refused", "5.4/7")
-class KeepsWhatItRefused(ControllerCore):
-    """The bytes of a chunk that was refused stay in the file that the upload leaves."""
+class KeepsRefusedChunk(ControllerCore):
+    """The bytes of a refused chunk stay in the file that the upload leaves."""
 
     def upload_chunk(self, request: Request) -> bool | Silence:
-        """Keep them."""
         transfer = request.session.transfer
         taken = super().upload_chunk(request)
         if taken is False and transfer is not None and isinstance(transfer.end, Receiver):
@@ -369,179 +300,173 @@ class KeepsWhatItRefused(ControllerCore):
 
 
 @mutant("resumes-broken-uploads", "5.4/7", subtle=True)
-class ResumesBrokenUploads(_Breaks):
-    """A new upload under the name of one that was closed begins with what was left of it."""
+class ResumesAbortedUploads(_NoticesAborts):
+    """A new upload begins with the bytes that an aborted upload of the same name has left."""
 
     @cached_property
-    def left(self) -> dict[bytes, bytes]:
-        """What it remembers."""
+    def _left(self) -> dict[bytes, bytes]:
         return {}
 
-    def broken(self, session: Session, name: bytes, receiver: Receiver) -> None:  # noqa: ARG002 - whoever it was
-        """Keep it."""
-        self.left[name] = receiver.content
+    def aborted(self, name: bytes, receiver: Receiver) -> None:
+        self._left[name] = receiver.content
 
     def _write(self, name: bytes, content: bytes) -> bool:
-        return super()._write(name, self.left.pop(name, b"") + content)
+        return super()._write(name, self._left.pop(name, b"") + content)
 
 
-# Other commands meanwhile
+# Other commands during a transfer
 
 
-def _uploads(session: Session) -> bool:
-    return session.transfer is not None and isinstance(session.transfer.end, Receiver)
+def _ignores_frames(when: Callable[[ControllerCore, Session, Frame], bool]) -> Core:
+    """Requests are neither executed nor answered, if the condition holds."""
+
+    class IgnoresFrames(ControllerCore):
+        def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+            if not when(self, session, frame):
+                super().handle(session, frame, now_s)
+
+    return IgnoresFrames
 
 
-@mutant("deaf-during-uploads", "5.4/8")
-class DeafDuringUploads(ControllerCore):
-    """During an upload other commands on its connection are not answered."""
+def _ignores_others(core: ControllerCore, session: Session, frame: Frame) -> bool:
+    uploads = [s for s in core.sessions.values() if receiver_of(s)]
+    return bool(uploads) and session not in uploads and frame.opcode != _LOGIN
 
-    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Hear transfers only."""
-        if frame.opcode in _TRANSFERS or not _uploads(session):
-            super().handle(session, frame, now_s)
+
+row(
+    "deaf-during-uploads",
+    "5.4/8",
+    "During an upload other commands on its connection are not answered.",
+    _ignores_frames(
+        lambda _, session, frame: (
+            frame.opcode not in _TRANSFERS and receiver_of(session) is not None
+        )
+    ),
+)
 
 
 @mutant("commands-break-uploads", "5.4/8")
-class CommandsBreakUploads(ControllerCore):
-    """Any other command ends an upload."""
+class AbortsUploadsOnCommands(ControllerCore):
+    """Any other command aborts an upload."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """End it."""
-        if frame.opcode not in _TRANSFERS and _uploads(session):
+        if frame.opcode not in _TRANSFERS and receiver_of(session):
             self.abort_transfer(session)
         super().handle(session, frame, now_s)
 
 
 @mutant("commands-skip-achunk", "5.4/8", subtle=True)
-class CommandsSkipAChunk(ControllerCore):
-    """A list of programs that is asked for during a download makes it skip a chunk."""
+class SkipsChunkAfterList(ControllerCore):
+    """A request for the list of programs during a download makes it skip a chunk."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Skip it."""
-        transfer = session.transfer
-        if frame.opcode == 0x0B and transfer and isinstance(transfer.end, Sender):
-            transfer.end.acknowledge(accepted=True, now_s=now_s)
-            transfer.end.next_chunk()
+        sender = sender_of(session)
+        if frame.opcode == 0x0B and sender:
+            sender.acknowledge(accepted=True, now_s=now_s)
+            sender.next_chunk()
         super().handle(session, frame, now_s)
 
 
-@mutant("lists-nothing-during-uploads", "5.4/8", subtle=True)
-class ListsNothingDuringUploads(ControllerCore):
-    """Who asks for the programs within his own upload is told of none."""
-
-    def list_programs(self, request: Request) -> NameListPart:
-        """Tell of none."""
-        return (
-            NameListPart(more=False, names=())
-            if _uploads(request.session)
-            else super().list_programs(request)
-        )
+def _fail_upload(_core: ControllerCore, request: Request, accepted: Any) -> Any:
+    receiver = receiver_of(request.session)
+    if receiver:
+        receiver.fail("a download was requested")
+    return accepted
 
 
-@mutant("lists-nothing-during-downloads", "5.4/8", subtle=True)
-class ListsNothingDuringDownloads(ControllerCore):
-    """Who asks for the programs while he fetches one is told of none."""
-
-    def list_programs(self, request: Request) -> NameListPart:
-        """Tell of none."""
-        transfer = request.session.transfer
-        if transfer is not None and isinstance(transfer.end, Sender):
-            return NameListPart(more=False, names=())
-        return super().list_programs(request)
-
-
-@mutant("deaf-to-others-during-uploads", "5.4/8")
-class DeafToOthersDuringUploads(ControllerCore):
-    """During an upload the other connections are not served."""
-
-    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Serve the one that uploads."""
-        busy = any(_uploads(s) for s in self.sessions.values())
-        if not busy or _uploads(session) or frame.opcode == _LOGIN:
-            super().handle(session, frame, now_s)
+row(
+    "lists-nothing-during-uploads",
+    "5.4/8",
+    "The list of programs is empty on a connection that uploads a file.",
+    answer_when(
+        "list_programs",
+        lambda _, request: receiver_of(request.session) is not None,
+        _NO_PROGRAMS,
+    ),
+    subtle=True,
+)
+row(
+    "lists-nothing-during-downloads",
+    "5.4/8",
+    "The list of programs is empty on a connection that downloads a file.",
+    answer_when(
+        "list_programs", lambda _, request: sender_of(request.session) is not None, _NO_PROGRAMS
+    ),
+    subtle=True,
+)
+row(
+    "deaf-to-others-during-uploads",
+    "5.4/8",
+    "During an upload requests of other connections are ignored.",
+    _ignores_frames(_ignores_others),
+)
 
 
 @mutant("refused-names-break-uploads", "5.4/8")
-class RefusedNamesBreakUploads(ControllerCore):
-    """A second name within an upload is refused, and ends the upload as well."""
+class AbortsUploadsOnNames(ControllerCore):
+    """A second name during an upload is refused and also aborts the upload."""
 
     def upload_name(self, request: Request) -> bool:
-        """End it."""
-        uploads = _uploads(request.session)
+        uploads = receiver_of(request.session)
         accepted = super().upload_name(request)
         if uploads:
             self.abort_transfer(request.session)
         return accepted
 
 
-@mutant("refused-downloads-break-uploads", "5.4/8")
-class RefusedDownloadsBreakUploads(ControllerCore):
-    """A download within an upload is refused, and the rest of the upload is lost."""
-
-    def download_name(self, request: Request) -> bool:
-        """Lose it."""
-        transfer = request.session.transfer
-        accepted = super().download_name(request)
-        if transfer is not None and isinstance(transfer.end, Receiver):
-            transfer.end.fail("a download was asked for")
-        return accepted
+row(
+    "refused-downloads-break-uploads",
+    "5.4/8",
+    "A download during an upload is refused, and the rest of the upload is lost.",
+    after("download_name", _fail_upload),
+)
 
 
 @mutant("second-name-takes-the-content", "5.4/8")
-class SecondNameTakesTheContent(ControllerCore):
-    """A second name within an upload is refused, but the content goes to it."""
+class ChangesNameDuringUpload(ControllerCore):
+    """A second name during an upload is refused, but the content is stored with this name."""
 
     def upload_name(self, request: Request) -> bool:
-        """Change the name."""
         transfer = request.session.transfer
         accepted = super().upload_name(request)
-        if transfer is not None and _uploads(request.session):
+        if transfer is not None and receiver_of(request.session):
             request.session.transfer = OpenTransfer(request.value, transfer.end)
         return accepted
 
 
 @mutant("resumes-refused-downloads", "5.4/8", "5.1/8", subtle=True)
-class ResumesRefusedDownloads(ControllerCore):
-    """After a chunk of a download was refused, the next download of the file skips that chunk."""
+class SkipsRefusedChunk(ControllerCore):
+    """After a chunk was refused, the next download of the file begins with the second chunk."""
 
-    @cached_property
-    def refused(self) -> set[bytes]:
-        """What it remembers."""
-        return set()
+    _refused: frozenset[bytes] = frozenset()
 
     def download_name(self, request: Request) -> bool:
-        """Skip it."""
         accepted = super().download_name(request)
-        transfer = request.session.transfer
-        if accepted and transfer and isinstance(transfer.end, Sender):
-            if request.value not in self.refused:
-                return accepted
-            self.refused.discard(request.value)
+        sender = sender_of(request.session)
+        if accepted and sender and request.value in self._refused:
+            self._refused -= {request.value}
             self._deferred.clear()
-            transfer.end.acknowledge(accepted=True, now_s=request.now_s)
+            sender.acknowledge(accepted=True, now_s=request.now_s)
             self._send_next(request.session)
         return accepted
 
     def download_chunk(self, request: Request) -> Silence:
-        """Remember it."""
         transfer = request.session.transfer
         if transfer is not None and request.value is False:
-            self.refused.add(transfer.name)
+            self._refused |= {transfer.name}
         return super().download_chunk(request)
 
 
 @mutant("refused-chunk-spoils-the-next-upload", "5.4/8", subtle=True)
-class RefusedChunkSpoilsTheNextUpload(ControllerCore):
+class DamagesUploadAfterRefusal(ControllerCore):
     """After a chunk of a download was refused, the next upload loses its last byte."""
 
-    spoilt = False
+    _damages = False
 
     def download_chunk(self, request: Request) -> Silence:
-        """Notice it."""
-        self.spoilt = self.spoilt or request.value is False
+        self._damages = self._damages or request.value is False
         return super().download_chunk(request)
 
     def _write(self, name: bytes, content: bytes) -> bool:
-        spoilt, self.spoilt = self.spoilt, False
-        return super()._write(name, content[:-1] if spoilt else content)
+        damages, self._damages = self._damages, False
+        return super()._write(name, content[:-1] if damages else content)

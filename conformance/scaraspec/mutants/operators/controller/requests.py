@@ -96,3 +96,14 @@ def decoded(command: str, change: Callable[[ControllerCore, Frame, Any], Any]) -
             return change(self, frame, value) if received.name == command else value
 
     return Decoded
+
+
+def before(command: str, act: Callable[[ControllerCore, Request], Any]) -> Core:
+    """`act` is called before the command is executed."""
+
+    def execute(core: ControllerCore, request: Request) -> Any:
+        act(core, request)
+        return getattr(super(changed, core), command)(request)
+
+    changed = on_request(command, execute)
+    return changed

@@ -1,75 +1,87 @@
-"""Transferring: where faults of clause 5 take hold: what is sent of a file, and who judges chunks.
+"""Operators that change file transfers: chunks of downloads, receivers of uploads, the end."""
 
-No fault is entered here.
-"""
-
-from collections.abc import Iterable
-from typing import ClassVar
+from collections.abc import Callable
+from typing import Any
 
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.readings import Dialect
 from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender
 from scaraspec.virtual_controller.behaviour.base import Silence
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
-CHUNK = 0x56
+Core = type[ControllerCore]
+AtEnd = Callable[[ControllerCore, Session, bytes], Any]
 
 
-class AltersChunks(ControllerCore):
-    """Sends other chunks of a download than it should."""
-
-    def altered(self, chunk: Chunk) -> Iterable[Chunk]:
-        """What is sent in place of a chunk."""
-        return (chunk,)
-
-    def _send_chunk(self, session: Session, chunk: Chunk) -> None:
-        for each in self.altered(chunk):
-            super()._send_chunk(session, each)
+def receiver_of(session: Session) -> Receiver | None:
+    """The receiver of the upload in progress, if there is one."""
+    end = session.transfer.end if session.transfer else None
+    return end if isinstance(end, Receiver) else None
 
 
-class AltersChunkData(ControllerCore):
-    """Sends the chunks of a download in other bytes than it should."""
-
-    def data(self, chunk: Chunk) -> bytes:
-        """The data of a chunk frame."""
-        return FILE_DATA.encode(chunk, self.dialect)
-
-    def _send_chunk(self, session: Session, chunk: Chunk) -> None:
-        self.send_after_reply(session, Frame(C2A, CHUNK, self.data(chunk)))
+def sender_of(session: Session) -> Sender | None:
+    """The sender of the download in progress, if there is one."""
+    end = session.transfer.end if session.transfer else None
+    return end if isinstance(end, Sender) else None
 
 
-class JudgesChunks(ControllerCore):
-    """Judges the chunks of an upload by another receiver."""
-
-    receiver: ClassVar[type[Receiver]] = Receiver
-
-    def judge(self, request: Request) -> Receiver:
-        """The receiver of an upload."""
-        return self.receiver(request.now_s, self.dialect)
-
-    def upload_name(self, request: Request) -> bool:
-        """Put the other receiver in."""
-        accepted = super().upload_name(request)
-        transfer = request.session.transfer
-        if accepted and transfer is not None:
-            request.session.transfer = transfer._replace(end=self.judge(request))
-        return accepted
+def send_chunk(core: ControllerCore, session: Session, chunk: Chunk) -> None:
+    """Send a chunk of a download after the current first reply."""
+    core.send_after_reply(session, Frame(C2A, 0x56, FILE_DATA.encode(chunk, core.dialect)))
 
 
-class AltersContent(ControllerCore):
-    """Stores something else than was sent."""
+def sent_chunk(change: Callable[[Chunk], Chunk | None]) -> Core:
+    """The chunks of downloads are changed; a chunk that becomes None is not sent."""
 
-    def kept(self, content: bytes) -> bytes:
-        """What is stored of a file."""
-        return content
+    class SentChunk(ControllerCore):
+        def _send_chunk(self, session: Session, chunk: Chunk) -> None:
+            changed = change(chunk)
+            if changed is not None:
+                super()._send_chunk(session, changed)
 
-    def _write(self, name: bytes, content: bytes) -> bool:
-        return super()._write(name, self.kept(content))
+    return SentChunk
+
+
+def chunk_data(encode: Callable[[Chunk, Dialect], bytes]) -> Core:
+    """`encode` encodes the chunks of downloads."""
+
+    class ChunkData(ControllerCore):
+        def _send_chunk(self, session: Session, chunk: Chunk) -> None:
+            self.send_after_reply(session, Frame(C2A, 0x56, encode(chunk, self.dialect)))
+
+    return ChunkData
+
+
+def receives(*receivers: type[Receiver]) -> Core:
+    """Uploads are received by this receiver; if there are several, the first one acts first."""
+    receiver = receivers[0] if len(receivers) == 1 else type("Receiver", receivers, {})
+
+    class Receives(ControllerCore):
+        def upload_name(self, request: Request) -> bool:
+            accepted = super().upload_name(request)
+            transfer = request.session.transfer
+            if accepted and transfer is not None:
+                end = receiver(request.now_s, self.dialect)
+                request.session.transfer = transfer._replace(end=end)
+            return accepted
+
+    return Receives
+
+
+def stored(change: Callable[[bytes], bytes]) -> Core:
+    """The content of an upload is changed before it is stored."""
+
+    class Stored(ControllerCore):
+        def _write(self, name: bytes, content: bytes) -> bool:
+            return super()._write(name, change(content))
+
+    return Stored
 
 
 class SendsAfterTheEnd(ControllerCore):
-    """Does something more when a transfer is complete."""
+    """Calls a method when a transfer is complete."""
 
     def uploaded(self, session: Session, name: bytes) -> None:
         """An upload is complete."""
@@ -78,7 +90,6 @@ class SendsAfterTheEnd(ControllerCore):
         """A download is complete."""
 
     def upload_chunk(self, request: Request) -> bool | Silence:
-        """See whether it was the last."""
         transfer = request.session.transfer
         taken = super().upload_chunk(request)
         if taken is True and transfer is not None and request.session.transfer is None:
@@ -86,10 +97,19 @@ class SendsAfterTheEnd(ControllerCore):
         return taken
 
     def download_chunk(self, request: Request) -> Silence:
-        """See whether it was the last."""
         transfer = request.session.transfer
-        answer = super().download_chunk(request)
-        ended = transfer is not None and isinstance(transfer.end, Sender)
-        if transfer is not None and ended and request.session.transfer is None and request.value:
+        reply = super().download_chunk(request)
+        sent = transfer is not None and isinstance(transfer.end, Sender)
+        if transfer is not None and sent and request.session.transfer is None and request.value:
             self.downloaded(request.session, transfer.name)
-        return answer
+        return reply
+
+
+def after_upload(act: AtEnd) -> Core:
+    """`act` is called with session and file name when an upload is complete."""
+    return type("AfterUpload", (SendsAfterTheEnd,), {"uploaded": act})
+
+
+def after_download(act: AtEnd) -> Core:
+    """`act` is called with session and file name when a download is complete."""
+    return type("AfterDownload", (SendsAfterTheEnd,), {"downloaded": act})
