@@ -1,14 +1,19 @@
-"""Faults of clause 3: what is made of frames, and of bytes that are none."""
+"""Mutants of clause 3: received frames, and bytes that are not a frame."""
 
 import asyncio
-from collections.abc import Container, Iterable
-from typing import ClassVar
+from collections.abc import Collection, Iterable
 
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import ClientCore, Event, UnexpectedFrame
 from scaraspec.client.pending_operation import PendingOperation, Stage, TwoStage
-from scaraspec.mutants.client import mutant
-from scaraspec.mutants.operators.client.frames import GoesDeaf
+from scaraspec.mutants.client import mutant, row
+from scaraspec.mutants.operators.client.frames import (
+    deaf_after,
+    received,
+    received_bytes,
+    received_items,
+    received_while,
+)
 from scaraspec.mutants.operators.client.process_memory import memory
 from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
 from scaraspec.protocol.direction import C2A
@@ -17,368 +22,383 @@ from scaraspec.protocol.payloads import FLAG
 
 _RESULT_BEGINS = bytes((C2A.start, TAG))
 
-# Counting, and the tag
+# Length and tag
 
 
-@mutant("ends-at-the-first-mark", "3/9")
-class EndsAtTheFirstMark(ClientCore):
-    """A frame is taken to end at the first AA, even in its data."""
-
-    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        return super()._dispatch(frame._replace(data=frame.data.partition(b"\xaa")[0]), now_s)
+def _frames_in(data: bytes) -> list[Frame]:
+    return [item for item in Framer(C2A).feed(data) if isinstance(item, Frame)]
 
 
-@mutant("begins-anew-at-each-start", "3/9", subtle=True)
-class BeginsAnewAtEachStart(ClientCore):
-    """Data are taken to begin behind the last CC in them."""
-
-    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        return super()._dispatch(frame._replace(data=frame.data.rpartition(b"\xcc")[2]), now_s)
-
-
-@mutant("takes-lengths-for-marks", "3/9", subtle=True)
-class TakesLengthsForMarks(ClientCore):
-    """A frame whose length is AA is taken to end there."""
-
-    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        ends = len(frame.data) == C2A.end
-        return super()._dispatch(frame._replace(data=b"") if ends else frame, now_s)
-
-
-@mutant("takes-lengths-for-tags", "3/9", subtle=True)
-class TakesLengthsForTags(ClientCore):
-    """A frame whose length is 90 is taken for a final result that nobody awaits."""
-
-    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        return [] if len(frame.data) == TAG else super()._dispatch(frame, now_s)
+row(
+    "ends-at-the-first-mark",
+    "3/9",
+    "The data of a frame end at their first AA.",
+    received(lambda frame: frame._replace(data=frame.data.partition(b"\xaa")[0])),
+)
+row(
+    "begins-anew-at-each-start",
+    "3/9",
+    "The data of a frame begin after their last CC.",
+    received(lambda frame: frame._replace(data=frame.data.rpartition(b"\xcc")[2])),
+    subtle=True,
+)
+row(
+    "takes-lengths-for-marks",
+    "3/9",
+    "A frame with the length AA is read as a frame without data.",
+    received(lambda frame: frame._replace(data=b"") if len(frame.data) == C2A.end else frame),
+    subtle=True,
+)
+row(
+    "takes-lengths-for-tags",
+    "3/9",
+    "A frame with the length 90 is dropped as an unexpected final result.",
+    received(lambda frame: None if len(frame.data) == TAG else frame),
+    subtle=True,
+)
 
 
 @mutant("looks-for-results-in-data", "3/9", subtle=True)
-class LooksForResultsInData(ClientCore):
-    """Whatever looks like a final result counts as one, in the data of any frame."""
+class FindsResultsInData(ClientCore):
+    """A final result inside the data of another frame is processed."""
 
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
         events = super()._dispatch(frame, now_s)
         if not frame.tagged:
-            within = Framer(C2A).feed(frame.data[frame.data.find(_RESULT_BEGINS) :])
-            for found in within:
-                if isinstance(found, Frame) and found.tagged:
+            for found in _frames_in(frame.data[frame.data.find(_RESULT_BEGINS) :]):
+                if found.tagged:
                     events += super()._dispatch(found, now_s)
         return events
 
 
 @mutant("looks-into-strays", "3/9", subtle=True)
-class LooksIntoStrays(ClientCore):
-    """In the data of a frame that nobody awaits the reply is looked for that is awaited."""
+class FindsFramesInUnexpectedFrames(ClientCore):
+    """A frame inside the data of an unexpected frame is processed."""
 
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
         events = super()._dispatch(frame, now_s)
         if any(isinstance(event, UnexpectedFrame) for event in events):
-            for found in Framer(C2A).feed(frame.data):
-                if isinstance(found, Frame):
-                    events += super()._dispatch(found, now_s)
+            for found in _frames_in(frame.data):
+                events += super()._dispatch(found, now_s)
         return events
 
 
-class _TaglessFramer(Framer):
-    """Knows of no tag."""
-
-    def __init__(self) -> None:
-        super().__init__(C2A)
-        self._tag = -1
-        self._loop_constants = (*self._loop_constants[:3], self._tag, self._loop_constants[4])
-
-
 @mutant("takes-the-tag-for-an-opcode", "3/13")
-class TakesTheTagForAnOpcode(ClientCore):
-    """The tag 90 is taken for an opcode, and the opcode behind it for a length."""
+class ReadsTagAsOpcode(ClientCore):
+    """The tag 90 is read as an opcode and the opcode after it as a length."""
 
     def __init__(self, *args: object, **values: object) -> None:
         super().__init__(*args, **values)  # type: ignore[arg-type] # handed on
-        self._framer = _TaglessFramer()
+
+        class TaglessFramer(Framer):
+            def __init__(self) -> None:
+                super().__init__(C2A)
+                self._tag = -1
+                direction, start, end, _, make = self._loop_constants
+                self._loop_constants = (direction, start, end, self._tag, make)
+
+        self._framer = TaglessFramer()
 
 
-@mutant("knows-the-tag-of-programs", "3/13", subtle=True)
-class KnowsTheTagOfPrograms(ClientCore):
-    """Only the tagged frames of programs are known."""
-
-    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        known = not frame.tagged or frame.opcode in (0x30, 0x31, 0x32)
-        return super()._dispatch(frame, now_s) if known else []
-
-
-@mutant("loses-the-tag-between-segments", "3/13", subtle=True)
-class LosesTheTagBetweenSegments(ClientCore):
-    """A segment that ends with the tag leaves nothing behind."""
-
-    def feed(self, data: bytes, now_s: float) -> list[Event]:
-        """Take it, but for a tag at its end."""
-        return super().feed(data.removesuffix(b"\xcc\x90"), now_s)
-
-
-@mutant("loses-what-follows-results", "3/13", subtle=True)
-class LosesWhatFollowsResults(ClientCore):
-    """A frame that comes with a tagged one ahead of it in its segment is lost."""
-
-    def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
-        items = list(found)
-        behind = [isinstance(item, Frame) and item.tagged for item in items[:-1]]
-        kept = [item for item, lost in zip(items, [False, *behind], strict=False) if not lost]
-        return super()._process_items(kept, now_s)
+row(
+    "knows-the-tag-of-programs",
+    "3/13",
+    "Tagged frames are dropped, except those of program runs, simulations and stops.",
+    received(
+        lambda frame: frame if not frame.tagged or frame.opcode in (0x30, 0x31, 0x32) else None
+    ),
+    subtle=True,
+)
+row(
+    "loses-the-tag-between-segments",
+    "3/13",
+    "Start byte and tag at the end of a segment are lost.",
+    received_bytes(lambda data: data.removesuffix(b"\xcc\x90")),
+    subtle=True,
+)
 
 
-# What nobody has defined
+def _without_followers(items: list[StreamItem]) -> list[StreamItem]:
+    lost = [False, *(isinstance(item, Frame) and item.tagged for item in items)]
+    return [item for item, is_lost in zip(items, lost, strict=False) if not is_lost]
 
 
-@mutant("takes-the-undefined-for-replies", "3/22")
-class TakesTheUndefinedForReplies(ClientCore):
-    """A frame with an undefined opcode is taken for the reply to what was asked last."""
+row(
+    "loses-what-follows-results",
+    "3/13",
+    "A frame after a tagged frame in the same segment is lost.",
+    received_items(_without_followers),
+    subtle=True,
+)
 
-    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        if frame.opcode not in BY_OPCODE and self._open:
-            frame = frame._replace(opcode=self._open[-1].command.opcode)
-        return super()._dispatch(frame, now_s)
-
-
-@mutant("goes-deaf-at-the-undefined", "3/22")
-class GoesDeafAtTheUndefined(GoesDeaf):
-    """A frame with an undefined opcode is the last thing that it hears."""
-
-    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        self.deaf |= frame.opcode not in BY_OPCODE
-        return super()._dispatch(frame, now_s)
+# Undefined opcodes
 
 
-@mutant("goes-deaf-at-undefined-results", "3/22", subtle=True)
-class GoesDeafAtUndefinedResults(GoesDeaf):
-    """A tagged frame with an undefined opcode is the last thing that it hears."""
-
-    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        self.deaf |= frame.tagged and frame.opcode not in BY_OPCODE
-        return super()._dispatch(frame, now_s)
+def _as_reply_to_last(frame: Frame, pending: list[PendingOperation]) -> Frame:
+    if frame.opcode not in BY_OPCODE and pending:
+        return frame._replace(opcode=pending[-1].command.opcode)
+    return frame
 
 
-# Late, in pieces, overtaken
+row(
+    "takes-the-undefined-for-replies",
+    "3/22",
+    "A frame with an undefined opcode is taken as the reply to the last request.",
+    received_while(_as_reply_to_last),
+)
+row(
+    "goes-deaf-at-the-undefined",
+    "3/22",
+    "After a frame with an undefined opcode, all received bytes are ignored.",
+    deaf_after(lambda frame: frame.opcode not in BY_OPCODE),
+)
+row(
+    "goes-deaf-at-undefined-results",
+    "3/22",
+    "After a tagged frame with an undefined opcode, all received bytes are ignored.",
+    deaf_after(lambda frame: frame.tagged and frame.opcode not in BY_OPCODE),
+    subtle=True,
+)
+
+
+# Late replies
 
 
 @mutant("impatient-for-replies", "3/27")
-class ImpatientForReplies(ClientCore):
-    """A reply that takes more than a quarter of a second is not waited for."""
+class GivesUpReplies(ClientCore):
+    """A reply is given up after a quarter of a second."""
 
     def begin(self, operation: PendingOperation, now_s: float) -> None:
-        """Begin, and wait for a short time only."""
         super().begin(operation, now_s)
         if operation.deadline_s is not None:
             operation.deadline_s = now_s + 0.25
 
 
 @mutant("forgets-its-request-at-results", "3/27")
-class ForgetsItsRequestAtResults(ClientCore):
-    """A final result makes it forget that it waits for replies."""
+class ForgetsRequestsAtResults(ClientCore):
+    """After a final result, replies to pending requests are no longer awaited."""
 
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
         if frame.tagged:
-            kept = [each for each in self._open if each.stage is not Stage.REQUESTED]
             forgotten = [each for each in self._open if each.stage is Stage.REQUESTED]
-            self._open = kept
+            self._open = [each for each in self._open if each.stage is not Stage.REQUESTED]
             for each in forgotten:
                 each.stage = Stage.EXECUTING
         return super()._dispatch(frame, now_s)
 
 
-@mutant("ignores-replies-while-it-executes", "3/27", subtle=True)
-class IgnoresRepliesWhileItExecutes(ClientCore):
-    """While a two-stage command executes only its own frames are listened to."""
-
-    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        busy = any(isinstance(e, TwoStage) and e.stage is Stage.EXECUTING for e in self._open)
-        return [] if busy and not frame.tagged else super()._dispatch(frame, now_s)
+def _tagged_while_executing(frame: Frame, pending: list[PendingOperation]) -> Frame | None:
+    busy = any(isinstance(e, TwoStage) and e.stage is Stage.EXECUTING for e in pending)
+    return None if busy and not frame.tagged else frame
 
 
-# Whose reply it is
+row(
+    "ignores-replies-while-it-executes",
+    "3/27",
+    "While a two-stage command executes, all frames without a tag are ignored.",
+    received_while(_tagged_while_executing),
+    subtle=True,
+)
+
+# The request of a reply
+
+_GET_INITIAL = BY_NAME["get_initial_tool_position"].opcode
+_GET_TOOL = BY_NAME["get_tool_coordinates"].opcode
 
 
-@mutant("takes-replies-in-order", "3/33")
-class TakesRepliesInOrder(ClientCore):
-    """A reply is taken for that to the oldest request, whatever its opcode."""
-
-    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        asked = [each for each in self._open if each.stage is Stage.REQUESTED]
-        if asked and not frame.tagged:
-            frame = frame._replace(opcode=asked[0].command.opcode)
-        return super()._dispatch(frame, now_s)
+def _as_reply_to_oldest(frame: Frame, pending: list[PendingOperation]) -> Frame:
+    asked = [each for each in pending if each.stage is Stage.REQUESTED]
+    if asked and not frame.tagged:
+        return frame._replace(opcode=asked[0].command.opcode)
+    return frame
 
 
-@mutant("takes-any-yes", "3/33", subtle=True)
-class TakesAnyYes(ClientCore):
-    """A yes is taken for that to the oldest open setting, whatever its opcode."""
-
-    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        settings = [each for each in self._open if each.command.reply is FLAG]
-        if settings and frame.data == b"1":
-            frame = frame._replace(opcode=settings[0].command.opcode)
-        return super()._dispatch(frame, now_s)
+def _as_reply_to_setting(frame: Frame, pending: list[PendingOperation]) -> Frame:
+    settings = [each for each in pending if each.command.reply is FLAG]
+    if settings and frame.data == b"1":
+        return frame._replace(opcode=settings[0].command.opcode)
+    return frame
 
 
-@mutant("takes-one-pose-for-another", "3/33", subtle=True)
-class TakesOnePoseForAnother(ClientCore):
-    """Where the tool is, is taken for where it begins, if that is asked."""
-
-    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        begins, is_there = (
-            BY_NAME[name].opcode for name in ("get_initial_tool_position", "get_tool_coordinates")
-        )
-        asked = [each.command.opcode for each in self._open]
-        if frame.opcode == is_there and begins in asked and is_there not in asked:
-            frame = frame._replace(opcode=begins)
-        return super()._dispatch(frame, now_s)
+def _as_initial_position(frame: Frame, pending: list[PendingOperation]) -> Frame:
+    asked = [each.command.opcode for each in pending]
+    if frame.opcode == _GET_TOOL and _GET_INITIAL in asked and _GET_TOOL not in asked:
+        return frame._replace(opcode=_GET_INITIAL)
+    return frame
 
 
-@mutant("overlooks-tags-of-queries", "3/33", subtle=True)
-class OverlooksTagsOfQueries(ClientCore):
-    """A tag on the reply to a query is overlooked."""
-
-    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        command = BY_OPCODE.get(frame.opcode)
-        one_stage = command is not None and not command.two_stage
-        return super()._dispatch(frame._replace(tagged=False) if one_stage else frame, now_s)
+def _without_tag_of_query(frame: Frame) -> Frame:
+    command = BY_OPCODE.get(frame.opcode)
+    one_stage = command is not None and not command.two_stage
+    return frame._replace(tagged=False) if one_stage else frame
 
 
-@mutant("takes-results-for-replies", "3/33", subtle=True)
-class TakesResultsForReplies(ClientCore):
-    """A final result that comes ahead of the first reply is taken for both."""
+def _results_are_replies(commands: Collection[str]) -> type[ClientCore]:
+    """A final result before the first reply to one of these commands is taken as both."""
 
-    commands: ClassVar[Container[str]] = BY_NAME
+    class ResultsAreReplies(ClientCore):
+        def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+            if frame.tagged and any(
+                each.command.opcode == frame.opcode
+                and each.command.name in commands
+                and each.stage is Stage.REQUESTED
+                for each in self._open
+            ):
+                super()._dispatch(Frame(C2A, frame.opcode, b"1"), now_s)
+            return super()._dispatch(frame, now_s)
 
-    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        if frame.tagged and any(
-            each.command.opcode == frame.opcode
-            and each.command.name in self.commands
-            and each.stage is Stage.REQUESTED
-            for each in self._open
-        ):
-            super()._dispatch(Frame(C2A, frame.opcode, b"1"), now_s)
-        return super()._dispatch(frame, now_s)
-
-
-@mutant("takes-results-of-stops-for-replies", "3/33", subtle=True)
-class TakesResultsOfStopsForReplies(TakesResultsForReplies):
-    """A final result of a stop that comes ahead of its first reply is taken for both."""
-
-    commands = ("emergency_stop",)
+    return ResultsAreReplies
 
 
-# Bytes that are no frame
+row(
+    "takes-replies-in-order",
+    "3/33",
+    "A reply is taken as the reply to the oldest request, whatever its opcode.",
+    received_while(_as_reply_to_oldest),
+)
+row(
+    "takes-any-yes",
+    "3/33",
+    "A 1 is taken as the reply to the oldest pending setting, whatever its opcode.",
+    received_while(_as_reply_to_setting),
+    subtle=True,
+)
+row(
+    "takes-one-pose-for-another",
+    "3/33",
+    "Tool coordinates are taken as the initial tool position if only that is requested.",
+    received_while(_as_initial_position),
+    subtle=True,
+)
+row(
+    "overlooks-tags-of-queries",
+    "3/33",
+    "A tag on the reply to a query is ignored.",
+    received(_without_tag_of_query),
+    subtle=True,
+)
+row(
+    "takes-results-for-replies",
+    "3/33",
+    "A final result before the first reply is taken as both.",
+    _results_are_replies(BY_NAME),
+    subtle=True,
+)
+row(
+    "takes-results-of-stops-for-replies",
+    "3/33",
+    "A final result of a stop before its first reply is taken as both.",
+    _results_are_replies({"emergency_stop"}),
+    subtle=True,
+)
+
+# Bytes that are not a frame
 
 
-class _DeafAt(GoesDeaf):
-    """Bytes that are no frame are the last thing that it hears."""
+def _deaf_after_skipped(reason: SkipReason, least_bytes: int = 1) -> type[ClientCore]:
+    """After skipped bytes, all received bytes are ignored."""
 
-    why: ClassVar[SkipReason]
-    least_bytes: ClassVar[int] = 1
+    class DeafAfterSkipped(ClientCore):
+        deaf = False
 
-    def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
-        heard = []
-        for item in found:
-            if isinstance(item, Skipped) and item.why is self.why:
-                self.deaf |= item.size_bytes >= self.least_bytes
-            if not self.deaf:
-                heard.append(item)
-        return super()._process_items(heard, now_s)
+        def feed(self, data: bytes, now_s: float) -> list[Event]:
+            return [] if self.deaf else super().feed(data, now_s)
 
+        def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
+            heard = []
+            for item in found:
+                if isinstance(item, Skipped) and item.why is reason:
+                    self.deaf |= item.size_bytes >= least_bytes
+                if not self.deaf:
+                    heard.append(item)
+            return super()._process_items(heard, now_s)
 
-@mutant("goes-deaf-at-stray-bytes", "3/19")
-class GoesDeafAtStrayBytes(_DeafAt):
-    """A byte between frames is the last thing that it hears."""
-
-    why = SkipReason.STRAY
+    return DeafAfterSkipped
 
 
-@mutant("goes-deaf-at-many-stray-bytes", "3/19", subtle=True)
-class GoesDeafAtManyStrayBytes(_DeafAt):
-    """More than a hundred bytes between frames are the last thing that it hears."""
+def _no_results_while(*commands: str) -> type[ClientCore]:
+    """A final result is dropped while one of these commands is pending."""
 
-    why = SkipReason.STRAY
-    least_bytes = 100
+    def drop(frame: Frame, pending: list[PendingOperation]) -> Frame | None:
+        dropped = frame.tagged and any(each.command.name in commands for each in pending)
+        return None if dropped else frame
 
-
-@mutant("goes-deaf-at-wrong-ends", "3/20")
-class GoesDeafAtWrongEnds(_DeafAt):
-    """A frame with a wrong end byte is the last thing that it hears."""
-
-    why = SkipReason.BAD_END
+    return received_while(drop)
 
 
-class _LosesResultsAmong(ClientCore):
-    """A final result is dropped while certain other things are open."""
-
-    names: ClassVar[Container[str]]
-    """Their commands."""
-
-    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        if frame.tagged and any(operation.command.name in self.names for operation in self._open):
-            return []
-        return super()._dispatch(frame, now_s)
-
-
-@mutant("loses-results-among-chunks", "3/27", subtle=True)
-class LosesResultsAmongChunks(_LosesResultsAmong):
-    """What is done during a transfer is never told."""
-
-    names = ("upload_name", "download_name")
-
-
-@mutant("loses-results-in-lists", "3/27", subtle=True)
-class LosesResultsInLists(_LosesResultsAmong):
-    """What is done while the programs are listed is never told."""
-
-    names = ("list_programs",)
-
-
-@mutant("loses-results-in-settings", "3/27", subtle=True)
-class LosesResultsInSettings(_LosesResultsAmong):
-    """What is done while an output is set is never told."""
-
-    names = ("set_digital_output",)
-
-
-@mutant("overlooks-the-end", "3/20")
-class OverlooksTheEnd(ClientCore):
-    """The end byte of a frame is not looked at."""
-
-    def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
-        return super()._process_items(map(_overlooked, found), now_s)
-
-
-def _overlooked(item: StreamItem) -> StreamItem:
-    """The frame that bytes with a wrong end would be."""
+def _any_end(item: StreamItem) -> StreamItem:
     if isinstance(item, Frame) or item.why is not SkipReason.BAD_END:
         return item
-    size_bytes = item.data[2]
-    return Frame(C2A, item.data[1], item.data[3 : 3 + size_bytes])
+    return Frame(C2A, item.data[1], item.data[3 : 3 + item.data[2]])
 
 
-@mutant("overlooks-the-end-of-results", "3/20", subtle=True)
-class OverlooksTheEndOfResults(ClientCore):
-    """The end byte of a tagged frame is not looked at."""
-
-    def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
-        return super()._process_items(map(_result_overlooked, found), now_s)
-
-
-def _result_overlooked(item: StreamItem) -> StreamItem:
-    """The tagged frame that bytes with a wrong end would be."""
+def _any_end_of_result(item: StreamItem) -> StreamItem:
     if isinstance(item, Frame) or item.why is not SkipReason.BAD_END or item.data[1] != TAG:
         return item
     return Frame(C2A, item.data[2], item.data[4:-1], tagged=True)
 
 
+row(
+    "goes-deaf-at-stray-bytes",
+    "3/19",
+    "After a byte between frames, all received bytes are ignored.",
+    _deaf_after_skipped(SkipReason.STRAY),
+)
+row(
+    "goes-deaf-at-many-stray-bytes",
+    "3/19",
+    "After a hundred or more bytes between frames, all received bytes are ignored.",
+    _deaf_after_skipped(SkipReason.STRAY, 100),
+    subtle=True,
+)
+row(
+    "goes-deaf-at-wrong-ends",
+    "3/20",
+    "After a frame with a wrong end byte, all received bytes are ignored.",
+    _deaf_after_skipped(SkipReason.BAD_END),
+)
+row(
+    "loses-results-among-chunks",
+    "3/27",
+    "A final result that arrives during a file transfer is lost.",
+    _no_results_while("upload_name", "download_name"),
+    subtle=True,
+)
+row(
+    "loses-results-in-lists",
+    "3/27",
+    "A final result that arrives while the program list is pending is lost.",
+    _no_results_while("list_programs"),
+    subtle=True,
+)
+row(
+    "loses-results-in-settings",
+    "3/27",
+    "A final result that arrives while the setting of an output is pending is lost.",
+    _no_results_while("set_digital_output"),
+    subtle=True,
+)
+row(
+    "overlooks-the-end",
+    "3/20",
+    "The end byte of a frame is not checked.",
+    received_items(lambda items: map(_any_end, items)),
+)
+row(
+    "overlooks-the-end-of-results",
+    "3/20",
+    "The end byte of a tagged frame is not checked.",
+    received_items(lambda items: map(_any_end_of_result, items)),
+    subtle=True,
+)
+
+
 @mutant("keeps-half-frames-for-later", "3/29")
-class KeepsHalfFramesForLater(AsyncClient):
-    """What half a frame has left in the buffer stays there for the next connection."""
+class KeepsBufferBetweenConnections(AsyncClient):
+    """An incomplete frame stays in the buffer for the next connection."""
 
     class core(ClientCore):  # noqa: N801 - it fills in the attribute
-        """Begins with the buffer of before, and never gives half a frame up."""
+        """The core shares the buffer and never discards an incomplete frame."""
 
         def __init__(self, *args: object, **values: object) -> None:
             super().__init__(*args, **values)  # type: ignore[arg-type] # handed on
@@ -389,7 +409,6 @@ class KeepsHalfFramesForLater(AsyncClient):
             return None
 
         def connection_lost(self, reason: str, now_s: float) -> list[Event]:
-            """Forget everything but the buffer."""
             held, self._framer = self._framer, Framer(C2A)
             events = super().connection_lost(reason, now_s)
             self._framer = held
@@ -397,19 +416,10 @@ class KeepsHalfFramesForLater(AsyncClient):
 
 
 @mutant("waits-for-the-rest-of-frames", "3/29", subtle=True)
-class WaitsForTheRestOfFrames(AsyncClient):
-    """It does not hang up before a frame that has begun is whole."""
-
-    class core(ClientCore):  # noqa: N801 - it fills in the attribute
-        """Tells whether a frame has begun."""
-
-        @property
-        def begun(self) -> bool:
-            """Whether one has."""
-            return self._framer.held_bytes > 0
+class WaitsForIncompleteFrame(AsyncClient):
+    """The connection is not closed within 60 s if a frame is incomplete."""
 
     async def close(self) -> None:
-        """Wait for the rest, and hang up."""
-        if isinstance(self._core, self.core) and self._core.begun:
+        if self._core._framer.held_bytes:  # noqa: SLF001 - the fault is in there
             await asyncio.sleep(60)
         await super().close()

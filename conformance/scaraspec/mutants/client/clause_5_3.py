@@ -1,24 +1,27 @@
-"""Faults of clause 5.3: downloads, their answers, and what is on the disk then."""
+"""Mutants of clause 5.3: downloads, the replies to chunks, and the local file."""
 
-from collections.abc import Iterable
+from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from scaraspec.client.aio import AsyncClient
-from scaraspec.client.core import ClientCore, Event
+from scaraspec.client.core import DOWNLOAD_LIMIT_BYTES, ClientCore, Event
 from scaraspec.client.operations import Text
 from scaraspec.client.pending_operation import Progress
 from scaraspec.client.transfer import Download, chunk_reply
-from scaraspec.mutants.client import mutant
+from scaraspec.mutants.client import mutant, row
+from scaraspec.mutants.operators.client.frames import received_bytes, sent
+from scaraspec.mutants.operators.client.messages import request_data
 from scaraspec.mutants.operators.client.transfers import (
     DOWNLOAD_CHUNK,
     DOWNLOAD_NAME,
-    AltersFrames,
-    Careless,
-    DownloadsOtherwise,
-    JudgesChunks,
-    KeepsOtherwise,
-    MeetsFiles,
+    AnyOrder,
+    before_download,
+    chunk_taken,
+    chunks_checked_by,
+    download_content,
+    downloads,
 )
 from scaraspec.protocol.commands import Parsed
 from scaraspec.protocol.frames import Frame
@@ -26,19 +29,17 @@ from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, Chunk, Receiver
 
 # The name
 
-
-@mutant("names-of-eight-bytes", "5.3/1")
-class NamesOfEightBytes(AltersFrames):
-    """Of a name that is asked for eight bytes are sent, as the document prints it."""
-
-    def altered(self, frame: Frame) -> Iterable[Frame]:
-        """Cut it."""
-        return (frame._replace(data=frame.data[:8]) if frame.opcode == DOWNLOAD_NAME else frame,)
+row(
+    "names-of-eight-bytes",
+    "5.3/1",
+    "Only eight bytes of the name of a download are sent, as the document prints it.",
+    request_data("download_name", lambda name: name[:8]),
+)
 
 
 @mutant("downloads-under-its-own-name", "5.3/1")
-class DownloadsUnderItsOwnName(AsyncClient):
-    """A download asks for the name that the file is to have on the client's disk."""
+class DownloadsLocalName(AsyncClient):
+    """A download requests the name of the new local file."""
 
     async def download(
         self,
@@ -46,15 +47,14 @@ class DownloadsUnderItsOwnName(AsyncClient):
         local: str | PathLike[str] | None = None,
         progress: Progress | None = None,
     ) -> Path:
-        """Forget the other name."""
         return await super().download(Path(local).name if local else remote, local, progress)
 
 
 @mutant("fetches-once", "5.3/11", subtle=True)
-class FetchesOnce(AsyncClient):
-    """What was downloaded once is copied from there when it is ordered again."""
+class CachesDownloads(AsyncClient):
+    """A file that was downloaded once is copied from memory the next time."""
 
-    _had: dict[Text, bytes] | None = None
+    _cache: dict[Text, bytes] | None = None
 
     async def download(
         self,
@@ -62,98 +62,92 @@ class FetchesOnce(AsyncClient):
         local: str | PathLike[str] | None = None,
         progress: Progress | None = None,
     ) -> Path:
-        """Copy it."""
-        had = self._had = self._had or {}
-        if local and remote in had:
-            return _copied(had[remote], Path(local))
+        cache = self._cache = self._cache or {}
+        if local and remote in cache:
+            return _written(cache[remote], Path(local))
         path = await super().download(remote, local, progress)
-        had[remote] = path.read_bytes()
+        cache[remote] = path.read_bytes()
         return path
 
 
-def _copied(content: bytes, path: Path) -> Path:
+def _written(content: bytes, path: Path) -> Path:
     path.write_bytes(content)
     return path
 
 
-# The answers
+# The replies
 
 
-@mutant("answers-each-chunk-twice", "5.3/5")
-class AnswersEachChunkTwice(AltersFrames):
-    """Each chunk is answered twice."""
+def _replies(change: Callable[[Download, list[Frame]], list[Frame]]) -> type[ClientCore]:
+    """The frames that a download sends after a received frame are changed."""
 
-    def altered(self, frame: Frame) -> Iterable[Frame]:
-        """Repeat it."""
-        return (frame,) * (2 if frame.opcode == DOWNLOAD_CHUNK else 1)
+    class Replies(Download):
+        def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
+            return change(self, super().take(parsed, data, now_s))
+
+    return downloads(Replies)
 
 
-class _Silent(Download):
+class _AnswersName(Download):
     def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
-        frames = super().take(parsed, data, now_s)
-        return [] if self.settled and not self.error else frames
-
-
-@mutant("leaves-the-last-chunk-unanswered", "5.3/5")
-class LeavesTheLastChunkUnanswered(DownloadsOtherwise):
-    """The last chunk of a download is not answered."""
-
-    way = _Silent
-
-
-class _Asking(Download):
-    def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
-        asked = self._receiver is None
+        name_reply = self._receiver is None
         frames = super().take(parsed, data, now_s)
         go_on = chunk_reply(accepted=True, dialect=self._dialect)
-        return [go_on] if asked and not self.settled else frames
+        return [go_on] if name_reply and not self.settled else frames
 
 
-@mutant("asks-for-the-first-chunk", "5.3/5")
-class AsksForTheFirstChunk(DownloadsOtherwise):
-    """The promise of a file is answered like a chunk, to make the first one come."""
-
-    way = _Asking
-
-
-class _Sulking(Download):
-    def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
-        frames = super().take(parsed, data, now_s)
-        return [] if self.error else frames
-
-
-@mutant("never-answers-no", "5.3/5", subtle=True)
-class NeverAnswersNo(DownloadsOtherwise):
-    """A chunk that cannot be taken gets no answer."""
-
-    way = _Sulking
+row(
+    "answers-each-chunk-twice",
+    "5.3/5",
+    "Each chunk is answered twice.",
+    sent(lambda frame: (frame,) * (2 if frame.opcode == DOWNLOAD_CHUNK else 1)),
+)
+row(
+    "leaves-the-last-chunk-unanswered",
+    "5.3/5",
+    "The last chunk of a download is not answered.",
+    _replies(lambda download, frames: [] if download.settled and not download.error else frames),
+)
+row(
+    "asks-for-the-first-chunk",
+    "5.3/5",
+    "The reply to the name of a download is answered like a chunk.",
+    downloads(_AnswersName),
+)
+row(
+    "never-answers-no",
+    "5.3/5",
+    "A chunk that is refused is not answered.",
+    _replies(lambda download, frames: [] if download.error else frames),
+    subtle=True,
+)
 
 
 @mutant("takes-unasked-chunks", "5.3/5")
-class TakesUnaskedChunks(ClientCore):
-    """A chunk of no download is answered 1."""
+class AcceptsStrayChunks(ClientCore):
+    """A chunk outside a download is answered with 1."""
 
     def _refuse_stray_chunk(self, parsed: Parsed) -> None:
         if parsed.part == "request":
             self._send([chunk_reply(accepted=True, dialect=self.dialect)])
 
 
-@mutant("drops-what-comes-with-the-promise", "5.3/5", subtle=True)
-class DropsWhatComesWithThePromise(ClientCore):
-    """What comes in one segment with the promise of a file is lost."""
+_PROMISE = bytes((0xCC, DOWNLOAD_NAME, 1)) + b"1\xaa"
 
-    def feed(self, data: bytes, now_s: float) -> list[Event]:
-        """Lose it."""
-        promise = bytes((0xCC, DOWNLOAD_NAME, 1)) + b"1\xaa"
-        return super().feed(promise if data.startswith(promise) else data, now_s)
+row(
+    "drops-what-comes-with-the-promise",
+    "5.3/5",
+    "Bytes in the same segment after the reply to the name of a download are lost.",
+    received_bytes(lambda data: _PROMISE if data.startswith(_PROMISE) else data),
+    subtle=True,
+)
 
 
 @mutant("answers-pieces-of-chunks", "5.3/5", subtle=True)
-class AnswersPiecesOfChunks(ClientCore):
-    """A chunk that comes in pieces is answered with each of them that is long."""
+class AnswersPartsOfChunks(ClientCore):
+    """The first part of a chunk that arrives in several segments is answered, too."""
 
     def feed(self, data: bytes, now_s: float) -> list[Event]:
-        """Answer it."""
         events = super().feed(data, now_s)
         if data[1:2] == bytes((DOWNLOAD_CHUNK,)) and self._framer.held_bytes:
             self._send([chunk_reply(accepted=True, dialect=self.dialect)])
@@ -168,7 +162,19 @@ def _is_empty(data: bytes) -> bool:
     return chunk is None or chunk.length == 0
 
 
-class _Final(Receiver):
+def _passed_over(
+    condition: Callable[[bytes], bool], *, reply: bool | None = None
+) -> type[ClientCore]:
+    """A chunk that satisfies the condition is only answered, or ignored without `reply`."""
+
+    class PassedOver(Receiver):
+        def take(self, data: bytes, now_s: float) -> bool | None:
+            return reply if condition(data) else super().take(data, now_s)
+
+    return chunks_checked_by(PassedOver)
+
+
+class _EmptyChunkIsLast(Receiver):
     def take(self, data: bytes, now_s: float) -> bool | None:
         if self.state is State.ACTIVE and _is_empty(data):
             self.state = State.DONE
@@ -176,214 +182,203 @@ class _Final(Receiver):
         return super().take(data, now_s)
 
 
-@mutant("empty-chunks-are-the-end", "5.3/8", "5.2/19")
-class EmptyChunksAreTheEnd(JudgesChunks):
-    """A chunk of length 0 ends a download as done."""
-
-    receiver = _Final
-
-
-class _Patient(Receiver):
-    def take(self, data: bytes, now_s: float) -> bool | None:
-        return None if _is_empty(data) else super().take(data, now_s)
-
-
-@mutant("ignores-empty-chunks", "5.3/8")
-class IgnoresEmptyChunks(JudgesChunks):
-    """A chunk of length 0 is ignored, and the next one awaited."""
-
-    receiver = _Patient
-
-
-class _Polite(Receiver):
-    def take(self, data: bytes, now_s: float) -> bool | None:
-        return True if data and _is_empty(data) else super().take(data, now_s)
-
-
-@mutant("takes-empty-chunks", "5.3/8", "5.3/5", subtle=True)
-class TakesEmptyChunks(JudgesChunks):
-    """A chunk of length 0 is answered 1, and the next one awaited; a frame without data ends."""
-
-    receiver = _Polite
-
-
-class _Hollow(Receiver):
-    def take(self, data: bytes, now_s: float) -> bool | None:
-        return None if not data else super().take(data, now_s)
-
-
-@mutant("ignores-frames-without-data", "5.3/8", subtle=True)
-class IgnoresFramesWithoutData(JudgesChunks):
-    """A chunk frame without any data is ignored, and the next one awaited."""
-
-    receiver = _Hollow
-
+row(
+    "empty-chunks-are-the-end",
+    "5.3/8 5.2/19",
+    "A chunk of length 0 ends a download as done.",
+    chunks_checked_by(_EmptyChunkIsLast),
+)
+row(
+    "ignores-empty-chunks",
+    "5.3/8",
+    "A chunk of length 0 is ignored, and the download continues.",
+    _passed_over(_is_empty),
+)
+row(
+    "takes-empty-chunks",
+    "5.3/8 5.3/5",
+    "A chunk of length 0 is answered with 1, and the download continues.",
+    _passed_over(lambda data: bool(data) and _is_empty(data), reply=True),
+    subtle=True,
+)
+row(
+    "ignores-frames-without-data",
+    "5.3/8",
+    "A chunk frame without data is ignored, and the download continues.",
+    _passed_over(lambda data: not data),
+    subtle=True,
+)
 
 # The file
 
 
-@mutant("writes-text-files", "5.3/11", "5.2/16")
-class WritesTextFiles(KeepsOtherwise):
-    """A file is written as text: a carriage return is put before each line feed."""
+def _checked_as(change: Callable[[Chunk], Chunk]) -> type[ClientCore]:
+    """A chunk is accepted if the changed chunk is acceptable."""
 
-    def kept(self, content: bytes) -> bytes:
-        """Write it so."""
-        return content.replace(b"\n", b"\r\n")
+    class CheckedAs(Receiver):
+        def _problem(self, chunk: Chunk) -> str:
+            return super()._problem(change(chunk))
 
-
-@mutant("drops-zeros-at-the-end", "5.3/11", subtle=True)
-class DropsZerosAtTheEnd(KeepsOtherwise):
-    """Zeros at the end of a file are taken for padding, and not stored."""
-
-    def kept(self, content: bytes) -> bytes:
-        """Drop them."""
-        return content.rstrip(b"\0")
+    return chunks_checked_by(CheckedAs)
 
 
-class _Narrow(Receiver):
-    def _problem(self, chunk: Chunk) -> str:
-        return super()._problem(chunk._replace(position=chunk.position % 2**16))
-
-
-@mutant("positions-of-sixteen-bits", "5.3/11", subtle=True)
-class PositionsOfSixteenBits(JudgesChunks):
-    """Of the position of a chunk that comes only 16 bits are read."""
-
-    receiver = _Narrow
-
-
-@mutant("loses-the-last-byte", "5.3/11")
-class LosesTheLastByte(KeepsOtherwise):
-    """The last byte of a file is not stored."""
-
-    def kept(self, content: bytes) -> bytes:
-        """Drop it."""
-        return content[:-1]
+row(
+    "writes-text-files",
+    "5.3/11 5.2/16",
+    "Each LF of a downloaded file is stored as CR LF.",
+    download_content(lambda content: content.replace(b"\n", b"\r\n")),
+)
+row(
+    "drops-zeros-at-the-end",
+    "5.3/11",
+    "Zeros at the end of a downloaded file are not stored.",
+    download_content(lambda content: content.rstrip(b"\0")),
+    subtle=True,
+)
+row(
+    "positions-of-sixteen-bits",
+    "5.3/11",
+    "The position of a received chunk is read modulo 65,536.",
+    _checked_as(lambda chunk: chunk._replace(position=chunk.position % 2**16)),
+    subtle=True,
+)
+row(
+    "loses-the-last-byte",
+    "5.3/11",
+    "The last byte of a downloaded file is not stored.",
+    download_content(lambda content: content[:-1]),
+)
 
 
 @mutant("keeps-the-end-of-the-file-before", "5.3/11", subtle=True)
-class KeepsTheEndOfTheFileBefore(KeepsOtherwise):
-    """A file that is shorter than the one before ends like that one: its memory is used again."""
+class ReusesDownloadBuffer(ClientCore):
+    """A downloaded file that is shorter than the previous one ends like the previous one."""
 
-    memory = b""
+    buffer = b""
 
-    def kept(self, content: bytes) -> bytes:
-        """Lay it over the other."""
-        self.memory = content + self.memory[len(content) :]
-        return self.memory
+    def download(self, name: bytes, limit_bytes: int = DOWNLOAD_LIMIT_BYTES) -> Download:
+        core = self
+
+        class Overlaid(Download):
+            def settle(self, value: Any) -> None:
+                core.buffer = value + core.buffer[len(value) :]
+                super().settle(core.buffer)
+
+        return Overlaid(name, limit_bytes, self.dialect)
 
 
 # Local files
 
 
-@mutant("overwrites-local-files", "5.3/12")
-class OverwritesLocalFiles(MeetsFiles):
-    """A local file that exists is overwritten."""
-
-    def makes(self, local: Path) -> bool:
-        """Take it away first."""
-        local.unlink(missing_ok=True)
-        return True
+def _remove(path: Path) -> bool:
+    path.unlink(missing_ok=True)
+    return True
 
 
-@mutant("overwrites-empty-files", "5.3/12", subtle=True)
-class OverwritesEmptyFiles(MeetsFiles):
-    """A local file that exists and is empty is overwritten."""
-
-    def makes(self, local: Path) -> bool:
-        """Take it away first."""
-        if local.exists() and not local.stat().st_size:
-            local.unlink()
-        return True
+def _remove_empty(path: Path) -> bool:
+    if path.exists() and not path.stat().st_size:
+        path.unlink()
+    return True
 
 
-@mutant("empties-refused-files", "5.3/12")
-class EmptiesRefusedFiles(MeetsFiles):
-    """A local file that exists is opened for writing, which empties it, and then refused."""
-
-    def makes(self, local: Path) -> bool:
-        """Empty it."""
-        if local.exists():
-            local.write_bytes(b"")
-        return True
+def _truncate(path: Path) -> bool:
+    if path.exists():
+        path.write_bytes(b"")
+    return True
 
 
-@mutant("existing-files-are-done", "5.3/12", "5.2/19", subtle=True)
-class ExistingFilesAreDone(MeetsFiles):
-    """A local file that exists is kept, and the download is told as done."""
+row(
+    "overwrites-local-files",
+    "5.3/12",
+    "An existing local file is overwritten.",
+    before_download(_remove),
+)
+row(
+    "overwrites-empty-files",
+    "5.3/12",
+    "An existing local file that is empty is overwritten.",
+    before_download(_remove_empty),
+    subtle=True,
+)
+row(
+    "empties-refused-files",
+    "5.3/12",
+    "An existing local file is truncated before the download is refused.",
+    before_download(_truncate),
+)
+row(
+    "existing-files-are-done",
+    "5.3/12 5.2/19",
+    "If the local file exists, it is kept and the download is reported as done.",
+    before_download(lambda path: not path.exists()),
+    subtle=True,
+)
 
-    def makes(self, local: Path) -> bool:
-        """Say so."""
-        return not local.exists()
-
-
-# What is out of bounds
-
-
-class _Clamping(Receiver):
-    def take(self, data: bytes, now_s: float) -> bool | None:
-        chunk = FILE_DATA.decode(data).value
-        if chunk is not None and chunk.length > BUFFER_BYTES:
-            room = max(0, min(BUFFER_BYTES, chunk.file_size - chunk.position))
-            clamped = chunk._replace(length=room, buffer=chunk.buffer[:BUFFER_BYTES])
-            data = FILE_DATA.encode(clamped)
-        return super().take(data, now_s)
-
-
-@mutant("clamps-lengths", "5.3/13")
-class ClampsLengths(JudgesChunks):
-    """A chunk longer than the buffer is taken as if it had as many bytes as there is room for."""
-
-    receiver = _Clamping
-
-
-class _LongBuffers(Careless):
-    def _problem(self, chunk: Chunk) -> str:
-        within = chunk.position + chunk.length <= chunk.file_size
-        return "" if within and chunk.length <= len(chunk.buffer) else super()._problem(chunk)
+# Chunks out of bounds
 
 
-@mutant("takes-what-the-frame-holds", "5.3/13")
-class TakesWhatTheFrameHolds(JudgesChunks):
-    """A chunk longer than 200 bytes is taken if its frame holds as many."""
+def _accepted_if(condition: Callable[[Chunk], bool]) -> type[ClientCore]:
+    """A chunk out of bounds is accepted if the condition holds."""
 
-    receiver = _LongBuffers
+    class AcceptedIf(AnyOrder):
+        def _problem(self, chunk: Chunk) -> str:
+            return "" if condition(chunk) else super()._problem(chunk)
 
-
-class _Boundless(Careless):
-    def _problem(self, chunk: Chunk) -> str:
-        return "" if chunk.length <= BUFFER_BYTES else super()._problem(chunk)
+    return chunks_checked_by(AcceptedIf)
 
 
-@mutant("takes-chunks-beyond-the-end", "5.3/13", "5.1/13")
-class TakesChunksBeyondTheEnd(JudgesChunks):
-    """Whether a chunk lies within the file is not looked at."""
-
-    receiver = _Boundless
-
-
-class _OneBeyond(Receiver):
-    def _problem(self, chunk: Chunk) -> str:
-        beyond = chunk.position + chunk.length == chunk.file_size + 1
-        return super()._problem(chunk._replace(file_size=chunk.file_size + beyond))
+def _clamped(data: bytes) -> bytes:
+    chunk = FILE_DATA.decode(data).value
+    if chunk is None or chunk.length <= BUFFER_BYTES:
+        return data
+    room = max(0, min(BUFFER_BYTES, chunk.file_size - chunk.position))
+    return FILE_DATA.encode(chunk._replace(length=room, buffer=chunk.buffer[:BUFFER_BYTES]))
 
 
-@mutant("takes-one-byte-too-many", "5.3/13", subtle=True)
-class TakesOneByteTooMany(JudgesChunks):
-    """A chunk may reach one byte beyond the end of the file."""
-
-    receiver = _OneBeyond
+def _fits_frame(chunk: Chunk) -> bool:
+    within = chunk.position + chunk.length <= chunk.file_size
+    return within and chunk.length <= len(chunk.buffer)
 
 
-class _Wrapping(Careless):
-    def _problem(self, chunk: Chunk) -> str:
-        wrapped = chunk._replace(position=0, length=(chunk.position + chunk.length) % 2**32)
-        wraps = chunk.position + chunk.length >= 2**32 and wrapped.length <= chunk.file_size
-        return "" if wraps else super()._problem(chunk)
+def _fits_in_32_bits(chunk: Chunk) -> bool:
+    end = chunk.position + chunk.length
+    return end >= 2**32 and end % 2**32 <= chunk.file_size
 
 
-@mutant("adds-in-thirty-two-bits", "5.3/13", subtle=True)
-class AddsInThirtyTwoBits(JudgesChunks):
-    """position + length is computed in 32 bits, and wraps round."""
+def _one_byte_more(chunk: Chunk) -> Chunk:
+    beyond = chunk.position + chunk.length == chunk.file_size + 1
+    return chunk._replace(file_size=chunk.file_size + beyond)
 
-    receiver = _Wrapping
+
+row(
+    "clamps-lengths",
+    "5.3/13",
+    "The length of a chunk that is longer than 200 is reduced to the available room.",
+    chunk_taken(_clamped),
+)
+row(
+    "takes-what-the-frame-holds",
+    "5.3/13",
+    "A chunk of more than 200 bytes is accepted if its frame contains them.",
+    _accepted_if(_fits_frame),
+)
+row(
+    "takes-chunks-beyond-the-end",
+    "5.3/13 5.1/13",
+    "A chunk beyond the end of the file is accepted.",
+    _accepted_if(lambda chunk: chunk.length <= BUFFER_BYTES),
+)
+row(
+    "takes-one-byte-too-many",
+    "5.3/13",
+    "A chunk that extends one byte beyond the end of the file is accepted.",
+    _checked_as(_one_byte_more),
+    subtle=True,
+)
+row(
+    "adds-in-thirty-two-bits",
+    "5.3/13",
+    "position + length is computed modulo 2^32.",
+    _accepted_if(_fits_in_32_bits),
+    subtle=True,
+)

@@ -1,352 +1,258 @@
-"""Faults of the text conventions in what a client sends: separators, marks, digits, numbers."""
+"""Mutants of clause T: separators, quotation marks, digits, numbers and names that are sent."""
 
 import re
-from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Callable
 from typing import Any
 
 from scaraspec.client.core import ClientCore
 from scaraspec.client.pending_operation import PendingOperation
 from scaraspec.client.transfer import Download, Upload
-from scaraspec.mutants.client import mutant
-from scaraspec.mutants.operators.client.messages import AltersRequests
-from scaraspec.protocol.commands import BY_NAME
-from scaraspec.protocol.frames import Frame
+from scaraspec.mutants.client import mutant, row
+from scaraspec.mutants.operators.client.messages import (
+    request_data,
+    request_fields,
+    request_over_last,
+    sent_raw,
+)
 
 # Separators
 
 
-@mutant("blanks-for-bars", "T/1")
-class BlanksForBars(AltersRequests):
-    """The network settings are sent with blanks for bars, as the document is printed."""
-
-    name = "set_network"
-
-    def altered(self, data: bytes) -> bytes:
-        """Print them."""
-        return data.replace(b"|", b" ")
+def _two_bars(data: bytes) -> bytes:
+    head, _, tail = data.rpartition(b"|")
+    return head + b"||" + tail
 
 
-@mutant("commas-for-bars", "T/1")
-class CommasForBars(AltersRequests):
-    """The gripper centre is sent with commas between its coordinates."""
-
-    name = "set_gripper_center"
-
-    def altered(self, data: bytes) -> bytes:
-        """Put them in."""
-        return data.replace(b"|", b",")
+def _column(fields: list[bytes]) -> list[bytes]:
+    return [f"{fields[0].decode():8}".encode(), *fields[1:]]
 
 
-@mutant("blanks-around-bars", "T/1")
-class BlanksAroundBars(AltersRequests):
-    """A move is sent with blanks around its bars."""
+row(
+    "blanks-for-bars",
+    "T/1",
+    "The network settings are separated by spaces, as the document prints them.",
+    request_data("set_network", lambda data: data.replace(b"|", b" ")),
+)
+row(
+    "commas-for-bars",
+    "T/1",
+    "The coordinates of the gripper center are separated by commas.",
+    request_data("set_gripper_center", lambda data: data.replace(b"|", b",")),
+)
+row(
+    "blanks-around-bars",
+    "T/1",
+    "A move is sent with spaces around its bars.",
+    request_data("set_tool_coordinates", lambda data: data.replace(b"|", b" | ")),
+)
+row(
+    "two-bars",
+    "T/1",
+    "The last two values of the initial position are separated by two bars.",
+    request_data("set_initial_tool_position", _two_bars),
+)
+row(
+    "columns-for-bars",
+    "T/1",
+    "The old password is padded with spaces to eight characters.",
+    request_fields("set_password", _column),
+    subtle=True,
+)
 
-    name = "set_tool_coordinates"
-
-    def altered(self, data: bytes) -> bytes:
-        """Put them in."""
-        return data.replace(b"|", b" | ")
-
-
-@mutant("two-bars", "T/1")
-class TwoBars(AltersRequests):
-    """Between the last two values of the initial position stand two bars."""
-
-    name = "set_initial_tool_position"
-
-    def altered(self, data: bytes) -> bytes:
-        """Put one more in."""
-        head, _, tail = data.rpartition(b"|")
-        return head + b"||" + tail
-
-
-@mutant("columns-for-bars", "T/1", subtle=True)
-class ColumnsForBars(AltersRequests):
-    """Two short passwords are sent with blanks that fill up a column between them."""
-
-    name = "set_password"
-
-    def altered(self, data: bytes) -> bytes:
-        """Fill it up."""
-        old, _, new = data.partition(b"|")
-        return f"{old.decode():8}|".encode() + new
-
-
-# Marks and digits
+# Quotation marks and digits
 
 
-@mutant("quoted-names", "T/2")
-class QuotedNames(AltersRequests):
-    """The name of the program to run is sent between quotation marks."""
-
-    name = "run_program"
-
-    def altered(self, data: bytes) -> bytes:
-        """Quote it."""
-        return b'"' + data + b'"'
+def _as_bytes(fields: list[bytes]) -> list[bytes]:
+    return [bytes((int(text),)) for text in fields]
 
 
-@mutant("curly-quotes", "T/2")
-class CurlyQuotes(AltersRequests):
-    """The time is sent between the curly quotation marks that the document prints."""
-
-    name = "set_time"
-
-    def altered(self, data: bytes) -> bytes:
-        """Quote it."""
-        return "“".encode() + data + "”".encode()
-
-
-@mutant("binary-port", "T/3")
-class BinaryPort(AltersRequests):
-    """Port and value of an output are sent as bytes."""
-
-    name = "set_digital_output"
-
-    def altered(self, data: bytes) -> bytes:
-        """Make them so."""
-        return b"|".join(bytes((int(text),)) for text in data.split(b"|"))
-
-
-@mutant("packed-time", "T/3", "4.5/1")
-class PackedTime(AltersRequests):
-    """The time is sent with two digits in a byte."""
-
-    name = "set_time"
-
-    def altered(self, data: bytes) -> bytes:
-        """Pack them."""
-        return bytes.fromhex(data.decode())
-
+row(
+    "quoted-names",
+    "T/2",
+    "The name of the program to run is sent in quotation marks.",
+    request_data("run_program", lambda data: b'"' + data + b'"'),
+)
+row(
+    "curly-quotes",
+    "T/2",
+    "The time is sent in the curly quotation marks that the document prints.",
+    request_data("set_time", lambda data: "“".encode() + data + "”".encode()),
+)
+row(
+    "binary-port",
+    "T/3",
+    "Port and value of an output are sent as one byte each.",
+    request_fields("set_digital_output", _as_bytes),
+)
+row(
+    "packed-time",
+    "T/3 4.5/1",
+    "The time is sent with two digits in each byte.",
+    request_data("set_time", lambda data: bytes.fromhex(data.decode())),
+)
 
 # Ends
 
-
-@mutant("names-end-with-lines", "T/4")
-class NamesEndWithLines(AltersRequests):
-    """A line end follows the name of the program to simulate."""
-
-    name = "simulate_program"
-
-    def altered(self, data: bytes) -> bytes:
-        """Append it."""
-        return data + b"\r\n"
-
-
-@mutant("time-ends-with-blanks", "T/4")
-class TimeEndsWithBlanks(AltersRequests):
-    """The time is filled up to sixteen characters with blanks."""
-
-    name = "set_time"
-
-    def altered(self, data: bytes) -> bytes:
-        """Fill it up."""
-        return data.ljust(16)
-
-
-@mutant("rest-of-the-buffer", "T/4", subtle=True)
-class RestOfTheBuffer(AltersRequests):
-    """Behind the name of the default program come a NUL and what was in the buffer before."""
-
-    name = "set_default_program"
-
-    def altered(self, data: bytes) -> bytes:
-        """Append it."""
-        return data + b"\0xyz"
-
+row(
+    "names-end-with-lines",
+    "T/4",
+    "A line end follows the name of the program to simulate.",
+    request_data("simulate_program", lambda data: data + b"\r\n"),
+)
+row(
+    "time-ends-with-blanks",
+    "T/4",
+    "The time is padded with spaces to sixteen characters.",
+    request_data("set_time", lambda data: data.ljust(16)),
+)
+row(
+    "rest-of-the-buffer",
+    "T/4",
+    "A NUL and other bytes follow the name of the default program.",
+    request_data("set_default_program", lambda data: data + b"\0xyz"),
+    subtle=True,
+)
 
 # Numbers
 
 
-class _Numbers(AltersRequests, ABC):
-    """Numbers are written otherwise."""
-
-    name = "set_gripper_center"
-
-    def altered(self, data: bytes) -> bytes:
-        """Write them."""
-        return b"|".join(self.written(float(text)).encode() for text in data.split(b"|"))
-
-    @abstractmethod
-    def written(self, number: float) -> str:
-        """Write one."""
+def _numbers(write: Callable[[float], str]) -> type[ClientCore]:
+    """The numbers of the gripper center are written in another way."""
+    return request_fields(
+        "set_gripper_center", lambda fields: [write(float(text)).encode() for text in fields]
+    )
 
 
-@mutant("exponents", "T/5", subtle=True)
-class Exponents(_Numbers):
-    """Large and small numbers are sent with an exponent."""
-
-    def written(self, number: float) -> str:
-        """Write it as many a language does; Java begins the latest with large ones."""
-        return f"{number}" if 1e-3 <= abs(number) < 1e7 or not number else f"{number:e}"
+def _with_exponent(number: float) -> str:
+    return f"{number}" if 1e-3 <= abs(number) < 1e7 or not number else f"{number:e}"
 
 
-@mutant("commas-for-points", "T/5")
-class CommasForPoints(AltersRequests):
-    """The decimals of the initial position stand behind a comma."""
-
-    name = "set_initial_tool_position"
-
-    def altered(self, data: bytes) -> bytes:
-        """Put it in."""
-        return data.replace(b".", b",")
-
-
-@mutant("empty-for-zero", "T/5")
-class EmptyForZero(_Numbers):
-    """A zero is sent as an empty field."""
-
-    def written(self, number: float) -> str:
-        """Write it, or not."""
-        return f"{number:.3f}" if number else ""
-
-
-@mutant("no-zero-ahead-of-the-point", "T/5", subtle=True)
-class NoZeroAheadOfThePoint(_Numbers):
-    """Numbers below one are sent without the zero ahead of their point."""
-
-    def written(self, number: float) -> str:
-        """Leave it out."""
-        return re.sub(r"\b0\.", ".", f"{number:.3f}")
-
+row(
+    "exponents",
+    "T/5",
+    "Large and small numbers are sent with an exponent.",
+    _numbers(_with_exponent),
+    subtle=True,
+)
+row(
+    "commas-for-points",
+    "T/5",
+    "The numbers of the initial position have a decimal comma.",
+    request_data("set_initial_tool_position", lambda data: data.replace(b".", b",")),
+)
+row(
+    "empty-for-zero",
+    "T/5",
+    "A zero is sent as an empty field.",
+    _numbers(lambda number: f"{number:.3f}" if number else ""),
+)
+row(
+    "no-zero-ahead-of-the-point",
+    "T/5",
+    "Numbers below one are sent without the zero before the decimal point.",
+    _numbers(lambda number: re.sub(r"\b0\.", ".", f"{number:.3f}")),
+    subtle=True,
+)
 
 # Bars in texts
 
 
-class _SendsBars(ClientCore):
-    """A bar in a text is sent."""
-
-    names: tuple[str, ...]
-    _barred = b""
-
-    def command(self, name: str, value: Any = None) -> PendingOperation:
-        """Take it as if it had none."""
-        if name in self.names and b"|" in value:
-            self._barred, value = value, value.replace(b"|", b"-")
-        return super().command(name, value)
-
-    def _send(self, frames: Iterable[Frame]) -> None:
-        for frame in frames:
-            meant = self._barred and frame.opcode in {BY_NAME[name].opcode for name in self.names}
-            super()._send([frame._replace(data=self._barred) if meant else frame])
-            self._barred = b"" if meant else self._barred
+def _bars(*commands: str) -> type[ClientCore]:
+    """A text with a bar is sent."""
+    return sent_raw(
+        commands,
+        raw=lambda text: text if b"|" in text else b"",
+        valid=lambda text: text.replace(b"|", b"-"),
+    )
 
 
-@mutant("sends-bars-in-names", "T/6")
-class SendsBarsInNames(_SendsBars):
-    """A name with a bar in it is sent."""
-
-    names = ("delete_program", "set_default_program", "run_program", "simulate_program")
-
-
-@mutant("sends-bars-in-passwords", "T/6", subtle=True)
-class SendsBarsInPasswords(_SendsBars):
-    """A password with a bar in it is sent."""
-
-    names = ("login",)
+row(
+    "sends-bars-in-names",
+    "T/6",
+    "A program name that contains a bar is sent.",
+    _bars("delete_program", "set_default_program", "run_program", "simulate_program"),
+)
+row(
+    "sends-bars-in-passwords",
+    "T/6",
+    "A password that contains a bar is sent.",
+    _bars("login"),
+    subtle=True,
+)
 
 
 @mutant("drops-bars-of-file-names", "T/6", subtle=True)
 class DropsBarsOfFileNames(ClientCore):
-    """The name of a file is sent without the bars in it."""
+    """File names are sent without their bars."""
 
     def upload(self, name: bytes, content: bytes) -> Upload:
-        """Drop them."""
         return super().upload(name.replace(b"|", b""), content)
 
     def download(self, name: bytes, *args: int) -> Download:
-        """Drop them."""
         return super().download(name.replace(b"|", b""), *args)
 
 
 # Whole values
 
 
-@mutant("cuts-passwords", "T/10")
-class CutsPasswords(AltersRequests):
-    """Passwords are cut to eight characters."""
+def _z_y_x(fields: list[bytes]) -> list[bytes]:
+    speed, x, y, z, *angles = fields
+    return [speed, z, y, x, *angles]
 
-    name = "set_password"
 
-    def altered(self, data: bytes) -> bytes:
-        """Cut them."""
-        return b"|".join(text[:8] for text in data.split(b"|"))
+row(
+    "cuts-passwords",
+    "T/10",
+    "Passwords are cut to eight characters.",
+    request_fields("set_password", lambda fields: [text[:8] for text in fields]),
+)
 
 
 @mutant("cuts-long-names", "T/10", subtle=True)
 class CutsLongNames(ClientCore):
-    """The name of a program is cut to thirty bytes."""
+    """Texts are cut to 30 bytes."""
 
     def command(self, name: str, value: Any = None) -> PendingOperation:
-        """Cut it."""
         return super().command(name, value[:30] if isinstance(value, bytes) else value)
 
 
-@mutant("drops-the-minus", "T/10")
-class DropsTheMinus(AltersRequests):
-    """The coordinates of the initial position are sent without their signs."""
-
-    name = "set_initial_tool_position"
-
-    def altered(self, data: bytes) -> bytes:
-        """Drop them."""
-        return data.replace(b"-", b"")
-
-
-@mutant("sends-whole-numbers", "T/10")
-class SendsWholeNumbers(_Numbers):
-    """The gripper centre is sent without its decimals."""
-
-    def written(self, number: float) -> str:
-        """Cut it."""
-        return str(int(number))
-
-
-@mutant("swaps-axes", "T/10")
-class SwapsAxes(AltersRequests):
-    """The coordinates of a move are sent in another order."""
-
-    name = "set_tool_coordinates"
-
-    def altered(self, data: bytes) -> bytes:
-        """Swap them."""
-        speed, x, y, z, *angles = data.split(b"|")
-        return b"|".join((speed, z, y, x, *angles))
-
-
-@mutant("trims-names", "T/10", subtle=True)
-class TrimsNames(AltersRequests):
-    """Blanks at either end of a name are not sent: another program is deleted than was named."""
-
-    name = "delete_program"
-
-    def altered(self, data: bytes) -> bytes:
-        """Trim it."""
-        return data.strip()
-
-
-@mutant("trims-names-of-runs", "T/10", subtle=True)
-class TrimsNamesOfRuns(ClientCore):
-    """Blanks at either end of a name are not sent: another program is run than was named."""
-
-    def _send(self, frames: Iterable[Frame]) -> None:
-        runs = (BY_NAME["run_program"].opcode, BY_NAME["simulate_program"].opcode)
-        super()._send(
-            frame._replace(data=frame.data.strip()) if frame.opcode in runs else frame
-            for frame in frames
-        )
-
-
-@mutant("reuses-its-buffer", "T/10", subtle=True)
-class ReusesItsBuffer(ClientCore):
-    """A name that is shorter than the one before has the end of that one behind it."""
-
-    _buffer = b""
-
-    def _send(self, frames: Iterable[Frame]) -> None:
-        for frame in frames:
-            if frame.opcode == BY_NAME["delete_program"].opcode:
-                self._buffer = frame.data + self._buffer[len(frame.data) :]
-                frame = frame._replace(data=self._buffer)  # noqa: PLW2901 - what goes out
-            super()._send([frame])
+row(
+    "drops-the-minus",
+    "T/10",
+    "The coordinates of the initial position are sent without signs.",
+    request_data("set_initial_tool_position", lambda data: data.replace(b"-", b"")),
+)
+row(
+    "sends-whole-numbers",
+    "T/10",
+    "The gripper center is sent without decimals.",
+    _numbers(lambda number: str(int(number))),
+)
+row(
+    "swaps-axes",
+    "T/10",
+    "The coordinates of a move are sent as z, y and x.",
+    request_fields("set_tool_coordinates", _z_y_x),
+)
+row(
+    "trims-names",
+    "T/10",
+    "Spaces at the ends of the name of a program to delete are not sent.",
+    request_data("delete_program", bytes.strip),
+    subtle=True,
+)
+row(
+    "trims-names-of-runs",
+    "T/10",
+    "Spaces at the ends of the name of a program to run or simulate are not sent.",
+    request_data("run_program", bytes.strip),
+    request_data("simulate_program", bytes.strip),
+    subtle=True,
+)
+row(
+    "reuses-its-buffer",
+    "T/10",
+    "The name of a program to delete that is shorter than the previous one ends like that one.",
+    request_over_last("delete_program"),
+    subtle=True,
+)

@@ -17,7 +17,7 @@ from scaraspec.client.transfer import Upload
 from scaraspec.judge.requirements import select
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.mutants.client_run import MemoryClient
-from scaraspec.mutants.operators.client.transfers import CutsOtherwise, JudgesChunks
+from scaraspec.mutants.operators.client.transfers import chunks_checked_by, chunks_cut_by
 from scaraspec.protocol.commands import Parsed
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame
@@ -129,26 +129,24 @@ class Mute(ClientCore):
         pass
 
 
-class OnlyFull(JudgesChunks):
+class OnlyFull(Receiver):
     """Rejects a chunk that is truncated after its content (A-5-3)."""
 
-    class receiver(Receiver):  # noqa: N801 - it takes the place of an attribute
-        def take(self, data: bytes, now_s: float) -> bool | None:
-            if data and len(data) != FILE_DATA_BYTES:
-                self.fail("it is cut off")
-                return False
-            return super().take(data, now_s)
+    def take(self, data: bytes, now_s: float) -> bool | None:
+        if data and len(data) != FILE_DATA_BYTES:
+            self.fail("it is cut off")
+            return False
+        return super().take(data, now_s)
 
 
-class LittleOnly(JudgesChunks):
+class LittleOnly(Receiver):
     """Reads only little-endian numbers (A-5-2)."""
 
-    class receiver(Receiver):  # noqa: N801 - it takes the place of an attribute
-        def take(self, data: bytes, now_s: float) -> bool | None:
-            if int.from_bytes(data[8:12], "little") > FILE_DATA_BYTES:
-                self.fail("its length is out of bounds")
-                return False
-            return super().take(data, now_s)
+    def take(self, data: bytes, now_s: float) -> bool | None:
+        if int.from_bytes(data[8:12], "little") > FILE_DATA_BYTES:
+            self.fail("its length is out of bounds")
+            return False
+        return super().take(data, now_s)
 
 
 class FailsOnOddAnswers(ClientCore):
@@ -167,39 +165,34 @@ class FailsOnOddAnswers(ClientCore):
         return operation.command.opcode if operation.accepted is None else UPLOAD_CHUNK
 
 
-class AnswersSignals(JudgesChunks):
+class AnswersSignals(Receiver):
     """Answers the error signal with 0, like any invalid chunk (A-5-10)."""
 
-    class receiver(Receiver):  # noqa: N801 - it takes the place of an attribute
-        def take(self, data: bytes, now_s: float) -> bool | None:
-            active = self.state is State.ACTIVE
-            taken = super().take(data, now_s)
-            return False if active and taken is None else taken
+    def take(self, data: bytes, now_s: float) -> bool | None:
+        active = self.state is State.ACTIVE
+        taken = super().take(data, now_s)
+        return False if active and taken is None else taken
 
 
-class SmallChunks(CutsOtherwise):
+class SmallChunks(Sender):
     """Sends chunks of 128 bytes."""
 
-    class sender(Sender):  # noqa: N801 - it takes the place of an attribute
-        def __init__(self, content: bytes, now_s: float, dialect: Dialect = DEFAULT) -> None:
-            super().__init__(content, now_s, dialect)
-            size = len(content)
-            pieces = ((at, content[at : at + 128]) for at in range(0, size, 128))
-            self._chunks = (Chunk(size, at, len(piece), piece) for at, piece in pieces)
+    def __init__(self, content: bytes, now_s: float, dialect: Dialect = DEFAULT) -> None:
+        super().__init__(content, now_s, dialect)
+        size = len(content)
+        pieces = ((at, content[at : at + 128]) for at in range(0, size, 128))
+        self._chunks = (Chunk(size, at, len(piece), piece) for at, piece in pieces)
 
 
-class SmallAndMute(SmallChunks, Mute):
+class SmallAndMute(chunks_cut_by(SmallChunks), Mute):  # type: ignore[misc] # made by an operator
     """Does no more than the document requires."""
 
 
 class Particular(OnlyFull, LittleOnly):
     """Accepts one form of chunks only."""
 
-    class receiver(OnlyFull.receiver, LittleOnly.receiver):  # noqa: N801 - as theirs
-        """Takes what both take."""
 
-
-class Touchy(FailsOnOddAnswers, AnswersSignals):
+class Touchy(FailsOnOddAnswers, chunks_checked_by(AnswersSignals)):  # type: ignore[misc] # made by an operator
     """Reacts to every unexpected frame."""
 
 
@@ -208,7 +201,7 @@ class Sparing(AutoResponder):
 
 
 class Picky(KeepsParts):
-    core = Particular
+    core = chunks_checked_by(Particular)
 
 
 class Alert(AsyncClient):

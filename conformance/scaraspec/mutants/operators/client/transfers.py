@@ -1,12 +1,9 @@
-"""Transferring: where faults of clause 5 take hold: what is sent of a file, and what is taken.
+"""Operators that change file transfers of the reference client (clause 5)."""
 
-No fault is entered here.
-"""
-
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from os import PathLike
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, Final
 
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import DOWNLOAD_LIMIT_BYTES, ClientCore, Event
@@ -14,126 +11,164 @@ from scaraspec.client.operations import Text
 from scaraspec.client.pending_operation import Progress, Stage
 from scaraspec.client.transfer import Download, FileTransfer, Upload
 from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.readings import Dialect
 from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, State
 
-UPLOAD_NAME, UPLOAD_CHUNK, DOWNLOAD_NAME, DOWNLOAD_CHUNK = 0x50, 0x52, 0x54, 0x56
+UPLOAD_NAME: Final = 0x50
+UPLOAD_CHUNK: Final = 0x52
+DOWNLOAD_NAME: Final = 0x54
+DOWNLOAD_CHUNK: Final = 0x56
 
 
-class AltersFrames(ClientCore):
-    """Sends other frames than it should."""
+def chunk_data(write: Callable[[Chunk, Dialect], bytes]) -> type[ClientCore]:
+    """The chunks of uploads are encoded by `write`."""
 
-    def altered(self, frame: Frame) -> Iterable[Frame]:
-        """What is sent in place of a frame."""
-        return (frame,)
+    class ChunkData(ClientCore):
+        def _send(self, frames: Iterable[Frame]) -> None:
+            super()._send(map(self._written, frames))
 
-    def _send(self, frames: Iterable[Frame]) -> None:
-        super()._send(each for frame in frames for each in self.altered(frame))
+        def _written(self, frame: Frame) -> Frame:
+            if frame.opcode != UPLOAD_CHUNK:
+                return frame
+            return frame._replace(data=write(FILE_DATA.decode(frame.data).value, self.dialect))
 
-
-class AltersChunkData(AltersFrames):
-    """Sends the chunks of an upload in other bytes than it should."""
-
-    def data(self, chunk: Chunk) -> bytes:
-        """The data of a chunk frame."""
-        return FILE_DATA.encode(chunk, self.dialect)
-
-    def altered(self, frame: Frame) -> Iterable[Frame]:
-        """Write the chunk anew."""
-        if frame.opcode == UPLOAD_CHUNK:
-            chunk: Chunk = FILE_DATA.decode(frame.data).value
-            frame = frame._replace(data=self.data(chunk))
-        return (frame,)
+    return ChunkData
 
 
-class AltersChunks(AltersChunkData):
-    """Sends other chunks of an upload than it should."""
-
-    def other(self, chunk: Chunk) -> Chunk:
-        """What is sent in place of a chunk."""
-        return chunk
-
-    def data(self, chunk: Chunk) -> bytes:
-        """The other chunk."""
-        return super().data(self.other(chunk))
+def chunks(change: Callable[[Chunk], Chunk]) -> type[ClientCore]:
+    """The chunks of uploads are changed before they are encoded."""
+    return chunk_data(lambda chunk, dialect: FILE_DATA.encode(change(chunk), dialect))
 
 
-class UploadsOtherwise(ClientCore):
-    """Uploads in its own way."""
+def uploads(*bases: type[FileTransfer]) -> type[ClientCore]:
+    """Uploads are instances of a class with these bases."""
+    made: Any = type("OtherUpload", bases, {})
 
-    way: ClassVar[type[Upload]] = Upload
+    class Uploads(ClientCore):
+        def upload(self, name: bytes, content: bytes) -> Upload:
+            upload: Upload = made(name, content, self.dialect)
+            return upload
 
-    def upload(self, name: bytes, content: bytes) -> Upload:
-        """The upload."""
-        return self.way(name, content, self.dialect)
-
-
-class CutsOtherwise(ClientCore):
-    """Cuts files in its own way."""
-
-    sender: ClassVar[type[Sender]] = Sender
-
-    def upload(self, name: bytes, content: bytes) -> Upload:
-        """The upload, with the other sender."""
-        way: type[Upload] = type("Cut", (Upload,), {"sender": self.sender})
-        return way(name, content, self.dialect)
+    return Uploads
 
 
-class DownloadsOtherwise(ClientCore):
-    """Downloads in its own way."""
+def downloads(*bases: type[FileTransfer]) -> type[ClientCore]:
+    """Downloads are instances of a class with these bases."""
+    made: Any = type("OtherDownload", bases, {})
 
-    way: ClassVar[type[Download]] = Download
+    class Downloads(ClientCore):
+        def download(self, name: bytes, limit_bytes: int = DOWNLOAD_LIMIT_BYTES) -> Download:
+            download: Download = made(name, limit_bytes, self.dialect)
+            return download
 
-    def download(self, name: bytes, limit_bytes: int = DOWNLOAD_LIMIT_BYTES) -> Download:
-        """The download."""
-        return self.way(name, limit_bytes, self.dialect)
-
-
-class JudgesChunks(ClientCore):
-    """Judges the chunks of a download by another receiver."""
-
-    receiver: ClassVar[type[Receiver]] = Receiver
-
-    def download(self, name: bytes, limit_bytes: int = DOWNLOAD_LIMIT_BYTES) -> Download:
-        """The download, with the other receiver."""
-        way: type[Download] = type("Judged", (Download,), {"receiver": self.receiver})
-        return way(name, limit_bytes, self.dialect)
+    return Downloads
 
 
-class AltersContent(ClientCore):
-    """Sends the content of another file than it should."""
-
-    def read(self, content: bytes) -> bytes:
-        """What is made of the file."""
-        return content
-
-    def upload(self, name: bytes, content: bytes) -> Upload:
-        """The upload of that."""
-        return super().upload(name, self.read(content))
+def chunks_cut_by(sender: type[Sender]) -> type[ClientCore]:
+    """Uploads are split into chunks by another class."""
+    return uploads(type("Cut", (Upload,), {"sender": sender}))
 
 
-class KeepsOtherwise(ClientCore):
-    """Keeps something else than was sent."""
-
-    def kept(self, content: bytes) -> bytes:
-        """What is kept of a file."""
-        return content
-
-    def download(self, name: bytes, limit_bytes: int = DOWNLOAD_LIMIT_BYTES) -> Download:
-        """The download, which ends with that."""
-        kept = self.kept
-
-        class Kept(Download):
-            def settle(self, value: Any) -> None:
-                super().settle(kept(value))
-
-        return Kept(name, limit_bytes, self.dialect)
+def chunks_checked_by(receiver: type[Receiver]) -> type[ClientCore]:
+    """The chunks of downloads are checked and stored by another class."""
+    return downloads(type("Checked", (Download,), {"receiver": receiver}))
 
 
-class Careless(Receiver):
-    """Takes every chunk wherever it belongs; what reaches the end of the file ends it."""
+def chunk_taken(change: Callable[[bytes], bytes]) -> type[ClientCore]:
+    """The data of a downloaded chunk are changed before they are checked."""
+
+    class ChunkTaken(Receiver):
+        def take(self, data: bytes, now_s: float) -> bool | None:
+            return super().take(change(data), now_s)
+
+    return chunks_checked_by(ChunkTaken)
+
+
+def ends_with(condition: Callable[[Receiver, Chunk], bool]) -> type[ClientCore]:
+    """A download ends with the accepted chunk that satisfies the condition."""
+
+    class EndsWith(Receiver):
+        def take(self, data: bytes, now_s: float) -> bool | None:
+            taken = super().take(data, now_s)
+            if taken and condition(self, FILE_DATA.decode(data).value):
+                self.state = State.DONE
+            return taken
+
+    return chunks_checked_by(EndsWith)
+
+
+def upload_content(change: Callable[[bytes], bytes]) -> type[ClientCore]:
+    """The content of a file is changed before it is uploaded."""
+
+    class UploadContent(ClientCore):
+        def upload(self, name: bytes, content: bytes) -> Upload:
+            return super().upload(name, change(content))
+
+    return UploadContent
+
+
+def download_content(change: Callable[[bytes], bytes]) -> type[ClientCore]:
+    """The content of a file is changed after it was downloaded."""
+
+    class DownloadContent(Download):
+        def settle(self, value: Any) -> None:
+            super().settle(change(value))
+
+    return downloads(DownloadContent)
+
+
+def upload_name(choose: Callable[[Path, Text], Text | None]) -> type[AsyncClient]:
+    """`choose` returns the remote name of an upload, or None to send nothing."""
+
+    class UploadName(AsyncClient):
+        async def upload(
+            self,
+            local: str | PathLike[str],
+            remote: Text | None = None,
+            progress: Progress | None = None,
+        ) -> None:
+            path = Path(local)
+            name = choose(path, path.name if remote is None else remote)
+            if name is not None:
+                await super().upload(local, name, progress)
+
+    return UploadName
+
+
+def before_download(act: Callable[[Path], bool]) -> type[AsyncClient]:
+    """`act` is called with the local path of a download; False requests nothing."""
+
+    class BeforeDownload(AsyncClient):
+        async def download(
+            self,
+            remote: Text,
+            local: str | PathLike[str] | None = None,
+            progress: Progress | None = None,
+        ) -> Path:
+            path = Path(str(remote) if local is None else local)
+            return await super().download(remote, path, progress) if act(path) else path
+
+    return BeforeDownload
+
+
+def timeout_restarts(kind: type[FileTransfer]) -> type[ClientCore]:
+    """Any received bytes restart the timeout of transfers of one kind."""
+
+    class TimeoutRestarts(ClientCore):
+        def feed(self, data: bytes, now_s: float) -> list[Event]:
+            events = super().feed(data, now_s)
+            for transfer in self._open:
+                if isinstance(transfer, kind):
+                    transfer._restart_timeout(now_s)  # noqa: SLF001 - the fault is in there
+            return events
+
+    return TimeoutRestarts
+
+
+class AnyOrder(Receiver):
+    """Accepts every chunk within the file; a chunk that reaches its end ends the download."""
 
     def take(self, data: bytes, now_s: float) -> bool | None:
-        """Take it."""
         taken = super().take(data, now_s)
         last = FILE_DATA.decode(data).value
         if taken and last is not None and last.last:
@@ -144,85 +179,38 @@ class Careless(Receiver):
         return "" if chunk.legal else super()._problem(chunk)
 
 
-class Forever(FileTransfer):
-    """Waits without end."""
+class NoTimeout(FileTransfer):
+    """Waits without a timeout."""
 
     def _restart_timeout(self, now_s: float) -> None:
-        """Set no alarm."""
+        pass
 
 
-class Hurried(FileTransfer):
-    """Waits as long as other commands do."""
+class ReplyTimeout(FileTransfer):
+    """Has the timeout of other commands."""
 
     def _restart_timeout(self, now_s: float) -> None:
         self._start_timeout("reply_timeout", now_s)
 
 
-class Lazy(FileTransfer):
-    """Waits for more than a minute."""
+class LongTimeout(FileTransfer):
+    """Has a timeout of 75 s."""
 
     def _restart_timeout(self, now_s: float) -> None:
         self.deadline_s = now_s + 75
 
 
-class InAll(FileTransfer):
-    """Waits for 30 s, all waits together."""
+class OneTimeout(FileTransfer):
+    """Has one timeout for the whole transfer."""
 
     def _restart_timeout(self, now_s: float) -> None:
         if self.deadline_s is None:
             super()._restart_timeout(now_s)
 
 
-class ForeverAtFirst(FileTransfer):
-    """Waits for the answer to its name without end."""
+class NoTimeoutForName(FileTransfer):
+    """Waits without a timeout for the reply to the name."""
 
     def _restart_timeout(self, now_s: float) -> None:
         if self.stage is not Stage.REQUESTED:
             super()._restart_timeout(now_s)
-
-
-class PutsOff(ClientCore):
-    """Whatever comes puts off the end of the transfers of one kind."""
-
-    way: ClassVar[type[FileTransfer]]
-
-    def feed(self, data: bytes, now_s: float) -> list[Event]:
-        """Wait anew."""
-        events = super().feed(data, now_s)
-        for transfer in self._open:
-            if isinstance(transfer, self.way):
-                transfer._restart_timeout(now_s)  # noqa: SLF001 - the fault is in there
-        return events
-
-
-class MeetsFiles(AsyncClient):
-    """Does something of its own where a file is to be sent, or to be made."""
-
-    def sends(self, local: Path, remote: Text | None) -> Text | None:
-        """The name to send it under; None where nothing is to be sent."""
-        return local.name if remote is None else remote
-
-    def makes(self, local: Path) -> bool:  # noqa: ARG002 - others look at it
-        """Whether to go on."""
-        return True
-
-    async def upload(
-        self,
-        local: str | PathLike[str],
-        remote: Text | None = None,
-        progress: Progress | None = None,
-    ) -> None:
-        """Ask first."""
-        name = self.sends(Path(local), remote)
-        if name is not None:
-            await super().upload(local, name, progress)
-
-    async def download(
-        self,
-        remote: Text,
-        local: str | PathLike[str] | None = None,
-        progress: Progress | None = None,
-    ) -> Path:
-        """Ask first."""
-        path = Path(str(remote) if local is None else local)
-        return await super().download(remote, path, progress) if self.makes(path) else path
