@@ -61,6 +61,6 @@ def audit(
     if not counts_match and results.verdict is not Conclusion.NONCONFORMANT:
         results = replace(results, verdict=Conclusion.INCONCLUSIVE)
     has_frames = results.session and results.session.frames
-    if results.verdict is Conclusion.CONFORMANT and not has_frames:
+    if results.verdict.good and not has_frames:
         results = replace(results, verdict=Conclusion.NOTHING_TESTED)
     return results, tuple(capture.summary.notes)

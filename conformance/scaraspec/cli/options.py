@@ -43,6 +43,26 @@ class Duration(click.ParamType[float]):
             self.fail(UserMessage("{error}.", error=error), param, ctx)
 
 
+class Percentage(click.ParamType[float]):
+    """A percentage such as ``95%``; its value is between 0 and 100."""
+
+    name = "percentage"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Convert the text to a number."""
+        if isinstance(value, float):
+            return value
+        try:
+            percent = float(value.removesuffix("%"))
+        except ValueError:
+            percent = math.nan
+        if not 0 <= percent <= 100:  # noqa: PLR2004 - percent
+            self.fail(UserMessage("{value!r} is not a percentage.", value=value), param, ctx)
+        return percent
+
+
 def password_option(default: str | None, text: str) -> Callable[[F], F]:
     """Return the option ``--password``, which the environment can give, too.
 

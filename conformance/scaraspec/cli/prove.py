@@ -22,7 +22,7 @@ from rich.progress import (
 from scaraspec.api.proving import EVERYTHING, KillMatrix, mutants, prove, prove_dialects
 from scaraspec.cli.problems import Problem, no_such_mutant
 from scaraspec.judge.requirements import UnknownRequirementError, select
-from scaraspec.judge.verdicts import Conclusion, ExitStatus
+from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.mutants.kill_matrix import STANDS, Alarm, Proof, dialects
 from scaraspec.mutants.registry import Mutant
 from scaraspec.report.model import Results, Role
@@ -141,7 +141,7 @@ def command(  # noqa: PLR0913 - one for each option
     _print_summary(matrix)
     if out:
         matrix.write(out)
-    if matrix.survivors or matrix.unmodified is not Conclusion.CONFORMANT:
+    if matrix.survivors or not matrix.unmodified.good:
         raise SystemExit(ExitStatus.NONCONFORMANT)
 
 

@@ -216,6 +216,7 @@ class Client(ClientBase):
             self._core.connection_lost(LINK_LOST_REASONS[arrival.content], now_s)
         else:
             self._core.feed(arrival.content, now_s)
+            self._core.tick(now_s)  # what arrives does not extend a timeout
         self._flush()
 
     def _flush(self) -> None:

@@ -20,15 +20,12 @@ from scaraspec.client.pending_operation import (
 from scaraspec.client.transfer import Download, Upload, chunk_reply
 from scaraspec.protocol.commands import BY_NAME, Parsed, parse_frame
 from scaraspec.protocol.direction import C2A
-from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame, Framer, Skipped, StreamItem
+from scaraspec.protocol.frames import Frame, Framer, Skipped, StreamItem
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.user_message import UserMessage
 
 MAX_REMARKS: Final = 100
 DOWNLOAD_LIMIT_BYTES: Final = 16 * 2**20
-
-_SLOWEST_FRAME_S: Final = MAX_FRAME_BYTES * 1.0
-"""A frame may arrive in single bytes, with pauses of up to 1 s between them (2/5)."""
 
 _LEARNED: Final = ("op_get_default", "list_cont")
 """Readings that the client detects by one timeout, and uses from then on."""
@@ -64,8 +61,9 @@ Event = FrameAccepted | OperationSettled | UnexpectedFrame | Skipped
 class ClientCore:
     """The client of one connection.
 
-    Timeouts expire only in `tick`. Call it when nothing has arrived until `deadline_s`: bytes that
-    wait in a socket while the caller is busy never count as late.
+    Timeouts expire only in `tick`. Call it when nothing has arrived until `deadline_s`, and after
+    bytes that arrived later: bytes that wait in a socket while the caller is busy never count as
+    late, and received bytes do not extend a timeout.
 
     Args:
         dialect: The readings for sending. Received frames may follow any tolerated reading.
@@ -144,7 +142,7 @@ class ClientCore:
     @property
     def deadline_s(self) -> float | None:
         """When to call `tick` if nothing arrives; None for never."""
-        deadlines = [self._due_s(e.deadline_s) for e in self._open if e.deadline_s is not None]
+        deadlines = [e.deadline_s for e in self._open if e.deadline_s is not None]
         if self._partial_until_s is not None:
             deadlines.append(self._partial_until_s)
         return min(deadlines, default=None)
@@ -166,7 +164,7 @@ class ClientCore:
         if self._partial_until_s is not None and now_s >= self._partial_until_s:
             events += self._process_items(self._framer.finish(), now_s)
         for operation in tuple(self._open):
-            if operation.deadline_s is not None and now_s >= self._due_s(operation.deadline_s):
+            if operation.deadline_s is not None and now_s >= operation.deadline_s:
                 self._send(operation.expire(now_s))
                 events += self._after_step(operation, now_s)
         return events
@@ -201,16 +199,6 @@ class ClientCore:
         if not self._framer.held_bytes or seconds is None:
             return None
         return self._last_received_s + seconds
-
-    def _due_s(self, deadline_s: float) -> float:
-        """When a deadline expires.
-
-        It is extended while a frame is arriving, because that may be the expected one.
-        """
-        until_s = self._partial_until_s
-        if until_s is None:
-            return deadline_s
-        return min(max(deadline_s, until_s), deadline_s + _SLOWEST_FRAME_S)
 
     def _send(self, frames: Iterable[Frame]) -> None:
         for frame in frames:

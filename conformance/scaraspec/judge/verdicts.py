@@ -73,6 +73,8 @@ class Reason(Enum):
     """The evidence does not suffice; the message gives the reason."""
     INTERRUPTED = "interrupted"
     """The user ended the run."""
+    COVERAGE = "coverage"
+    """Fewer requirements were judged than the user requires."""
     NOT_RESTORED = "not-restored"
     """Something that the run has changed is left on the subject."""
 
@@ -93,6 +95,9 @@ class Conclusion(Enum):
     """The conclusion of a whole run."""
 
     CONFORMANT = "conformant"
+    """Every requirement in scope was judged, and none is violated."""
+    NO_VIOLATION = "no-violation-found"
+    """Some of the requirements in scope were judged, and none is violated."""
     NONCONFORMANT = "nonconformant"
     INCONCLUSIVE = "inconclusive"
     NOTHING_TESTED = "nothing-tested"
@@ -100,7 +105,12 @@ class Conclusion(Enum):
     @property
     def exit_status(self) -> ExitStatus:
         """The exit status of a run that ends so."""
-        return ExitStatus[self.name]
+        return ExitStatus.CONFORMANT if self.good else ExitStatus[self.name]
+
+    @property
+    def good(self) -> bool:
+        """Whether something was judged and nothing is wrong."""
+        return self in (Conclusion.CONFORMANT, Conclusion.NO_VIOLATION)
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,11 +158,15 @@ def worst(verdicts: Iterable[Verdict]) -> Verdict:
     return max(verdicts, key=_RANK.__getitem__, default=Verdict.NONE)
 
 
-def conclude(counts: Mapping[Verdict, int]) -> Conclusion:
-    """Return what a run amounts to, from the number of its cases or findings by verdict.
+def conclude(counts: Mapping[Verdict, int], *, complete: bool = True) -> Conclusion:
+    """Return the conclusion of a run, from the number of its cases or findings by verdict.
 
-    A failure stays a failure whatever else broke down; without one, anything unsettled makes the
-    run inconclusive. Only a run in which something was judged can be conformant.
+    A failure decides, whatever else went wrong. Without one, anything unsettled makes the run
+    inconclusive. Only a run in which something was judged can be conformant.
+
+    Args:
+        counts: The number of cases or findings by verdict.
+        complete: Whether every requirement in scope was judged.
     """
 
     def any_of(*verdicts: Verdict) -> bool:
@@ -163,5 +177,5 @@ def conclude(counts: Mapping[Verdict, int]) -> Conclusion:
     if any_of(Verdict.INCONCLUSIVE, Verdict.ERROR):
         return Conclusion.INCONCLUSIVE
     if any_of(Verdict.PASS, Verdict.TOLERATED):
-        return Conclusion.CONFORMANT
+        return Conclusion.CONFORMANT if complete else Conclusion.NO_VIOLATION
     return Conclusion.NOTHING_TESTED

@@ -100,8 +100,8 @@ class Alarm:
 
     @property
     def false(self) -> bool:
-        """Whether the suite did not find the implementation conformant."""
-        return self.verdict != Conclusion.CONFORMANT.value
+        """Whether the suite found a violation or could not decide."""
+        return not Conclusion(self.verdict).good
 
 
 def alarm_of(dialect: Dialect, role: Role, options: Options) -> Alarm:

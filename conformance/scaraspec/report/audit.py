@@ -12,7 +12,7 @@ from typing import Final
 
 from scaraspec.judge.judge import Judge, Tally
 from scaraspec.judge.requirements import REQUIREMENTS, Method
-from scaraspec.judge.verdicts import Finding, Verdict
+from scaraspec.judge.verdicts import Conclusion, Finding, Verdict
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.readings import READINGS
 from scaraspec.report.evidence import EvidenceCollector
@@ -52,25 +52,31 @@ def from_audit(
     """
     tallies = {i: judge.tallies[i] for i in REQUIREMENTS if i in judge.tallies}
     cases = {i: tuple(_cases(i, t, stats.evidence, replay)) for i, t in tallies.items()}
+    requirements = tuple(
+        RequirementResult(
+            r.id,
+            tallies[r.id].verdict if r.id in tallies else Verdict.NONE,
+            tuple(case.id for case in cases.get(r.id, ())),
+        )
+        for r in REQUIREMENTS.values()
+        if Method.PASSIVE in r.testable or r.id in tallies
+    )
     return Results(
         tool=Tool.own(),
         subject=subject,
         role=Role.CAPTURE,
-        verdict=judge.conclusion,
+        verdict=(
+            Conclusion.NO_VIOLATION
+            if judge.conclusion is Conclusion.CONFORMANT
+            and not all(each.decided for each in requirements)
+            else judge.conclusion
+        ),
         counts=dict.fromkeys(Verdict, 0) | Counter(c.verdict for cs in cases.values() for c in cs),
         readings={
             "client": readings_of(judge, A2C, {}),
             "controller": readings_of(judge, C2A, claims or {}),
         },
-        requirements=tuple(
-            RequirementResult(
-                r.id,
-                tallies[r.id].verdict if r.id in tallies else Verdict.NONE,
-                tuple(case.id for case in cases.get(r.id, ())),
-            )
-            for r in REQUIREMENTS.values()
-            if Method.PASSIVE in r.testable or r.id in tallies
-        ),
+        requirements=requirements,
         cases=tuple(case for group in cases.values() for case in group),
         session=stats.session(),
     )

@@ -234,6 +234,11 @@ class RequirementResult:
     verdict: Verdict
     cases: tuple[str, ...] = ()
 
+    @property
+    def decided(self) -> bool:
+        """Whether the requirement was judged; inconclusive is not decisive."""
+        return self.verdict in (Verdict.PASS, Verdict.TOLERATED, Verdict.FAIL)
+
 
 @dataclass(frozen=True, slots=True)
 class Timing:
@@ -396,8 +401,15 @@ class Results:
     @property
     def judged(self) -> int:
         """The number of requirements with a decisive verdict; inconclusive is not decisive."""
-        decided = (Verdict.PASS, Verdict.TOLERATED, Verdict.FAIL)
-        return sum(each.verdict in decided for each in self.requirements)
+        return sum(each.decided for each in self.requirements)
+
+    @property
+    def label(self) -> str:
+        """The conclusion in words; if not everything was judged, with the coverage."""
+        text = self.verdict.value.replace("-", " ")
+        if self.verdict is not Conclusion.NO_VIOLATION:
+            return text
+        return f"{text} ({self.judged} of {len(self.requirements)} requirements judged)"
 
     @property
     def examples(self) -> int:

@@ -62,7 +62,7 @@ def cases_for_machines(results: Results) -> list[Case]:
     additional case is added, so that the run does not pass.
     """
     cases = list(results.cases)
-    if results.verdict is Conclusion.CONFORMANT or any(c.verdict in UNSETTLED for c in cases):
+    if results.verdict.good or any(c.verdict in UNSETTLED for c in cases):
         return cases
     message: str = UserMessage(
         "the run is {verdict}, although no case shows a reason", verdict=results.verdict.value

@@ -4,6 +4,7 @@ It shows the verdict of the run and the most important findings; the HTML page s
 from the SUT is sanitized: none of its control characters reaches the terminal.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Final
 
@@ -11,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from scaraspec.judge.verdicts import Verdict
+from scaraspec.judge.verdicts import Conclusion, Verdict
 from scaraspec.report.model import Case, Results
 from scaraspec.report.ordering import (
     VERDICTS_BY_IMPORTANCE,
@@ -22,6 +23,7 @@ from scaraspec.report.sanitizing import visible
 
 _STYLES: Final = {
     "conformant": "bold green",
+    "no-violation-found": "bold cyan",
     "nonconformant": "bold red",
     "inconclusive": "bold magenta",
     "nothing-tested": "bold yellow",
@@ -33,6 +35,7 @@ _STYLES: Final = {
 }
 
 DEFAULT_FINDINGS: Final = 10
+_MAX_REASONS: Final = 8
 
 
 def show(results: Results, console: Console, *, findings: int = DEFAULT_FINDINGS) -> None:
@@ -64,8 +67,9 @@ def _text(text: str, style: str = "") -> Text:
 
 def _lines(results: Results, shown: Sequence[tuple[Case, int]]) -> Iterator[str]:
     yield from results.notices
-    yield f"{results.verdict.value}: {results.subject.title}"
+    yield f"{results.label}: {results.subject.title}"
     yield f"{_counts(results)}; {_coverage(results)}"
+    yield from _not_judged(results)
     for side, dialect in _dialects(results):
         yield f"dialect of the {side}: {dialect}"
     for case, others in shown:
@@ -77,12 +81,16 @@ def _draw(results: Results, shown: Sequence[tuple[Case, int]], console: Console)
     for notice in results.notices:
         console.print(_text(notice, "bold yellow"))
     verdict = results.verdict.value
-    console.print(_text(f"{verdict}  ", _STYLES[verdict]).append_text(_text(results.subject.title)))
+    console.print(
+        _text(f"{results.label}  ", _STYLES[verdict]).append_text(_text(results.subject.title))
+    )
     facts = Table.grid(padding=(0, 2))
     facts.add_column(style="dim")
     facts.add_column(overflow="fold")
     facts.add_row("cases", _counts(results))
     facts.add_row("coverage", _coverage(results))
+    for line in _not_judged(results):
+        facts.add_row("", _text(line))
     for side, dialect in _dialects(results):
         facts.add_row(_text(f"dialect, {side}"), _text(dialect))
     console.print(facts)
@@ -109,6 +117,20 @@ def _counts(results: Results) -> str:
 
 def _coverage(results: Results) -> str:
     return f"{results.judged} of {len(results.requirements)} requirements in scope judged"
+
+
+def _not_judged(results: Results) -> Iterator[str]:
+    """Yield, for each reason, how many requirements were not judged."""
+    if results.verdict is not Conclusion.NO_VIOLATION:
+        return
+    cases = {case.id: case for case in results.cases}
+    reasons = Counter[str]()
+    for requirement in results.requirements:
+        if not requirement.decided:
+            tried = [cases[each] for each in requirement.cases if each in cases]
+            reasons[tried[0].message if tried else "no traffic that shows it"] += 1
+    for reason, count in reasons.most_common(_MAX_REASONS):
+        yield f"{count} not judged: {reason}"
 
 
 def _dialects(results: Results) -> Iterator[tuple[str, str]]:

@@ -33,11 +33,17 @@ TRANSLATIONS: Final[Mapping[str, Translation]] = MappingProxyType(
         "switch": Translation("Language of the page", "页面语言"),
         # Conclusion
         "conformant": Translation("Conformant", "符合"),
+        "no-violation-found": Translation("No violation found", "未发现违规"),
+        "no-violation-found_means": Translation(
+            "Nothing is violated, but not every requirement in scope was judged.",
+            "未发现违规，但并非范围内的所有要求都已判定。",
+        ),
         "nonconformant": Translation("Nonconformant", "不符合"),
         "inconclusive": Translation("Inconclusive", "无法判定"),
         "nothing-tested": Translation("Nothing tested", "未作检验"),
         "conformant_means": Translation(
-            "No judged requirement of the document is violated.", "已判定的要求均未被违反。"
+            "Every requirement in scope was judged, and none is violated.",
+            "范围内的所有要求均已判定，且无一违反。",
         ),
         "nonconformant_means": Translation(
             "At least one requirement of the document is violated.",
@@ -163,6 +169,7 @@ TRANSLATIONS: Final[Mapping[str, Translation]] = MappingProxyType(
         "reason_other-client": Translation("another client interfered", "其他客户端干扰"),
         "reason_undecided": Translation("undecided", "无法判定"),
         "reason_interrupted": Translation("interrupted by the user", "用户中断"),
+        "reason_coverage": Translation("required coverage not reached", "未达到要求的覆盖率"),
         "reason_not-restored": Translation("not restored", "未恢复原状"),
         "hazard": Translation("Hazard", "危险等级"),
         "hazard_read-only": Translation("read-only", "只读"),

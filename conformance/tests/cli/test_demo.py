@@ -41,15 +41,15 @@ def test_it_says_what_it_did(demo: tuple[Path, str]) -> None:
     """The summary names the verdict, and the next commands."""
     out, told = demo
     assert told.startswith("client → recording proxy tcp://127.0.0.1:")
-    assert "conformant" in told
+    assert "no violation found" in told
     assert f"scaraspec audit {out}/capture.mcap" in told
 
 
 def test_results(demo: tuple[Path, str]) -> None:
-    """results.json: conformant, no failure, and the session with its runs and transfers."""
+    """results.json: no failure, and the session with its runs and transfers."""
     results = json.loads((demo[0] / "results.json").read_text(encoding="utf-8"))
-    assert results["schema"] == "scaraspec.results/1"
-    assert results["verdict"] == "conformant"
+    assert results["schema"] == "scaraspec.results/2"
+    assert results["verdict"] == "no-violation-found"
     assert results["counts"]["fail"] == results["counts"]["inconclusive"] == 0
     assert len(results["session"]["transfers"]) == 3
     assert (

@@ -156,7 +156,7 @@ def test_reply_or_timeout() -> None:
         await controller.expect(0x08, 0x08)
         for byte in Frame(C2A, 0x08, b"1.0.0").encode():
             controller.writer.write(bytes((byte,)))
-            await asyncio.sleep(0.9)
+            await asyncio.sleep(0.4)
         assert await version == "1.0.0"
 
     perform(play)

@@ -45,6 +45,20 @@ def polite(opcode: int, _data: bytes) -> list[tuple[float, Any]]:
     return [] if opcode == 0x56 else [(0.1, c2a(opcode, b"00" if opcode == 0x09 else b"1"))]
 
 
+def test_a_flood_does_not_extend_the_timeout(scripted_link: Any) -> None:
+    """A peer that never stops sending is timed out like a silent one."""
+
+    def flood(opcode: int, data: bytes) -> list[tuple[float, Any]]:
+        return polite(opcode, data) if opcode == 0x01 else [(0.1, b"\xcc\x09\xff")] * 600
+
+    link = scripted_link(flood)
+    with Client(link, password="p") as client:
+        begun_s = link.now_s
+        with pytest.raises(ReplyTimeout, match="get_status got no reply within 5 s"):
+            client.get_status()
+        assert link.now_s - begun_s <= 5.2
+
+
 def test_with_connects_logs_in_and_closes(scripted_link: Any) -> None:
     """2/10: the login is the first request."""
     link = scripted_link(polite)

@@ -136,7 +136,7 @@ def test_a_torn_file_is_told_as_one(full: Results, tmp_path: Path) -> None:
         (b"\x89MCAP\xff\x00", "not a results.json"),
         (b"[" * 100_000, "not a results.json"),
         (b"[]", 'is not a results.json: "schema" is not'),
-        (b'"scaraspec.results/1"', 'is not a results.json: "schema" is not'),
+        (b'"scaraspec.results/2"', 'is not a results.json: "schema" is not'),
         (b"{}", 'is not a results.json: "schema" is not'),
         (b'{"schema": 1}', 'is not a results.json: "schema" is not'),
         (b'{"schema": "someone.else/1"}', 'is not a results.json: "schema" is not'),

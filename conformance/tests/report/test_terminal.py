@@ -65,9 +65,11 @@ def test_only_the_most_telling_findings_are_shown(full: Results) -> None:
 
 
 def test_a_pass_is_no_finding(audited: Callable[[str], Results]) -> None:
-    """A conforming capture is four lines."""
+    """Of a conforming capture, the coverage and what was not judged are shown."""
     lines = shown(audited("plant-a-morning-shift")).splitlines()
-    assert lines[0] == "conformant: plant-a-morning-shift.pcapng"
+    coverage = "no violation found (235 of 299 requirements judged)"
+    assert lines[0] == f"{coverage}: plant-a-morning-shift.pcapng"
+    assert "64 not judged: no traffic that shows it" in lines
     assert not [line for line in lines if line.startswith("pass")]
 
 

@@ -10,6 +10,7 @@ from scaraspec.api import certify
 from scaraspec.cli.certify.options import (
     conclude,
     reproduction,
+    selection_of,
     statement_of,
     suite_options,
     user_errors,
@@ -22,13 +23,12 @@ from scaraspec.report.model import Role
 from scaraspec.suite.client.harness.attended import HELP, Attended
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.plan import Options
-from scaraspec.suite.engine.selection import parse_selection
 from scaraspec.transports.url import split_host_port
 from scaraspec.user_message import UserMessage
 
 _GROUPS = {
     "The subject": ("driver", "listen", "attended", "ics", "transfer_timeout", "answer_timeout"),
-    "What to try": ("only", "seed", "examples", "exhaustive"),
+    "What to try": ("only", "require", "require_coverage", "seed", "examples", "exhaustive"),
     "The run": ("out", "dry_run"),
 }
 _DRIVER_S: Final = 10.0
@@ -59,6 +59,8 @@ def command(  # noqa: PLR0913 - one for each option
     ics: Path | None,
     transfer_timeout: float | None,
     only: str | None,
+    require: str | None,
+    require_coverage: float,
     seed: int,
     examples: int,
     exhaustive: bool,
@@ -75,10 +77,13 @@ def command(  # noqa: PLR0913 - one for each option
         raise Problem("name a client: either --driver COMMAND, or --listen HOST:PORT --attended")
     with user_errors():
         statement = statement_of(ics, transfer_timeout)
-        selection = parse_selection(only, Role.CLIENT)
+        selection = selection_of("--only", only, Role.CLIENT)
+        required = selection_of("--require", require, Role.CLIENT)
         options = Options(
             only=selection.requirements,
             cases=selection.cases,
+            required=required.requirements or frozenset(),
+            required_percent=require_coverage,
             seed=seed,
             examples=examples,
             exhaustive=exhaustive,

@@ -9,6 +9,7 @@ from scaraspec.api import certify
 from scaraspec.cli.certify.options import (
     conclude,
     reproduction,
+    selection_of,
     statement_of,
     suite_options,
     user_errors,
@@ -25,7 +26,6 @@ from scaraspec.cli.problems import Problem
 from scaraspec.report.model import Role
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.plan import Options, hazards
-from scaraspec.suite.engine.selection import parse_selection
 from scaraspec.transports.url import parse
 
 _GROUPS = {
@@ -34,6 +34,8 @@ _GROUPS = {
         *(
             "allow",
             "only",
+            "require",
+            "require_coverage",
             "seed",
             "examples",
             "patience",
@@ -92,6 +94,8 @@ def command(  # noqa: PLR0913 - one for each option
     transfer_timeout: float | None,
     allow: str,
     only: str | None,
+    require: str | None,
+    require_coverage: float,
     seed: int,
     examples: int,
     patience: float,
@@ -118,10 +122,13 @@ def command(  # noqa: PLR0913 - one for each option
             )
         if where:
             parse(where)  # an invalid URL is reported before the plan
-        selection = parse_selection(only, Role.CONTROLLER)
+        selection = selection_of("--only", only, Role.CONTROLLER)
+        required = selection_of("--require", require, Role.CONTROLLER)
         options = Options(
             only=selection.requirements,
             cases=selection.cases,
+            required=required.requirements or frozenset(),
+            required_percent=require_coverage,
             allowed=hazards(allow),
             undefined=undefined_opcodes,
             seed=seed,

@@ -11,19 +11,19 @@ from click.core import ParameterSource
 from rich.console import Console
 
 from scaraspec.api.run_folder import RunFolderError
-from scaraspec.cli.options import Real
+from scaraspec.cli.options import Percentage, Real
 from scaraspec.cli.problems import Problem
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.readings import ReadingError
 from scaraspec.report import terminal
-from scaraspec.report.model import Results, ResultsError
+from scaraspec.report.model import Results, ResultsError, Role
 from scaraspec.suite.client.harness.driver import DriverError
 from scaraspec.suite.controller.harness.state.recovery import RecoveryError
 from scaraspec.suite.engine.collection import SuiteError
 from scaraspec.suite.engine.ics import Ics, IcsError
 from scaraspec.suite.engine.journal import ControllerBusyError, JournalError
 from scaraspec.suite.engine.plan import HazardError
-from scaraspec.suite.engine.selection import SelectionError
+from scaraspec.suite.engine.selection import Selection, SelectionError, parse_selection
 from scaraspec.transports.link import LinkError
 from scaraspec.user_message import UserMessage
 
@@ -40,6 +40,18 @@ _OPTIONS: Final = (
     ),
     click.option(
         "--only", metavar="LIST", help="Clauses, requirements or cases, such as 4.15,3/31."
+    ),
+    click.option(
+        "--require",
+        metavar="LIST",
+        help="Requirements that must be judged; otherwise the exit status is 3.",
+    ),
+    click.option(
+        "--require-coverage",
+        type=Percentage(),
+        default=0.0,
+        metavar="PERCENT",
+        help="Share of the requirements in scope that must be judged, such as 95%.",
     ),
     click.option(
         "--seed", type=int, default=0, show_default=True, help="Seed of the drawn values."
@@ -80,6 +92,18 @@ def statement_of(ics: Path | None, transfer_timeout: float | None) -> Ics:
     if transfer_timeout is not None:
         statement = statement.with_claims(xfer_timeout=f"{transfer_timeout:g}")
     return statement
+
+
+def selection_of(option: str, text: str | None, role: Role) -> Selection:
+    """Parse the list of ``--only`` or ``--require``.
+
+    Raises:
+        Problem: The list names nothing that can be run.
+    """
+    try:
+        return parse_selection(text, role)
+    except SelectionError as error:
+        raise Problem(UserMessage("{option}: {error}", option=option, error=error)) from None
 
 
 _NOT_REPEATED: Final = frozenset(
@@ -128,8 +152,6 @@ def user_errors() -> Iterator[None]:
         yield
     except (IcsError, LinkError, ReadingError, DriverError, ResultsError, RunFolderError) as error:
         raise Problem(str(error)) from None
-    except SelectionError as error:
-        raise Problem(UserMessage("--only: {error}", error=error)) from None
     except HazardError as error:
         raise Problem(UserMessage("--allow: {error}", error=error)) from None
     except (ControllerBusyError, RecoveryError) as error:

@@ -347,7 +347,7 @@ class CaseRunner:
         return Attempt(
             outcome,
             frozenset(self._found(since)),
-            observer.attempt.late,
+            bool(observer.attempt.late),
             max((stall.duration_s for stall in stalls), default=0.0),
         )
 

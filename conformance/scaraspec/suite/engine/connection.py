@@ -151,7 +151,7 @@ class Connection:
         """Wait for the subject to end the connection; None if it does not."""
         self.wait(within_s)
         if self.ending is None:
-            self._holder.observer.report_late()
+            self._holder.observer.report_late(self.name)
         return self.ending
 
     def wait_for_frame(
@@ -181,7 +181,7 @@ class Connection:
 
     def no_reply_error(self, message: str) -> NoReply:
         """Return what to raise if a message that was due has not arrived."""
-        self._holder.observer.report_late()
+        self._holder.observer.report_late(self.name)
         came = [f"{seen.frame}" for seen in self.inbox]
         came += [f"no frame: {show(noise.data)}" for noise in self.invalid_bytes]
         if self.ending:

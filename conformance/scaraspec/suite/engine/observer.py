@@ -7,7 +7,7 @@ data on purpose, so only findings about the subject count.
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from scaraspec.judge.judge import Judge
@@ -42,12 +42,12 @@ class ObservedAttempt:
 
     Attributes:
         case: The id of the case; empty between cases.
-        late: A message was missing or late.
+        late: The connections on which a message was missing or late.
         repeatable: The case may be repeated after this attempt.
     """
 
     case: str
-    late: bool = False
+    late: set[str] = field(default_factory=set)
     repeatable: bool = True
 
 
@@ -60,12 +60,14 @@ class CaseFinding:
         finding: The finding.
         begin_ns: When its evidence began, in nanoseconds since the Unix epoch.
         end_ns: When it was found.
+        late: A message was missing or late on its connection before.
     """
 
     attempt: ObservedAttempt
     finding: Finding
     begin_ns: int
     end_ns: int
+    late: bool
 
     @property
     def case(self) -> str:
@@ -131,9 +133,9 @@ class Observer:
         self.attempt = ObservedAttempt(case)
         self.recent.clear()
 
-    def report_late(self) -> None:
-        """A message that was due did not arrive in time."""
-        self.attempt.late = True
+    def report_late(self, connection: str) -> None:
+        """A message that was due on this connection did not arrive in time."""
+        self.attempt.late.add(connection)
 
     def drop_stalled(self, since: int, stalls: Sequence[Stall]) -> None:
         """Drop the findings from number `since` on that span a stall of this machine."""
@@ -184,14 +186,17 @@ class Observer:
             self._hear(item)
             if not isinstance(item, Finding):
                 event = item
-                self.attempt.late = self.attempt.late or _is_late(item)
+                if (connection := _late_connection(item)) is not None:
+                    self.attempt.late.add(connection)
                 if isinstance(item, UnsolicitedReply) and not (item.late or item.seen.frame.tagged):
                     self.unsolicited.append(item.seen)
             elif item.requirement in (self._ignored, *self._undecidable) or event is None:
                 continue
             elif responsible_role(item, event) is self._role:
+                connections = {place.connection for place in item.evidence}
+                late = bool(connections & self.attempt.late)
                 begin_ns = self._begin_ns(item)
-                self.findings.append(CaseFinding(self.attempt, item, begin_ns, self._time_ns))
+                self.findings.append(CaseFinding(self.attempt, item, begin_ns, self._time_ns, late))
 
     def _begin_ns(self, finding: Finding) -> int:
         """When the first byte of the evidence passed."""
@@ -200,14 +205,16 @@ class Observer:
         return min(times_ns, default=self._time_ns)
 
 
-def _is_late(event: TrafficEvent) -> bool:
-    """Return whether a message was missing or late in this event."""
-    if isinstance(event, Exchange):
-        return event.overdue or event.ending in _WITHOUT_ANSWER
-    return isinstance(event, UnsolicitedReply) and event.late
+def _late_connection(event: TrafficEvent) -> str | None:
+    """Return the connection of this event if a message was missing or late; else None."""
+    if isinstance(event, Exchange) and (event.overdue or event.ending in _MISSING):
+        return event.request.place.connection
+    if isinstance(event, UnsolicitedReply) and event.late:
+        return event.seen.place.connection
+    return None
 
 
-_WITHOUT_ANSWER: Final = (Ending.UNANSWERED, Ending.UNFINISHED, Ending.CUT_OFF, Ending.HUNG_UP)
+_MISSING: Final = (Ending.UNANSWERED, Ending.UNFINISHED)
 
 
 def sending_direction(role: Role) -> Direction:

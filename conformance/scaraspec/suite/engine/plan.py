@@ -34,6 +34,8 @@ class Options:
         attended: Run only the cases on the checklist of an operator.
         brief: Skip slow cases whose requirements other cases judge, too.
         cases: The ids of cases to run besides those of `only`.
+        required: The requirements that must be judged; otherwise the run is inconclusive.
+        required_percent: The share of the requirements in scope that must be judged.
     """
 
     only: frozenset[str] | None = None
@@ -45,6 +47,8 @@ class Options:
     attended: bool = False
     brief: bool = False
     cases: frozenset[str] = frozenset()
+    required: frozenset[str] = frozenset()
+    required_percent: float = 0.0
 
     @property
     def summary(self) -> dict[str, str]:

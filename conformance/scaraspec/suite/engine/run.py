@@ -293,6 +293,8 @@ class Run(Generic[P]):
             if entry.id in by_requirement
             or (METHODS[adapter.role] in entry.testable and (scope is None or entry.id in scope))
         )
+        if shortfall := _shortfall(requirements, adapter.options):
+            made = (*made, self._case(_set_up("coverage", shortfall, Reason.COVERAGE)))
         return Results(
             tool=Tool.own(),
             subject=model.Subject(
@@ -305,7 +307,10 @@ class Run(Generic[P]):
                 self._subject.complaints,
             ),
             role=adapter.role,
-            verdict=conclude(Counter(each.verdict for each in made)),
+            verdict=conclude(
+                Counter(each.verdict for each in made),
+                complete=all(each.decided for each in requirements),
+            ),
             counts=dict.fromkeys(Verdict, 0) | Counter(each.verdict for each in made),
             readings={adapter.role.value: self._dialect()},
             requirements=requirements,
@@ -468,10 +473,27 @@ _SHOWN: Final = 12
 _NUMBERED: Final = re.compile(r"\b[a-z]+\d+\b")  # as each of the suite's files is named
 
 
-def _is_confirmed(sightings: Iterable[CaseFinding]) -> bool:
+def _shortfall(requirements: Sequence[RequirementResult], options: Options) -> str:
+    """Return how the coverage falls short of what the user requires; empty if it does not."""
+    judged = {each.id for each in requirements if each.decided}
+    percent = 100 * len(judged) / max(len(requirements), 1)
+    if missing := sorted(options.required - judged):
+        return UserMessage("required, but not judged: {missing}", missing=", ".join(missing))
+    if percent < options.required_percent:
+        return UserMessage(
+            "{judged} of {total} requirements were judged, which is less than {required:g} %",
+            judged=len(judged),
+            total=len(requirements),
+            required=options.required_percent,
+        )
+    return ""
+
+
+def _is_confirmed(findings: Iterable[CaseFinding]) -> bool:
     """Return whether equal findings rest on received bytes, or were found in two attempts."""
-    attempts = {id(s.attempt): s.attempt for s in sightings}.values()
-    return len(attempts) > 1 or any(not a.late or not a.repeatable for a in attempts)
+    if any(not each.late or not each.attempt.repeatable for each in findings):
+        return True
+    return len({id(each.attempt) for each in findings}) > 1
 
 
 def _set_up(name: str, message: str, reason: Reason) -> Outcome:

@@ -19,8 +19,8 @@ def test_a_chunk_may_recur(position: int, data: bytes) -> None:
     ("position", "data", "expected", "observed"),
     [
         (1, b"abcd", "0", "1"),
-        (0, b"zzz", "a place in the file", "0, of what is not in the file"),
-        (8, b"", "a place in the file", "8, of what is not in the file"),
+        (0, b"zzz", "data of the file", "0, with data that is not in the file"),
+        (8, b"", "data of the file", "8, with data that is not in the file"),
     ],
 )
 def test_the_right_place_is_told(position: int, data: bytes, expected: str, observed: str) -> None:

@@ -9,9 +9,9 @@ from scaraspec.suite.engine.selection import Selection, SelectionError, parse_se
 @pytest.mark.parametrize(
     ("text", "requirements", "cases"),
     [
-        ("4.7/1", {"4.7/1"}, set()),
+        ("4.7/2", {"4.7/2"}, set()),
         ("4/8.queries", set(), {"4/8.queries"}),
-        (" 4.7/1 , 4/8.queries", {"4.7/1"}, {"4/8.queries"}),
+        (" 4.7/2 , 4/8.queries", {"4.7/2"}, {"4/8.queries"}),
         ("3/31.seen-1", {"3/31"}, set()),
         ("claim.prelogin", set(), {"claim.prelogin"}),
     ],
@@ -34,7 +34,7 @@ def test_everything() -> None:
     ("text", "message"),
     [
         ("", "an item of the list is empty"),
-        ("4.7/1,,", "an item of the list is empty"),
+        ("4.7/2,,", "an item of the list is empty"),
         ("T/9", "T/9 cannot be tested on a controller: `scaraspec requirements --clause T/9`"),
         ("4/8.nothing", "There is no requirement '4/8.nothing'"),
     ],
