@@ -1,7 +1,7 @@
-"""Access: how the suite gets to its subject, and the clock that goes with it.
+"""Access: how the suite connects to the controller, and its clock.
 
-A real subject is reached by a URL and runs in real time; a machine in memory has a clock that
-jumps. Which of the two it is, nothing else in the suite knows.
+A real controller has a URL and runs in real time. A controller in memory has a simulated clock. No
+other module of the suite knows which of the two it is.
 """
 
 import math
@@ -20,11 +20,11 @@ _LOCAL: Final = ("127.0.0.1", "::1", "localhost")
 
 
 class Access(Protocol):
-    """A way to a subject."""
+    """The access to a controller."""
 
     @property
     def needs_login(self) -> bool:
-        """Whether a login comes first; a serial link needs none (L83)."""
+        """Whether a login is needed; a serial link needs none (L83)."""
 
     @property
     def real_time(self) -> bool:
@@ -32,27 +32,27 @@ class Access(Protocol):
 
     @property
     def multiple_connections(self) -> bool:
-        """Whether it can carry more than one connection at once."""
+        """Whether several connections can be open at once."""
 
     @property
     def detects_close(self) -> bool:
-        """Whether the subject notices that a connection ends: a serial line only falls silent."""
+        """Whether the controller notices the end of a connection; not on a serial line."""
 
     @property
     def port(self) -> int | None:
-        """The TCP port that it leads to; None for a serial link."""
+        """The TCP port of the controller; None for a serial link."""
 
     @property
     def wait_limit_s(self) -> float:
-        """For how long one case may wait for what only time brings, such as a clock's next hour."""
+        """How long a case may wait for a point in time, in seconds; for example the next hour."""
 
     @property
     def survives_address_change(self) -> bool:
-        """Whether we still reach it once it has been given another IP address."""
+        """Whether the controller is reachable after its IP address has changed."""
 
     @property
     def now_ns(self) -> int:
-        """The present instant in nanoseconds since the Unix epoch."""
+        """The current time in nanoseconds since the Unix epoch."""
 
     def connect(self) -> Link:
         """Open a connection.
@@ -62,14 +62,18 @@ class Access(Protocol):
         """
 
     def pause(self, for_s: float) -> None:
-        """Let time pass while no connection is listened to."""
+        """Wait for a time, in seconds, without receiving."""
 
 
 class UrlAccess:
-    """A real subject at a URL.
+    """A real controller at a URL.
+
+    Args:
+        url: The URL.
+        wait_limit_s: See `Access.wait_limit_s`.
 
     Raises:
-        UrlError: It is none.
+        UrlError: The URL is invalid.
     """
 
     real_time = True
@@ -81,32 +85,32 @@ class UrlAccess:
 
     @property
     def needs_login(self) -> bool:
-        """TCP links do."""
+        """True for TCP."""
         return isinstance(self._where, Tcp)
 
     @property
     def multiple_connections(self) -> bool:
-        """TCP links do."""
+        """True for TCP."""
         return self.needs_login
 
     @property
     def detects_close(self) -> bool:
-        """All links do but a serial line."""
+        """False for a serial line."""
         return not isinstance(self._where, Serial)
 
     @property
     def port(self) -> int | None:
-        """That of the URL."""
+        """The port of the URL."""
         return self._where.port if isinstance(self._where, Tcp) else None
 
     @property
     def survives_address_change(self) -> bool:
-        """A subject on this machine stays where it is, and a serial link has no address."""
+        """True on this machine, and for a serial link, which has no address."""
         return not isinstance(self._where, Tcp) or self._where.host in _LOCAL
 
     @property
     def now_ns(self) -> int:
-        """See `links.clock`."""
+        """See `transports.clock`."""
         return now_ns()
 
     def connect(self) -> Link:
@@ -114,13 +118,13 @@ class UrlAccess:
         return connect(self.url)
 
     def pause(self, for_s: float) -> None:
-        """Sleep."""
+        """Sleep for a time, in seconds."""
         time.sleep(for_s)
 
 
 @dataclass(frozen=True)
 class MemoryAccess:
-    """A machine in this process."""
+    """A controller in this process."""
 
     network: MemoryNetwork
     needs_login: bool = True
@@ -132,12 +136,12 @@ class MemoryAccess:
 
     @property
     def detects_close(self) -> bool:
-        """A serial line does not."""
+        """False for a serial line."""
         return self.needs_login
 
     @property
     def now_ns(self) -> int:
-        """The machine's clock."""
+        """The simulated clock."""
         return self.network.time_ns
 
     def connect(self) -> Link:
@@ -145,5 +149,5 @@ class MemoryAccess:
         return self.network.connect("tcp" if self.needs_login else "serial")
 
     def pause(self, for_s: float) -> None:
-        """Let the machine's time pass."""
+        """Advance the simulated clock by a time, in seconds."""
         self.network.run_until(self.network.now_s + for_s)

@@ -1,7 +1,7 @@
-"""Subject: the controller under test, as the cases meet it.
+"""The controller under test, as the cases use it.
 
-It opens connections, knows what the subject claims and what was found out about it, and remembers
-what has to be put right again. No requirement is judged here.
+It opens connections, knows what the controller claims and what was detected, and knows what must
+be restored. It judges no requirement.
 """
 
 import itertools
@@ -35,24 +35,24 @@ from scaraspec.transports.link import Link, LinkError
 from scaraspec.user_message import UserMessage
 
 SILENCE_S: Final = 0.3
-"""For how long silence is listened to where no fence can show it."""
+"""How long the suite waits, in seconds, before it concludes that nothing is sent."""
 
 MOMENT_S: Final = 0.1
-"""For how long silence is listened to where a fence has shown it, too: for what comes late."""
+"""How long the suite waits for late frames, in seconds, after `sync` has shown that none is due."""
 
 _READY: Final = "00"  # L209: idle
 _RECONNECTS: Final = 20
-_RECONNECT_S: Final = 0.1  # within which it may not have seen yet that the last one left
-_RETURN_S: Final = 30.0  # within which a crashed subject may restart by itself
+_RECONNECT_S: Final = 0.1  # it may not have noticed yet that the last connection was closed
+_RETURN_S: Final = 30.0  # a crashed controller may restart by itself within this time
 _RETURN_POLL_S: Final = 1.0
-_REFUSAL_S: Final = 0.05  # within which one that is not served is ended (A-2-2)
-_FEW: Final = 2  # clients, beyond which a robot may serve no more
-_REMEMBERED: Final = 8  # connections, that have ended
+_REFUSAL_S: Final = 0.05  # a connection that is not served is closed within this time (A-2-2)
+_FEW_CLIENTS: Final = 2  # a controller may serve no more at the same time
+_CLOSED_LINES: Final = 8  # how many closed connections are remembered
 _POLL_S: Final = 0.05
 _ALWAYS: Final = ("login",)
 _DELETE, _RUNNING = "delete_program", "get_running_program"
-_FILES_TOO: Final = ("login", _DELETE)  # of what the suite itself has stored
-_REMEDIES: Final = ("lock_joints", "reset")  # of joints that were left loose; of all else
+_ALWAYS_WITH_STATE: Final = ("login", _DELETE)  # to delete the files of the suite
+_REMEDIES: Final = ("lock_joints", "reset")  # for released joints; for everything else
 
 _MAX_WRONG_PASSWORDS: Final = 5
 
@@ -61,27 +61,27 @@ class ControllerUnderTest:
     """The controller under test.
 
     Args:
-        access: The way to it.
-        ics: What it claims.
-        password: What opens it.
-        observer: Watches everything.
-        allowed: The hazards that the tester permits.
-        journal: Where what the run may change is written down first.
-        draw_token: Makes the token in the names of the run's files.
+        access: The access to the controller.
+        ics: Its implementation conformance statement.
+        password: Its password.
+        observer: Observes the traffic.
+        allowed: The hazards that the user allows.
+        journal: Records what the run may change, before it is changed.
+        draw_token: Creates the token in the names of the run's files.
         say: Shows a sentence to the user at once.
 
     Attributes:
-        dialect: The readings that it follows, as far as they were claimed or found out.
+        dialect: The readings that it follows: claimed, detected, or the defaults.
         tolerated: The listed readings that the running case has observed.
-        moved: Motion may be under way.
-        off: It was shut down, and has not come back.
+        moved: A motion may be in progress.
+        off: It was shut down and has not come back.
         traits: What was detected once for the whole run.
-        patience: How long to wait for what never came.
-        unanswered: Commands that it never answered before the running case.
-        files: Which files on the controller are the suite's own.
-        others: What other clients do to it.
+        patience: The timeouts for replies that have never come.
+        unanswered: The commands that it never answered before the running case.
+        files: The files on the controller that the suite has created.
+        others: Detects other clients.
         guard: Checks every frame before it is sent.
-        notices: What the reader of the results must know first.
+        notices: Sentences at the head of the results.
     """
 
     def __init__(  # noqa: PLR0913 - the collaborators of a run
@@ -115,45 +115,45 @@ class ControllerUnderTest:
         self.others = OtherClients(self)
         self.guard = Guard(journal, self.files, password, ics.reply_s, self.others)
         self._lines: list[OutgoingConnection] = []
-        self._left: list[OutgoingConnection] = []
+        self._closed_lines: list[OutgoingConnection] = []
         self._connections = itertools.count(1)
 
     # ------------------------------------------------------------------ time
 
     @property
     def now_ns(self) -> int:
-        """The present instant in nanoseconds since the Unix epoch."""
+        """The current time in nanoseconds since the Unix epoch."""
         return self.access.now_ns
 
     @property
     def reply_s(self) -> float:
-        """For how long a reply is waited for."""
+        """The reply timeout in seconds."""
         return self.ics.reply_s
 
     @property
     def transfer_s(self) -> float:
-        """After what silence it abandons a transfer."""
+        """The silence after which it aborts a transfer, in seconds."""
         return self.ics.transfer_s
 
     @property
     def longest_s(self) -> float:
-        """For how long a final result is waited for."""
+        """The timeout for a final result, in seconds."""
         return self.ics.motion.longest_s
 
     # ------------------------------------------------------------------ connections
 
     @property
     def stop_failure(self) -> StopFailure | None:
-        """What is wrong with the emergency stop."""
+        """The failure of the emergency stop; None if none was observed."""
         return self.guard.stop.failure
 
     def report_stop_failure(self, requirement: str, message: str) -> None:
-        """A case has found that the emergency stop does not work."""
+        """Note that a case has shown that the emergency stop does not work."""
         self.guard.stop.fail(requirement, message, "", "")
 
     @property
     def withheld(self) -> str:
-        """Why a request of the running case was not sent; empty if all were."""
+        """Why a request of the running case was not sent; empty if all were sent."""
         return self.guard.stop.withheld
 
     def checkpoint(self) -> Callable[[], None]:
@@ -171,13 +171,13 @@ class ControllerUnderTest:
         return restore
 
     def begin_case(self) -> None:
-        """A case begins: nothing was tolerated or withheld in it."""
+        """Reset the tolerated readings and the withheld requests for the next case."""
         self.tolerated.clear()
         self.guard.stop.withheld = ""
 
     @property
     def no_verdict_reason(self) -> str:
-        """Nothing: whatever a case asks of a controller finds something out."""
+        """Empty: a case that raises nothing has a verdict."""
         return ""
 
     def open(self, *, login: bool = True, judged: bool = True) -> OutgoingConnection:
@@ -185,12 +185,12 @@ class ControllerUnderTest:
 
         Args:
             login: Whether to log in.
-            judged: False for a connection that is to carry what is no protocol: bytes that are no
-                frame make what follows them undecidable for the judge.
+            judged: False for a connection that will carry invalid bytes: the judge cannot decide
+                about the bytes after them.
 
         Raises:
             CaseFailed: The login was refused.
-            NoReply: The subject cannot be reached, or does not answer.
+            NoReply: The controller cannot be reached, or does not answer.
         """
         attempts = self._attempts(login=login)
         while True:
@@ -201,7 +201,7 @@ class ControllerUnderTest:
                     self.log_in(line)
                 except CaseFailed as error:
                     refused = isinstance(error, NoReply) and line.ending is not None
-                    line.close()  # a connection that is not served takes no place
+                    line.close()  # a connection that is not served does not count
                     if not refused or not attempts:
                         raise
                     self.traits.closes_late = True
@@ -212,19 +212,20 @@ class ControllerUnderTest:
             self.access.pause(_RECONNECT_S)
 
     def _attempts(self, *, login: bool) -> int:
-        """How often to come where one is sent away: a client that left may still have its place.
+        """Return how often to connect: the controller may not have noticed a closed connection yet.
 
-        Of a robot that is known to serve several, the places must be taken by who is there and who
-        has just left, and once only: from then on its time is waited for.
+        A controller that serves several clients rejects another one only if open and recently
+        closed connections reach its limit. After the first such rejection, the suite waits before
+        it connects.
         """
         if not self.access.detects_close:
             return 1
-        there = sum(not line.ended for line in self._lines)
-        if self._may_serve_one and not there:
+        open_count = sum(not line.ended for line in self._lines)
+        if self._may_serve_one and not open_count:
             return _RECONNECTS
         since_ns = self.now_ns - round(_RECONNECT_S * 1e9)
-        left = sum(line.closed_ns > since_ns for line in (*self._left, *self._lines))
-        if not left or there + left < _FEW:
+        closed = sum(line.closed_ns > since_ns for line in (*self._closed_lines, *self._lines))
+        if not closed or open_count + closed < _FEW_CLIENTS:
             return 1
         if self.traits.closes_late:
             self.pause(_RECONNECT_S)
@@ -238,14 +239,14 @@ class ControllerUnderTest:
         return self.dialect["max_clients"] == "one" or "max_clients" not in known
 
     def _open(self, *, judged: bool) -> OutgoingConnection:
-        attempts = 1 if self.off else _RECONNECTS  # who waits for it tries again by himself
+        attempts = 1 if self.off else _RECONNECTS  # the caller retries
         for attempt in range(attempts):
             try:
                 link = self.access.connect()
             except LinkError as error:
                 if attempt == attempts - 1:
                     raise NoReply(
-                        UserMessage("the subject takes no connection: {error}", error=error)
+                        UserMessage("the subject accepts no connection: {error}", error=error)
                     ) from None
                 self.access.pause(_RECONNECT_S)
                 continue
@@ -258,36 +259,36 @@ class ControllerUnderTest:
         """Log in on a connection.
 
         Raises:
-            CaseFailed: The subject refuses.
+            CaseFailed: The controller refuses the login.
         """
         answer = line.ask("login", self.password if password is None else password)
         if not answer.accepted:
             raise CaseFailed(
                 "the login was refused", expected="1", observed=f"{answer}", requirement="4.1/2"
             )
-        self._overlook_greeting(line)
+        self._drop_greeting(line)
         return answer
 
-    def _overlook_greeting(self, line: OutgoingConnection) -> None:
-        """Drop what a subject sends unasked on every connection: the judge warns of it (A-3-16)."""
+    def _drop_greeting(self, line: OutgoingConnection) -> None:
+        """Drop unsolicited frames that every connection begins with: the judge warns (A-3-16)."""
         if self.traits.greeting_opcodes is None:
             self.traits.greeting_opcodes = frozenset(seen.frame.opcode for seen in line.inbox)
         opcodes = self.traits.greeting_opcodes
         line.inbox[:] = [s for s in line.inbox if s.frame.tagged or s.frame.opcode not in opcodes]
 
     def pump_others(self, line: Connection, /) -> list[Link]:
-        """Take what came on the other connections; give the links on which more may come."""
+        """Receive on the other connections. Return the links that may receive more."""
         return pump_all(self._lines, line)
 
     def close_lines(self) -> None:
-        """End every connection."""
+        """Close every connection."""
         for line in self._lines:
             line.close()
-        self._left = [*self._left, *self._lines][-_REMEMBERED:]
+        self._closed_lines = [*self._closed_lines, *self._lines][-_CLOSED_LINES:]
         self._lines = []
 
     def pause(self, for_s: float) -> None:
-        """Let time pass, listening on every connection."""
+        """Wait for a time, in seconds, and keep receiving on every connection."""
         for line in self._lines:
             if not line.closed and line.ending is None:
                 line.wait(for_s)
@@ -295,31 +296,33 @@ class ControllerUnderTest:
         self.access.pause(for_s)
 
     def is_case_about(self, requirement: str) -> bool:
-        """Whether the running case is about this requirement."""
+        """Whether this is the first requirement of the running case."""
         case = self.observer.case
         return case == requirement or case.startswith(f"{requirement}.")
 
     # ------------------------------------------------------------------ what it can do
 
     def require_permitted(self, opcode: int) -> None:
-        """Stop our own mistakes: no command is sent that the tester does not allow.
+        """Raise an error if the user has not allowed the hazard of a command.
 
         Raises:
-            RuntimeError: It is not allowed, and the case that would send it is not marked for it.
+            RuntimeError: The suite is defective: the case does not declare the hazard.
         """
         command = BY_OPCODE.get(opcode)
-        ours = _FILES_TOO if Hazard.STATE in self.allowed else _ALWAYS
-        if command and command.name not in ours and command.hazard not in self.allowed:
-            raise RuntimeError(f"{command.name} is not allowed: the case is not marked for it")
+        always = _ALWAYS_WITH_STATE if Hazard.STATE in self.allowed else _ALWAYS
+        if command and command.name not in always and command.hazard not in self.allowed:
+            raise RuntimeError(
+                f"{command.name} is not allowed: the case does not declare its hazard"
+            )
 
     @property
     def supports_multiple_connections(self) -> bool:
-        """Whether several connections can be open at once, and none displaces another."""
+        """Whether several connections can be open at once without displacing each other."""
         many = self.dialect["max_clients"] == "many" and not self.traits.displaces_first_client
         return self.access.multiple_connections and many
 
     def require_multiple_connections(self) -> None:
-        """Go on only where several connections can be open at once.
+        """Require that several connections can be open at once.
 
         Raises:
             CaseSkipped: They cannot.
@@ -329,34 +332,32 @@ class ControllerUnderTest:
         if self.dialect["max_clients"] != "many":
             raise CaseSkipped("the subject serves one client at a time (max_clients)")
         if not self.supports_multiple_connections:
-            raise CaseSkipped("the subject sends a client away when a further one comes (A-2-2)")
+            raise CaseSkipped("the subject closes a connection when another one opens (A-2-2)")
 
     def require_close_detection(self) -> None:
-        """Go on only where the subject notices that a client is gone.
+        """Require that the controller notices the end of a connection.
 
         Raises:
             CaseSkipped: It does not.
         """
         if not self.access.detects_close:
-            raise CaseSkipped("this link ends without its subject's notice")
+            raise CaseSkipped("the subject does not notice the end of this link")
 
     def has_hook(self, name: str) -> bool:
-        """Whether the statement of conformance names this hook."""
+        """Whether the ICS names this hook."""
         return name in self.ics.hooks
 
     def hook(self, name: str, **values: object) -> None:
-        """Handle the subject.
+        """Run a hook.
 
         Raises:
-            CaseSkipped: The statement of conformance names no such hook.
+            CaseSkipped: The ICS does not name this hook.
             CaseInconclusive: The hook failed.
         """
         hook = self.ics.hooks.get(name)
         if hook is None:
             raise CaseSkipped(
-                UserMessage(
-                    "it needs the hook {name} in [hooks] of the statement of conformance", name=name
-                )
+                UserMessage("it needs the hook {name} in [hooks] of the ICS", name=name)
             )
         self.guard.note_change(EVERYTHING)
         self.guard.stop.forget()
@@ -366,16 +367,16 @@ class ControllerUnderTest:
             raise CaseInconclusive(str(error)) from None
 
     def notify(self, sentence: str) -> None:
-        """Say what the user must know first, now and at the head of the results."""
+        """Show a sentence to the user now and at the head of the results."""
         self.notices.append(sentence)
         self._say(sentence)
 
     def tolerate(self, requirement: str, key: str, option: str, message: str) -> None:
-        """The subject follows a listed reading, or does what the register only warns of."""
+        """Note that the controller follows a listed reading, or causes only a warning."""
         self.tolerated.append(ToleratedReading(requirement, key, option, message))
 
     def set_reading(self, key: str, option: str) -> None:
-        """It was found out which reading the subject follows; from now on it is spoken to so."""
+        """Note a detected reading. The suite uses it from now on."""
         self.detected_readings[key] = option
         self.dialect = self.dialect.replace(**{key: option})
 
@@ -383,29 +384,30 @@ class ControllerUnderTest:
 
     @property
     def transfers_outlive(self) -> bool:
-        """Whether a transfer goes on until its time-out when its connection ends (5.4/5)."""
+        """Whether a transfer continues until its timeout when its connection ends (5.4/5)."""
         return not self.access.detects_close or bool(self.traits.transfers_outlive_connection)
 
     def note_accepted_stop(self) -> None:
-        """An emergency stop was granted: perhaps the robot is latched (A-4.17-2)."""
+        """Note that an emergency stop was accepted and may have latched the robot (A-4.17-2)."""
         if self.traits.may_be_latched is None:
             self.traits.may_be_latched = True
 
     def may_try_wrong_password(self) -> bool:
-        """Whether a sequence may try a wrong password: few do, so that the suite is not locked out.
+        """Count a wrong password of a sequence. Return whether it may be tried.
 
-        One in a run that may only change state, five where things may be lost (A-4.1-2).
+        The number is limited because the controller may lock the suite out (A-4.1-2): one attempt
+        per run, five if destructive cases are allowed.
         """
         tried = self.traits.wrong_passwords_tried
         self.traits.wrong_passwords_tried += 1
         return tried < (_MAX_WRONG_PASSWORDS if Hazard.DESTRUCTIVE in self.allowed else 1)
 
     def new_name(self, stem: str = "", *, lead: str = "") -> bytes:
-        """A file name that is not in use.
+        """Return a file name that is not in use.
 
         Args:
-            stem: Follows its number.
-            lead: Stands before its number, and ends with a letter: what many names begin with.
+            stem: The text after the number.
+            lead: The text before the number; ends with a letter.
         """
         extension = {".txt": ".txt"}.get(self.dialect["prog_ext"], ".rob")
         return self.files.new_name(extension, stem, lead=lead)
@@ -414,43 +416,43 @@ class ControllerUnderTest:
         """Wait until the status is 00.
 
         Raises:
-            Unreadable: It is none at all.
-            CaseInconclusive: It does not become so.
+            Unreadable: The reply contains no status.
+            CaseInconclusive: The status does not become 00 in time.
         """
         full_s = self.patience.rest_timeout_s(self.longest_s) if within_s is None else within_s
-        left_s = full_s
+        remaining_s = full_s
         while (status := line.ask("get_status").value) != _READY:
-            if left_s <= 0:
+            if remaining_s <= 0:
                 if within_s is None:
                     self.patience.note_rest(full_s, rests=False)
                 if status is None:
-                    raise Unreadable("what the subject tells of its status is no status")
+                    raise Unreadable("the reply of the subject to get_status contains no status")
                 raise CaseInconclusive(
                     UserMessage(
                         "the subject's status stays {status} and does not become 00", status=status
                     )
                 )
             line.wait(_POLL_S)
-            left_s -= _POLL_S
-        self.patience.note_rest(full_s - left_s, rests=True)
+            remaining_s -= _POLL_S
+        self.patience.note_rest(full_s - remaining_s, rests=True)
 
     def settle(self) -> None:
-        """Bring the subject back to rest, and take away what the case has made.
+        """Bring the robot to rest and delete the files of the case.
 
         Raises:
-            NoReply: It does not answer any more.
-            CaseFailed: It refuses a login.
-            Unreadable: Whether it has come to rest is unknown; it is not moved again.
-            CaseInconclusive: It does not come to rest.
+            NoReply: The controller does not answer any more.
+            CaseFailed: The controller refuses a login.
+            Unreadable: It is unknown whether the robot is at rest; it is not moved again.
+            CaseInconclusive: The robot does not come to rest.
         """
         self.close_lines()
         self.unanswered = self.patience.unanswered()
         line = self.open()
-        busy_and_deaf = self.moved and self.traits.unresponsive_while_executing
-        status = None if busy_and_deaf else line.ask("get_status").value
-        if self.moved and (status != _READY or self._runs_ours(line)):
+        unresponsive = self.moved and self.traits.unresponsive_while_executing
+        status = None if unresponsive else line.ask("get_status").value
+        if self.moved and (status != _READY or self._runs_own_program(line)):
             if line.ask("emergency_stop").accepted:
-                with suppress(NoReply):  # what is missing the cases find
+                with suppress(NoReply):  # the cases check for a missing result
                     line.result("emergency_stop", within_s=self.reply_s)
             for remedy in _REMEDIES:
                 if line.ask("get_status").value == _READY:
@@ -473,10 +475,10 @@ class ControllerUnderTest:
         self.close_lines()
 
     def delete_own_files(self, line: OutgoingConnection) -> None:
-        """Delete what the case has stored, whole or not: there may be room for little (A-5-21).
+        """Delete the complete and incomplete files of the case: space may be scarce (A-5-21).
 
         Raises:
-            NoReply: It does not answer any more.
+            NoReply: The controller does not answer any more.
         """
         if Hazard.STATE not in self.allowed or _DELETE in self.unanswered:
             return
@@ -488,17 +490,19 @@ class ControllerUnderTest:
             error.requirement = ANSWERED
             raise
 
-    def _runs_ours(self, line: OutgoingConnection) -> bool:
-        """Whether it runs what a case has stored, though its status may say that it is idle."""
+    def _runs_own_program(self, line: OutgoingConnection) -> bool:
+        """Whether it runs a program of the suite, although its status may be idle."""
         if _RUNNING in self.ics.unsupported | self.unanswered:
             return False
         with suppress(NoReply):
-            told = line.ask(_RUNNING).value
-            return isinstance(told, RunningProgram) and told.name.startswith(self.files.prefix)
+            running = line.ask(_RUNNING).value
+            return isinstance(running, RunningProgram) and running.name.startswith(
+                self.files.prefix
+            )
         return False
 
     def revive(self) -> None:
-        """Restart it with the hook; without it, a watchdog of the device may restart it.
+        """Restart it with the hook. Without a hook, wait for a watchdog of the device.
 
         Raises:
             CaseInconclusive: The hook failed.
@@ -514,6 +518,6 @@ class ControllerUnderTest:
             except NoReply:
                 self.pause(_RETURN_POLL_S)
             except CaseFailed:
-                return  # it is there: asked over and over it may lock us out (A-4.1-2)
+                return  # it responds; further logins may lock the suite out (A-4.1-2)
             else:
                 return

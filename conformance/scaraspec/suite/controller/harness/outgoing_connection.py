@@ -1,9 +1,8 @@
-"""Line: one connection to the subject, on which the suite plays the client.
+"""Outgoing connection: one connection to the controller, on which the suite acts as the client.
 
-Requests are made from the command table, or are any bytes of a case. Received bytes are framed,
-timed and kept until a case reads them, so that nothing that a subject sends is missed. Where a
-subject does not notice that it ends, nothing is left half done on it. Which answer is right is not
-known here.
+Requests are built from the command table, or are any bytes of a case. If the controller does not
+notice the end of a connection, the suite completes everything before it closes it. This module
+does not know which reply is correct.
 """
 
 from collections.abc import Callable
@@ -36,7 +35,7 @@ class OutgoingConnection(Connection):
     """One connection, on which the suite sends requests; made by `ControllerUnderTest.open`.
 
     Attributes:
-        listing: The last received part of a list announces another one.
+        listing: The last received part of a program list announces another part.
     """
 
     def __init__(
@@ -51,10 +50,10 @@ class OutgoingConnection(Connection):
     # ------------------------------------------------------------------ sending
 
     def send(self, name: str, value: Any = None, *, data: bytes | None = None) -> Command:
-        """Send a request of the table; `data` takes the place of its encoded value.
+        """Send a request of the command table; `data` replaces its encoded value.
 
         Returns:
-            Its row.
+            The row of the command table.
         """
         command, frame = BY_NAME[name], self.request(name, value, data=data)
         if command.result:
@@ -63,7 +62,7 @@ class OutgoingConnection(Connection):
         return command
 
     def _drop_results(self, command: Command) -> None:
-        """Drop final results without a tag, which the judge has seen: no later request has them."""
+        """Drop untagged final results of earlier requests; the judge has already seen them."""
         self.pump()
         self.inbox[:] = [
             seen
@@ -72,36 +71,40 @@ class OutgoingConnection(Connection):
         ]
 
     def send_frame(self, frame: Frame) -> None:
-        """Send one frame; a case that would send what its hazards do not say is our own error."""
+        """Send one frame.
+
+        Raises:
+            RuntimeError: The suite is defective: the case does not declare the hazard.
+        """
         self._subject.require_permitted(frame.opcode)
         super().send_frame(frame)
 
     def send_bytes(self, data: bytes) -> None:
-        """Send bytes as they are, once the guard has seen the frames that they complete."""
+        """Send bytes as they are. The guard checks the frames that they complete first."""
         for item in self._outgoing.feed(data):
             if isinstance(item, Frame):
                 self._subject.guard.check(item)
         super().send_bytes(data)
 
     def request(self, name: str, value: Any = None, *, data: bytes | None = None) -> Frame:
-        """The frame of a request, in the subject's dialect.
+        """Return the frame of a request, in the dialect of the subject.
 
         Raises:
-            CaseInconclusive: The value, which comes from the subject, cannot be sent.
+            CaseInconclusive: The value was reported by the subject and cannot be encoded.
         """
         command, dialect = BY_NAME[name], self._subject.dialect
         if value is None and data is None and not isinstance(command.request, NoData):
             raise CaseInconclusive(
                 UserMessage(
-                    "{name} cannot be asked with what the subject tells, which is nothing",
-                    name=name,
+                    "{command} cannot be sent: the subject has reported no value for it",
+                    command=name,
                 )
             )
         try:
             payload = command.request.encode(value, dialect) if data is None else data
         except PayloadError as error:
             raise CaseInconclusive(
-                UserMessage("{name} cannot be asked: {error}", name=name, error=error)
+                UserMessage("{command} cannot be sent: {error}", command=name, error=error)
             ) from None
         opcode = command.opcode
         if command.alternate_opcode is not None and dialect["op_get_default"] == "0x13":
@@ -109,20 +112,20 @@ class OutgoingConnection(Connection):
         return Frame(A2C, opcode, payload)
 
     def require_timely(self) -> None:
-        """Go on only where the latest two frames followed each other as a transfer needs it.
+        """Require that the last two frames were sent without a pause that may end a transfer.
 
         Raises:
-            CaseInconclusive: A transfer may have been over between them: this machine is too slow.
+            CaseInconclusive: This machine was too slow.
         """
         if (pause_s := self._pause_ns / _NS) > transfer_timeouts_of(self._subject).early_s:
             raise CaseInconclusive(
                 UserMessage(
-                    "this machine is too slow: a frame followed {pause_s:.3f} s late",
+                    "this machine is too slow: a frame followed after {pause_s:.3f} s",
                     pause_s=pause_s,
                 )
             )
 
-    # ------------------------------------------------------------------ asking
+    # ------------------------------------------------------------------ requests
 
     def ask(
         self,
@@ -135,31 +138,31 @@ class OutgoingConnection(Connection):
         """Send a request and wait for its first reply.
 
         Raises:
-            NoReply: None came in `within_s`, by default the subject's reply time.
+            NoReply: No reply arrived within `within_s`, by default the reply timeout.
         """
-        self._drop_unasked(self.send(name, value, data=data))
+        self._drop_unsolicited(self.send(name, value, data=data))
         return self.reply(name, within_s=within_s)
 
-    def _drop_unasked(self, command: Command) -> None:
-        """Drop what came of itself: it answers no later request (A-3-16), and may be outdated."""
-        if unasked := [seen.place for seen in self._subject.observer.unsolicited]:
+    def _drop_unsolicited(self, command: Command) -> None:
+        """Drop unsolicited replies: they answer no later request and may be outdated (A-3-16)."""
+        if unsolicited := [seen.place for seen in self._subject.observer.unsolicited]:
             self.inbox[:] = [
                 seen
                 for seen in self.inbox
-                if seen.frame.opcode != command.opcode or seen.place not in unasked
+                if seen.frame.opcode != command.opcode or seen.place not in unsolicited
             ]
 
     def reply(self, name: str, *, within_s: float | None = None) -> ReceivedFrame:
         """Wait for a first reply, or for a chunk of a download.
 
         Raises:
-            NoReply: None came.
+            NoReply: No reply arrived in time.
         """
         command = BY_NAME[name]
         opcodes = {command.opcode, command.alternate_opcode, command.alternate_reply_opcode} - {
             None
         }
-        answer = self._due(
+        answer = self._wait_for_reply(
             ExpectedReply(name),
             lambda seen: not seen.frame.tagged and seen.frame.opcode in opcodes,
             within_s,
@@ -179,17 +182,17 @@ class OutgoingConnection(Connection):
 
         Args:
             name: The command.
-            within_s: How long; by default what the longest motion may take.
-            untagged: Whether one without the tag will do. Where tagged ones have been awaited in
-                vain, it will in every case that is about something else.
+            within_s: The timeout in seconds; by default the maximum duration of a motion.
+            untagged: Whether a result without the tag is accepted. If tagged results have never
+                come, every case about another requirement accepts it.
 
         Raises:
-            NoReply: None came.
+            NoReply: No result arrived in time.
         """
         due, opcode = ExpectedReply(name, result=True), BY_NAME[name].opcode
-        in_vain = self._subject.patience.given_up(due)
-        untagged = untagged or (in_vain and not self._subject.is_case_about(due.requirement))
-        answer = self._due(
+        given_up = self._subject.patience.given_up(due)
+        untagged = untagged or (given_up and not self._subject.is_case_about(due.requirement))
+        answer = self._wait_for_reply(
             due,
             lambda seen: (
                 seen.frame.opcode == opcode
@@ -201,23 +204,23 @@ class OutgoingConnection(Connection):
         )
         return answer if answer.frame.tagged else answer._replace(value=_outcome(answer.seen))
 
-    def _due(
+    def _wait_for_reply(
         self,
         due: ExpectedReply,
-        wanted: Callable[[FrameSeen], bool],
+        is_expected: Callable[[FrameSeen], bool],
         within_s: float | None,
         full_s: float,
         message: str,
     ) -> ReceivedFrame:
-        """Wait for what is due: for its full time unless told otherwise, or it never comes."""
-        patience, asked_s = self._subject.patience, full_s if within_s is None else within_s
+        """Wait for a reply, for less than the full time if it has never come."""
+        patience, limit_s = self._subject.patience, full_s if within_s is None else within_s
         try:
-            answer = self.wait_for_frame(wanted, patience.timeout_s(due, asked_s), message)
+            answer = self.wait_for_frame(is_expected, patience.timeout_s(due, limit_s), message)
         except NoReply as error:
             error.owed = due.requirement
             if patience.given_up(due):
                 error.requirement = due.requirement
-            if asked_s >= full_s and not self.ended:
+            if limit_s >= full_s and not self.ended:
                 patience.note_timeout(due)
             raise
         if answer.frame.tagged or not due.result:
@@ -225,22 +228,24 @@ class OutgoingConnection(Connection):
         return answer
 
     def no_result(self, name: str, *, for_s: float, requirement: str = "") -> None:
-        """Fail the subject if a final result of this command comes within this time.
+        """Require that no final result of this command arrives within this time.
 
         Raises:
-            CaseFailed: One came.
+            CaseFailed: A result arrives.
         """
         self.wait(for_s)
         opcode = BY_NAME[name].opcode
         for seen in self.inbox:
             if seen.frame.tagged and seen.frame.opcode == opcode:
-                message = UserMessage("a final result of {name} came that must not come", name=name)
+                message = UserMessage(
+                    "a final result of {command} came that must not come", command=name
+                )
                 raise CaseFailed(
                     message, expected="none", observed=f"{seen.frame}", requirement=requirement
                 )
 
     def chunk_answer(self, *, accepted: bool) -> Frame:
-        """The answer to a chunk of a download."""
+        """Return the frame of the answer to a chunk of a download."""
         data = BY_NAME["download_chunk"].reply.encode(accepted, self._subject.dialect)
         return Frame(A2C, BY_NAME["download_chunk"].opcode, data)
 
@@ -249,20 +254,20 @@ class OutgoingConnection(Connection):
         self.send_frame(self.chunk_answer(accepted=accepted))
 
     def separate_frames(self) -> None:
-        """Let what was sent arrive alone, where no reply says that it did.
+        """Wait so that the next frame does not arrive together with the last one.
 
-        Not every subject takes two frames that arrive together (A-3-14).
+        Some controllers do not handle two frames that arrive together (A-3-14).
         """
         self.wait(_APART_S if self._subject.dialect["pipelining"] == "one" else _INSTANT_S)
 
     def sync(self) -> list[FrameSeen]:
-        """Ask for the status, and take everything that came before its reply.
+        """Query the status, and return all frames that arrive before the reply.
 
-        Replies come in the order of their requests (3/14), so what has not come by then is not
-        coming: silence is shown without waiting.
+        Replies come in the order of their requests (3/14). A reply that is missing by then does
+        not come, so the suite need not wait for a timeout.
 
         Raises:
-            NoReply: Not even this was answered.
+            NoReply: The status query was not answered.
         """
         if self._subject.dialect["pipelining"] == "one":
             self.separate_frames()
@@ -282,10 +287,10 @@ class OutgoingConnection(Connection):
                 raise self.no_reply_error("get_status was not answered")
 
     def collect_replies(self) -> list[FrameSeen]:
-        """As `sync`, and where nothing came a moment longer: not all answer in order (A-3-14).
+        """Call `sync`; if nothing came, wait a moment for replies out of order (A-3-14).
 
         Raises:
-            NoReply: The status was not answered.
+            NoReply: The status query was not answered.
         """
         came = self.sync()
         if not came:
@@ -297,30 +302,30 @@ class OutgoingConnection(Connection):
     # ------------------------------------------------------------------ ending
 
     def close(self) -> None:
-        """End the connection in order."""
-        self._clear()
+        """Close the connection."""
+        self._complete()
         super().close()
 
     def reset(self) -> None:
-        """Cut the connection off."""
-        self._clear()
+        """Reset the connection."""
+        self._complete()
         super().reset()
 
-    def _clear(self) -> None:
-        """Leave nothing half done where the subject does not notice that the connection ends.
+    def _complete(self) -> None:
+        """Complete everything if the controller does not notice the end of the connection.
 
-        A frame that was begun is spoilt, a transfer is over after its time-out (L763, L795), and
-        what is still being answered comes.
+        An unfinished frame is made invalid, a transfer ends after its timeout (L763, L795), and
+        pending replies arrive.
         """
         if self.ended:
             return
         with suppress(CaseFailed):
-            notices = self._subject.access.detects_close
-            if not notices and self.mid_frame:
+            detects_close = self._subject.access.detects_close
+            if not detects_close and self.mid_frame:
                 self.send_bytes(bytes(MAX_FRAME_BYTES))
             if self._subject.transfers_outlive and self._may_transfer:
                 self.wait(transfer_timeouts_of(self._subject).must_end_s)
-            if not notices:
+            if not detects_close:
                 self.sync()
 
     @property
@@ -340,6 +345,6 @@ class OutgoingConnection(Connection):
 
 
 def _outcome(seen: FrameSeen) -> Outcome | None:
-    """What a frame says as a final result, tagged or not; None if it says nothing so."""
+    """Return the outcome of a frame as a final result, tagged or not; None if it is none."""
     outcome: Outcome | None = FinalResult().decode(seen.frame.data).value
     return outcome

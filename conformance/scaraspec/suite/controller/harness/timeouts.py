@@ -1,8 +1,8 @@
-"""Due: the answers that a subject owes, who says so, and for how long to wait for one, or for rest.
+"""Timeouts: how long to wait for a reply or for rest, and the requirement of each reply.
 
-One that was awaited in full twice, and never came, is not waited for in full again: every case that
-meets it would be, and all of them for hours. That it is missing is then what fails, whatever the
-case is about. A case that is tried alone waits in full.
+If a reply was missing twice after its full timeout and has never come, later waits are shorter:
+otherwise a run would take hours. The missing reply is then the failure, whatever requirement the
+case has. A case that runs alone waits for the full timeout.
 """
 
 from collections import Counter
@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 ANSWERED: Final = "3/31"
-"""Which requirement says that a request is answered."""
+"""The requirement that every request is answered."""
 
 SUCCESS: Final[Mapping[str, str]] = {
     "run_program": "4.15/5",
@@ -30,19 +30,19 @@ _RESULT_S: Final = 5.0
 
 
 class ExpectedReply(NamedTuple):
-    """A kind of answer: the first reply to a command of the table, or its final result."""
+    """The first reply to a command, or its final result."""
 
     name: str
     result: bool = False
 
     @property
     def requirement(self) -> str:
-        """Which requirement says that it comes."""
+        """The requirement that it is sent."""
         return SUCCESS[self.name] if self.result else ANSWERED
 
 
 class TimeoutPolicy:
-    """What was awaited in full, and what has ever come."""
+    """Knows which replies were missing after their full timeout, and which have ever come."""
 
     def __init__(self) -> None:
         self._missed: Counter[ExpectedReply] = Counter()
@@ -57,33 +57,38 @@ class TimeoutPolicy:
         return copy
 
     def note_received(self, due: ExpectedReply) -> None:
-        """It is there, so it is worth waiting for."""
+        """Note that the reply has come."""
         self._came.add(due)
 
     def note_timeout(self, due: ExpectedReply) -> None:
-        """It did not come in the time that it has."""
+        """Note that the reply did not come within its full timeout."""
         self._missed[due] += 1
 
     def given_up(self, due: ExpectedReply) -> bool:
-        """Whether it was awaited in full twice, and never came."""
+        """Whether the reply was missing twice after its full timeout and has never come."""
         return due not in self._came and self._missed[due] >= _TWICE
 
     def timeout_s(self, due: ExpectedReply, full_s: float) -> float:
-        """For how long to wait for what has so much time."""
+        """Return the timeout for a reply, in seconds; at most `full_s`."""
         short_s = _RESULT_S if due.result else _REPLY_S
         return min(full_s, short_s) if self.given_up(due) else full_s
 
     def rest_timeout_s(self, full_s: float) -> float:
-        """For how long to wait until the robot rests: shorter if waiting had no result before."""
+        """Return the timeout for rest, in seconds; shorter after two waits without rest."""
         return min(full_s, _RESULT_S) if self._restless >= _TWICE else full_s
 
     def note_rest(self, for_s: float, *, rests: bool) -> None:
-        """The waits so far, with or without result; one successful long wait justifies others."""
+        """Note a wait for rest. A long successful wait restores the full timeout.
+
+        Args:
+            for_s: The duration of the wait, in seconds.
+            rests: Whether the robot came to rest.
+        """
         if not rests:
             self._restless += 1
         elif for_s > _RESULT_S:
             self._restless = 0
 
     def unanswered(self) -> frozenset[str]:
-        """The commands whose first reply never comes."""
+        """Return the commands whose first reply is given up."""
         return frozenset(due.name for due in self._missed if not due.result and self.given_up(due))

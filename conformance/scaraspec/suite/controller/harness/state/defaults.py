@@ -1,4 +1,4 @@
-"""Defaults: the default program, made, told and put back (4.12, 4.13)."""
+"""Defaults: sets, queries and restores the default program (4.12, 4.13)."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from scaraspec.suite.engine.connection import ReceivedFrame
 
 OPCODES: Final = (0x0D, 0x13)
-"""What asks for the default program, as headed and as printed (A-4.12-1)."""
+"""The opcodes of the query, as in its heading and as in its table (A-4.12-1)."""
 _ZERO: Final = b"0"
 
 
@@ -25,7 +25,10 @@ _ZERO: Final = b"0"
 def default_program_preserved(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> Iterator[None]:
-    """Put the default program back afterwards; where there was none it ends with its file."""
+    """Restore the default program when the context ends.
+
+    If there was none, the default program ends when its file is deleted.
+    """
     before = _default(line)
     try:
         yield
@@ -36,7 +39,7 @@ def default_program_preserved(
 
 
 def _default(line: OutgoingConnection) -> bytes:
-    """The default program; empty where there is none, which need not be answered (A-4.12-2)."""
+    """Return the default program; empty if there is none, with or without a reply (A-4.12-2)."""
     line.send("get_default_program")
     for seen in line.collect_replies():
         if seen.name == "get_default_program" and isinstance(seen.value, bytes):
@@ -47,10 +50,13 @@ def _default(line: OutgoingConnection) -> bytes:
 def query_default(
     subject: ControllerUnderTest, line: OutgoingConnection, opcode: int
 ) -> FrameSeen | None:
-    """Ask with one of the two opcodes; the reply, None where it is not served (A-3-9).
+    """Query the default program with one of the two opcodes.
+
+    Returns:
+        The reply; None if the opcode is not served (A-3-9).
 
     Raises:
-        CaseFailed: The reply bears the other one.
+        CaseFailed: The reply has the other opcode.
     """
     line = ensure_open(subject, line)
     line.send_frame(Frame(A2C, opcode))
@@ -62,7 +68,7 @@ def query_default(
         return None
     expect(
         replies[0].frame.opcode == opcode,
-        "the reply bears another opcode than the request",
+        "the opcode of the reply differs from that of the request",
         expected=f"{opcode:02X}",
         observed=f"{replies[0].frame}",
         requirement="4.12/2",
@@ -71,43 +77,43 @@ def query_default(
 
 
 def reports_no_default(reply: FrameSeen) -> bool:
-    """Whether a reply is the 0 that means no default program, or no such opcode (A-3-9)."""
+    """Whether a reply is 0: no default program, or an unknown opcode (A-3-9)."""
     return reply.frame.data == _ZERO
 
 
-def _by_the_other_opcode(
+def _query_with_other_opcode(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> FrameSeen | None:
-    """The default program, if the opcode of the reply is not that of the request."""
-    asked = line.request("get_default_program").opcode
-    other = next(opcode for opcode in OPCODES if opcode != asked)
-    told = query_default(subject, line, other)
-    if told is None or reports_no_default(told):
+    """Query with the opcode that the dialect does not use; note it if it is served."""
+    first = line.request("get_default_program").opcode
+    other = next(opcode for opcode in OPCODES if opcode != first)
+    reply = query_default(subject, line, other)
+    if reply is None or reports_no_default(reply):
         return None
     subject.set_reading("op_get_default", f"0x{other:02X}")
-    return told
+    return reply
 
 
 def expect_default(
     subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, requirement: str
 ) -> None:
-    """Fail the subject unless this is its default program.
+    """Require that this is the default program.
 
     Raises:
-        CaseFailed: It is another one.
+        CaseFailed: The default program is another one.
     """
     answer: ReceivedFrame | FrameSeen | None
     try:
         answer = line.ask("get_default_program")
     except NoReply:
-        answer = _by_the_other_opcode(subject, line)
+        answer = _query_with_other_opcode(subject, line)
         if answer is None:
             raise
-    if answer.frame.data == _ZERO:  # perhaps to an opcode that it does not know
-        answer = _by_the_other_opcode(subject, line) or answer
+    if answer.frame.data == _ZERO:  # the opcode may be unknown
+        answer = _query_with_other_opcode(subject, line) or answer
     expect(
         answer.value == name,
-        "the default program is another one than it should be",
+        "the default program is another one than expected",
         expected=show(name),
         observed=f"{answer.frame}",
         requirement=requirement,

@@ -1,7 +1,7 @@
-"""Keeping: what a case changes of the subject's state, and puts back, whatever happens in between.
+"""Preserve: restores the settings that a case changes, whatever happens during the case.
 
-The connection may be lost; then another one is opened. What cannot be put back even so
-is left to the end of the run.
+If the connection is lost, another one is opened. The end of the run restores what could not be
+restored here.
 """
 
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ from scaraspec.user_message import UserMessage
 
 
 def ensure_open(subject: ControllerUnderTest, line: OutgoingConnection) -> OutgoingConnection:
-    """This connection, or another one in place of all where the subject has ended it."""
+    """Return this connection. If it has ended, close all connections and return a new one."""
     line.pump()
     if line.ending is None and not line.closed:
         return line
@@ -28,15 +28,15 @@ def ensure_open(subject: ControllerUnderTest, line: OutgoingConnection) -> Outgo
 def settings_preserved(
     subject: ControllerUnderTest, line: OutgoingConnection, *names: str
 ) -> Iterator[None]:
-    """Put back afterwards what the items of these names were.
+    """Restore the items of these names when the context ends.
 
     Raises:
-        CaseFailed: The subject does not say what they are.
+        CaseFailed: The controller does not report their values.
     """
     items = [item for item in ITEMS if item.name in names]
     before = {}
     for item in items:
-        with suppress(NoReply):  # as where there is no default program (A-4.12-2)
+        with suppress(NoReply):  # there may be no default program (A-4.12-2)
             before[item.name] = item.read(subject, line)
     try:
         yield
@@ -49,10 +49,10 @@ def settings_preserved(
 
 @contextmanager
 def password_preserved(subject: ControllerUnderTest) -> Iterator[None]:
-    """Set the password again afterwards that the tester named, if it is another one by then.
+    """Restore the password of the user when the context ends.
 
     Raises:
-        CaseSkipped: The link needs none.
+        CaseSkipped: The link needs no password.
     """
     needs_login(subject)
     try:
@@ -64,23 +64,25 @@ def password_preserved(subject: ControllerUnderTest) -> Iterator[None]:
 
 
 def needs_login(subject: ControllerUnderTest) -> None:
-    """Go on only over a link that needs a login.
+    """Require a link that needs a login.
 
     Raises:
-        CaseSkipped: It does not (L83).
+        CaseSkipped: It does not need one (L83).
     """
     if not subject.access.needs_login:
         raise CaseSkipped("this link needs no login")
 
 
 def patient(subject: ControllerUnderTest, lasts_s: float) -> None:
-    """Go on only where a case may last so many of the subject's seconds.
+    """Require that a case may wait for a time, in seconds of the subject's clock.
 
     Raises:
-        CaseSkipped: It may not.
+        CaseSkipped: ``--patience`` does not allow it.
     """
-    ours_s = lasts_s / subject.ics.time_scale
-    if ours_s > subject.access.wait_limit_s:
+    duration_s = lasts_s / subject.ics.time_scale
+    if duration_s > subject.access.wait_limit_s:
         raise CaseSkipped(
-            UserMessage("it lasts {ours_s:.0f} s: grant them with --patience", ours_s=ours_s)
+            UserMessage(
+                "it takes {duration_s:.0f} s: allow this with --patience", duration_s=duration_s
+            )
         )

@@ -102,7 +102,9 @@ def _stopped(subject: ControllerUnderTest) -> str:
     line = subject.open()
     answer = line.ask("emergency_stop")
     if not answer.accepted:
-        return "nothing moved (the controller refused the emergency stop)"
+        return (
+            "the controller refused the emergency stop: nothing was executing, or the stop failed"
+        )
     try:
         line.result("emergency_stop", within_s=subject.reply_s)
     except NoReply:
