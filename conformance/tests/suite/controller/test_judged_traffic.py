@@ -56,9 +56,6 @@ def _violations(make: type[ControllerCore], name: str, value: Any) -> set[str]:
 def test_refused_setting_that_takes_effect(
     fault: str, requirement: str, name: str, value: Any
 ) -> None:
-    """A setting that is answered 0 and takes effect is a violation;
-
-    one that is answered 1 is not.
-    """
+    """A setting that is answered 0 and takes effect is a violation."""
     assert _violations(mutants()[fault].wrong, name, value) == {requirement}
     assert _violations(ControllerCore, name, value) == set()

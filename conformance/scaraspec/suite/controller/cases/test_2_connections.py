@@ -132,7 +132,7 @@ def test_second_client(subject: ControllerUnderTest) -> None:
         return
     first.send_bytes(version[2:])
     reported_version = first.reply("get_version").value
-    if not _is_served_with(subject, first, second):
+    if not _are_both_served(subject, first, second):
         return
     first.send_bytes(time[:3])
     second.send("get_status")
@@ -143,19 +143,19 @@ def test_second_client(subject: ControllerUnderTest) -> None:
     message = "two clients received two different versions"
     expect_equal(second.reply("get_version").value, reported_version, message)
     for line in (first, second):
-        _expect_undisturbed(
-            undisturbed=all(received.frame.opcode in unsolicited for received in line.sync())
+        _expect_no_foreign_reply(
+            separate=all(received.frame.opcode in unsolicited for received in line.sync())
         )
     for _ in range(_REQUESTS):
         second.ask("get_status")
-    _expect_undisturbed(undisturbed=len(first.sync()) < _REQUESTS)
+    _expect_no_foreign_reply(separate=len(first.sync()) < _REQUESTS)
     second.close()
     first.ask("get_status")
 
 
-def _expect_undisturbed(*, undisturbed: bool) -> None:
+def _expect_no_foreign_reply(*, separate: bool) -> None:
     expect(
-        undisturbed,
+        separate,
         "a client received a reply to another client's request",
         expected="each reply on the connection of its request",
         observed="an additional frame",
@@ -176,7 +176,7 @@ def _is_replaced(
     return True
 
 
-def _is_served_with(
+def _are_both_served(
     subject: ControllerUnderTest, first: OutgoingConnection, second: OutgoingConnection
 ) -> bool:
     """Whether both clients are served; if not, the first one must still be served."""

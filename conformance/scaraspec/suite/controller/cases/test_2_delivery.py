@@ -74,7 +74,7 @@ def test_slowly(subject: ControllerUnderTest) -> None:
 def _send_slowly(
     subject: ControllerUnderTest, parts: Mapping[OutgoingConnection, tuple[str, list[bytes]]]
 ) -> None:
-    """Send on several connections at once, part by part; wait for each reply."""
+    """Send on several connections at the same time, part by part; wait for each reply."""
     for number, current_parts in enumerate(
         itertools.zip_longest(*(sent for _, sent in parts.values()))
     ):

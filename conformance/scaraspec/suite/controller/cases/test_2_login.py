@@ -231,7 +231,7 @@ def test_second_client_without_login(subject: ControllerUnderTest) -> None:
 
 @case("2/11", name="behind", hazards=(Hazard.STATE,))
 def test_connection_after_a_lost_one(subject: ControllerUnderTest) -> None:
-    """Without a login, a setting has no effect after another client left during its upload."""
+    """Without a login, a setting has no effect after another client's upload was interrupted."""
     client = _UnauthenticatedClient(subject)
     with _unchanged(subject, _GRIPPER):
         for reset in examples((False, True)):

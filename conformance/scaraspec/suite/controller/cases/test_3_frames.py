@@ -119,7 +119,7 @@ def _expect_no_invalid_bytes(line: OutgoingConnection, name: str = "") -> None:
 
 @case("3/8", name="empty")
 def test_reply_without_data(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The reply to a request for the default program is a valid frame, also if there is none."""
+    """The reply to a request for the default program is a valid frame, even if there is none."""
     command = line.send("get_default_program")
     replies = [
         received

@@ -127,7 +127,7 @@ def test_undefined_opcodes_in_an_upload(subject: ControllerUnderTest) -> None:
             if line.ending is not None:
                 raise CaseSkipped("the controller closes the connection after an undefined opcode")
         if silence.elapsed_s > transfer_timeouts_of(subject).must_survive_s:
-            raise CaseSkipped("the transfer may have timed out between so many replies")
+            raise CaseSkipped("the transfer may have timed out while the replies were awaited")
         message = "an upload chunk was refused after undefined opcodes"
         send_chunk(line, chunk, "3/21", message)
         del opcodes[:_OPCODES_PER_CHUNK]
@@ -138,7 +138,7 @@ def test_undefined_opcodes_in_an_upload(subject: ControllerUnderTest) -> None:
 def test_undefined_opcodes_during_a_program(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
-    """A running program continues when another client sends all undefined opcodes at once."""
+    """A running program continues when another client sends all undefined opcodes together."""
     subject.require_multiple_connections()
     other = subject.open(judged=False)
     with executing_task(subject, line, RUN) as task:

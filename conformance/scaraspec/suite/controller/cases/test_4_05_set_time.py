@@ -79,7 +79,7 @@ _DRIFT_CHECK_S: Final = 2.1
 
 @case("4.5/4", "4.5/3")
 def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The clock shows the time that was set, whatever it showed before."""
+    """The clock shows the time that was set, regardless of the time before."""
     with settings_preserved(subject, line, "clock"):
         for time in examples((_NOON, _NOON - timedelta(days=400))):
             first = set_clock(subject, line, time)

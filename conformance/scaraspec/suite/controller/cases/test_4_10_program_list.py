@@ -35,7 +35,7 @@ _FEW_PROGRAMS: Final = 7  # every robot has room for this many
 _LENGTHS_BYTES: Final = (30, 12, 17, 30, 23)
 """Names of these lengths result in parts of every length close to the maximum."""
 _NODES: Final = 258
-"""This number does not fit one byte, and so many nodes do not fit a buffer of 16 kilobytes."""
+"""This number does not fit one byte. This many nodes do not fit a buffer of 16 kilobytes."""
 _TOO_LONG_BYTES: Final = 256
 """A part of this length does not fit one frame."""
 
@@ -179,7 +179,7 @@ def _lengths_that_overflow(subject: ControllerUnderTest, line: OutgoingConnectio
 
 @case("4.10/11", name="names")
 def test_names(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program is listed by its name from its upload to its deletion, whatever its name is."""
+    """A program is listed by its name from its upload to its deletion, regardless of its name."""
 
     @example("AZaz09_-")
     @example("AZaz09")
@@ -204,7 +204,7 @@ def test_names(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 @case("4.10/11", "4.10/2", name="another-connection")
 def test_another_connection(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program uploaded on one connection is listed on another one, whatever its size is.
+    """A program uploaded on one connection is listed on another one, regardless of its size.
 
     This also holds for two programs whose names have the same beginning.
     """

@@ -101,7 +101,7 @@ def test_deleted_program(subject: ControllerUnderTest, line: OutgoingConnection)
 
 
 def _expect_only_named_deleted(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Fail the case if the name is taken as a pattern or as the beginning of a name."""
+    """Fail the case if the name is used as a pattern or as a prefix."""
     try:
         name = store_program(subject, line, subject.new_name(".a"))
         others = [name.replace(b".", b"x", 1), name + b".rob"]
@@ -203,7 +203,7 @@ def test_paths(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
         store_program(subject, line),
         short_program(subject),
     )
-    before = _state(line)
+    before = _read_state(line)
     for wrong in examples(
         (
             b"../" + name,
@@ -220,7 +220,7 @@ def test_paths(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
             subject, line, Malformed("a name with path elements", wrong), "4.11/6"
         )
         expect_stored(line, name, content, "4.11/6")
-    after = _state(line)
+    after = _read_state(line)
     expect(
         before == after,
         "names with path elements changed something else",
@@ -229,7 +229,7 @@ def test_paths(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     )
 
 
-def _state(line: OutgoingConnection) -> list[Any]:
+def _read_state(line: OutgoingConnection) -> list[Any]:
     return [line.ask(name).value for name in _STATE_QUERIES]
 
 

@@ -79,7 +79,7 @@ def test_default_program_is_returned(
 
 @case("4.12/4", "4.13/3", hazards=(Hazard.DESTRUCTIVE, Hazard.STATE), name="deleted")
 def test_none(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """After the default program is deleted, there is none, or its name remains.
+    """After the default program is deleted, no program or its name is returned.
 
     The deletion of another program changes nothing. The deleted program becomes the default program
     again when it is stored and set again.

@@ -42,7 +42,7 @@ _LONG_BYTES = 25
 def test_missing_program_is_refused_at_once(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
-    """A run that is not possible is refused at once: nothing executes after the reply."""
+    """A run that is not possible is refused immediately: nothing executes after the reply."""
     require_command(subject, RUN)
     subject.moved = True
     first = line.ask(RUN, subject.new_name())
@@ -108,13 +108,13 @@ def test_refusal(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 
 @case("4.15/4", hazards=_MOTION)
 def test_stored_programs_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A stored program runs, whatever its name is, and again after another program ran."""
+    """A stored program runs, regardless of its name, and again after another program ran."""
     extension = start_program(subject, line, RUN, seconds=0).program.rpartition(b".")[2]
     expect_success(subject, line, RUN)
 
     @example(b"AZaz09.rob")
     @given(names)
-    def tried(name: bytes) -> None:
+    def store_and_run(name: bytes) -> None:
         stem, dot, _ = name[-20:].rpartition(b".")
         try:
             program = upload_short_program(
@@ -133,7 +133,7 @@ def test_stored_programs_run(subject: ControllerUnderTest, line: OutgoingConnect
             expect_success(subject, line, RUN)
         line.ask("delete_program", data=program)
 
-    tried()
+    store_and_run()
 
 
 @case("4.15/5", hazards=_MOTION, slow=True)
@@ -199,12 +199,12 @@ def _expect_similar_names_missing(
         expect_missing_program(subject, line, RUN, name, "4.15/7")
 
     @given(st.text("abcxyzABC0123456789_-", min_size=8, max_size=20))
-    def tried(name: str) -> None:
+    def run_missing(name: str) -> None:
         expect_missing_program(
             subject, line, RUN, subject.files.prefix + f"{name}.rob".encode(), "4.15/7"
         )
 
-    tried()
+    run_missing()
 
 
 @case("4.15/7", name="deleted", hazards=_MOTION)

@@ -64,7 +64,7 @@ _MOTION = (Hazard.STATE, Hazard.MOTION)
 _REPEATS = 15
 _FILE_BYTES: Final = 450
 _PAUSES_S: Final = (0.05, 0.05, 0.1, 0.8)
-"""Between two checks of a stopped arm: slow motion takes a while to show."""
+"""Between two checks of a stopped arm: slow motion becomes visible only after some time."""
 
 
 def expect_stopped(
@@ -249,7 +249,7 @@ def test_stop_within_a_transfer(subject: ControllerUnderTest, line: OutgoingConn
 
 @case("4.17/4", "3/18", name="twice", hazards=_MOTION)
 def test_stop_twice(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Two stops at once get two replies, and one final result for each reply that is "1".
+    """Two stops without a pause get two replies, and one final result for each reply that is "1".
 
     A later run ends exactly once.
     """

@@ -1,4 +1,4 @@
-"""Clause 4.25: release the joints (0x3A, L518-549). The cases lock them again at once."""
+"""Clause 4.25: release the joints (0x3A, L518-549). The cases lock them again immediately."""
 
 import pytest
 
@@ -53,7 +53,7 @@ def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> 
 
 @case("4.25/3", hazards=_MOTION)
 def test_end_of_a_release(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A release ends with "11", at once or when the joints are locked again (A-4.25-2)."""
+    """A release ends with "11", immediately or when the joints are locked again (A-4.25-2)."""
     require_command(subject, RELEASE, LOCK)
     for _ in range(2):
         execution = perform(subject, line, RELEASE)

@@ -204,7 +204,7 @@ def test_to_the_limit(subject: ControllerUnderTest, line: OutgoingConnection) ->
     if subject.access.wait_limit_s < _TRAVEL_S:
         raise CaseSkipped(
             UserMessage(
-                "the case takes up to {duration_s:.0f} s: allow them with --patience",
+                "the case takes up to {duration_s:.0f} s: allow this duration with --patience",
                 duration_s=_TRAVEL_S,
             )
         )

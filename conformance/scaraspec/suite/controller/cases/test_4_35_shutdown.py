@@ -108,7 +108,7 @@ def _wait_for_restart(subject: ControllerUnderTest) -> None:
     before it switches off may accept a new one.
 
     Raises:
-        CaseInconclusive: It was restarted and does not come back.
+        CaseInconclusive: The controller was restarted and does not respond.
     """
     subject.close_lines()
     subject.off = True
@@ -140,10 +140,10 @@ def _wait_for_restart(subject: ControllerUnderTest) -> None:
     if hook:
         raise CaseInconclusive(
             UserMessage(
-                "the controller did not come back within {timeout_s:g} s after the hook {hook}",
+                "the controller did not respond within {timeout_s:g} s after the hook {hook}",
                 timeout_s=_RESTART_S,
                 hook=hook,
             )
         )
-    message = "the controller did not come back by itself: switch it on again"
+    message = "the controller did not restart by itself: switch it on again"
     subject.tolerate("4.35/2", "A-4.35-2", "stays off", message)

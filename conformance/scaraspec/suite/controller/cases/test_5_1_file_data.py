@@ -217,7 +217,7 @@ def test_content_without_a_name(subject: ControllerUnderTest, line: OutgoingConn
 def test_rest_of_the_buffer(
     subject: ControllerUnderTest, line: OutgoingConnection, lengths: list[int], filler: bytes
 ) -> None:
-    """Only the valid bytes of each chunk are stored, whatever follows them in the buffer."""
+    """Only the valid bytes of each chunk are stored, regardless of the rest of the buffer."""
     content = content_of(sum(lengths))
     name = subject.new_name()
     begin_upload(line, name)

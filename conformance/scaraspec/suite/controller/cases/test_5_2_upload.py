@@ -447,7 +447,7 @@ def test_repeated_downloads(subject: ControllerUnderTest, line: OutgoingConnecti
 
 @case("5.2/12", name="anew")
 def test_replaced_file(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A name used again after deletion stores the new content, whatever its size is."""
+    """A name used again after deletion stores the new content, regardless of its size."""
     name = subject.new_name()
     for number, size in enumerate((450, 600, 250, 250, 1)):
         content = content_of(size, number)

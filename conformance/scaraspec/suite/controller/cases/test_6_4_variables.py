@@ -40,7 +40,7 @@ def _value_checks(values: dict[int, int]) -> list[Statement]:
 
 @case("6.4/5", hazards=PROGRAMS)
 def test_initial_values(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Each variable begins with the value of the file, whatever its key and position."""
+    """Each variable begins with the value of the file, regardless of its key and position."""
     with bench(subject, line) as robot:
         robot.performs([*_value_checks(_VALUES), Flip(_PASSED)], _VALUES)
 

@@ -47,7 +47,7 @@ _LATE_S: Final = 5.0
 
 @case("6.5/19", hazards=PROGRAMS)
 def test_output_nodes(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """An output node sets its port to 1 or 0, whatever its value was, and no other port.
+    """An output node sets its port to 1 or 0, regardless of its value before, and no other port.
 
     A second node for the same port in the same program does the same.
     """
@@ -213,7 +213,7 @@ def test_branches(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
 
 @case("6.5/24", name="apart", hazards=PROGRAMS)
 def test_branches_apart(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Each IF also works in a program of its own, which ends with the ENDIF.
+    """Each IF also works in a separate program, which ends with the ENDIF.
 
     A branch that is not executed may contain a loop.
     """

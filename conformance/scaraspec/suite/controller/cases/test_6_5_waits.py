@@ -62,7 +62,7 @@ _NS_PER_S: Final = 1e9
 
 @case("6.5/20", hazards=PROGRAMS)
 def test_wait(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A wait node takes its seconds, neither less nor much more.
+    """A wait node lasts its number of seconds, neither less nor much more.
 
     The program that determined the layout can show it. Otherwise, another one runs.
     """
@@ -101,7 +101,7 @@ def test_wait_of_no_time(subject: ControllerUnderTest, line: OutgoingConnection)
 
 @case("6.5/20", name="long", hazards=PROGRAMS)
 def test_long_wait(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A wait of 200 seconds does not end at once, and has no effect after a stop."""
+    """A wait of 200 seconds does not end immediately, and has no effect after a stop."""
     probe_responsiveness(subject, line)
     with bench(subject, line) as robot:
         robot.start(wait(_LONG_S))
@@ -109,7 +109,7 @@ def test_long_wait(subject: ControllerUnderTest, line: OutgoingConnection) -> No
         result = robot.ended()
         expect(
             result is None,
-            UserMessage("a wait of {seconds} s ended at once", seconds=_LONG_S),
+            UserMessage("a wait of {seconds} s ended immediately", seconds=_LONG_S),
             expected="none",
             observed=f"{result}",
         )
@@ -119,7 +119,7 @@ def test_long_wait(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 
 
 def _expect_duration(subject: ControllerUnderTest, robot: Bench, waits: Sequence[int]) -> None:
-    """Check the duration of a program that only waits for so many seconds."""
+    """Check the duration of a program that only waits for this many seconds."""
     ended_s = robot.finish(lasts_s=sum(waits)).time_s
     _check_duration(subject, LayoutTrial(robot.started_s, robot.replied_s, ended_s), waits)
 
@@ -356,7 +356,7 @@ def test_continues_when_fulfilled(subject: ControllerUnderTest, line: OutgoingCo
 
 @case("6.5/21", name="each-port", needs=("set_input",), hazards=PROGRAMS)
 def test_waits_for_its_port(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program waits for the port of its node, and no other input lets it continue.
+    """A program waits for the port of its node, and does not continue because of another input.
 
     An IF after the wait uses the current state of an input, not the one at the start.
     """

@@ -94,7 +94,7 @@ def test_calculations(subject: ControllerUnderTest, line: OutgoingConnection) ->
 
 @case("6.6a/11", name="each", hazards=PROGRAMS)
 def test_each_calculation(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Each of the four calculations is right; each has an output of its own."""
+    """Each of the four calculations is correct; each result is shown by a separate output."""
     block: list[Statement] = []
     for port, (opt, a, b) in zip(OUTPUTS, _OPERATIONS, strict=False):
         block.append(Calculate(_Y, number(a), opt, number(b)))
@@ -144,7 +144,7 @@ def test_results(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 
 @case("6.6a/13", name="ports", hazards=PROGRAMS)
 def test_port_settings(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """An operation sets every output to 1 and to 0, whatever its value was.
+    """An operation sets every output to 1 and to 0, regardless of its value before.
 
     The second program has the same bytes as the first, in another order.
     """

@@ -34,10 +34,7 @@ _CLAUSES = ("4", "7", *(f"4.{n}" for n in (15, 16, 17, 18, 23, 24, 25, 26, 27, 2
 
 
 class StopLatches(ControllerCore):
-    """After an emergency stop, motion is refused until a reset (A-4.17-2);
-
-    a stop is never refused.
-    """
+    """After a stop, motion is refused until a reset (A-4.17-2); a stop is never refused."""
 
     latched = False
 

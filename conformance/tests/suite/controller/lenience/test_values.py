@@ -260,10 +260,7 @@ def test_passwords_may_be_restricted(run_cases: RunCases) -> None:
 
 
 class NotConfigured(ControllerCore):
-    """The initial position is six zeros and the default program is not stored:
-
-    neither can be set again.
-    """
+    """The default program is missing and the initial position is invalid: both are refused."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)

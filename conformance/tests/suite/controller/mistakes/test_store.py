@@ -145,10 +145,7 @@ class IgnoresRepeatedSetting(ControllerCore):
 
 
 class NextUploadBecomesDefault(SendsAfterTheEnd):
-    """The default program is a slot of the store:
-
-    the next upload after its deletion takes the slot.
-    """
+    """The default program is a slot of the store, which the next upload after a deletion takes."""
 
     slot_is_free = False
 

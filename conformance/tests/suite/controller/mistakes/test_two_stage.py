@@ -299,10 +299,7 @@ def test_fault_is_detected(
 
 
 def test_jog_without_motion_is_skipped(run_cases: RunCases) -> None:
-    """A jog that does not move the arm is neither passed nor failed:
-
-    there may be no room to move.
-    """
+    """A jog without motion neither passes nor fails: there may be no room to move."""
     directions = run_cases(JogDoesNotMove, "4.28/3")
     assert {case.verdict for case in directions.values()} == {Verdict.NONE}
 
