@@ -80,12 +80,12 @@ class InterruptionPoints:
     """Counts the points at which a run may be interrupted, and calls a function at one of them.
 
     Attributes:
-        at: The number of the point; 0 for none.
+        act_at: The number of the point; 0 for none.
         act: The function.
         dead: The process was killed; every later point raises `KilledError`.
     """
 
-    at: int = 0
+    act_at: int = 0
     act: Callable[[], None] = lambda: None
     passed: int = 0
     dead: bool = False
@@ -94,7 +94,7 @@ class InterruptionPoints:
         self.passed += 1
         if self.dead:
             raise KilledError
-        if self.passed == self.at:
+        if self.passed == self.act_at:
             self.act()
 
     def kill(self) -> None:
@@ -106,27 +106,27 @@ class InterruptionPoints:
 class WatchedAccess(MemoryAccess):
     """Each frame passes a point before and after it, and is compared with the journal."""
 
-    moments: InterruptionPoints = field(default_factory=InterruptionPoints)
+    points: InterruptionPoints = field(default_factory=InterruptionPoints)
     journal: Path = Path()
 
     def connect(self) -> Link:
-        self.moments()
+        self.points()
         link = super().connect()
         send, receive, framer = link.send, link.receive, Framer(A2C)
 
         def send_watched(data: bytes) -> int:
-            self.moments()
+            self.points()
             for item in framer.feed(data):
                 if isinstance(item, Frame):
                     assert_journaled(item, self.journal)
             time_ns = send(data)
-            self.moments()
+            self.points()
             return time_ns
 
         def receive_watched(deadline_s: float, others: Sequence[Link] = ()) -> Arrival | None:
             arrival = receive(deadline_s, others)
             if arrival is not None:
-                self.moments()
+                self.points()
             return arrival
 
         link.send, link.receive = send_watched, receive_watched  # type: ignore[method-assign]  # of this one link
@@ -156,25 +156,25 @@ class WatchedJournal(Journal):
 
     Args:
         path: The file.
-        moments: The points.
+        points: The points.
     """
 
-    def __init__(self, path: Path, moments: InterruptionPoints) -> None:
+    def __init__(self, path: Path, points: InterruptionPoints) -> None:
         super().__init__(path)
-        self._moments = moments
+        self._points = points
 
     def write(self, event: str, **values: Any) -> None:
-        self._moments()
+        self._points()
         super().write(event, **values)
-        self._moments()
+        self._points()
 
     def confirm(self, event: str, **values: Any) -> None:
-        self._moments()
+        self._points()
         super().confirm(event, **values)
-        self._moments()
+        self._points()
 
     def finish(self) -> None:
-        self._moments()
+        self._points()
         super().finish()
 
 
@@ -182,23 +182,24 @@ class FullDisk(ModuleType):
     """The module `os` with a disk that is full from one write on.
 
     Args:
-        at: The number of that write.
-        fits: How many bytes of it are written.
-        lasts: How many writes fail.
+        first_failed: The number of that write.
+        partial_bytes: How many bytes of it are written.
+        failures: How many writes fail.
     """
 
-    def __init__(self, at: int = 0, fits: int = 0, lasts: int = 0) -> None:
+    def __init__(self, first_failed: int = 0, partial_bytes: int = 0, failures: int = 0) -> None:
         super().__init__("os")
-        self._at, self._fits, self._lasts, self.writes = at, fits, lasts, 0
+        self._first_failed, self._partial_bytes = first_failed, partial_bytes
+        self._failures, self.writes = failures, 0
 
     def __getattr__(self, name: str) -> Any:
         return getattr(os, name)
 
     def write(self, descriptor: int, data: bytes) -> int:
         self.writes += 1
-        if self.writes == self._at and self._fits:
-            return os.write(descriptor, data[: self._fits])
-        if 0 <= self.writes - self._at - bool(self._fits) < self._lasts:
+        if self.writes == self._first_failed and self._partial_bytes:
+            return os.write(descriptor, data[: self._partial_bytes])
+        if 0 <= self.writes - self._first_failed - bool(self._partial_bytes) < self._failures:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return os.write(descriptor, data)
 
@@ -244,15 +245,15 @@ class Device:
         self,
         folder: str,
         only: Only,
-        moments: InterruptionPoints | None = None,
+        points: InterruptionPoints | None = None,
         token: str = "aaaa",
     ) -> Results | None:
         """Run these cases; return None if the process was killed."""
-        moments, path = moments or InterruptionPoints(), Path(folder) / "journal"
-        journal = WatchedJournal(path, moments)
+        points, path = points or InterruptionPoints(), Path(folder) / "journal"
+        journal = WatchedJournal(path, points)
         tokens = iter((token, *(f"aa{a}{b}" for a in "abc" for b in "abcdefgh")))
         adapter = ControllerAdapter(
-            WatchedAccess(self.robot.network, moments=moments, journal=path),
+            WatchedAccess(self.robot.network, points=points, journal=path),
             Ics(hooks={"restart": hooks_of(self.robot)["restart"]}),
             PASSWORD,
             Options(only=frozenset(r.id for r in select(",".join(only))), allowed=ALL, examples=2),
@@ -260,15 +261,15 @@ class Device:
             draw_token=tokens.__next__,
         )
         run = Run(adapter)
-        if moments.act is interrupt:
-            moments.act = run.interruption.ask
+        if points.act is interrupt:
+            points.act = run.interruption.ask
         try:
             with ThreadPoolExecutor(
                 1
             ) as thread:  # so that the run can use hypothesis inside a hypothesis test
                 return thread.submit(run.results).result()
         except BaseException:
-            if not moments.dead:
+            if not points.dead:
                 raise
             for connection in [*self.robot.network._links]:
                 self.robot.network.hang_up(connection)
@@ -291,11 +292,11 @@ class RunSize(NamedTuple):
 @cache
 def run_size(only: Only) -> RunSize:
     """Return the size of a run of these cases."""
-    moments, disk = InterruptionPoints(), FullDisk()
+    points, disk = InterruptionPoints(), FullDisk()
     with pytest.MonkeyPatch.context() as patch, TemporaryDirectory() as folder:
         patch.setattr(journal_module, "os", disk)
-        Device({b"mine.rob": b"!"}, b"").run(folder, only, moments)
-    return RunSize(moments.passed, disk.writes)
+        Device({b"mine.rob": b"!"}, b"").run(folder, only, points)
+    return RunSize(points.passed, disk.writes)
 
 
 CONTENTS = {path.read_bytes(): path.stem for path in sorted(PROGRAMS.rglob("*.rob"))}
@@ -369,9 +370,11 @@ def test_faulty_controller(device: Device, only: Only) -> None:
 
 @with_examples(5)
 @given(devices(), selections, parts, st.integers(0, 60), st.sampled_from((1, 3, 10_000)))
-def test_full_disk(device: Device, only: Only, part: int, fits: int, lasts: int) -> None:
+def test_full_disk(
+    device: Device, only: Only, part: int, partial_bytes: int, failures: int
+) -> None:
     """A run whose journal cannot be written is inconclusive and restores everything."""
-    disk = FullDisk(1 + run_size(only).writes * part // 1000, fits, lasts)
+    disk = FullDisk(1 + run_size(only).writes * part // 1000, partial_bytes, failures)
     with TemporaryDirectory() as folder:
         with pytest.MonkeyPatch.context() as patch, suppress(JournalError):  # the run cannot start
             patch.setattr(journal_module, "os", disk)
@@ -394,9 +397,9 @@ def test_kill(device: Device, only: tuple[Only, Only], parts: list[int], token: 
     killed_only, next_only = only
     with TemporaryDirectory() as folder:
         for part in parts:
-            moments = InterruptionPoints(1 + run_size(killed_only).points * part // 1000)
-            moments.act = moments.kill
-            device.run(folder, killed_only, moments)
+            points = InterruptionPoints(1 + run_size(killed_only).points * part // 1000)
+            points.act = points.kill
+            device.run(folder, killed_only, points)
         results = device.run(folder, next_only, token=token)
         assert results
         device.assert_unchanged()

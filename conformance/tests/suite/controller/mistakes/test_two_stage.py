@@ -96,7 +96,7 @@ class ReportsProgramDuringJog(ControllerCore):
 
 
 class SendsResultOfStoppedRun(ControllerCore):
-    """The final result of a stopped program is sent after the next one of the same client."""
+    """After a stop, the next final result of the same client is sent twice."""
 
     stopped: Session | None = None
 
