@@ -5,16 +5,16 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import pytest
 
 from scaraspec.judge.requirements import select
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.mutants.controller_run import PASSWORD, Robot
-from scaraspec.mutants.operators.controller.transfers import AltersChunkData, JudgesChunks
+from scaraspec.mutants.operators.controller.transfers import chunk_data, receives
 from scaraspec.protocol.frames import Frame
-from scaraspec.protocol.readings import DEFAULT
+from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, State
 from scaraspec.suite.controller.harness.access import MemoryAccess
 from scaraspec.suite.controller.harness.adapter import ControllerAdapter
@@ -97,17 +97,13 @@ class IgnoresStrayChunks(ControllerCore):
 
 
 class _ContinuesAfterRefusal(Receiver):
+    """A refused chunk does not abort the upload (A-5-14)."""
+
     def take(self, data: bytes, now_s: float) -> bool | None:
         taken = super().take(data, now_s)
         if taken is False:
             self.state = State.ACTIVE
         return taken
-
-
-class KeepsUploadAfterRefusal(JudgesChunks):
-    """A refused chunk does not abort the upload (A-5-14)."""
-
-    receiver: ClassVar[type[Receiver]] = _ContinuesAfterRefusal
 
 
 class RepeatsRefusedChunks(ControllerCore):
@@ -153,14 +149,12 @@ class UploadOutlivesConnection(ControllerCore):
         return not blocked and super().upload_name(request)
 
 
-class StaleBuffers(AltersChunkData):
-    """The buffer after the valid bytes contains old data (A-5-4)."""
-
-    def data(self, chunk: Chunk) -> bytes:
-        return FILE_DATA.encode(chunk._replace(buffer=chunk.buffer.ljust(200, b"\xaa")))
+def _with_old_data(chunk: Chunk, _: Dialect) -> bytes:
+    """Return a chunk whose buffer contains old data after the valid bytes (A-5-4)."""
+    return FILE_DATA.encode(chunk._replace(buffer=chunk.buffer.ljust(200, b"\xaa")))
 
 
-class SmallChunks(AltersChunkData):
+class SmallChunks(ControllerCore):
     """A chunk contains at most 100 bytes."""
 
     @cached_property
@@ -195,7 +189,9 @@ class ShortNames(ControllerCore):
         super().handle(session, frame, now_s)
 
 
-class _Idempotent(Receiver):
+class _AcceptsRepeatedChunks(Receiver):
+    """A repeated chunk is accepted and ignored (A-5-8)."""
+
     def _problem(self, chunk: Chunk) -> str:
         if chunk.legal and chunk.position < self.received_bytes:
             return ""
@@ -211,25 +207,31 @@ class _Idempotent(Receiver):
         return taken
 
 
-class AcceptsRepeatedChunks(JudgesChunks):
-    """A repeated chunk is accepted and ignored (A-5-8)."""
-
-    receiver: ClassVar[type[Receiver]] = _Idempotent
+def _combined(name: str, *cores: type[ControllerCore]) -> type[ControllerCore]:
+    return type(name, cores, {})
 
 
-class Cautious(StaleBuffers, SmallChunks, ShortNames, AcceptsRepeatedChunks, OneTransferAtATime):
-    """Has several of these limits."""
+CORES = (
+    DelaysReplies,
+    _combined(
+        "Cautious",
+        SmallChunks,
+        chunk_data(_with_old_data),
+        ShortNames,
+        receives(_AcceptsRepeatedChunks),
+        OneTransferAtATime,
+    ),
+    _combined(
+        "Forgiving",
+        receives(_ContinuesAfterRefusal),
+        RepeatsRefusedChunks,
+        UploadOutlivesConnection,
+    ),
+    _combined("Strict", ClosesAfterFailedUpload, IgnoresStrayChunks),
+)
 
 
-class Forgiving(KeepsUploadAfterRefusal, RepeatsRefusedChunks, UploadOutlivesConnection):
-    """Keeps transfers open after errors."""
-
-
-class Strict(ClosesAfterFailedUpload, IgnoresStrayChunks):
-    """Closes failed uploads and ignores unexpected chunks."""
-
-
-@pytest.mark.parametrize("core", [DelaysReplies, Cautious, Forgiving, Strict])
+@pytest.mark.parametrize("core", CORES)
 def test_other_conforming_controllers_pass(
     run_cases: Callable[..., Any], core: type[ControllerCore]
 ) -> None:
