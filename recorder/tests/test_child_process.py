@@ -1,4 +1,4 @@
-"""Children: they obey their line alone, and the one that says why it ends ends at once."""
+"""Child processes: end by the control line, and immediate exit after a reported failure."""
 
 import asyncio
 import subprocess
@@ -20,16 +20,16 @@ print(signal.SIGINT in held and signal.SIGTERM in held, process.exitcode)
 """
 
 
-def test_the_first_child_is_blocked_signals_too() -> None:
-    """With the first one Python starts a helper of its own, which lets signals through again."""
+def test_the_first_child_blocks_signals() -> None:
+    """Python starts a helper process with the first child, which unblocks signals again."""
     done = subprocess.run(
         [sys.executable, "-c", FIRST], capture_output=True, text=True, timeout=60, check=False
     )
     assert done.stdout == "True 0\n", done.stderr
 
 
-def test_a_child_that_said_why_it_fails_waits_for_none_of_its_threads(tmp_path: Path) -> None:
-    """A library's may wait for ever, and so would the recording."""
+def test_a_child_that_reported_its_failure_does_not_wait_for_threads(tmp_path: Path) -> None:
+    """A thread of a library may never end; the recording must not wait for it."""
 
     async def live() -> bool:
         child = ChildProcess("once", fail_once, tmp_path / "lives")

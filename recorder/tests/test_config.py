@@ -1,4 +1,4 @@
-"""A configuration says what is recorded, or one sentence says what is wrong with it."""
+"""Configuration of recorders: options, TOML files and their error messages."""
 
 from pathlib import Path
 from typing import Any
@@ -16,8 +16,8 @@ SAMPLE = Path(__file__).parents[2] / "fixtures" / "recorder" / "two-lines.toml"
 URL = "tcp://192.0.2.7"
 
 
-def test_the_sample() -> None:
-    """The documented sample says what its comments say."""
+def test_the_sample_file() -> None:
+    """The settings of the documented sample are those of its comments."""
     third, fourth = read_config(SAMPLE)
     assert (third.name, third.listen, third.out) == (
         "line-3",
@@ -33,8 +33,8 @@ def test_the_sample() -> None:
     assert fourth.keep == third.keep
 
 
-def test_little_is_enough() -> None:
-    """A URL is all that must be said; then everything goes into one file."""
+def test_only_a_url_is_required() -> None:
+    """By default everything is recorded into one file."""
     robot = read_robot("r", {"url": URL}, "--")
     assert robot == RobotConfig("r", URL)
     assert robot.mode is Mode.EXPLICIT
@@ -43,8 +43,8 @@ def test_little_is_enough() -> None:
 
 
 @pytest.mark.parametrize("table", [{"rotate": "1h"}, {"keep": "30d"}, {"min-free": "2GB"}])
-def test_what_needs_several_files_makes_an_archive(table: dict[str, Any]) -> None:
-    """An hour a file, if nothing else is said: one file that never ended could not be removed."""
+def test_limits_need_an_archive(table: dict[str, Any]) -> None:
+    """Without `rotate` a file ends every hour: a file that never ends could not be removed."""
     given = {"url": URL, "trigger": ["refusal"], **table}
     make: Any = read_robot("r", given, "--").sink({}, draw=False, needs_login=True)
     assert make.func is archive_sink
@@ -53,8 +53,8 @@ def test_what_needs_several_files_makes_an_archive(table: dict[str, Any]) -> Non
     assert archive.triggers == ("refusal",)
 
 
-def test_a_trigger_needs_no_several_files() -> None:
-    """It marks one file as well."""
+def test_a_trigger_needs_no_archive() -> None:
+    """A trigger also marks a single file."""
     robot = read_robot("r", {"url": URL, "trigger": ["refusal", "signal"]}, "--")
     make: Any = robot.sink({}, draw=False, needs_login=True)
     assert make.func is sink_after_repair
@@ -83,8 +83,8 @@ def test_a_trigger_needs_no_several_files() -> None:
         ({"url": URL, "i-mean-it": True}, "--i-mean-it has no effect without inject"),
     ],
 )
-def test_a_wrong_setting_is_one_sentence(table: dict[str, Any], says: str) -> None:
-    """It names the setting, says what is wrong, and most say what would be right."""
+def test_an_invalid_setting(table: dict[str, Any], says: str) -> None:
+    """The message is one sentence: the setting, the error, and mostly the valid values."""
     with pytest.raises(ConfigError) as error:
         read_robot("r", table, "--")
     assert str(error.value).startswith(says)
@@ -113,8 +113,8 @@ ONE = '[robots.a]\nurl="tcp://192.0.2.7"\n'
         ),
     ],
 )
-def test_a_wrong_file_is_one_sentence(tmp_path: Path, text: str, says: str) -> None:
-    """It names the file and the place in it."""
+def test_an_invalid_file(tmp_path: Path, text: str, says: str) -> None:
+    """The message is one sentence with the file and the position."""
     path = tmp_path / "recorders.toml"
     path.write_bytes(text.encode(errors="surrogatepass"))
     with pytest.raises(ConfigError) as error:
@@ -123,8 +123,8 @@ def test_a_wrong_file_is_one_sentence(tmp_path: Path, text: str, says: str) -> N
     assert says in str(error.value)
 
 
-def test_a_file_that_is_not_there(tmp_path: Path) -> None:
-    """So is one that cannot be read, or is too large to be one."""
+def test_an_unreadable_file(tmp_path: Path) -> None:
+    """The file does not exist, or is too large for a configuration."""
     with pytest.raises(ConfigError, match="cannot be read: No such file"):
         read_config(tmp_path / "none.toml")
     large = tmp_path / "large.toml"

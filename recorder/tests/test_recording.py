@@ -1,4 +1,4 @@
-"""A recording: three processes, any of which may be killed; the link and the record survive it."""
+"""A recording of three processes: link and recording survive the kill of each of them."""
 
 import asyncio
 import os
@@ -31,8 +31,8 @@ pytestmark = pytest.mark.skipif(
 
 
 @pytest.fixture(autouse=True)
-def spools_beside(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Spools lie in the test's own folder."""
+def spools_in_test_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Put the spools into the folder of the test."""
     monkeypatch.setattr(locks, "_has_room", lambda _size_bytes: False)
 
 
@@ -42,7 +42,7 @@ def run(test: Callable[[], Awaitable[None]]) -> None:
 
 @asynccontextmanager
 async def echo() -> AsyncIterator[Upstream]:
-    """A server that sends everything back, and ends when the client has."""
+    """Run a server that sends everything back, and ends after the client has ended."""
 
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         with suppress(ConnectionError):  # a test has killed the tap
@@ -58,13 +58,13 @@ async def echo() -> AsyncIterator[Upstream]:
 
 @asynccontextmanager
 async def session(out_dir: Path, sink: SinkFactory) -> AsyncIterator[Recording]:
-    """A recording of the way to an echo."""
+    """Record the connections to an echo server."""
     async with echo() as route, record(route, ("127.0.0.1", 0), out_dir, [sink]) as recording:
         yield recording
 
 
 class Client:
-    """Sends random bytes and sees that they come back."""
+    """Sends random bytes and checks that they come back."""
 
     def __init__(self, address: tuple[str, int], seed: int = 1) -> None:
         self.sent = b""
@@ -91,14 +91,14 @@ class Client:
         self._writer.write_eof()
         assert await self._reader.read() == b""
 
-    async def lost(self) -> None:
-        """Wait until the link is cut."""
+    async def wait_for_reset(self) -> None:
+        """Wait wait_until the connection is reset."""
         with suppress(ConnectionError):
             assert await self._reader.read() == b""
 
 
 def streams(lines: list[list]) -> dict[tuple[str, str], bytes]:
-    """Put together what journals hold of each stream; what came twice is the same twice."""
+    """Join the bytes of each stream in journals; duplicate bytes must be equal."""
     whole: dict[tuple[str, str], bytearray] = {}
     for name, way, kind, data, offset, *_ in lines:
         stream = whole.setdefault((name, way), bytearray())
@@ -118,22 +118,22 @@ def _has_recorded(recording: Recording, size_bytes: int) -> bool:
     return recording.progress.a2c.recorded_bytes == size_bytes
 
 
-async def until(condition: Callable[[], Any]) -> None:
-    """Wait for what another process does; the test's time-out bounds it."""
+async def wait_until(condition: Callable[[], Any]) -> None:
+    """Wait for another process; the timeout of the test applies."""
     while not condition():
         await asyncio.get_running_loop().run_in_executor(None, select.select, [], [], [], 0.01)
 
 
 async def kill(child: ChildProcess) -> None:
-    """Kill a process, and wait until the recorder has started it again."""
+    """Kill a process, and wait until the recorder has restarted it."""
     old = child.pid
     assert old
     os.kill(old, signal.SIGKILL)
-    await until(lambda: child.pid != old)
+    await wait_until(lambda: child.pid != old)
 
 
-def test_a_session_is_recorded_and_nothing_is_left_behind(tmp_path: Path) -> None:
-    """Both directions, byte for byte; the spool is gone, and the progress says all."""
+def test_a_session_is_recorded_completely(tmp_path: Path) -> None:
+    """Both directions byte for byte; the spool is removed, and the progress has all counts."""
 
     async def test() -> None:
         async with (
@@ -157,13 +157,13 @@ def test_a_session_is_recorded_and_nothing_is_left_behind(tmp_path: Path) -> Non
 
 
 def test_open_connections_end_with_the_recording(tmp_path: Path) -> None:
-    """Stopping is told as such, not as the doing of either side."""
+    """The note names the recorder, not a side of the link."""
 
     async def test() -> None:
         async with session(tmp_path, journal.Journal) as recording:
             client = await Client(recording.address).__aenter__()
             await client.exchange(1)
-        await client.lost()
+        await client.wait_for_reset()
         await client.__aexit__()
         name, _, kind, *_, note = journal.lines(tmp_path)[-1]
         assert (name, kind, note) == ("1", "closed", "the recorder stopped")
@@ -171,8 +171,8 @@ def test_open_connections_end_with_the_recording(tmp_path: Path) -> None:
     run(test)
 
 
-def test_an_interrupted_recording_is_ended_in_order(tmp_path: Path) -> None:
-    """What breaks off the caller's work, Ctrl-C for one, leaves a finished recording too."""
+def test_an_interrupted_recording_is_finished(tmp_path: Path) -> None:
+    """An exception in the caller, such as Ctrl-C, leaves a finished recording."""
     made: list[Recording] = []
 
     async def break_off() -> None:
@@ -189,8 +189,8 @@ def test_an_interrupted_recording_is_ended_in_order(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["journal.jsonl"]
 
 
-def test_a_killed_scribe_costs_nothing(tmp_path: Path) -> None:
-    """SIGKILL, again and again, under traffic: the link notices nothing, every byte is recorded."""
+def test_a_killed_writer_loses_nothing(tmp_path: Path) -> None:
+    """Repeated SIGKILL under traffic: the link is unaffected, and every byte is recorded."""
 
     async def test() -> None:
         async with (
@@ -199,7 +199,7 @@ def test_a_killed_scribe_costs_nothing(tmp_path: Path) -> None:
         ):
             for _ in range(3):
                 await client.exchange(200)
-                await until(lambda: recording.progress.a2c.recorded_bytes)
+                await wait_until(lambda: recording.progress.a2c.recorded_bytes)
                 killed = asyncio.create_task(kill(recording.writer))
                 while not killed.done():
                     await client.exchange(20)
@@ -213,7 +213,7 @@ def test_a_killed_scribe_costs_nothing(tmp_path: Path) -> None:
     run(test)
 
 
-def test_a_killed_tap_costs_its_connections_only(tmp_path: Path) -> None:
+def test_a_killed_tap_loses_only_its_connections(tmp_path: Path) -> None:
     """SIGKILL under traffic: what it had spooled is whole, what is unknown is told, and the next
     connection to the same address is recorded."""
 
@@ -226,7 +226,7 @@ def test_a_killed_tap_costs_its_connections_only(tmp_path: Path) -> None:
         async with session(tmp_path, journal.Journal) as recording:
             async with Client(recording.address) as first:
                 talking = asyncio.create_task(talk(first))
-                await until(lambda: recording.progress.a2c.recorded_bytes)
+                await wait_until(lambda: recording.progress.a2c.recorded_bytes)
                 known = recording.progress.a2c.recorded_bytes
                 await kill(recording.tap)
                 await talking
@@ -245,8 +245,8 @@ def test_a_killed_tap_costs_its_connections_only(tmp_path: Path) -> None:
     run(test)
 
 
-def test_a_disk_that_is_full_for_a_while_costs_nothing(tmp_path: Path) -> None:
-    """Sinks fail and are made anew until they can write; the spool bridges the time."""
+def test_a_temporarily_full_disk_loses_nothing(tmp_path: Path) -> None:
+    """Sinks fail and are created again until they can write; the spool keeps the events."""
     (tmp_path / "full").touch()
 
     async def test() -> None:
@@ -255,11 +255,11 @@ def test_a_disk_that_is_full_for_a_while_costs_nothing(tmp_path: Path) -> None:
             Client(recording.address) as client,
         ):
             await client.exchange(300)
-            await until((tmp_path / "refused").exists)
+            await wait_until((tmp_path / "refused").exists)
             await client.exchange(300)
             assert recording.progress.a2c.recorded_bytes == 0
             (tmp_path / "full").unlink()
-            await until(lambda: recording.progress.a2c.recorded_bytes)
+            await wait_until(lambda: recording.progress.a2c.recorded_bytes)
             await client.finish()
         assert recording.progress.a2c.recorded_bytes == len(client.sent)
         assert recording.progress.a2c.gaps == 0
@@ -267,8 +267,8 @@ def test_a_disk_that_is_full_for_a_while_costs_nothing(tmp_path: Path) -> None:
     run(test)
 
 
-def test_a_scribe_that_cannot_finish_leaves_the_spool_to_the_next(tmp_path: Path) -> None:
-    """The end of a recording is bounded in time; the next recorder writes what was left."""
+def test_an_unfinished_writer_leaves_its_spool_to_the_next(tmp_path: Path) -> None:
+    """The end of a recording has a timeout; the next recorder writes the rest."""
     (tmp_path / "full").touch()
 
     async def test() -> None:
@@ -290,7 +290,7 @@ def test_a_scribe_that_cannot_finish_leaves_the_spool_to_the_next(tmp_path: Path
 
 
 def test_a_folder_has_one_recorder(tmp_path: Path) -> None:
-    """A second one is told so, in a sentence."""
+    """A second recorder gets an error of one sentence."""
 
     async def test() -> None:
         route, listen = Upstream("127.0.0.1", 1), ("127.0.0.1", 0)
@@ -302,8 +302,8 @@ def test_a_folder_has_one_recorder(tmp_path: Path) -> None:
     run(test)
 
 
-def test_an_address_in_use_is_an_error_and_starts_nothing(tmp_path: Path) -> None:
-    """The caller learns it at once, before any process is there."""
+def test_an_address_in_use(tmp_path: Path) -> None:
+    """The error is raised before any process is started."""
 
     async def start(address: tuple[str, int]) -> None:
         async with record(Upstream("127.0.0.1", 1), address, tmp_path, [journal.Journal]):
@@ -314,8 +314,8 @@ def test_an_address_in_use_is_an_error_and_starts_nothing(tmp_path: Path) -> Non
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_sink_that_cannot_be_sent_to_the_scribe_is_an_error_at_once(tmp_path: Path) -> None:
-    """Not one that shows when the recording is missed."""
+def test_a_sink_that_cannot_be_pickled(tmp_path: Path) -> None:
+    """The error is raised at the start."""
 
     async def start() -> None:
         sinks: list[Any] = [lambda _folder: None]
@@ -326,14 +326,14 @@ def test_a_sink_that_cannot_be_sent_to_the_scribe_is_an_error_at_once(tmp_path: 
         asyncio.run(start())
 
 
-def test_signals_to_all_are_for_the_recorder_alone(tmp_path: Path) -> None:
-    """Ctrl-C in a terminal reaches every process; only the recorder decides what ends when."""
+def test_child_processes_ignore_signals(tmp_path: Path) -> None:
+    """Ctrl-C in a terminal reaches every process; only the recorder decides when they end."""
 
     async def test() -> None:
         async with session(tmp_path, journal.Journal) as recording:
             async with Client(recording.address) as client:
                 await client.exchange(10)
-                await until(lambda: recording.progress.a2c.recorded_bytes)
+                await wait_until(lambda: recording.progress.a2c.recorded_bytes)
                 pids = (recording.tap.pid, recording.writer.pid)
                 for pid in filter(None, pids):
                     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -372,7 +372,7 @@ if __name__ == "__main__":
 
 
 def test_a_killed_recorder_leaves_a_finished_recording(tmp_path: Path) -> None:
-    """Its processes notice, end the connections, write what is left, and are gone."""
+    """The processes detect it, end the connections, write the rest and exit."""
     program = tmp_path / "program.py"
     program.write_text(RECORDER)
     out_dir = tmp_path / "out"
@@ -394,9 +394,9 @@ def test_a_killed_recorder_leaves_a_finished_recording(tmp_path: Path) -> None:
                     "the scribe outlives the tap"
                 )
                 os.kill(pids[0], signal.SIGCONT)
-                await client.lost()
+                await client.wait_for_reset()
             for watch in watches:
-                await until(partial(_is_readable, watch))
+                await wait_until(partial(_is_readable, watch))
                 os.close(watch)
             await recorder.communicate()
         lines = journal.lines(out_dir)
@@ -408,20 +408,20 @@ def test_a_killed_recorder_leaves_a_finished_recording(tmp_path: Path) -> None:
 
 
 def test_processes_share_no_interpreter_with_the_caller(tmp_path: Path) -> None:
-    """The tap is alone: neither its caller nor the scribe can slow it down."""
+    """Neither the caller nor the writer process can slow down the tap."""
 
     async def test() -> None:
         async with record(
             Upstream("127.0.0.1", 1), ("127.0.0.1", 0), tmp_path, [journal.Journal]
         ) as recording:
-            await until(lambda: recording.tap.pid and recording.writer.pid)
+            await wait_until(lambda: recording.tap.pid and recording.writer.pid)
             assert len({os.getpid(), recording.tap.pid, recording.writer.pid}) == 3
 
     run(test)
 
 
-def test_a_recording_is_seen_to_grow(tmp_path: Path) -> None:
-    """Its progress can be asked for while it lasts."""
+def test_progress_during_a_recording(tmp_path: Path) -> None:
+    """The progress is available while the recording runs."""
 
     async def test() -> None:
         async with session(tmp_path, journal.Journal) as recording:
@@ -429,7 +429,6 @@ def test_a_recording_is_seen_to_grow(tmp_path: Path) -> None:
             async with Client(recording.address) as client:
                 for count in (1, 2, 3):
                     await client.exchange(1)
-                    size_bytes = 50 * count
-                    await until(partial(_has_recorded, recording, size_bytes))
+                    await wait_until(partial(_has_recorded, recording, 50 * count))
 
     run(test)

@@ -1,4 +1,4 @@
-"""What is sent again, what never is, and how the answers are held side by side."""
+"""Replay: which requests are sent, which are not, and the comparison of the replies."""
 
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -21,7 +21,7 @@ ALL = set(Hazard)
 
 
 class Robot:
-    """A link whose far end answers by a function; its clock moves only while one waits."""
+    """A link whose peer replies by a function; its clock advances only during waits."""
 
     def __init__(self, answer: Callable[[Frame], list[bytes]]) -> None:
         self.now_s = 100.0
@@ -52,8 +52,8 @@ def names(plan: Iterator[ReplayStep]) -> list[tuple[str, str]]:
     return [(step.name, step.reason) for step in plan]
 
 
-def test_only_what_is_allowed_is_sent(talk: Any) -> None:
-    """By the hazard of each command; what the table does not know or no frame is never is."""
+def test_only_allowed_requests_are_sent(talk: Any) -> None:
+    """The hazard of the command decides; unknown commands and invalid bytes are never sent."""
     talk.ask("login", b"secret", reply=True)
     talk.ask("get_status", None, "00")
     talk.ask("set_time", datetime(2026, 1, 1), reply=True)  # noqa: DTZ001 - the robot's clock knows no zone
@@ -82,7 +82,7 @@ def test_only_what_is_allowed_is_sent(talk: Any) -> None:
 
 
 def test_order_and_bytes_are_kept(shift: list[WireEvent]) -> None:
-    """All that a client sent goes out again, byte for byte, each after the answer before it."""
+    """All requests are sent byte for byte, each after the reply to the one before."""
     robot = Robot(lambda _: [])
     done = [*replay(plan_steps(shift, "1", ALL), robot, reply_timeout_s=1)]
     recorded = b"".join(e.data for e in shift if e.direction is A2C and e.kind is Kind.BYTES)
@@ -92,8 +92,8 @@ def test_order_and_bytes_are_kept(shift: list[WireEvent]) -> None:
     assert all(step.frame for step in done)
 
 
-def test_answers_are_compared_by_kind(talk: Any) -> None:
-    """Other values are alike; a refusal instead of an acceptance is not, nor is silence."""
+def test_replies_are_compared_by_kind(talk: Any) -> None:
+    """Other values are equal; a refusal instead of an acceptance differs, and so does silence."""
     talk.ask("get_status", None, "00")
     talk.ask("run_program", b"p.rob", Acceptance(accepted=True))
     talk.ask("get_default_program", None, b"p.rob")
@@ -113,8 +113,8 @@ def test_answers_are_compared_by_kind(talk: Any) -> None:
     ]
 
 
-def test_speed_keeps_the_times_of_the_capture(talk: Any) -> None:
-    """Twice as fast is half the time between requests."""
+def test_speed_scales_the_times_of_the_capture(talk: Any) -> None:
+    """Twice the speed halves the time between requests."""
     for _ in range(3):
         talk.time_ns += 4_000_000_000
         talk.ask("get_status", None, "00")
@@ -125,8 +125,8 @@ def test_speed_keeps_the_times_of_the_capture(talk: Any) -> None:
 
 
 @pytest.mark.parametrize("asks", [True, False])
-def test_an_answer_is_sent_only_where_it_is_asked_for(talk: Any, *, asks: bool) -> None:
-    """In a download the controller asks: what the client said to it waits for that."""
+def test_a_reply_is_sent_only_after_its_request(talk: Any, *, asks: bool) -> None:
+    """In a download the controller sends requests; the reply of the client waits for them."""
     chunk = Chunk(4, 0, 4, b"abcd")
     talk.ask("download_name", b"p.rob", reply=True)
     talk.ask("download_chunk", chunk, reply=True)
@@ -141,8 +141,8 @@ def test_an_answer_is_sent_only_where_it_is_asked_for(talk: Any, *, asks: bool) 
     assert done[1].reason == ("" if asks else "the controller did not send the request")
 
 
-def test_the_end_of_the_link_is_told(talk: Any) -> None:
-    """A controller that hangs up ends the replay."""
+def test_the_end_of_the_link_ends_the_replay(talk: Any) -> None:
+    """The controller closes the connection."""
     talk.ask("get_status", None, "00")
     robot = Robot(lambda _: [b""])
     with pytest.raises(LinkEndedError):

@@ -1,4 +1,4 @@
-"""What is shown of recordings: little in plain lines, everything on a terminal."""
+"""Display of recordings: few plain lines, or a dashboard on a terminal."""
 
 import io
 from dataclasses import replace
@@ -25,7 +25,7 @@ CALM = Status(
 
 
 def at(time_s: float, progress: Progress | None = None, silent_s: float = 0.2) -> Status:
-    """The recording at a later time."""
+    """Return the status of the recording at a later time."""
     return replace(
         CALM,
         time_s=CALM.time_s + time_s,
@@ -36,12 +36,12 @@ def at(time_s: float, progress: Progress | None = None, silent_s: float = 0.2) -
 
 
 def gaps(count: int) -> Progress:
-    """A progress with so many gaps."""
+    """Return a progress with this number of gaps."""
     return replace(CALM.progress, a2c=ByteCounts(7000, 100 * count, count))
 
 
-def test_as_long_as_all_is_well_nothing_is_said() -> None:
-    """An hour of it."""
+def test_no_output_without_problems() -> None:
+    """For an hour."""
     said: list[str] = []
     with LineDisplay(said.append) as lines:
         for second in range(3600):
@@ -49,8 +49,8 @@ def test_as_long_as_all_is_well_nothing_is_said() -> None:
     assert said == []
 
 
-def test_gaps_are_not_told_every_second() -> None:
-    """A gap each second for a minute: told at once, and then every `MIN_INTERVAL_S`."""
+def test_gaps_are_reported_at_intervals() -> None:
+    """One gap per second: reported at once, then every `MIN_INTERVAL_S`."""
     said: list[str] = []
     with LineDisplay(said.append) as lines:
         for second in range(60):
@@ -60,8 +60,8 @@ def test_gaps_are_not_told_every_second() -> None:
     assert len(said) == 60 / MIN_INTERVAL_S
 
 
-def test_trouble_is_told_with_its_reason() -> None:
-    """At once, whether or not anything was written a moment ago; and when it is over."""
+def test_a_stall_is_reported_with_its_reason() -> None:
+    """At once, whether or not anything was written recently; and also its end."""
     full = replace(at(0), stall=WriteStall(995 * 10**9, "No space left on device"))
     said: list[str] = []
     with LineDisplay(said.append) as lines:
@@ -79,8 +79,8 @@ def test_trouble_is_told_with_its_reason() -> None:
     assert "line-3: writing is stalled for 5 s: No space left on device" in shown
 
 
-def test_problems_and_silence_are_told_with_their_end() -> None:
-    """Each problem once; that the writing waits, and that it goes on."""
+def test_problems_are_reported_once() -> None:
+    """Also that writing is stalled, and that it continues."""
     said: list[str] = []
     stall = replace(CALM.progress, problems=["McapSink is disabled"])
     with LineDisplay(said.append) as lines:
@@ -95,7 +95,7 @@ def test_problems_and_silence_are_told_with_their_end() -> None:
     ]
 
 
-def test_a_robot_that_cannot_be_reached_is_told_until_it_is() -> None:
+def test_an_unreachable_robot_is_reported() -> None:
     """With the reason, on a terminal too."""
     said: list[str] = []
     gone = replace(CALM.progress, unreached="Connection refused")
@@ -113,8 +113,8 @@ def test_a_robot_that_cannot_be_reached_is_told_until_it_is() -> None:
     assert said[0] in screen.getvalue()
 
 
-def test_ending_says_that_it_takes_its_time() -> None:
-    """At once, then every `MIN_INTERVAL_S`, and no more when all is finished."""
+def test_a_slow_end_is_reported() -> None:
+    """At once, then every `MIN_INTERVAL_S` until all recordings are finished."""
     said: list[str] = []
     with LineDisplay(said.append) as lines:
         for second in range(25):
@@ -126,7 +126,7 @@ def test_ending_says_that_it_takes_its_time() -> None:
 
 
 def test_the_dashboard_shows_everything() -> None:
-    """Connections, rates, bytes, gaps, what waits, free space, the file, what is wrong: at 80."""
+    """Connections, rates, bytes, gaps, pending bytes, free space, file, problems; in 80 columns."""
     screen = io.StringIO()
     console = Console(file=screen, force_terminal=True, width=80, color_system=None)
     busy = replace(gaps(2), a2c=ByteCounts(9000, 200, 2), problems=["out of luck"])

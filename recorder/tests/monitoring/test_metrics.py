@@ -1,4 +1,4 @@
-"""Metrics tell what recordings are doing, to this machine alone."""
+"""Metrics of recordings, for this machine only."""
 
 import socket
 import urllib.request
@@ -24,8 +24,8 @@ STATUS = Status(
 )
 
 
-def test_a_scrape_tells_everything() -> None:
-    """Counters by robot and sender, gauges by robot; read at the scrape, not before."""
+def test_a_scrape_returns_all_metrics() -> None:
+    """Counters by robot and sender, gauges by robot; the status is read at the scrape."""
     statuses: list[Status] = []
     with metrics.serve("127.0.0.1", 0, lambda: statuses) as (host, port):
         statuses.append(STATUS)
@@ -48,8 +48,8 @@ def test_a_scrape_tells_everything() -> None:
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.7", "example.invalid"])
-def test_nobody_else_is_served(host: str) -> None:
-    """An address that others could reach is refused."""
+def test_only_loopback_addresses_are_allowed(host: str) -> None:
+    """An address that other machines can reach is refused."""
     with (
         pytest.raises(metrics.MetricsError, match="served only on this machine"),
         metrics.serve(host, 0, list),
@@ -57,8 +57,8 @@ def test_nobody_else_is_served(host: str) -> None:
         pass
 
 
-def test_a_taken_port_is_one_sentence() -> None:
-    """It is told before anything is recorded."""
+def test_a_port_in_use() -> None:
+    """The error is raised before the recording starts."""
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with (

@@ -1,4 +1,4 @@
-"""Passages: whose the time between a request and its reply was."""
+"""Forwarding times: the parts of a latency that belong to the robot and to the recorder."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,14 +17,14 @@ from scaraspec_recorder.spool.forwarded_chunks import ForwardedChunk, Latency, L
 MS = 1_000_000
 
 
-def passage(event: WireEvent, forwarded_ns: int) -> ForwardedChunk:
-    """The same bytes, passed on."""
+def forwarded(event: WireEvent, forwarded_ns: int) -> ForwardedChunk:
+    """Return the same bytes with a forwarding time."""
     place = (event.time_ns, event.connection, event.direction, event.kind)
     return ForwardedChunk(*place, event.data, event.offset_bytes, 0, event.note, forwarded_ns)
 
 
 def latencies(events: Sequence[WireEvent]) -> list[Latency | None]:
-    """What is told of each exchange."""
+    """Return the latency of each exchange."""
     told, judge, found = LatencyTracker(), Judge(needs_login=False), []
     for event in events:
         told.write(event)
@@ -37,52 +37,52 @@ def latencies(events: Sequence[WireEvent]) -> list[Latency | None]:
 
 
 @pytest.fixture
-def asked(talk: Any) -> list[WireEvent]:
-    """A request, and its reply after two milliseconds."""
+def exchange(talk: Any) -> list[WireEvent]:
+    """Return a request and its reply after two milliseconds."""
     talk.ask("get_status", None, "00")
     events: list[WireEvent] = talk.events
     return events
 
 
-def test_waiting_in_the_recorder_is_not_the_robots(asked: list[WireEvent]) -> None:
-    """A request that lay in the recorder for half of the time left the robot the other half."""
-    request, reply = asked
-    events = [passage(request, request.time_ns + MS), passage(reply, reply.time_ns + MS // 4)]
+def test_time_in_the_recorder_is_not_counted_for_the_robot(exchange: list[WireEvent]) -> None:
+    """The request waits in the recorder for half of the time."""
+    request, reply = exchange
+    events = [forwarded(request, request.time_ns + MS), forwarded(reply, reply.time_ns + MS // 4)]
     assert latencies(events) == [Latency(robot_ns=MS, recorder_ns=MS + MS // 4)]
 
 
-def test_a_reply_counts_from_its_first_piece(asked: list[WireEvent]) -> None:
-    """The robot has answered when its first byte comes in, however slow the rest is."""
-    request, reply = asked
+def test_a_reply_counts_from_its_first_piece(exchange: list[WireEvent]) -> None:
+    """The robot has replied when the first byte arrives, however slow the rest is."""
+    request, reply = exchange
     begun = replace(reply, data=reply.data[:2])
     rest = replace(reply, data=reply.data[2:], offset_bytes=2, time_ns=reply.time_ns + 7 * MS)
-    events = [passage(event, event.time_ns + 1000) for event in (request, begun, rest)]
+    events = [forwarded(event, event.time_ns + 1000) for event in (request, begun, rest)]
     assert latencies(events) == [Latency(robot_ns=2 * MS - 1000, recorder_ns=2000)]
 
 
-def test_half_a_knowledge_is_none(asked: list[WireEvent]) -> None:
-    """Where one of the two was not seen passing on, nothing is told."""
-    request, reply = asked
-    assert latencies([passage(request, request.time_ns), reply]) == [None]
-    assert latencies([request, passage(reply, reply.time_ns)]) == [None]
-    assert latencies([passage(request, 0), passage(reply, reply.time_ns)]) == [None]
+def test_no_latency_without_both_forwarding_times(exchange: list[WireEvent]) -> None:
+    """If one forwarding time is unknown, there is no latency."""
+    request, reply = exchange
+    assert latencies([forwarded(request, request.time_ns), reply]) == [None]
+    assert latencies([request, forwarded(reply, reply.time_ns)]) == [None]
+    assert latencies([forwarded(request, 0), forwarded(reply, reply.time_ns)]) == [None]
 
 
-def test_frames_that_no_exchange_comes_for_are_forgotten(talk: Any) -> None:
-    """A controller that talks and talks fills no memory."""
+def test_frames_without_an_exchange_are_forgotten(talk: Any) -> None:
+    """Unsolicited frames do not fill the memory."""
     told, judge = LatencyTracker(), Judge(needs_login=False)
     for _ in range(10_000):
         talk.send(C2A, Frame(C2A, 0x09, b"00").encode())
     for event in talk.events:
-        told.write(passage(event, event.time_ns))
+        told.write(forwarded(event, event.time_ns))
         for item in judge.feed(event):
             if isinstance(item, FrameSeen):
                 told.frame(item)
     assert len(told._chunks) <= 5000
 
 
-def test_redacting_keeps_what_is_known(passed: list[WireEvent]) -> None:
-    """Hidden bytes were passed on when the bytes were."""
+def test_redaction_keeps_forwarding_times(passed: list[WireEvent]) -> None:
+    """Masked bytes have the forwarding time of the original bytes."""
     redactor = Redactor()
     kept = [event for given in passed for event in redactor.feed(given)]
     kept += redactor.flush()

@@ -1,4 +1,4 @@
-"""Where spools lie, who holds them, and that the dead hold none for ever."""
+"""Location and locks of spools; a dead process holds no lock."""
 
 import os
 import shutil
@@ -15,7 +15,7 @@ from scaraspec_recorder.spool.spool import LIMIT_BYTES, SpoolReader, SpoolWriter
 
 @pytest.fixture
 def memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where the system has files in memory."""
+    """Set the folder for files in memory."""
     path = tmp_path / "memory"
     path.mkdir()
     monkeypatch.setattr(locks, "_MEMORY", path)
@@ -24,7 +24,7 @@ def memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def killed(out_dir: Path, *, read: bool) -> Path:
-    """The spool of a recorder that was killed."""
+    """Return the spool of a killed recorder."""
     with locked_spool(out_dir, LIMIT_BYTES) as spool:
         writer = SpoolWriter(spool, lambda _delay, _callback: None)
         writer.append(Kind.OPENED, 2, 1, 0, b"a > b")
@@ -38,13 +38,13 @@ def killed(out_dir: Path, *, read: bool) -> Path:
 
 
 def start(out_dir: Path) -> None:
-    """A recorder starts."""
+    """Start a recorder."""
     with locked_spool(out_dir, LIMIT_BYTES):
         pass
 
 
-def test_the_spool_lies_in_memory_and_is_private(tmp_path: Path, memory: Path) -> None:
-    """Where the system has files in memory with room enough; one folder for one output folder."""
+def test_the_spool_is_in_memory_and_private(tmp_path: Path, memory: Path) -> None:
+    """If files in memory have enough space; each output folder has its own spool."""
     one, other = spool_folder(tmp_path / "a", 1), spool_folder(tmp_path / "b", 1)
     assert one.parent == other.parent == memory
     assert one != other
@@ -56,25 +56,23 @@ def test_the_spool_lies_in_memory_and_is_private(tmp_path: Path, memory: Path) -
         spool_folder(tmp_path / "a", 1)
 
 
-def test_memory_that_cannot_be_written_is_none(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As in a container whose files are read-only: the spool lies beside the recordings."""
+def test_read_only_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a container with read-only files the spool is next to the recordings."""
     monkeypatch.setattr(locks, "_MEMORY", tmp_path)
     assert spool_folder(tmp_path / "a", 1).parent == tmp_path
     monkeypatch.setattr(os, "access", lambda path, _mode: path != tmp_path)
     assert spool_folder(tmp_path / "b", 1) == tmp_path / "b" / ".spool"
 
 
-def test_the_spool_of_the_dead_is_cleared_away_at_a_start(tmp_path: Path, memory: Path) -> None:
-    """It lies in memory, and its folder may never see a recorder again."""
+def test_the_spool_of_a_dead_recorder_is_removed(tmp_path: Path, memory: Path) -> None:
+    """It uses memory, and its output folder may never have a recorder again."""
     spool = killed(tmp_path / "a", read=True)
     start(tmp_path / "b")
     assert list(memory.iterdir()) == [spool_folder(tmp_path / "b")] != [spool]
 
 
-def test_what_is_unwritten_stays(tmp_path: Path, memory: Path) -> None:
-    """The next recorder into that folder writes it."""
+def test_an_unwritten_spool_is_kept(tmp_path: Path, memory: Path) -> None:
+    """The next recorder with that folder writes it."""
     spool = killed(tmp_path / "a", read=False)
     start(tmp_path / "b")
     assert spool in memory.iterdir()
@@ -82,8 +80,8 @@ def test_what_is_unwritten_stays(tmp_path: Path, memory: Path) -> None:
 
 @pytest.mark.parametrize("holder", [lock_spool, SpoolReader])
 @pytest.mark.usefixtures("memory")
-def test_what_somebody_holds_stays(tmp_path: Path, holder: Callable[[Path], object]) -> None:
-    """A recorder, or a writer that ends what its killed recorder left."""
+def test_a_locked_spool_is_kept(tmp_path: Path, holder: Callable[[Path], object]) -> None:
+    """A recorder, or the writer of a killed recorder, holds the lock."""
     spool = killed(tmp_path / "a", read=True)
     held = holder(spool)
     start(tmp_path / "b")
@@ -98,10 +96,10 @@ def test_what_somebody_holds_stays(tmp_path: Path, holder: Callable[[Path], obje
 
 
 @pytest.mark.usefixtures("memory")
-def test_a_spool_that_is_cleared_away_while_it_is_claimed(
+def test_a_spool_that_is_removed_while_it_is_locked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Is claimed anew: two recorders that start at once do not cost one its lock."""
+    """It is locked again: two recorders that start at once do not lose their locks."""
     clears = iter([True])
 
     def lock_then_lose(path: Path, *, wait: bool) -> int:

@@ -1,4 +1,4 @@
-"""The user who asks gets a mark, and so does a trigger, whichever process is dead."""
+"""Mark requests of the user and of triggers survive the death of any process."""
 
 from collections.abc import Iterable, Iterator
 from functools import partial
@@ -22,14 +22,14 @@ from scaraspec_recorder.spool.spool import SpoolReader, SpoolWriter
 STREAMS = {A2C: stream_number(1, A2C), C2A: stream_number(1, C2A)}
 
 
-class Asked:
-    """A sink that counts how often somebody asked, and may fail at a tick."""
+class RequestCounter:
+    """A sink that counts mark requests, and may fail at a tick."""
 
     def __init__(self) -> None:
         self.times = 0
         self.fails = False
 
-    def make(self, folder: OutputFolder) -> "Asked":
+    def make(self, folder: OutputFolder) -> "RequestCounter":
         folder.on_mark_request(self.press)
         return self
 
@@ -48,7 +48,7 @@ class Asked:
 
 
 class Bench:
-    """A spool that a shift goes into, and the scribes that live one after the other."""
+    """A spool with the events of a shift, and writers one after the other."""
 
     def __init__(self, folder: Path, now_ns: int) -> None:
         self.spool, self.out = folder / "spool", folder / "out"
@@ -71,7 +71,7 @@ class Bench:
         self._writer.flush()
 
     def runner(self, make: SinkFactory) -> SinkRunner:
-        """A new scribe; one before it is dead."""
+        """Return a new writer; the one before is dead."""
         if self._reader:
             self._reader.close()
         self._reader = SpoolReader(self.spool)
@@ -84,7 +84,7 @@ class Bench:
 
     @property
     def marks(self) -> list[str]:
-        """The triggers that marked the finished files."""
+        """Return the triggers that marked the finished files."""
         found = []
         for path in sorted(self.out.glob("*.mcap")):
             with path.open("rb") as file:
@@ -106,11 +106,11 @@ def bench(tmp_path: Path, shift: list[WireEvent]) -> Iterator[Bench]:
     made.close()
 
 
-def test_what_is_asked_while_nobody_writes_is_marked_by_the_next(
+def test_a_request_without_a_writer_is_marked_by_the_next_writer(
     bench: Bench, shift: list[WireEvent]
 ) -> None:
-    """In the file that holds what passed meanwhile, for the spool has kept it."""
-    bench.runner(Asked().make)  # and it dies
+    """The mark is in the file with the traffic of that time, which the spool has kept."""
+    bench.runner(RequestCounter().make)  # and it dies
     bench.put(shift[:20])
     request_mark(bench.spool)
     runner = bench.runner(bench.capture)
@@ -121,11 +121,11 @@ def test_what_is_asked_while_nobody_writes_is_marked_by_the_next(
     assert kept == b"".join(event.data for event in shift[:20])
 
 
-def test_a_trigger_that_fires_while_nobody_writes_is_marked_by_the_next(
+def test_a_trigger_without_a_writer_is_marked_by_the_next_writer(
     bench: Bench, shift: list[WireEvent]
 ) -> None:
-    """Conditions are watched in what the spool has kept, and not as it passes."""
-    bench.runner(Asked().make)
+    """The conditions are checked on the events of the spool."""
+    bench.runner(RequestCounter().make)
     bench.put(shift)
     runner = bench.runner(bench.capture)
     bench.tick(runner)
@@ -134,9 +134,9 @@ def test_a_trigger_that_fires_while_nobody_writes_is_marked_by_the_next(
 
 
 @pytest.mark.parametrize("when", ["asked first", "dies before its tick", "dies in its tick"])
-def test_a_writer_that_dies_leaves_the_asking_to_the_next(bench: Bench, when: str) -> None:
-    """Only what was acknowledged counts as done."""
-    dying, next_one = Asked(), Asked()
+def test_a_dead_writer_leaves_the_request_to_the_next(bench: Bench, when: str) -> None:
+    """Only acknowledged requests are done."""
+    dying, next_one = RequestCounter(), RequestCounter()
     runner = bench.runner(dying.make)
     request_mark(bench.spool)
     if when != "asked first":
@@ -149,9 +149,9 @@ def test_a_writer_that_dies_leaves_the_asking_to_the_next(bench: Bench, when: st
     assert next_one.times == 1
 
 
-def test_each_asking_is_heeded_once(bench: Bench) -> None:
-    """Two between two ticks are one; later scribes know what was done."""
-    sink = Asked()
+def test_each_request_is_handled_once(bench: Bench) -> None:
+    """Two requests between two ticks are one; later writers know which requests are done."""
+    sink = RequestCounter()
     runner = bench.runner(sink.make)
     for times in (1, 1, 2, 2):
         if times > sink.times:
@@ -164,8 +164,8 @@ def test_each_asking_is_heeded_once(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("late", [False, True])
-def test_the_last_moment_is_not_too_late(bench: Bench, *, late: bool) -> None:
-    """Asked for, and ended before the next tick: there is a mark."""
+def test_a_request_just_before_the_end(bench: Bench, *, late: bool) -> None:
+    """A request after the last tick gets a mark."""
     runner = bench.runner(bench.capture)
     bench.tick(runner)
     if late:
@@ -175,15 +175,15 @@ def test_the_last_moment_is_not_too_late(bench: Bench, *, late: bool) -> None:
 
 
 @pytest.mark.parametrize("damage", ["", "many", "-"])
-def test_a_damaged_number_is_none(bench: Bench, damage: str) -> None:
-    """A loss of power costs the button nothing but what was pressed before."""
+def test_a_damaged_request_count(bench: Bench, damage: str) -> None:
+    """After a loss of power only earlier requests are lost."""
     (bench.spool / "asked").write_text(damage)
     assert mark_request_count(bench.spool) == 0
     request_mark(bench.spool)
     assert mark_request_count(bench.spool) == 1
 
 
-def test_a_spool_that_takes_nothing_says_so(tmp_path: Path) -> None:
-    """The user who pressed is told."""
+def test_a_spool_that_cannot_be_written(tmp_path: Path) -> None:
+    """The user gets an error."""
     with pytest.raises(OSError, match="No such file"):
         request_mark(tmp_path / "gone")

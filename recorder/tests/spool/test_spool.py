@@ -1,4 +1,4 @@
-"""The spool: what the forwarder appends comes out, or a gap says what is missing."""
+"""The spool: the reader gets all appended records, or a gap that describes the loss."""
 
 import errno
 import os
@@ -22,7 +22,7 @@ OTHER = stream_number(1, C2A)
 
 
 class Timer:
-    """Runs callbacks when the test says that their time has come."""
+    """Runs callbacks when the test fires it."""
 
     def __init__(self) -> None:
         self.waiting: list[Callable[[], None]] = []
@@ -37,7 +37,7 @@ class Timer:
 
 
 class Disk:
-    """Writes as `os.write` does, until it is told to refuse."""
+    """Writes like `os.write` until it is set to refuse."""
 
     def __init__(self) -> None:
         self.refuses = False
@@ -79,8 +79,8 @@ def drain(reader: SpoolReader) -> list[Record]:
     return records
 
 
-def told(records: list[Record]) -> list[tuple[Kind | ControlRecord, int, int]]:
-    """Kind, offset and length of each record."""
+def summaries(records: list[Record]) -> list[tuple[Kind | ControlRecord, int, int]]:
+    """Return kind, offset and length of each record."""
     return [
         (r.kind, r.offset_bytes, r.length_bytes or len(r.payload) * (r.kind is Kind.BYTES))
         for r in records
@@ -104,10 +104,10 @@ record_fields = st.tuples(
 
 
 @given(st.lists(record_fields, max_size=30), st.sets(st.integers(0, 30)))
-def test_records_come_out_as_they_went_in(
+def test_records_are_unchanged(
     tmp_path_factory: pytest.TempPathFactory, fields: list[tuple], flushes: set[int]
 ) -> None:
-    """Every field of every record survives, in order, however they fall into blocks."""
+    """Every field of every record, in order, for any division into blocks."""
     bench = Bench(tmp_path_factory.mktemp("spool"))
     for number, record in enumerate(fields):
         bench.writer.append(*record)
@@ -117,36 +117,36 @@ def test_records_come_out_as_they_went_in(
     assert bench.read()[1:] == [Record(*record) for record in fields]
 
 
-def test_a_writer_begins_with_a_seam(bench: Bench) -> None:
-    """The reader learns that connections are numbered anew."""
+def test_a_writer_begins_with_a_restart(bench: Bench) -> None:
+    """The reader learns that connection numbers start again."""
     bench.writer.close()
     assert bench.read() == [
         Record(ControlRecord.RESTART, 0, 7, 0, b"the forwarding process started")
     ]
 
 
-def test_the_timer_brings_records_out(bench: Bench) -> None:
-    """Without any further traffic a record is written when its time has come, not before."""
+def test_the_timer_writes_records(bench: Bench) -> None:
+    """Without further traffic a record is written when the timer fires, not before."""
     bench.send(b"abc")
     assert bench.read() == []
     bench.timer.fire()
-    assert told(bench.read())[1:] == [(Kind.BYTES, 0, 3)]
+    assert summaries(bench.read())[1:] == [(Kind.BYTES, 0, 3)]
     assert bench.timer.waiting == []
 
 
 def test_a_reader_follows_a_live_writer(bench: Bench) -> None:
-    """Nothing new is an empty answer; what is appended later comes later."""
+    """Without new records the result is empty; later records are returned later."""
     with closing(SpoolReader(bench.directory)) as reader:
         assert reader.read() == []
         for offset in range(0, 3000, 3):
             bench.send(b"abc")
             bench.writer.flush()
-            assert told(drain(reader))[-1] == (Kind.BYTES, offset, 3)
+            assert summaries(drain(reader))[-1] == (Kind.BYTES, offset, 3)
         assert reader.read() == []
 
 
-def test_a_reader_goes_on_from_what_it_acknowledged(bench: Bench) -> None:
-    """What was read but not acknowledged comes again; state travels with the position."""
+def test_a_reader_continues_after_its_last_acknowledgment(bench: Bench) -> None:
+    """Unacknowledged records are returned again; the state is stored with the position."""
     bench.send(b"abc")
     bench.writer.flush()
     with closing(SpoolReader(bench.directory)) as first:
@@ -155,18 +155,18 @@ def test_a_reader_goes_on_from_what_it_acknowledged(bench: Bench) -> None:
         first.acknowledge({"made": ["a"]})
         bench.send(b"de")
         bench.writer.flush()
-        assert told(drain(first)) == [(Kind.BYTES, 3, 2)]
+        assert summaries(drain(first)) == [(Kind.BYTES, 3, 2)]
     with closing(SpoolReader(bench.directory)) as second:
         assert second.state == {"made": ["a"]}
-        assert told(drain(second)) == [(Kind.BYTES, 3, 2)]
+        assert summaries(drain(second)) == [(Kind.BYTES, 3, 2)]
 
 
-def test_an_unreadable_checkpoint_costs_nothing_that_is_still_there(bench: Bench) -> None:
+def test_an_unreadable_checkpoint(bench: Bench) -> None:
     """After a loss of power it may be garbage: all segments are read again."""
     bench.send(b"abc")
     bench.writer.close()
     (bench.directory / "checkpoint.json").write_bytes(b"\0\0{")
-    assert told(bench.read())[-1] == (Kind.BYTES, 0, 3)
+    assert summaries(bench.read())[-1] == (Kind.BYTES, 0, 3)
 
 
 def test_acknowledged_segments_are_deleted(tmp_path: Path) -> None:
@@ -182,8 +182,8 @@ def test_acknowledged_segments_are_deleted(tmp_path: Path) -> None:
     assert bench.sent[STREAM] == 500_000
 
 
-def test_a_reader_is_alone(bench: Bench) -> None:
-    """As long as one reads, no other can have the spool."""
+def test_a_second_reader_is_refused(bench: Bench) -> None:
+    """While one reader is open, no other can open the spool."""
     with closing(SpoolReader(bench.directory)), pytest.raises(BlockingIOError):
         spool.lock(bench.directory / "reader.lock", wait=False)
     os.close(spool.lock(bench.directory / "reader.lock", wait=False))
@@ -193,8 +193,8 @@ def newest(directory: Path) -> Path:
     return max(directory.glob("*.spool"), key=lambda path: int(path.stem))
 
 
-def test_a_torn_tail_costs_its_block_only(tmp_path: Path) -> None:
-    """A writer killed within a write: all before is read, and a later writer is followed."""
+def test_a_truncated_block_at_the_end(tmp_path: Path) -> None:
+    """A writer is killed during a write: earlier records and later writers are read."""
     whole = Bench(tmp_path / "whole")
     whole.send(b"first")
     whole.writer.flush()
@@ -207,16 +207,16 @@ def test_a_torn_tail_costs_its_block_only(tmp_path: Path) -> None:
         directory.mkdir()
         (directory / "1.spool").write_bytes(content[:size])
         with closing(SpoolReader(directory)) as reader:
-            assert told(drain(reader))[1:] == [(Kind.BYTES, 0, 5)]
+            assert summaries(drain(reader))[1:] == [(Kind.BYTES, 0, 5)]
             later = Bench(directory)
             later.send(b"third")
             later.writer.close()
-            assert told(drain(reader)) == [(ControlRecord.RESTART, 0, 0), (Kind.BYTES, 0, 5)]
+            assert summaries(drain(reader)) == [(ControlRecord.RESTART, 0, 0), (Kind.BYTES, 0, 5)]
 
 
 @pytest.mark.parametrize("at", [0, 5, 9, 20], ids=["magic", "length", "CRC", "record"])
-def test_damage_ends_its_segment_and_is_told(bench: Bench, at: int) -> None:
-    """A block that is whole but wrong is not guessed over: a seam stands for it."""
+def test_a_damaged_block_ends_its_segment(bench: Bench, at: int) -> None:
+    """A RESTART record replaces a complete block with wrong content."""
     bench.send(b"first")
     bench.writer.flush()
     begin = newest(bench.directory).stat().st_size
@@ -228,14 +228,14 @@ def test_damage_ends_its_segment_and_is_told(bench: Bench, at: int) -> None:
     later = Bench(bench.directory)
     later.writer.close()
     records = bench.read()
-    assert told(records)[1] == (Kind.BYTES, 0, 5)
+    assert summaries(records)[1] == (Kind.BYTES, 0, 5)
     assert [r.note for r in records[2:]][-1] == "the forwarding process started"
-    if at != 5:  # a longer block cannot be told from a torn one, which the later writer's seam ends
+    if at != 5:  # a longer block looks truncated; the later writer's restart ends it
         assert records[2].note == "the spool is damaged"
 
 
-def test_a_missing_segment_is_told(tmp_path: Path) -> None:
-    """Segments are consecutive: where one is gone, what follows is not joined to what was."""
+def test_a_missing_segment(tmp_path: Path) -> None:
+    """Records before and after a missing segment are not joined."""
     for _ in range(3):
         Bench(tmp_path).writer.close()
     (tmp_path / "2.spool").unlink()
@@ -245,8 +245,8 @@ def test_a_missing_segment_is_told(tmp_path: Path) -> None:
     assert notes == [started, "the spool is damaged", started]
 
 
-def test_a_refusing_disk_makes_gaps_that_account_for_every_byte(bench: Bench) -> None:
-    """ENOSPC: dropped bytes become one gap per direction, in its place."""
+def test_a_full_disk_makes_gaps_for_all_bytes(bench: Bench) -> None:
+    """ENOSPC: dropped bytes become one gap per direction, in the right place."""
     bench.send(b"abc")
     bench.writer.flush()
     bench.disk.refuses = True
@@ -262,7 +262,7 @@ def test_a_refusing_disk_makes_gaps_that_account_for_every_byte(bench: Bench) ->
     bench.send(b"after", OTHER)
     bench.writer.close()
     records = bench.read()
-    assert told(records)[1:] == [
+    assert summaries(records)[1:] == [
         (Kind.BYTES, 0, 3),
         (Kind.GAP, 3, 254),
         (Kind.GAP, 0, 150),
@@ -273,7 +273,7 @@ def test_a_refusing_disk_makes_gaps_that_account_for_every_byte(bench: Bench) ->
     assert records[2].time_ns == 103  # when its first byte passed
 
 
-def test_what_is_no_bytes_is_kept_in_its_place(bench: Bench) -> None:
+def test_connection_events_are_kept(bench: Bench) -> None:
     """Openings and endings are not lost with the bytes around them."""
     bench.disk.refuses = True
     bench.writer.append(Kind.OPENED, STREAM, 1, 0, b"a > b")
@@ -283,7 +283,7 @@ def test_what_is_no_bytes_is_kept_in_its_place(bench: Bench) -> None:
     bench.writer.flush()
     bench.disk.refuses = False
     bench.writer.close()
-    assert told(bench.read())[1:] == [
+    assert summaries(bench.read())[1:] == [
         (Kind.OPENED, 0, 0),
         (Kind.GAP, 0, 5),
         (Kind.HALF_CLOSED, 5, 0),
@@ -291,8 +291,8 @@ def test_what_is_no_bytes_is_kept_in_its_place(bench: Bench) -> None:
     ]
 
 
-def test_every_refusal_has_gaps_of_its_own(bench: Bench) -> None:
-    """A disk that refuses now and then: what was recorded in between lies between the gaps."""
+def test_each_write_error_has_its_own_gaps(bench: Bench) -> None:
+    """Records between two write errors are between the gaps."""
     for _ in range(3):
         bench.disk.refuses = True
         bench.send(b"678", OTHER)
@@ -302,7 +302,7 @@ def test_every_refusal_has_gaps_of_its_own(bench: Bench) -> None:
         bench.timer.fire()
         bench.send(b"abc")
         bench.timer.fire()
-    assert told([r for r in bench.read() if r.stream == STREAM]) == [
+    assert summaries([r for r in bench.read() if r.stream == STREAM]) == [
         piece
         for offset in (0, 8, 16)
         for piece in ((Kind.GAP, offset, 5), (Kind.BYTES, offset + 5, 3))
@@ -310,8 +310,8 @@ def test_every_refusal_has_gaps_of_its_own(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("room_bytes", [1, 11, 12, 40, 60])
-def test_a_write_cut_short_is_a_gap(bench: Bench, room_bytes: int) -> None:
-    """The disk fills in the middle of a block: nothing of it counts as recorded."""
+def test_a_partial_write_is_a_gap(bench: Bench, room_bytes: int) -> None:
+    """The disk becomes full within a block: no part of the block counts as recorded."""
     bench.send(b"abc")
     bench.writer.flush()
     bench.disk.room_bytes = room_bytes
@@ -321,15 +321,15 @@ def test_a_write_cut_short_is_a_gap(bench: Bench, room_bytes: int) -> None:
     bench.timer.fire()
     bench.send(b"after")
     bench.writer.close()
-    assert told(bench.read())[1:] == [
+    assert summaries(bench.read())[1:] == [
         (Kind.BYTES, 0, 3),
         (Kind.GAP, 3, 100),
         (Kind.BYTES, 103, 5),
     ]
 
 
-def test_a_refusing_disk_is_not_filled_with_empty_files(bench: Bench) -> None:
-    """Hours of retries leave one segment, not thousands."""
+def test_retries_create_no_further_files(bench: Bench) -> None:
+    """Hours of retries leave one segment."""
     bench.disk.refuses = True
     bench.send(b"abc")
     for _ in range(1000):
@@ -337,8 +337,8 @@ def test_a_refusing_disk_is_not_filled_with_empty_files(bench: Bench) -> None:
     assert len(list(bench.directory.glob("*.spool"))) == 1
 
 
-def test_a_spool_that_cannot_be_made_stops_nothing(tmp_path: Path) -> None:
-    """The folder's place is taken by a file: recording is owed until the file goes."""
+def test_a_spool_folder_that_cannot_be_created(tmp_path: Path) -> None:
+    """A file has the name of the folder: records are pending until the file is removed."""
     place = tmp_path / "spool"
     place.touch()
     bench = Bench(place)
@@ -346,11 +346,11 @@ def test_a_spool_that_cannot_be_made_stops_nothing(tmp_path: Path) -> None:
     bench.timer.fire()
     place.unlink()
     bench.writer.close()
-    assert told(bench.read())[1:] == [(Kind.GAP, 0, 3)]
+    assert summaries(bench.read())[1:] == [(Kind.GAP, 0, 3)]
 
 
-def test_a_lagging_reader_costs_recording_and_no_room(tmp_path: Path) -> None:
-    """The bound holds, the gap is exact, and recording resumes when the reader has caught up."""
+def test_a_slow_reader_causes_gaps(tmp_path: Path) -> None:
+    """The size limit holds, the gap is exact; recording continues when the reader catches up."""
     limit_bytes = 200_000
     bench = Bench(tmp_path / "spool", limit_bytes=limit_bytes)
     with closing(SpoolReader(bench.directory)) as reader:
@@ -364,7 +364,7 @@ def test_a_lagging_reader_costs_recording_and_no_room(tmp_path: Path) -> None:
         bench.send(b"after")
         bench.writer.close()
         records += drain(reader)
-    pieces = told(records)[1:]
+    pieces = summaries(records)[1:]
     for (_, begin, length), (_, following, _) in pairwise(pieces):
         assert begin + length == following
     kinds = [kind for kind, _, _ in pieces]
@@ -373,19 +373,19 @@ def test_a_lagging_reader_costs_recording_and_no_room(tmp_path: Path) -> None:
     assert records[-2].note == "the spool has reached its limit of 200000 bytes"
 
 
-def test_a_gap_is_told_even_if_the_reader_never_catches_up(tmp_path: Path) -> None:
-    """The end of a recording is the last chance: what is owed is written beyond the bound."""
+def test_a_gap_is_written_at_the_end(tmp_path: Path) -> None:
+    """At the end of a recording pending gaps are written beyond the size limit."""
     bench = Bench(tmp_path, limit_bytes=100_000)
     for _ in range(30):
         bench.send(bytes(5_000))
         bench.timer.fire()
     bench.writer.close()
-    (_, begin, length), (kind, gap_begin, gap_length) = told(bench.read())[-2:]
+    (_, begin, length), (kind, gap_begin, gap_length) = summaries(bench.read())[-2:]
     assert (kind, gap_begin, gap_begin + gap_length) == (Kind.GAP, begin + length, 150_000)
 
 
-def test_what_is_owed_is_bounded(bench: Bench) -> None:
-    """Endless openings while the disk refuses: a seam stands for them all."""
+def test_pending_records_are_bounded(bench: Bench) -> None:
+    """Many openings while the disk refuses: one RESTART record replaces them."""
     bench.disk.refuses = True
     for number in range(1, 30_000):
         bench.writer.append(Kind.OPENED, stream_number(number, A2C), 1, 0)

@@ -1,4 +1,4 @@
-"""Stamps: the system says when bytes came in; where it does not, the recorder does."""
+"""Kernel timestamps of received bytes, and the fallback to the recorder's clock."""
 
 import asyncio
 import errno
@@ -26,13 +26,13 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="other systems s
 
 
 def run(test: Callable[[], Awaitable[None]]) -> None:
-    """Run on the tap's own event loop, for a bounded time."""
+    """Run on the event loop of the tap, with a timeout."""
     with asyncio.Runner(loop_factory=tap_module.new_event_loop) as runner:
         runner.run(asyncio.wait_for(test(), TIMEOUT_S))
 
 
 async def exchanged(enough: Callable[[list[Record]], bool]) -> list[Record]:
-    """Bytes sent there and back through a tap until it has told enough, or far too much."""
+    """Send bytes in both directions through a tap until `enough` records exist, or far too many."""
     records: list[Record] = []
     loop = asyncio.get_running_loop()
     server, listener = tcp.listen("127.0.0.1", 0), tcp.listen("127.0.0.1", 0)
@@ -59,8 +59,8 @@ async def exchanged(enough: Callable[[list[Record]], bool]) -> list[Record]:
     return [record for record in records if record.kind is Kind.BYTES]
 
 
-def test_the_stamp_is_from_before_the_bytes_were_passed_on() -> None:
-    """Sent, received by the system, passed on: in this order, on one clock, both ways."""
+def test_reception_is_before_forwarding() -> None:
+    """The order is sent, received by the system, forwarded; on one clock, in both directions."""
     begun_ns = time.time_ns()
 
     async def test() -> None:
@@ -76,8 +76,8 @@ def test_the_stamp_is_from_before_the_bytes_were_passed_on() -> None:
     run(test)
 
 
-def test_where_the_system_cannot_the_recorder_says_when(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An option that the system does not know changes nothing else."""
+def test_system_without_timestamps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The recorder uses its own clock; nothing else changes."""
     monkeypatch.setattr(kernel_timestamps, "_SO_TIMESTAMPNS", 0x7FFF)
 
     async def test() -> None:
@@ -90,10 +90,10 @@ def test_where_the_system_cannot_the_recorder_says_when(monkeypatch: pytest.Monk
     run(test)
 
 
-def test_without_room_for_another_file_the_event_loop_reads_on(
+def test_no_free_file_descriptor(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Stamps are worth no connection."""
+    """The connection continues without kernel timestamps."""
 
     def refuse(_number: int) -> int:
         raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
@@ -108,8 +108,8 @@ def test_without_room_for_another_file_the_event_loop_reads_on(
     run(test)
 
 
-def test_bytes_from_before_the_asking_have_no_stamp() -> None:
-    """They are given as they are, for the recorder's own clock."""
+def test_bytes_before_timestamps_were_enabled() -> None:
+    """They have no kernel timestamp; the recorder uses its own clock."""
 
     async def test() -> None:
         taken: list[tuple[bytes, int, bool]] = []

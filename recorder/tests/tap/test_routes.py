@@ -1,4 +1,4 @@
-"""Routes, and the recipes of the documentation that lead clients to them."""
+"""Routes, and the recipes of the documentation that redirect clients to the recorder."""
 
 import re
 import shlex
@@ -20,15 +20,15 @@ def redirecting_rules(mode: Mode) -> list[str]:
 
 
 def test_each_mode_has_its_route() -> None:
-    """The rules lead clients to the recorder, and the route of the same mode leads them on."""
+    """The rules redirect clients to the recorder; the route of the mode connects to the target."""
     assert route(Mode.EXPLICIT, *CONTROLLER) == Upstream(*CONTROLLER)
     assert route(Mode.REDIRECT, *CONTROLLER) == Redirect()
     assert route(Mode.TPROXY, *CONTROLLER) == Tproxy()
 
 
 @REDIRECTED
-def test_the_documented_command_listens_where_the_rules_lead(mode: Mode) -> None:
-    """The default of the mode; the recipe names no other."""
+def test_the_documented_command_listens_at_the_redirected_port(mode: Mode) -> None:
+    """The recipe uses the default of the mode."""
     *_, url, option, name = shlex.split(recipe(mode).record)
     robot = read_robot("r", {"url": url, option.removeprefix("--"): name}, "--")
     assert MODES[name] is robot.mode is mode
@@ -40,20 +40,20 @@ def test_the_documented_command_listens_where_the_rules_lead(mode: Mode) -> None
 
 @REDIRECTED
 def test_the_documented_rules_match_only_the_first_packet_of_a_connection(mode: Mode) -> None:
-    """SYN without ACK, and only to the controller's port: a live session is not reset."""
+    """SYN without ACK to the port of the controller: an existing session is not reset."""
     for rule in redirecting_rules(mode):
         assert "ip daddr 192.168.1.2 tcp dport 8877 tcp flags & (syn | ack) == syn" in rule
 
 
-def test_the_documented_loop_guard_is_the_mark_that_the_recorder_sets() -> None:
-    """In the chain for the machine's own packets."""
+def test_the_documented_mark_is_that_of_the_recorder() -> None:
+    """It is in the chain for local packets."""
     (output,) = [c for c in recipe(Mode.REDIRECT).script.split("chain ") if c.startswith("output")]
     assert f"meta mark != {GUARD_MARK:#x} ip daddr" in output
 
 
 @REDIRECTED
-def test_all_that_the_recipe_installs_is_removed(mode: Mode) -> None:
-    """Table, routing rule and route: what one list names, the other names."""
+def test_the_recipe_removes_all_that_it_installs(mode: Mode) -> None:
+    """Table, routing rule and route are in both lists."""
     names = re.compile(r"\b(?:scaraspec_\d+|(?:fwmark|lookup|table) (?:0x[0-9a-f]+|\d+))\b")
     steps = recipe(mode)
     assert set(names.findall(steps.remove)) == set(names.findall(steps.install + steps.script))

@@ -1,4 +1,4 @@
-"""Serial lines as sides of the tap, on ptys: bytes unchanged, hang-up, and who has the line."""
+"""Serial lines as sides of the tap, on ptys: unchanged bytes, hang-up, one client at a time."""
 
 import asyncio
 import os
@@ -36,7 +36,7 @@ EVERY_BYTE = bytes(range(256))  # with all that a terminal would swallow, echo o
 
 
 class Pty:
-    """A serial cable, of which this is one end; the other is a device that `name` leads to."""
+    """One end of a serial cable; the other end is a device with a symbolic link `name`."""
 
     def __init__(self, name: Path) -> None:
         self.descriptor, self._device = os.openpty()
@@ -46,7 +46,7 @@ class Pty:
         self.address = Serial(str(name), 115_200)
 
     def close(self) -> None:
-        """Pull the cable."""
+        """Disconnect the cable."""
         if self.descriptor >= 0:
             os.close(self.descriptor)
             os.close(self._device)
@@ -66,7 +66,7 @@ class Pty:
 
 @pytest.fixture
 def cable(tmp_path: Path) -> Iterator[Callable[[str], Pty]]:
-    """Lays cables, by name; one of the same name takes the place of the one before."""
+    """Create cables by name; a new cable replaces an earlier one of the same name."""
     cables: list[Pty] = []
 
     def lay(name: str) -> Pty:
@@ -79,7 +79,7 @@ def cable(tmp_path: Path) -> Iterator[Callable[[str], Pty]]:
 
 
 class Bench:
-    """A tap that leads clients to a serial line, and all that it tells."""
+    """A tap with a route to a serial line, and its records."""
 
     def __init__(self, route: Any) -> None:
         self.records: list[Record] = []
@@ -108,7 +108,8 @@ class Bench:
         self._writers.append(writer)
         return reader, writer
 
-    async def until(self, kind: Kind) -> Record:
+    async def wait_until(self, kind: Kind) -> Record:
+        """Wait for another process; the timeout of the test applies."""
         while True:
             for each in self.records:
                 if each.kind is kind:
@@ -127,7 +128,7 @@ def run(test: Callable[[], Awaitable[None]]) -> None:
     asyncio.run(asyncio.wait_for(test(), TIMEOUT_S))
 
 
-async def until(condition: Callable[[], Any]) -> None:
+async def wait_until(condition: Callable[[], Any]) -> None:
     """Wait for what another process does; the test's time-out bounds it."""
     while not condition():
         await to_thread(select.select, [], [], [], 0.01)
@@ -139,7 +140,7 @@ async def write(writer: StreamWriter, data: bytes) -> None:
 
 
 def reset(writer: StreamWriter) -> None:
-    """Cut a connection."""
+    """Reset a connection."""
     sock = writer.get_extra_info("socket")
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
     writer.transport.abort()
@@ -147,7 +148,7 @@ def reset(writer: StreamWriter) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_bytes_pass_unchanged_and_are_all_recorded(cable: Any, seed: int) -> None:
-    """Both directions at once, in random pieces, every value of a byte: nothing is translated."""
+    """Both directions at once, in random pieces, with every byte value."""
     dice = random.Random(seed)
     up, down = EVERY_BYTE + dice.randbytes(60_000), EVERY_BYTE[::-1] + dice.randbytes(60_000)
 
@@ -186,8 +187,8 @@ def test_bytes_pass_unchanged_and_are_all_recorded(cable: Any, seed: int) -> Non
     run(test)
 
 
-def test_a_hang_up_reaches_the_client_as_a_reset_behind_the_data(cable: Any) -> None:
-    """What the controller said before the line was cut still arrives."""
+def test_the_client_sees_a_hang_up_as_a_reset(cable: Any) -> None:
+    """Bytes that the controller sent before still arrive."""
 
     async def test() -> None:
         controller = cable("controller")
@@ -200,27 +201,27 @@ def test_a_hang_up_reaches_the_client_as_a_reset_behind_the_data(cable: Any) -> 
             controller.close()
             with pytest.raises(ConnectionResetError):
                 await reader.read(1)
-            assert (await bench.until(Kind.RESET)).direction is C2A
+            assert (await bench.wait_until(Kind.RESET)).direction is C2A
 
     run(test)
 
 
-def test_a_line_that_is_not_there_refuses_the_client(tmp_path: Path) -> None:
-    """The client is cut off, and the record says why."""
+def test_a_missing_device(tmp_path: Path) -> None:
+    """The client is reset, and the record contains the reason."""
 
     async def test() -> None:
         async with Bench(SerialRoute(Serial(str(tmp_path / "nothing"), 9600))) as bench:
             reader, _ = await bench.connect()
             with pytest.raises(ConnectionResetError):
                 await reader.read(1)
-            note = (await bench.until(Kind.RESET)).note
+            note = (await bench.wait_until(Kind.RESET)).note
             assert note == "no connection: No such file or directory"
 
     run(test)
 
 
-def test_a_client_that_is_cut_off_frees_the_line(cable: Any) -> None:
-    """After its reset the next client has the line."""
+def test_a_reset_client_releases_the_line(cable: Any) -> None:
+    """The next client can use the line."""
 
     async def test() -> None:
         controller = cable("controller")
@@ -234,8 +235,8 @@ def test_a_client_that_is_cut_off_frees_the_line(cable: Any) -> None:
     run(test)
 
 
-def test_who_has_finished_still_gets_answers_until_the_next_client_comes(cable: Any) -> None:
-    """A half-close keeps the line open; the next client takes it, and the first ends in order."""
+def test_a_half_closed_client_receives_until_the_next_client(cable: Any) -> None:
+    """The next client takes the line; then the first connection is closed in order."""
 
     async def test() -> None:
         controller = cable("controller")
@@ -252,7 +253,7 @@ def test_who_has_finished_still_gets_answers_until_the_next_client_comes(cable: 
             assert await first.read() == b""
             controller.send(b"yours")
             assert await second.readexactly(5) == b"yours"
-            assert (await bench.until(Kind.CLOSED)).direction is C2A
+            assert (await bench.wait_until(Kind.CLOSED)).direction is C2A
 
     run(test)
 
@@ -260,7 +261,7 @@ def test_who_has_finished_still_gets_answers_until_the_next_client_comes(cable: 
 def test_a_second_client_does_not_disturb_the_first(
     cable: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It is refused as long as the first has not finished."""
+    """The second client is refused until the first one has finished."""
     monkeypatch.setattr(serial_relay, "LINE_WAIT_S", 0.0)
 
     async def test() -> None:
@@ -272,7 +273,7 @@ def test_a_second_client_does_not_disturb_the_first(
             second, _ = await bench.connect()
             with pytest.raises(ConnectionResetError):
                 await second.read(1)
-            note = (await bench.until(Kind.RESET)).note
+            note = (await bench.wait_until(Kind.RESET)).note
             assert note == "no connection: another client uses the line"
             controller.send(b"yours")
             assert await first.readexactly(5) == b"yours"
@@ -280,8 +281,8 @@ def test_a_second_client_does_not_disturb_the_first(
     run(test)
 
 
-def test_a_controller_that_takes_nothing_blocks_the_client(cable: Any) -> None:
-    """Back-pressure reaches the client, and nothing is lost to it."""
+def test_back_pressure(cable: Any) -> None:
+    """A controller that does not read blocks the client; no bytes are lost."""
 
     async def test() -> None:
         controller = cable("controller")
@@ -301,8 +302,8 @@ def test_a_controller_that_takes_nothing_blocks_the_client(cable: Any) -> None:
     run(test)
 
 
-def test_a_client_on_a_line_of_its_own(cable: Any, tmp_path: Path) -> None:
-    """Line to line, all processes: bytes unchanged, a hang-up ends the session, another begins."""
+def test_a_client_on_a_serial_line(cable: Any, tmp_path: Path) -> None:
+    """Unchanged bytes between two lines; a hang-up ends the session, and another one begins."""
 
     def exchange(client: Pty, controller: Pty) -> None:
         client.send(EVERY_BYTE)
@@ -316,11 +317,11 @@ def test_a_client_on_a_line_of_its_own(cable: Any, tmp_path: Path) -> None:
         async with record(way, inside, tmp_path / "out", [Journal]) as recording:
             client = cable("client")
             async with relay_serial_client(client.address, recording.address):
-                await until(lambda: recording.progress.connections == 1)
+                await wait_until(lambda: recording.progress.connections == 1)
                 await to_thread(exchange, client, controller)
                 client.close()
                 client = cable("client")
-                await until(lambda: recording.progress.connections == 2)
+                await wait_until(lambda: recording.progress.connections == 2)
                 await to_thread(exchange, client, controller)
         assert recording.progress.finished
         assert recording.progress.a2c.recorded_bytes == 512
@@ -331,8 +332,8 @@ def test_a_client_on_a_line_of_its_own(cable: Any, tmp_path: Path) -> None:
     assert {("1", "opened"), ("1", "reset"), ("2", "opened"), ("2", "closed")} <= kinds
 
 
-def test_a_clients_line_hangs_up_where_the_controller_ends(cable: Any) -> None:
-    """All that came is written first; then the line is opened and connected anew."""
+def test_the_client_line_is_closed_after_the_controller_ends(cable: Any) -> None:
+    """All received bytes are written first; then the line is opened and connected again."""
 
     def talk(client: Pty, server: socket.socket) -> None:
         with server.accept()[0] as controller:
@@ -352,7 +353,7 @@ def test_a_clients_line_hangs_up_where_the_controller_ends(cable: Any) -> None:
 
 
 def test_an_rfcomm_channel_is_a_device() -> None:
-    """It reads, writes, hangs up and is cancelled as a port is."""
+    """It reads, writes, hangs up and is cancelled like a port."""
     near, far = socket.socketpair()
     with far:
         device = serial_relay._Channel(near)
@@ -367,8 +368,8 @@ def test_an_rfcomm_channel_is_a_device() -> None:
         device.close()
 
 
-def test_a_system_without_such_lines_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Before anything is recorded, in one sentence with the way out."""
+def test_a_system_without_such_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The error is raised before the recording, in one sentence with the alternative."""
     monkeypatch.delattr(socket, "AF_BLUETOOTH", raising=False)
     with pytest.raises(OSError, match="rfcomm bind"):
         SerialRoute(Rfcomm("AA:BB:CC:DD:EE:FF", 1)).listen("127.0.0.1", 0)

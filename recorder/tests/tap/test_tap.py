@@ -1,4 +1,4 @@
-"""The tap: what one side does the other side sees, and what passes is told, after it has passed."""
+"""The tap forwards everything that one side does to the other side, and records it afterwards."""
 
 import asyncio
 import os
@@ -30,7 +30,7 @@ BULK_BYTES = 3 << 20
 def run(
     request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> Callable[[Callable[[], Awaitable[None]]], None]:
-    """Run a test's coroutine on an event loop, for a bounded time."""
+    """Run the coroutine of a test on an event loop, with a timeout."""
     loop, _, clock = request.param.partition(", ")
     monkeypatch.setattr(Bench, "kernel_time", bool(clock))
     if loop == "uvloop":
@@ -38,7 +38,7 @@ def run(
     return partial(run_on, loop)
 
 
-async def send_for_ever(sock: socket.socket) -> None:
+async def send_forever(sock: socket.socket) -> None:
     while True:
         await send(sock, b"more")
 
@@ -54,12 +54,12 @@ async def send_until_blocked(sock: socket.socket) -> bytes:
     raise AssertionError("somebody takes it all")
 
 
-async def receive_for_ever(sock: socket.socket) -> None:
+async def receive_forever(sock: socket.socket) -> None:
     while await asyncio.get_running_loop().sock_recv(sock, 1 << 20):
         pass
 
 
-def cut(sock: socket.socket) -> None:
+def reset(sock: socket.socket) -> None:
     """Close with RST."""
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
     sock.close()
@@ -75,8 +75,8 @@ async def send_in_pieces(sock: socket.socket, data: bytes, seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_bytes_arrive_unchanged_and_are_all_told(run: Any, seed: int) -> None:
-    """Both directions at once, in random pieces: sent = received = told, byte for byte."""
+def test_bytes_arrive_unchanged_and_are_all_recorded(run: Any, seed: int) -> None:
+    """Both directions at once in random pieces: sent, received and recorded bytes are equal."""
     dice = random.Random(seed)
     up, down = dice.randbytes(BULK_BYTES), dice.randbytes(BULK_BYTES)
 
@@ -124,7 +124,7 @@ def test_many_connections_do_not_mix(run: Any) -> None:
 
 
 def test_forward_first(run: Any) -> None:
-    """When the tap tells of bytes, the other side can already read them."""
+    """When the tap records bytes, the other side can already read them."""
 
     async def test() -> None:
         async with Bench() as bench:
@@ -145,8 +145,8 @@ def test_forward_first(run: Any) -> None:
     run(test)
 
 
-def test_small_frames_are_not_held_back(run: Any) -> None:
-    """TCP_NODELAY and keep-alive stand on both sockets."""
+def test_small_frames_are_not_delayed(run: Any) -> None:
+    """TCP_NODELAY and keep-alive are set on both sockets."""
 
     async def test() -> None:
         async with Bench() as bench:
@@ -163,7 +163,7 @@ def test_small_frames_are_not_held_back(run: Any) -> None:
 
 @pytest.mark.parametrize("first", [A2C, C2A], ids=str)
 def test_half_close_leaves_the_other_direction_open(run: Any, first: Direction) -> None:
-    """Who has finished still receives, for as long as the other side likes to send."""
+    """The side that has ended still receives."""
 
     async def test() -> None:
         async with Bench() as bench:
@@ -195,8 +195,8 @@ def test_half_close_leaves_the_other_direction_open(run: Any, first: Direction) 
 
 
 @pytest.mark.parametrize("resetter", [A2C, C2A], ids=str)
-def test_a_reset_is_passed_on_as_a_reset_behind_the_data(run: Any, resetter: Direction) -> None:
-    """The other side gets all that was sent, then ECONNRESET, never an orderly end."""
+def test_a_reset_is_forwarded_after_the_data(run: Any, resetter: Direction) -> None:
+    """The other side gets all sent bytes, then ECONNRESET instead of an orderly end."""
 
     async def test() -> None:
         async with Bench() as bench:
@@ -207,7 +207,7 @@ def test_a_reset_is_passed_on_as_a_reset_behind_the_data(run: Any, resetter: Dir
             while len(bench.stream(resetter)) < len(data):
                 bench.told.clear()
                 await bench.told.wait()
-            cut(one)
+            reset(one)
             assert await receive(other, len(data)) == data
             with pytest.raises(ConnectionResetError):
                 await at_end(other)
@@ -219,8 +219,8 @@ def test_a_reset_is_passed_on_as_a_reset_behind_the_data(run: Any, resetter: Dir
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it shows at the next write only")
 @pytest.mark.parametrize("resetter", [A2C, C2A], ids=str)
-def test_a_reset_after_a_half_close_is_passed_on(run: Any, resetter: Direction) -> None:
-    """A client that finished and then died frees the controller, though nobody writes to it."""
+def test_a_reset_after_a_half_close_is_forwarded(run: Any, resetter: Direction) -> None:
+    """The connection to the controller is released although no bytes are written to it."""
 
     async def test() -> None:
         async with Bench() as bench:
@@ -228,7 +228,7 @@ def test_a_reset_after_a_half_close_is_passed_on(run: Any, resetter: Direction) 
             one, other = ends if resetter is A2C else ends[::-1]
             one.shutdown(socket.SHUT_WR)
             assert await at_end(other)
-            cut(one)
+            reset(one)
             while not other.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):  # EPIPE after an end
                 await turn()
             assert (await bench.until(Kind.RESET)).direction is resetter
@@ -240,8 +240,8 @@ def test_a_reset_after_a_half_close_is_passed_on(run: Any, resetter: Direction) 
     ("host", "why"),
     [("127.0.0.1", "Connection refused"), ("no..name", "no..name is not a host name")],
 )
-def test_a_refused_connection_is_reset_and_told(run: Any, host: str, why: str) -> None:
-    """Where the controller is down, the client is cut off, not left waiting or closed in order."""
+def test_a_refused_connection_is_reset_and_recorded(run: Any, host: str, why: str) -> None:
+    """If the controller is down, the client is reset; it is not closed in order."""
 
     async def test() -> None:
         with socket.socket() as closed:
@@ -258,8 +258,8 @@ def test_a_refused_connection_is_reset_and_told(run: Any, host: str, why: str) -
     run(test)
 
 
-def test_a_client_is_not_led_in_a_circle(run: Any) -> None:
-    """Where the robot's address is the recorder's own, the client is cut off and it is told."""
+def test_the_recorder_as_its_own_target(run: Any) -> None:
+    """If the robot has the recorder's address, the client is reset and the reason is recorded."""
 
     async def test() -> None:
         async with Bench() as bench:
@@ -272,8 +272,8 @@ def test_a_client_is_not_led_in_a_circle(run: Any) -> None:
     run(test)
 
 
-def test_a_tap_never_reaches_itself_in_the_place_of_a_robot(run: Any) -> None:
-    """The system may give a connection the very port that it is to reach: nobody listens there."""
+def test_no_self_connection(run: Any) -> None:
+    """The system may choose the target port as the local port if no program listens there."""
 
     async def test() -> None:
         with socket.socket() as sock:
@@ -284,8 +284,8 @@ def test_a_tap_never_reaches_itself_in_the_place_of_a_robot(run: Any) -> None:
     run(test)
 
 
-class Held:
-    """A route that connects when it is let."""
+class DelayedRoute:
+    """A route that connects when the test permits it."""
 
     def __init__(self) -> None:
         self.go = asyncio.Event()
@@ -307,11 +307,11 @@ class Held:
         return await self.upstream.connect_upstream(client)
 
 
-def test_what_comes_before_the_upstream_is_held_in_order_and_bounded(run: Any) -> None:
-    """Early bytes and an early end wait, at most one read of them, and arrive first."""
+def test_early_bytes_are_buffered(run: Any) -> None:
+    """Early bytes and an early end arrive first; at most one read is buffered."""
 
     async def test() -> None:
-        route = Held()
+        route = DelayedRoute()
         async with Bench(route) as bench:
             route.upstream = Upstream(*bench.server.getsockname())
             client = await bench.client()
@@ -330,11 +330,11 @@ def test_what_comes_before_the_upstream_is_held_in_order_and_bounded(run: Any) -
     run(test)
 
 
-def test_an_end_before_the_upstream_arrives_too(run: Any) -> None:
-    """A client that connects and finishes at once finishes at the controller."""
+def test_an_early_end_is_forwarded(run: Any) -> None:
+    """A client that connects and ends immediately also ends at the controller."""
 
     async def test() -> None:
-        route = Held()
+        route = DelayedRoute()
         async with Bench(route) as bench:
             route.upstream = Upstream(*bench.server.getsockname())
             client = await bench.client()
@@ -349,15 +349,15 @@ def test_an_end_before_the_upstream_arrives_too(run: Any) -> None:
     run(test)
 
 
-def test_a_client_that_goes_while_dialling_ends_the_dialling(run: Any) -> None:
-    """No connection to the controller comes of it, and the reset is told."""
+def test_a_client_that_disconnects_cancels_the_upstream_connection(run: Any) -> None:
+    """There is no connection to the controller, and the reset is recorded."""
 
     async def test() -> None:
-        route = Held()
+        route = DelayedRoute()
         async with Bench(route) as bench:
             client = await bench.client()
             await route.dialled.wait()
-            cut(client)
+            reset(client)
             await route.cancelled.wait()
             assert (await bench.until(Kind.RESET)).direction is A2C
 
@@ -365,8 +365,8 @@ def test_a_client_that_goes_while_dialling_ends_the_dialling(run: Any) -> None:
 
 
 @pytest.mark.parametrize("sender", [A2C, C2A], ids=str)
-def test_a_side_that_takes_nothing_slows_the_other_down(run: Any, sender: Direction) -> None:
-    """Back-pressure: the tap holds a bounded amount, the sender is blocked, and nothing is lost."""
+def test_back_pressure(run: Any, sender: Direction) -> None:
+    """The tap buffers a bounded number of bytes, the sender is blocked, and no bytes are lost."""
 
     async def test() -> None:
         async with Bench() as bench:
@@ -394,7 +394,7 @@ def test_a_side_that_takes_nothing_slows_the_other_down(run: Any, sender: Direct
 
 
 def test_a_reset_waits_for_a_slow_reader(run: Any) -> None:
-    """What was queued when the sender reset still reaches a side that reads late."""
+    """Bytes that were queued at the reset still reach a slow reader."""
 
     async def test() -> None:
         async with Bench() as bench:
@@ -405,7 +405,7 @@ def test_a_reset_waits_for_a_slow_reader(run: Any) -> None:
             while len(bench.stream(A2C)) < len(data):
                 bench.told.clear()
                 await bench.told.wait()
-            cut(client)
+            reset(client)
             await bench.until(Kind.RESET)
             assert await receive(server, len(data)) == data
             with pytest.raises(ConnectionResetError):
@@ -414,8 +414,8 @@ def test_a_reset_waits_for_a_slow_reader(run: Any) -> None:
     run(test)
 
 
-def test_a_reset_does_not_wait_for_ever(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A side that never reads is cut off after a bounded time."""
+def test_a_reset_has_a_timeout(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A side that never reads is reset after a bounded time."""
     monkeypatch.setattr(tcp, "RESET_FLUSH_S", 0.0)
 
     async def test() -> None:
@@ -432,13 +432,13 @@ def test_a_reset_does_not_wait_for_ever(run: Any, monkeypatch: pytest.MonkeyPatc
             await bench.until(Kind.RESET)
             await bench.tap._wait_until_empty()
             with pytest.raises(ConnectionResetError):
-                await receive_for_ever(server)
+                await receive_forever(server)
 
     run(test)
 
 
 def test_stopping_ends_both_sides_in_order(run: Any) -> None:
-    """Connections that are open when the recorder stops get what is queued, then their end."""
+    """When the recorder stops, open connections get the queued bytes and then their end."""
 
     async def test() -> None:
         async with Bench() as bench:
@@ -456,10 +456,8 @@ def test_stopping_ends_both_sides_in_order(run: Any) -> None:
     run(test)
 
 
-def test_stopping_does_not_wait_for_a_side_that_takes_nothing(
-    run: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """After its time the tap cuts, so that nobody takes a torn stream for a whole one."""
+def test_stopping_has_a_timeout(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After the timeout the tap resets, so that a truncated stream does not look complete."""
     monkeypatch.setattr(tap_module, "STOP_S", 0.01)
 
     async def test() -> None:
@@ -474,29 +472,29 @@ def test_stopping_does_not_wait_for_a_side_that_takes_nothing(
                     await turn()
             await bench.stop()
             with pytest.raises(ConnectionResetError):
-                await receive_for_ever(server)
+                await receive_forever(server)
 
     run(test)
 
 
-def test_errors_of_a_dead_socket_are_the_transports_affair(run: Any) -> None:
-    """A write that finds its socket dead ends the connection and raises nothing."""
+def test_a_write_error_ends_the_connection(run: Any) -> None:
+    """A write to a dead socket raises no exception."""
 
     async def test() -> None:
         async with Bench() as bench:
             client, server = await bench.pair()
             await send(client, b"x")
             await receive(server, 1)
-            cut(server)
+            reset(server)
             with pytest.raises((ConnectionResetError, BrokenPipeError)):
-                await send_for_ever(client)
+                await send_forever(client)
             assert (await bench.until(Kind.RESET)).direction is C2A
 
     run(test)
 
 
-def test_addresses_are_written_as_users_write_them() -> None:
-    """An IPv6 host stands in brackets."""
+def test_address_text() -> None:
+    """An IPv6 host is in brackets."""
     assert tcp.address_text(("127.0.0.1", 8877)) == "127.0.0.1:8877"
     assert tcp.address_text(("::1", 8877, 0, 0)) == "[::1]:8877"
     assert os.name == "posix" or tcp.unsent_bytes(socket.socket()) == 0
@@ -530,8 +528,8 @@ print(unsent_bytes(near))
 """
 
 
-def test_what_is_unsent_is_told_where_no_file_is_free() -> None:
-    """A client for whom there is no further connection is sent away: it needs no module then."""
+def test_unsent_bytes_without_a_free_file_descriptor() -> None:
+    """A client that gets no upstream connection is reset; the function imports no module then."""
     done = subprocess.run(
         [sys.executable, "-c", NO_FILE_IS_FREE],
         capture_output=True,
