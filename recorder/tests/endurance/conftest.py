@@ -1,7 +1,7 @@
-"""A recorder as a user runs it, and clients of a virtual controller that keep books of their own.
+"""A recorder as a user runs it, and clients of a virtual controller that count their own bytes.
 
-What a client has sent and has been answered, it knows to have passed: that is what a recording may
-be held against, whatever was killed meanwhile.
+A client knows all bytes that it has sent and that were answered. The tests compare a recording with
+them, whatever was killed during it.
 """
 
 import os
@@ -48,15 +48,15 @@ POLLS = (
 )
 
 
-def _has_answered_or_failed(talker: Any, count: int) -> bool:
-    return bool(talker.answered >= count or talker.failure)
+def _has_replies_or_failed(talker: Any, count: int) -> bool:
+    return bool(talker.reply_count >= count or talker.failure)
 
 
-def until(condition: Callable[[], Any]) -> Any:
+def wait_until(condition: Callable[[], Any]) -> Any:
     """Wait for what another process does; return what it came to."""
     deadline_s = time.monotonic() + TIMEOUT_S
     while not (found := condition()):
-        assert time.monotonic() < deadline_s, "waited in vain"
+        assert time.monotonic() < deadline_s, "timeout"
         select.select([], [], [], 0.01)
     return found
 
@@ -90,11 +90,11 @@ class Session:
 
 
 class Talker(threading.Thread):
-    """A client that asks, waits for the answer, and connects again whenever it is cut off.
+    """A client that sends requests, waits for the replies, and reconnects after a disconnect.
 
     Args:
-        numbers: Of sessions, shared with other talkers.
-        address: Where the recorder listens.
+        numbers: Session numbers, shared with other talkers.
+        address: Address of the recorder.
     """
 
     def __init__(self, numbers: Iterator[int], address: tuple[str, int]) -> None:
@@ -106,8 +106,8 @@ class Talker(threading.Thread):
         self._stopped = threading.Event()
 
     @property
-    def answered(self) -> int:
-        """How many answers it has got."""
+    def reply_count(self) -> int:
+        """Return the number of replies."""
         return sum(len(session.answers) for session in self.sessions)
 
     def stop(self) -> None:
@@ -128,7 +128,7 @@ class Talker(threading.Thread):
             self.failure = error
 
     def _connect(self, number: int) -> bool:
-        """Hold a session, if there is a recorder just now."""
+        """Run a session, if a recorder is listening."""
         with socket.socket() as sock:
             sock.settimeout(TIMEOUT_S)
             sock.bind((f"127.1.{number >> 8}.{number & 0xFF}", 0))
@@ -139,7 +139,7 @@ class Talker(threading.Thread):
             host, port = sock.getsockname()
             session = Session(f"{host}:{port}", time.time_ns())
             self.sessions.append(session)
-            with suppress(ConnectionError, EOFError):  # cut off, by reset or in order
+            with suppress(ConnectionError, EOFError):  # disconnected, by reset or in order
                 self._talk(sock, session)
             session.ended_ns = time.time_ns()
             return True
@@ -167,14 +167,14 @@ class Talker(threading.Thread):
                 break
         (answer,) = found
         assert isinstance(answer, Frame)
-        assert answer.opcode == question[1], "an answer to another question"
+        assert answer.opcode == question[1], "a reply to another request"
         now_ns = time.time_ns()
         passed = {way: len(data) for way, data in session.bytes.items()}
         session.answers.append((now_ns, now_ns - begun_ns, passed))
 
 
 class Recorder:
-    """`scaraspec record`, started in a group of its own as a service manager would.
+    """`scaraspec record`, started in its own process group like by a service manager.
 
     Args:
         url: The controller.
@@ -188,7 +188,7 @@ class Recorder:
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self, *options: str) -> None:
-        """Start, and wait until it listens: at the same address each time."""
+        """Start, and wait wait_until it listens: at the same address each time."""
         begin = self._log.stat().st_size if self._log.exists() else 0
         listen = "{}:{}".format(*self.address)
         arguments = ("record", self._url, "--listen", listen, "--out", str(self._out), *options)
@@ -206,10 +206,10 @@ class Recorder:
             said = self._log.read_bytes()[begin:].decode()
             return re.search(r"^recording 127\.0\.0\.1:(\d+) ", said, re.MULTILINE)
 
-        self.address = ("127.0.0.1", int(until(listening)[1]))
+        self.address = ("127.0.0.1", int(wait_until(listening)[1]))
 
     def kill(self, victim: str) -> int:
-        """Kill one of its processes, or all, and wait until they are dead; return when it was."""
+        """Kill one process or all, wait until they are dead, and return the time."""
         assert self._process
         own = {name: self.child(name) for name in ("tap", "writer")}
         watches = {name: os.pidfd_open(pid) for name, pid in own.items()}
@@ -228,17 +228,17 @@ class Recorder:
         return killed_ns
 
     def child(self, name: str) -> int:
-        """The number of one of its processes, as soon as it is there."""
-        return int(until(lambda: self._child(name)))
+        """Return the process id of a child, as soon as it exists."""
+        return int(wait_until(lambda: self._child(name)))
 
     def end(self) -> int:
-        """Ctrl-C; return the exit status."""
+        """Send Ctrl-C; return the exit status."""
         assert self._process
         self._process.send_signal(signal.SIGINT)
         return self._process.wait(TIMEOUT_S)
 
     def close(self) -> None:
-        """Let nothing outlive the test."""
+        """Kill all processes that still run."""
         if self._process and self._process.poll() is None:
             os.killpg(self._process.pid, signal.SIGKILL)
             self._process.wait(TIMEOUT_S)
@@ -275,7 +275,7 @@ class Plant:
         )
         stack.callback(controller.wait)
         stack.callback(controller.kill)
-        until(ready.exists)
+        wait_until(ready.exists)
         self.out.mkdir()
         self.recorder = Recorder(f"tcp://{ready.read_text().strip()}", self.out, self.log)
         stack.callback(shutil.rmtree, self._spool, ignore_errors=True)
@@ -286,36 +286,36 @@ class Plant:
         return [session for talker in self.talkers for session in talker.sessions]
 
     def talk(self, talkers: int) -> None:
-        """Let clients talk from now on."""
+        """Start clients."""
         for _ in range(talkers):
             self.talkers.append(Talker(self._numbers, self.recorder.address))
             self.talkers[-1].start()
 
-    def quiet(self) -> None:
-        """Let them end."""
+    def stop_clients(self) -> None:
+        """End the clients."""
         for talker in self.talkers:
             talker.stop()
 
-    def until_answered(self, count: int) -> None:
-        """Wait until each client has got so many more answers."""
+    def wait_for_replies(self, count: int) -> None:
+        """Wait until each client has this number of further replies."""
         for talker in self.talkers:
-            until(partial(_has_answered_or_failed, talker, talker.answered + count))
+            wait_until(partial(_has_replies_or_failed, talker, talker.reply_count + count))
 
-    def until_written(self) -> None:
-        """Wait until something of what is said from now on is in a file, as the scribe says."""
+    def wait_for_recording(self) -> None:
+        """Wait until bytes that are sent from now on are in a file."""
         recorded_bytes = self._recorded_bytes()
-        until(lambda: self._recorded_bytes() > recorded_bytes)
+        wait_until(lambda: self._recorded_bytes() > recorded_bytes)
 
     @property
     def _spool(self) -> Path:
-        return spool_folder(self.out)  # where it lies may be laid down in a test
+        return spool_folder(self.out)  # a test may choose its location
 
     def _recorded_bytes(self) -> int:
         return Progress.read(read_checkpoint(self._spool).get("state", {})).a2c.recorded_bytes
 
-    def until_said(self, *words: str) -> None:
-        """Wait until a line of the recorder holds all these."""
-        until(
+    def wait_for_output(self, *words: str) -> None:
+        """Wait for a line of the recorder that contains all these words."""
+        wait_until(
             lambda: any(
                 all(word in line for word in words) for line in self.log.read_text().splitlines()
             )
@@ -324,27 +324,27 @@ class Plant:
 
 @dataclass
 class Stream:
-    """One direction of a session as files hold it, all together."""
+    """One direction of a session, joined from all files."""
 
     data: bytearray = field(default_factory=bytearray)
     lost: list[tuple[int, int]] = field(default_factory=list)
-    """Begin and end of what is accounted for as not recorded."""
+    """Begin and end of the bytes counted as not recorded."""
 
     def add(self, event: WireEvent) -> None:
-        """Take bytes or a gap; what two files hold is the same in both."""
+        """Add bytes or a gap; bytes in two files must be equal."""
         begin, data = event.offset_bytes, event.data
         if event.kind is Kind.GAP:
             if begin + event.length_bytes <= len(self.data):
                 return  # of unknown length, or in an earlier file
-            assert event.note != FROM_HERE_ON, "a hole that nobody accounts for"
+            assert event.note != FROM_HERE_ON, "an unaccounted gap"
             self.lost.append((begin, begin + event.length_bytes))
             data = bytes(event.length_bytes)
         assert begin <= len(self.data), "a hole"
         assert self.data[begin : begin + len(data)] == data[: len(self.data) - begin]
         self.data[begin : begin + len(data)] = data
 
-    def holds(self, passed: bytes) -> bool:
-        """Whether it is what passed, as far as it goes, but for what is accounted for."""
+    def matches(self, passed: bytes) -> bool:
+        """Return whether the recorded part equals the sent bytes, except for gaps."""
         expected = bytearray(passed[: len(self.data)])
         for begin, end in self.lost:
             expected[begin:end] = bytes(len(expected[begin:end]))
@@ -376,7 +376,7 @@ def _begin_ns(file: Path) -> int:
 
 @pytest.fixture(scope="session")
 def recorded() -> Callable[[Path], dict[str, dict[Direction, Stream]]]:
-    """Reads what all files of a folder together hold of each client."""
+    """Return a function that reads the recorded bytes of each client from all files of a folder."""
     return read
 
 

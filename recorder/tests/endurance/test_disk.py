@@ -1,4 +1,4 @@
-"""A disk that fills up, is read-only, or refuses: traffic is unharmed, and the books are right.
+"""A full or read-only disk, or write errors: the traffic is unaffected, and no loss is unaccounted.
 
 The disks are small file systems in memory, which only this process and what it starts can see. To
 make them takes root, or a user namespace: see `make test-net`.
@@ -38,7 +38,7 @@ def _mount(kind: str, where: Path, flags: int, options: str = "") -> None:
 
 
 class Disk:
-    """A small file system where the recorder writes."""
+    """A small file system for the recorder."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -49,13 +49,13 @@ class Disk:
         _mount("tmpfs", folder, 0, f"size={DISK_BYTES}")
 
     def fill(self) -> None:
-        """Leave no room."""
+        """Use all space."""
         with self._ballast.open("ab", buffering=0) as file, suppress(OSError):
             while True:
                 file.write(bytes(4096))
 
     def clear(self) -> None:
-        """Leave room again."""
+        """Free the space again."""
         self._ballast.unlink()
 
     def allow_writing(self, *, allowed: bool) -> None:
@@ -68,20 +68,20 @@ def disk(plant: Any) -> Disk:
     return Disk(plant.out)
 
 
-def unharmed(plant: Any) -> bool:
-    """Whether no client was ever cut off, and no answer was missing or wrong."""
+def unaffected(plant: Any) -> bool:
+    """Return whether no client was disconnected, and no reply was missing or wrong."""
     return [len(talker.sessions) for talker in plant.talkers] == [1] * len(plant.talkers)
 
 
-def told(plant: Any) -> list[tuple[int, int, int]]:
-    """Received, recorded and missing bytes of each direction, as the recorder says at its end."""
+def reported_bytes(plant: Any) -> list[tuple[int, int, int]]:
+    """Return received, recorded and missing bytes of each direction, reported at the end."""
     words = r"(\d+) bytes received and forwarded = (\d+) recorded \+ (\d+) in \d+ gaps"
     found = re.findall(words, plant.log.read_text())
     return [(int(received), int(recorded), int(lost)) for received, recorded, lost in found]
 
 
 def interruptions(out: Path) -> list[str]:
-    """What files say of themselves, in their order; each is whole."""
+    """Return the notes of interruptions in the files, in order; each file is complete."""
     found = []
     for file in sorted(out.glob("*.mcap"), key=lambda file: file.stat().st_mtime_ns):
         summary = McapSummary()
@@ -89,96 +89,98 @@ def interruptions(out: Path) -> list[str]:
             pass
         assert summary.whole, f"{file}: {summary.notes}"
         with file.open("rb") as opened:
-            told = {each.name: each.metadata for each in make_reader(opened).iter_metadata()}
-        found.append(told["session"].get("interrupted", ""))
+            reported_bytes = {
+                each.name: each.metadata for each in make_reader(opened).iter_metadata()
+            }
+        found.append(reported_bytes["session"].get("interrupted", ""))
     return found
 
 
-def books_are_right(plant: Any, recorded: Callable[[Path], Any]) -> int:
-    """Hold the files against what clients know; return how many bytes are accounted as lost."""
+def check_accounts(plant: Any, recorded: Callable[[Path], Any]) -> int:
+    """Compare the files with the bytes of the clients; return the number of lost bytes."""
     found = recorded(plant.out)
     for session in plant.sessions:
         for way, passed in session.bytes.items():
             assert len(found[session.client][way].data) == len(passed)
-            assert found[session.client][way].holds(passed)
+            assert found[session.client][way].matches(passed)
     received = [sum(len(s.bytes[way]) for s in plant.sessions) for way in Direction]
     lost = [
         sum(end - begin for s in plant.sessions for begin, end in found[s.client][way].lost)
         for way in Direction
     ]
-    assert told(plant) == [(a, a - b, b) for a, b in zip(received, lost, strict=True)]
+    assert reported_bytes(plant) == [(a, a - b, b) for a, b in zip(received, lost, strict=True)]
     return sum(lost)
 
 
 @pytest.mark.network
 @pytest.mark.parametrize("options", [(), ("--rotate", "1h")])
-def test_a_disk_that_fills_up(
+def test_a_full_disk(
     plant: Any, disk: Disk, recorded: Callable[[Path], Any], options: tuple[str, ...]
 ) -> None:
-    """The link goes on, the recording goes on when there is room, and nothing is missing in it."""
+    """The link continues, the recording continues when there is space, and no bytes are missing."""
     plant.recorder.start(*options)
     plant.talk(2)
-    plant.until_written()
+    plant.wait_for_recording()
     disk.fill()
-    plant.until_said("writing is stalled, ", " waiting: ", FULL)
-    plant.until_answered(500)
+    plant.wait_for_output("writing is stalled, ", " waiting: ", FULL)
+    plant.wait_for_replies(500)
     disk.clear()
-    plant.until_said("writing continues")
-    plant.until_answered(500)
-    plant.quiet()
+    plant.wait_for_output("writing continues")
+    plant.wait_for_replies(500)
+    plant.stop_clients()
     assert plant.recorder.end() == 0
-    assert unharmed(plant)
+    assert unaffected(plant)
     assert plant.log.read_text().count("writing is interrupted: ") == 1
     assert "writing continues: nothing was written since 20" in plant.log.read_text()
     before, after = interruptions(disk.folder)
     assert not before
     assert after.startswith("nothing was written since 20")
     assert FULL in after
-    assert books_are_right(plant, recorded) == 0
+    assert check_accounts(plant, recorded) == 0
 
 
 @pytest.mark.network
-def test_a_disk_that_fills_up_with_the_spool_on_it(
+def test_a_full_disk_with_the_spool(
     plant: Any, disk: Disk, recorded: Callable[[Path], Any]
 ) -> None:
-    """Where memory has no room for a spool, recording is lost, and every byte of that is told."""
+    """If memory has no space for the spool, bytes are lost, and every one is counted."""
     (disk.folder / ".spool").mkdir(mode=0o700)
     plant.recorder.start()
     plant.talk(2)
-    plant.until_written()
+    plant.wait_for_recording()
     disk.fill()
-    plant.until_answered(500)
+    plant.wait_for_replies(500)
     disk.clear()
-    plant.until_said("gaps so far")
-    plant.until_answered(500)
-    plant.quiet()
+    plant.wait_for_output("gaps so far")
+    plant.wait_for_replies(500)
+    plant.stop_clients()
     assert plant.recorder.end() == 3
-    assert unharmed(plant)
-    assert books_are_right(plant, recorded) > 0
+    assert unaffected(plant)
+    assert check_accounts(plant, recorded) > 0
 
 
 @pytest.mark.network
-def test_a_disk_that_is_read_only(plant: Any, disk: Disk, recorded: Callable[[Path], Any]) -> None:
-    """The link works from the beginning; recording begins when it can, with the beginning."""
+def test_a_read_only_disk(plant: Any, disk: Disk, recorded: Callable[[Path], Any]) -> None:
+    """The link works from the start; the recording starts when the disk is writable."""
     disk.allow_writing(allowed=False)
     plant.recorder.start()
     plant.talk(2)
-    plant.until_said("writing is stalled, ", " waiting: Read-only file system")
-    plant.until_answered(200)
+    plant.wait_for_output("writing is stalled, ", " waiting: Read-only file system")
+    plant.wait_for_replies(200)
     disk.allow_writing(allowed=True)
-    plant.until_said("writing continues")
-    plant.quiet()
+    plant.wait_for_output("writing continues")
+    plant.stop_clients()
     assert plant.recorder.end() == 0
-    assert unharmed(plant)
+    assert unaffected(plant)
     (only,) = interruptions(disk.folder)
     assert only.endswith(" UTC: Read-only file system")
-    assert books_are_right(plant, recorded) == 0
+    assert check_accounts(plant, recorded) == 0
 
 
 @pytest.mark.network
 @pytest.mark.parametrize("torn", [True, False])
 def test_recovering_on_a_full_disk(tmp_path: Path, shift: list[WireEvent], *, torn: bool) -> None:
-    """A torn file that cannot be repaired stays as it was; a whole one just stays undrawn."""
+    """A truncated file that cannot be repaired is unchanged; a complete one gets no .rrd file."""
     disk = Disk(tmp_path)
     capture = tmp_path / "capture.mcap"
     sink = McapSink(capture.open("wb"))
@@ -210,21 +212,21 @@ def test_recovering_on_a_full_disk(tmp_path: Path, shift: list[WireEvent], *, to
     assert {path.name for path in tmp_path.iterdir()} == {"capture.mcap", "ballast"}
 
 
-def test_writes_that_the_system_refuses(plant: Any, recorded: Callable[[Path], Any]) -> None:
-    """Any error of a write ends the file, which is mended and left; the next one goes on."""
+def test_write_errors(plant: Any, recorded: Callable[[Path], Any]) -> None:
+    """A write error ends the file, which is repaired; the next file continues."""
     plant.recorder.start()
     plant.talk(2)
-    plant.until_written()
+    plant.wait_for_recording()
     size_bytes = (plant.out / "capture.mcap").stat().st_size + 1000
     resource.prlimit(plant.recorder.child("writer"), resource.RLIMIT_FSIZE, (size_bytes,) * 2)
-    plant.until_said("writing is interrupted: ")
-    plant.until_said("writing continues")
-    plant.until_answered(100)
-    plant.quiet()
+    plant.wait_for_output("writing is interrupted: ")
+    plant.wait_for_output("writing continues")
+    plant.wait_for_replies(100)
+    plant.stop_clients()
     assert plant.recorder.end() == 0
-    assert unharmed(plant)
+    assert unaffected(plant)
     before, after = interruptions(plant.out)
     assert not before
     assert after.endswith(" UTC: File too large")
     assert "file_sink" not in plant.log.read_text(), "what is said once is said again by rerun"
-    assert books_are_right(plant, recorded) == 0
+    assert check_accounts(plant, recorded) == 0

@@ -1,7 +1,7 @@
-"""SIGKILL at random moments under traffic, and the books afterwards.
+"""SIGKILL at random moments under traffic, and the bytes that are lost.
 
-A few moments each day; as many as SCARASPEC_KILLS says by `make test-kill`. SCARASPEC_SEED draws
-the same moments again, as far as a machine does the same twice.
+A few kills by default; SCARASPEC_KILLS kills with `make test-kill`. SCARASPEC_SEED draws the same
+moments again, as far as the machine is deterministic.
 """
 
 import os
@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import rerun_cli  # type: ignore[import-untyped]  # it holds nothing but the tool
+import rerun_cli  # type: ignore[import-untyped]  # it contains only the tool
 from mcap.reader import make_reader
 
 from scaraspec_recorder.sinks.sink import TICK_NS
@@ -26,13 +26,13 @@ pytestmark = pytest.mark.skipif(
 )
 
 VICTIMS = {"writer": 4, "tap": 3, "all": 2, "parent": 1}
-"""What is killed, and how often: the writer, the forwarder, the whole group, the one it started."""
+"""Weights of the killed processes: writer, tap, whole group, parent."""
 
 CUTTING = ("tap", "all", "parent")
-"""Those whose death ends connections."""
+"""Kills that end connections."""
 
 LOSING = ("tap", "all")
-"""Those whose death may cost what just passed."""
+"""Kills that may lose the latest bytes."""
 
 OPTIONS: tuple[tuple[str, ...], ...] = ((), ("--rotate", "1s"), ("--rotate", "connection"))
 LONGEST_LIFE_S = 2.0
@@ -41,7 +41,7 @@ TALKERS = 2
 
 @dataclass
 class Campaign:
-    """Kills, and what is found."""
+    """Kills and their consequences."""
 
     plant: Any
     dice: random.Random
@@ -54,7 +54,7 @@ class Campaign:
     _checked: set[Path] = field(default_factory=set)
 
     def run(self, moments: int) -> None:
-        """Kill so many times, then end in order."""
+        """Kill processes at this number of moments, then end in order."""
         self._start()
         self.plant.talk(TALKERS)
         pause = threading.Event()
@@ -63,22 +63,22 @@ class Campaign:
             (victim,) = self.dice.choices(list(VICTIMS), list(VICTIMS.values()))
             self.kills.append((self.plant.recorder.kill(victim), victim))
             if victim in ("all", "parent"):
-                self._look(lossless=victim == "parent")
+                self._check_files(lossless=victim == "parent")
                 self._start()
         pause.wait(LONGEST_LIFE_S)
-        self.plant.quiet()
+        self.plant.stop_clients()
         self.plant.recorder.end()
-        self._look(lossless=True)
+        self._check_files(lossless=True)
 
     def losses_ms(self, recorded: Any) -> list[float]:
-        """Hold the files against the clients' books: of each session that lost, how much.
+        """Compare the files with the bytes of the clients; return the losses of the sessions.
 
-        That is the time from its first byte that is not recorded to the kill that cost it.
+        It is the time from the first byte that is not recorded to the kill that caused it.
         """
         losses = []
         for session in self.plant.sessions:
             found = recorded.get(session.client, {})
-            assert all(found[way].holds(session.bytes[way]) for way in found)
+            assert all(found[way].matches(session.bytes[way]) for way in found)
             assert not any(stream.lost for stream in found.values())
             held = {way: len(stream.data) for way, stream in found.items()}
             lost = (
@@ -91,7 +91,7 @@ class Campaign:
         return losses
 
     def unexplained_ends(self) -> list[Any]:
-        """Sessions that were served, and ended although nothing was killed that must end them."""
+        """Return sessions with replies that ended although no kill explains it."""
         cuts, stopped_ns = self._when(CUTTING), max(s.ended_ns for s in self.plant.sessions)
         return [
             session
@@ -102,7 +102,7 @@ class Campaign:
         ]
 
     def report(self, losses_ms: list[float]) -> str:
-        """What came out, in words."""
+        """Return the results as text."""
         sessions = self.plant.sessions
         size_bytes = sum(len(data) for session in sessions for data in session.bytes.values())
         calm, after = self._round_trips_ms()
@@ -126,11 +126,11 @@ class Campaign:
     def _when(self, victims: tuple[str, ...]) -> list[int]:
         return [at_ns for at_ns, victim in self.kills if victim in victims]
 
-    def _look(self, *, lossless: bool) -> None:
-        """Recover what no living recorder has, and open it as others do."""
+    def _check_files(self, *, lossless: bool) -> None:
+        """Recover the files without a running recorder, and read them with other tools."""
         found = set(self.plant.out.glob("*.mcap")) - self._checked
         files = sorted(file for file in found if file.stat().st_size)
-        self.empty += len(found) - len(files)  # begun by a writer that was killed before it wrote
+        self.empty += len(found) - len(files)  # their writer was killed before it wrote
         if not files:
             return
         done = subprocess.run(
@@ -162,7 +162,7 @@ class Campaign:
             self.alone_ms.append(max(0.0, (max(answered_ns) - last_ns) / 1e6))
 
     def _round_trips_ms(self) -> tuple[list[float], list[float]]:
-        """Those long after the writer died, and those just after."""
+        """Return round trips long after a kill of the writer, and those just after one."""
         deaths = self._when(("writer",))
         calm: list[float] = []
         after: list[float] = []
@@ -181,7 +181,7 @@ def _spread(values: list[float]) -> str:
     return f"median {median:.2f} ms, p99 {high:.2f} ms, most {ordered[-1]:.2f} ms"
 
 
-def go_through(plant: Any, recorded: Any, moments: int, seed: int) -> None:
+def run_campaign(plant: Any, recorded: Any, moments: int, seed: int) -> None:
     campaign = Campaign(plant, random.Random(seed))
     campaign.run(moments)
     losses_ms = campaign.losses_ms(recorded(plant.out))
@@ -195,11 +195,11 @@ def test_a_few_kills(plant: Any, recorded: Any) -> None:
 
     With this seed each victim is killed once, and the recorder starts with each of `OPTIONS`.
     """
-    go_through(plant, recorded, len(VICTIMS), seed=16654)
+    run_campaign(plant, recorded, len(VICTIMS), seed=16654)
 
 
 @pytest.mark.campaign
 def test_many_kills(plant: Any, recorded: Any) -> None:
-    """The same, for as long as asked."""
+    """The number of kills is configurable."""
     seed = int(os.environ.get("SCARASPEC_SEED") or random.SystemRandom().randrange(1 << 32))
-    go_through(plant, recorded, int(os.environ["SCARASPEC_KILLS"]), seed)
+    run_campaign(plant, recorded, int(os.environ["SCARASPEC_KILLS"]), seed)

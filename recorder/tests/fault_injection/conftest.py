@@ -1,4 +1,4 @@
-"""What the tests of injection share: a file of rules, read."""
+"""Fixture of the tests of fault injection: loads rules from text."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +13,7 @@ Load = Callable[[str], Injection]
 
 @pytest.fixture
 def load(tmp_path: Path) -> Load:
-    """Reads a file of this text."""
+    """Write the text to a file and load it."""
 
     def load_text(text: str) -> Injection:
         path = tmp_path / "faults.toml"

@@ -1,4 +1,4 @@
-"""Faults on purpose on real sockets, in the tap."""
+"""Injected faults on real sockets, in the tap."""
 
 import asyncio
 import gc
@@ -30,13 +30,13 @@ Load = Callable[[str], Injection]
 
 
 class Bench(tap_bench.Bench):
-    """A tap with faults."""
+    """A tap with injected faults."""
 
     def __init__(self, injection: Injection | None) -> None:
         super().__init__(connect=partial(InjectedConnection, injection) if injection else None)
 
     def events(self) -> list[WireEvent]:
-        """What a recording makes of all that was told."""
+        """Return the events that a recording makes of the records."""
         return EventBuilder({direction: ByteCounts() for direction in Direction}, {}).take(
             self.records
         )
@@ -44,7 +44,7 @@ class Bench(tap_bench.Bench):
 
 @pytest.fixture(params=["uvloop", "asyncio"])
 def run(request: pytest.FixtureRequest) -> Callable[[Callable[[], Awaitable[None]]], None]:
-    """Run a test's coroutine on an event loop, for a bounded time."""
+    """Run the coroutine of a test on an event loop, with a timeout."""
     return partial(run_on, request.param)
 
 
@@ -57,8 +57,8 @@ at_most_ms = 3_600_000
 """
 
 
-def test_off_is_the_plain_tap(run: Any) -> None:
-    """Without a file no connection knows of faults."""
+def test_no_rules_no_injection(run: Any) -> None:
+    """Without a file the tap uses its plain connections."""
 
     async def test() -> None:
         async with Bench(None) as bench:
@@ -72,8 +72,8 @@ def test_off_is_the_plain_tap(run: Any) -> None:
     run(test)
 
 
-def test_recorded_is_what_came_and_what_was_done_to_it(run: Any, load: Load) -> None:
-    """The fault stands behind the bytes, and no byte counts as lost."""
+def test_the_original_bytes_and_the_fault_are_recorded(run: Any, load: Load) -> None:
+    """The fault is recorded after the bytes, and no byte counts as lost."""
     injection = load(
         '[[rule]]\nfault = "drop"\ncommand = "get_status"\npart = "request"\nnth = 2\n'
     )
@@ -98,7 +98,7 @@ def test_recorded_is_what_came_and_what_was_done_to_it(run: Any, load: Load) -> 
     run(test)
 
 
-def test_a_delayed_frame_arrives_in_its_order(run: Any, load: Load) -> None:
+def test_delayed_frames_keep_their_order(run: Any, load: Load) -> None:
     """By timers of the event loop, in both directions, every byte."""
     injection = load(
         '[[rule]]\nfault = "jitter"\njitter_ms = 3\n[[rule]]\nfault = "fragment"\nsize_bytes = 2\n'
@@ -118,8 +118,8 @@ def test_a_delayed_frame_arrives_in_its_order(run: Any, load: Load) -> None:
     run(test)
 
 
-def test_a_frame_is_held_until_the_other_side_has_spoken(run: Any, load: Load) -> None:
-    """No time passes: the condition alone lets it go."""
+def test_a_frame_is_held_until_a_command_of_the_other_side(run: Any, load: Load) -> None:
+    """Without any passing of time: only the condition releases the frame."""
 
     async def test() -> None:
         async with Bench(load(HOLD)) as bench:
@@ -137,8 +137,8 @@ def test_a_frame_is_held_until_the_other_side_has_spoken(run: Any, load: Load) -
     run(test)
 
 
-def test_an_end_waits_behind_what_is_held_up(run: Any, load: Load) -> None:
-    """The other side has ended meanwhile; still the connection lives until all has been passed."""
+def test_an_end_waits_for_delayed_frames(run: Any, load: Load) -> None:
+    """The other side has also ended; the connection is open until all bytes are forwarded."""
 
     async def test() -> None:
         async with Bench(load(HOLD)) as bench:
@@ -157,8 +157,8 @@ def test_an_end_waits_behind_what_is_held_up(run: Any, load: Load) -> None:
     run(test)
 
 
-def test_stopping_passes_on_what_waits(run: Any, load: Load) -> None:
-    """A recorder that ends leaves nothing behind, and says that it went early."""
+def test_stopping_forwards_delayed_bytes(run: Any, load: Load) -> None:
+    """A recorder that stops forwards them early and records this."""
 
     async def test() -> None:
         async with Bench(load(HOLD)) as bench:
@@ -174,8 +174,8 @@ def test_stopping_passes_on_what_waits(run: Any, load: Load) -> None:
     run(test)
 
 
-def test_a_sender_that_resets_takes_nothing_with_it(run: Any, load: Load) -> None:
-    """What was held up is passed on before the reset is."""
+def test_a_reset_is_forwarded_after_delayed_bytes(run: Any, load: Load) -> None:
+    """Delayed bytes are forwarded before the reset."""
 
     async def test() -> None:
         async with Bench(load(HOLD)) as bench:
@@ -192,8 +192,8 @@ def test_a_sender_that_resets_takes_nothing_with_it(run: Any, load: Load) -> Non
     run(test)
 
 
-def test_a_reset_on_purpose_reaches_both_sides(run: Any, load: Load) -> None:
-    """Neither takes it for an orderly end; the capture says whose doing it was."""
+def test_an_injected_reset_reaches_both_sides(run: Any, load: Load) -> None:
+    """Neither side sees an orderly end; the capture names the injected fault."""
 
     async def test() -> None:
         async with Bench(load('[[rule]]\nfault = "reset"\ncommand = "emergency_stop"\n')) as bench:
@@ -212,10 +212,10 @@ def test_a_reset_on_purpose_reaches_both_sides(run: Any, load: Load) -> None:
     run(test)
 
 
-def test_a_sender_is_paused_where_too_much_is_held_up(
+def test_a_sender_is_paused_if_too_much_is_delayed(
     run: Any, load: Load, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Memory is bounded, and when it goes on nothing is missing."""
+    """Memory is bounded, and no bytes are missing afterwards."""
     monkeypatch.setattr(connection_module, "HELD_BYTES", 1000)
     data = IDLE + Frame(C2A, 0x0D, b"a.rob").encode() * 20_000
 

@@ -1,4 +1,4 @@
-"""Files of faults: every fault can be said, and what is wrong is one sentence."""
+"""Files of injection rules and their error messages."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -18,20 +18,20 @@ DROP = '[[rule]]\nfault = "drop"\n'
 
 
 @pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.stem)
-def test_the_samples_can_be_read(path: Path) -> None:
+def test_the_samples_are_valid(path: Path) -> None:
     """Each has rules, and the README names it."""
     assert load_injection(path).rules
     assert f"`{path.name}`" in (path.parent / "README.md").read_text()
 
 
 def test_the_samples_show_every_fault() -> None:
-    """So that nobody has to guess how one is written."""
+    """The samples use every kind of fault."""
     shown = {type(rule.fault) for path in SAMPLES for rule in load_injection(path).rules}
     assert shown == set(injection_file._FAULTS.values())
 
 
-def test_the_documented_file_can_be_read(load: Load) -> None:
-    """What the module says is a file is one; its name is in the capture."""
+def test_the_documented_file_is_valid(load: Load) -> None:
+    """The example in the docstring of the module is valid; its name is in the capture."""
     assert injection_file.__doc__
     lines = injection_file.__doc__.partition("    seed = 7")[2].partition("\nOnly")[0].splitlines()
     injection = load("seed = 7" + "\n".join(line.removeprefix("    ") for line in lines))
@@ -90,8 +90,8 @@ def test_the_documented_file_can_be_read(load: Load) -> None:
         ),
     ],
 )
-def test_what_is_wrong_in_a_file_is_one_sentence(load: Load, text: str, sentence: str) -> None:
-    """Which file, which rule, which key, and what may stand there; nothing else is shown."""
+def test_an_invalid_file(load: Load, text: str, sentence: str) -> None:
+    """One sentence: the file, the rule, the key, and the valid values."""
     with pytest.raises(InjectionError) as caught:
         load(text)
     message = str(caught.value)
@@ -100,8 +100,8 @@ def test_what_is_wrong_in_a_file_is_one_sentence(load: Load, text: str, sentence
     assert len(message) < 500
 
 
-def test_a_file_that_cannot_be_read_is_one_sentence(tmp_path: Path) -> None:
-    """Nor is a folder, or what is no text."""
+def test_an_unreadable_file(tmp_path: Path) -> None:
+    """A missing file, a folder, or a file that is not text."""
     with pytest.raises(InjectionError, match="nowhere: it cannot be read: No such file"):
         load_injection(tmp_path / "nowhere")
     (tmp_path / "binary").write_bytes(b"\xff\xfe")
@@ -109,8 +109,8 @@ def test_a_file_that_cannot_be_read_is_one_sentence(tmp_path: Path) -> None:
         load_injection(tmp_path / "binary")
 
 
-def test_every_command_can_be_meant_in_every_part_that_it_has(load: Load) -> None:
-    """No condition that can hold is refused."""
+def test_every_part_of_every_command_can_be_selected(load: Load) -> None:
+    """No condition that can be met is refused."""
     for command in COMMANDS:
         parts = ("request", "reply", "result") if command.two_stage else ("request", "reply")
         for part in parts:

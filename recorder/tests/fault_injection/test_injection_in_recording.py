@@ -1,4 +1,4 @@
-"""What a recording and its judge make of faults on purpose."""
+"""Injected faults in a recording, and how the judge treats them."""
 
 import asyncio
 from collections import Counter
@@ -39,7 +39,7 @@ def verdicts(events: Iterable[WireEvent]) -> list[tuple[Verdict, str]]:
 
 
 def unanswered(talk: Any, *, injected: bool) -> None:
-    """A request without reply, and a while after it some with."""
+    """Add a request without a reply, and later some with replies."""
     talk.ask("get_version")
     if injected:
         talk.mark(A2C, Kind.INJECTED, "get_version request at bytes 14-17: rule 1: not passed on")
@@ -48,8 +48,8 @@ def unanswered(talk: Any, *, injected: bool) -> None:
         talk.ask("get_status", None, "00")
 
 
-def test_a_fault_on_purpose_fails_nobody(new_talk: Callable[[], Any]) -> None:
-    """The same silence fails a controller that got the request; and one that gets the next."""
+def test_an_injected_fault_causes_no_failure(new_talk: Callable[[], Any]) -> None:
+    """Without the injected fault the same silence is a failure, for each of two requests."""
     failed = []
     for first, second in ((False, False), (True, False), (True, True)):
         talk = new_talk()
@@ -63,8 +63,8 @@ def test_a_fault_on_purpose_fails_nobody(new_talk: Callable[[], Any]) -> None:
     assert both == []
 
 
-def test_whatever_request_is_dropped_nobody_is_blamed_for_it(shift: list[WireEvent]) -> None:
-    """Login, transfer, run, stop: the controller never got it, and the client goes on as it did."""
+def test_no_dropped_request_causes_a_failure(shift: list[WireEvent]) -> None:
+    """The controller did not receive the request, and the client continues as recorded."""
     before = Counter(verdicts(shift))
     asked = [
         at
@@ -83,7 +83,7 @@ def test_whatever_request_is_dropped_nobody_is_blamed_for_it(shift: list[WireEve
     assert [at for at, told in blamed if told] == []
 
 
-def test_a_log_says_what_was_done() -> None:
+def test_faults_in_the_log() -> None:
     """In the recording and in the viewer."""
     event = WireEvent(7, "3", C2A, Kind.INJECTED, note="get_status reply: rule 1: not passed on")
     assert event_text.log_line(Injected(event)) == (
@@ -94,7 +94,7 @@ def test_a_log_says_what_was_done() -> None:
 
 
 def test_a_session_counts_faults_by_connection(talk: Any) -> None:
-    """And keeps the addresses."""
+    """The addresses are kept."""
     talk.mark(A2C, Kind.OPENED, "a > b")
     unanswered(talk, injected=True)
     unanswered(talk, injected=True)
@@ -107,8 +107,8 @@ def test_a_session_counts_faults_by_connection(talk: Any) -> None:
     assert [c.note for c in session.connections] == ["a > b; injected faults: 2"]
 
 
-def test_a_recording_holds_the_faults(load: Load, tmp_path: Path) -> None:
-    """From the rule to the file, through all processes: raw bytes as sent, and each fault."""
+def test_faults_in_a_recording(load: Load, tmp_path: Path) -> None:
+    """From the rule to the file, through all processes: the original raw bytes, and each fault."""
     injection = load('[[rule]]\nfault = "drop"\npart = "request"\nnth = 2\n')
     status = BY_NAME["get_status"]
     sink = partial(capture_sink, session={}, draw=False)

@@ -1,4 +1,4 @@
-"""Faults are done to the frames that are meant, told each time, and never out of order."""
+"""The injector applies faults to the selected frames, records each fault and keeps the order."""
 
 import math
 import tomllib
@@ -38,7 +38,7 @@ Load = Callable[[str], Injection]
 
 @pytest.fixture
 def injector(load: Load) -> Callable[..., Injector]:
-    """Follows a connection by the rules of a text, each begun for it by a word."""
+    """Create an injector with rules from a text."""
 
     def make(text: str, connection: int = 1) -> Injector:
         return Injector(load(text), connection)
@@ -59,7 +59,7 @@ def notes(actions: Iterable[Action]) -> list[str]:
 
 
 def run_out(injector: Injector) -> list[tuple[float, Action]]:
-    """Let time pass until nothing waits."""
+    """Advance the time until no frame waits."""
     done: list[tuple[float, Action]] = []
     for _ in range(100_000):
         if (now_s := injector.next_s) == math.inf:
@@ -93,10 +93,10 @@ ORDERLY = [
 
 
 @given(arrivals)
-def test_without_a_hit_every_byte_goes_on_in_order(
+def test_unselected_bytes_are_forwarded_in_order(
     stream: list[tuple[Direction, bytes, float]],
 ) -> None:
-    """Frames, pieces of frames and noise, split anyhow: all of it, unchanged, and nothing told."""
+    """Frames, parts of frames and noise in any pieces: unchanged, without a note."""
     injector = Injector(Injection(()), 1)
     now_s, actions = 0.0, []
     for direction, data, after_s in stream:
@@ -113,10 +113,10 @@ def test_without_a_hit_every_byte_goes_on_in_order(
 
 
 @given(arrivals, st.sets(st.sampled_from(ORDERLY)), st.integers(0, 5))
-def test_faults_in_time_keep_all_bytes_and_their_order(
+def test_timing_faults_keep_all_bytes_and_their_order(
     stream: list[tuple[Direction, bytes, float]], rules: set[str], seed: int
 ) -> None:
-    """Whatever is late, in pieces or held back: the stream is the same, and its end its last."""
+    """Delays, fragments and held frames do not change the stream; the end comes last."""
     table = tomllib.loads(f"seed = {seed}\n{''.join(sorted(rules))}")
     injector = Injector(injection_file._injection({"rule": [], **table}), 1)
     now_s, actions = 0.0, []
@@ -136,10 +136,10 @@ def test_faults_in_time_keep_all_bytes_and_their_order(
 
 
 @given(arrivals, st.sampled_from(SAMPLES), st.integers(0, 30))
-def test_an_end_lets_everything_go(
+def test_a_flush_forwards_everything(
     stream: list[tuple[Direction, bytes, float]], sample: Path, count: int
 ) -> None:
-    """After a flush nothing waits, nothing comes, and there is nothing left to call back for."""
+    """After a flush no frame waits and no callback is needed."""
     injector = Injector(load_injection(sample), 1)
     for direction, data, _ in stream[:count]:
         injector.receive(direction, data, 0.0)
@@ -153,8 +153,8 @@ def test_an_end_lets_everything_go(
 # What each fault does.
 
 
-def test_a_delay_holds_a_frame_and_what_is_behind_it(injector: Any) -> None:
-    """Nothing overtakes; both are told of, with their place."""
+def test_a_delay_also_delays_later_frames(injector: Any) -> None:
+    """The order is kept; both are noted with their position."""
     late = injector(rule("delay", "delay_ms = 250", 'command = "get_status"', 'part = "reply"'))
     assert late.receive(A2C, ASK, 1.0) == [Forward(A2C, ASK)]
     assert late.receive(C2A, IDLE, 1.0) == [
@@ -168,8 +168,8 @@ def test_a_delay_holds_a_frame_and_what_is_behind_it(injector: Any) -> None:
     assert late.tick(1.25) == [Forward(C2A, IDLE + RESULT)]
 
 
-def test_jitter_is_the_same_again_and_apart_for_each_connection(injector: Any) -> None:
-    """The seed alone decides, not what happens elsewhere."""
+def test_jitter_is_reproducible_per_connection(injector: Any) -> None:
+    """Only the seed and the connection decide."""
     text = "seed = 5\n" + rule("jitter", "jitter_ms = 100")
 
     def waits(connection: int) -> list[str]:
@@ -181,8 +181,8 @@ def test_jitter_is_the_same_again_and_apart_for_each_connection(injector: Any) -
     assert len(set(waits(1))) == 5
 
 
-def test_fragments_are_apart_however_late_the_clock(injector: Any) -> None:
-    """The gap counts from when the piece before really went."""
+def test_the_delay_between_fragments(injector: Any) -> None:
+    """It starts when the previous piece was actually forwarded."""
     torn = injector(rule("fragment", "size_bytes = 3", "gap_ms = 10"))
     (told, first) = torn.receive(C2A, IDLE, 0.0)
     assert told.note.endswith("rule 1: in pieces of 3 bytes, 10 ms apart")
@@ -193,14 +193,14 @@ def test_fragments_are_apart_however_late_the_clock(injector: Any) -> None:
     assert torn.receive(C2A, b"\xcc", 7.0) == []
 
 
-def test_a_frame_that_is_no_longer_than_a_piece_is_left_alone(injector: Any) -> None:
-    """Where nothing was done, nothing is told."""
+def test_a_frame_shorter_than_a_fragment(injector: Any) -> None:
+    """Without a change there is no note."""
     torn = injector(rule("fragment", "size_bytes = 4") + rule("truncate", "keep_bytes = 100"))
     assert torn.receive(A2C, ASK, 0.0) == [Forward(A2C, ASK)]
 
 
-def test_coalesced_frames_go_as_one_piece(injector: Any) -> None:
-    """Three by three; what is too few goes when its time is over."""
+def test_coalesced_frames_are_forwarded_together(injector: Any) -> None:
+    """Three at a time; fewer after the timeout."""
     together = injector(rule("coalesce", "frames = 3", "within_ms = 100", 'direction = "A2C"'))
     for _ in range(2):
         told = together.receive(A2C, ASK, 0.0)
@@ -214,8 +214,8 @@ def test_coalesced_frames_go_as_one_piece(injector: Any) -> None:
     ]
 
 
-def test_what_is_held_back_goes_when_the_other_side_has_spoken(injector: Any) -> None:
-    """The condition may come from either side; it is told when the frame went."""
+def test_hold_back_until_a_command(injector: Any) -> None:
+    """The command may come from either side; the note states when the frame was forwarded."""
     hold = 'until_command = "emergency_stop"'
     held = injector(rule("hold-back", 'part = "result"', hold, "at_most_ms = 60_000"))
     assert held.receive(A2C, STOP, 0.0) == [Forward(A2C, STOP)]
@@ -236,8 +236,8 @@ def test_what_is_held_back_goes_when_the_other_side_has_spoken(injector: Any) ->
     assert sent(held.tick(64.0), C2A) == RESULT
 
 
-def test_drop_truncate_and_corrupt_change_what_goes_and_tell_it(injector: Any) -> None:
-    """And nothing else: what is around them goes on as it came."""
+def test_drop_truncate_and_corrupt(injector: Any) -> None:
+    """Each changes only its frame and adds a note."""
     damaged = injector(
         rule("drop", "command = 0x70")
         + rule("truncate", "keep_bytes = 3", 'command = "get_time"')
@@ -253,7 +253,7 @@ def test_drop_truncate_and_corrupt_change_what_goes_and_tell_it(injector: Any) -
 
 
 def test_corruption_always_changes_one_byte(injector: Any) -> None:
-    """Wherever it falls; a place beyond the frame's end is none."""
+    """At any position; a position after the end of the frame is invalid."""
     anywhere = injector(rule("corrupt"))
     for _ in range(200):
         changed = sent(anywhere.receive(A2C, UNDEFINED, 0.0), A2C)
@@ -262,8 +262,8 @@ def test_corruption_always_changes_one_byte(injector: Any) -> None:
     assert injector(rule("corrupt", "at_bytes = -5")).receive(A2C, ASK, 0.0) == [Forward(A2C, ASK)]
 
 
-def test_a_reset_comes_in_the_place_of_its_frame(injector: Any) -> None:
-    """What was before it still goes; what comes after is nobody's."""
+def test_a_reset_replaces_its_frame(injector: Any) -> None:
+    """Earlier bytes are forwarded; later bytes are discarded."""
     cut = injector(rule("reset", 'command = "emergency_stop"'))
     assert cut.receive(A2C, ASK + STOP + ASK, 0.0) == [
         InjectionNote(
@@ -276,16 +276,16 @@ def test_a_reset_comes_in_the_place_of_its_frame(injector: Any) -> None:
     assert cut.flush() == []
 
 
-def test_all_rules_that_hit_are_done(injector: Any) -> None:
-    """In their order, and each is told."""
+def test_all_matching_rules_are_applied(injector: Any) -> None:
+    """In their order, each with a note."""
     both = injector(rule("delay", "delay_ms = 5") + rule("delay", "delay_ms = 7") + rule("drop"))
     assert len(notes(both.receive(A2C, ASK, 0.0))) == 3
     assert both.next_s == pytest.approx(0.012)
     assert both.tick(1.0) == []
 
 
-def test_what_waits_goes_when_the_connection_ends(injector: Any) -> None:
-    """At once, an unfinished frame behind it; that is told."""
+def test_delayed_frames_at_the_end_of_the_connection(injector: Any) -> None:
+    """They are forwarded at once, then a partial frame; with a note."""
     late = injector(rule("delay", "delay_ms = 1000", 'direction = "C2A"'))
     late.receive(C2A, IDLE + IDLE[:3], 0.0)
     assert late.flush() == [
@@ -294,8 +294,8 @@ def test_what_waits_goes_when_the_connection_ends(injector: Any) -> None:
     ]
 
 
-def test_an_unfinished_frame_does_not_wait_for_ever(injector: Any) -> None:
-    """Its receiver is to see the silence; its rest goes on too, and is no frame."""
+def test_a_partial_frame_has_a_timeout(injector: Any) -> None:
+    """The receiver sees the pause; the rest is forwarded as invalid bytes."""
     drop = injector(rule("drop"))
     assert drop.receive(A2C, UNDEFINED[:3], 1.0) == []
     assert drop.next_s == 1.0 + PARTIAL_FRAME_S
@@ -320,15 +320,15 @@ def test_an_unfinished_frame_does_not_wait_for_ever(injector: Any) -> None:
         ("command = 9\nnth = 3", [3]),
     ],
 )
-def test_which_frames_are_hit(injector: Any, pick: str, hit: list[int]) -> None:
-    """Counted among those that are meant: others between them do not count."""
+def test_frame_selection(injector: Any, pick: str, hit: list[int]) -> None:
+    """Only frames that match the conditions are counted."""
     drop = injector(rule("drop", pick))
     hits = [n for n in range(1, 7) if not sent(drop.receive(A2C, ASK, n), A2C)]
     assert hits == hit
 
 
-def test_others_do_not_count(injector: Any) -> None:
-    """The second status is the second, whatever else was asked; each connection counts anew."""
+def test_other_frames_do_not_count(injector: Any) -> None:
+    """Other requests between two statuses do not count; each connection has its own count."""
     text = rule("drop", 'command = "get_status"', 'part = "request"', "nth = 2")
     for number in (1, 2):
         drop = injector(text, number)
@@ -337,8 +337,8 @@ def test_others_do_not_count(injector: Any) -> None:
         assert not sent(drop.receive(A2C, ASK, 0.0), A2C)
 
 
-def test_probability_is_about_that(injector: Any) -> None:
-    """And the same again with the same seed, another with another."""
+def test_probability(injector: Any) -> None:
+    """Reproducible with the same seed, different with another seed."""
 
     def hits(seed: int) -> list[int]:
         drop = injector(f"seed = {seed}\n" + rule("drop", "probability = 0.25"))
@@ -349,8 +349,8 @@ def test_probability_is_about_that(injector: Any) -> None:
 
 
 @pytest.mark.parametrize("fault", sorted(injection_file._FAULTS))
-def test_notes_hold_no_payload(load: Load, fault: str) -> None:
-    """A password is in no record but the raw bytes, which can be redacted."""
+def test_notes_contain_no_payload(load: Load, fault: str) -> None:
+    """A password is only in the raw bytes, which can be redacted."""
     measures = {
         "delay": ("delay_ms = 1",),
         "jitter": ("jitter_ms = 1",),

@@ -1,4 +1,4 @@
-"""A recorder that is left running for weeks: rotation and room on the disk together."""
+"""Archive of a recorder that runs for weeks: rotation and disk space together."""
 
 import errno
 import gc
@@ -31,7 +31,7 @@ GB = 10**9
 
 
 class Recorder:
-    """A sink with a clock and a disk, fed as the scribe does."""
+    """A sink with a clock and a disk, used like by the writer process."""
 
     def __init__(self, folder: Path, archive: Archive, now_ns: int, free_bytes: int = GB) -> None:
         self.folder = folder
@@ -46,7 +46,7 @@ class Recorder:
         )
 
     def feed(self, events: Iterable[WireEvent]) -> None:
-        """Write events, with a tick after each quarter of a second."""
+        """Write events, with a tick every quarter of a second."""
         for event in events:
             while self.now_ns + SECOND_NS // 4 <= event.time_ns:
                 self.now_ns += SECOND_NS // 4
@@ -60,7 +60,7 @@ class Recorder:
 
 
 def sinks() -> list[McapSink | RerunSink]:
-    """Those that there are in this process."""
+    """Return the sinks that exist in this process."""
     return [each for each in gc.get_objects() if type(each) in (McapSink, RerunSink)]
 
 
@@ -68,8 +68,8 @@ def payload(paths: Iterable[Path]) -> bytes:
     return b"".join(event.data for path in paths for event in read_mcap(path))
 
 
-def test_one_file_after_another_is_whole(tmp_path: Path, shift: list[WireEvent]) -> None:
-    """Together they hold all that passed, and each is listed."""
+def test_all_files_are_complete(tmp_path: Path, shift: list[WireEvent]) -> None:
+    """Together they contain all traffic, and each is listed."""
     archive = Archive("cell 2", draw=False, rotate=parse_rotation("1s"), triggers=("refusal",))
     recorder = Recorder(tmp_path, archive, shift[0].time_ns)
     recorder.feed(shift)
@@ -79,8 +79,8 @@ def test_one_file_after_another_is_whole(tmp_path: Path, shift: list[WireEvent])
     assert payload(tmp_path / name for name in files) == b"".join(event.data for event in shift)
 
 
-def test_a_file_that_has_ended_is_forgotten_at_once(tmp_path: Path, shift: list[WireEvent]) -> None:
-    """Nothing waits for the collector, which a scribe seldom runs."""
+def test_a_closed_file_is_released_at_once(tmp_path: Path, shift: list[WireEvent]) -> None:
+    """Without the garbage collector, which the writer process seldom runs."""
     recorder = Recorder(tmp_path, Archive("cell 2", rotate=parse_rotation("1s")), shift[0].time_ns)
     gc.collect()
     gc.disable()
@@ -95,8 +95,8 @@ def test_a_file_that_has_ended_is_forgotten_at_once(tmp_path: Path, shift: list[
     assert kinds == {McapSink: 1, RerunSink: 1}
 
 
-def test_passwords_are_nowhere(tmp_path: Path, shift: list[WireEvent]) -> None:
-    """Redaction is in front of all files."""
+def test_redaction_applies_to_all_files(tmp_path: Path, shift: list[WireEvent]) -> None:
+    """No file contains a password."""
     archive = Archive("cell 2", draw=False, redact=True)
     recorder = Recorder(tmp_path, archive, shift[0].time_ns)
     recorder.feed(shift)
@@ -107,8 +107,8 @@ def test_passwords_are_nowhere(tmp_path: Path, shift: list[WireEvent]) -> None:
     assert b"open sesame" not in data
 
 
-def test_a_killed_recorder_goes_on(tmp_path: Path, shift: list[WireEvent]) -> None:
-    """Its file is repaired and listed at the next start, before anything new is written."""
+def test_restart_after_a_kill(tmp_path: Path, shift: list[WireEvent]) -> None:
+    """The file is repaired and listed at the next start, before new events are written."""
     archive = Archive("cell 2", draw=False)
     recorder = Recorder(tmp_path, archive, shift[0].time_ns)
     recorder.feed(shift)
@@ -123,10 +123,10 @@ def test_a_killed_recorder_goes_on(tmp_path: Path, shift: list[WireEvent]) -> No
     again.sink.close()
 
 
-def test_room_is_made_before_a_file_is_repaired(
+def test_disk_space_is_freed_before_a_repair(
     tmp_path: Path, shift: list[WireEvent], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """On a full disk the oldest recording goes first, or the recorder would wait for ever."""
+    """On a full disk the oldest recording is removed first; else the repair would wait forever."""
     for _ in range(2):
         recorder = Recorder(tmp_path, Archive("cell 2", draw=False), shift[0].time_ns)
         recorder.feed(shift)
@@ -149,8 +149,8 @@ def test_room_is_made_before_a_file_is_repaired(
     again.sink.close()
 
 
-def test_room_is_made_while_it_runs(tmp_path: Path, talk: Any) -> None:
-    """Looked for every few seconds, and what is being written stays."""
+def test_disk_space_is_freed_during_a_recording(tmp_path: Path, talk: Any) -> None:
+    """Checked every few seconds; the current file is kept."""
     keep = parse_limits("30s")
     archive = Archive("x", draw=False, rotate=parse_rotation("5s"), keep=keep)
     talk.mark(A2C, Kind.OPENED)
@@ -168,8 +168,8 @@ def test_room_is_made_while_it_runs(tmp_path: Path, talk: Any) -> None:
     assert 6 <= len(left) <= 10
 
 
-def test_a_disk_without_room_ends_the_files_and_stops(tmp_path: Path, talk: Any) -> None:
-    """In order, so that what was taken is safe; the next one begins when there is room again."""
+def test_a_full_disk_ends_the_files(tmp_path: Path, talk: Any) -> None:
+    """In order, so that written events are safe; the next file starts when there is space again."""
     archive = Archive("x", draw=False, min_free_bytes=2 * GB)
     talk.mark(A2C, Kind.OPENED)
     talk.ask("get_status", None, "00")
@@ -190,8 +190,8 @@ def test_a_disk_without_room_ends_the_files_and_stops(tmp_path: Path, talk: Any)
     Recorder(tmp_path, archive, talk.time_ns, free_bytes=3 * GB).sink.close()
 
 
-def test_it_can_be_handed_to_another_process() -> None:
-    """Which the scribe is."""
+def test_the_sink_is_picklable() -> None:
+    """The writer is another process."""
     archive = Archive(
         "x", rotate=parse_rotation("1h"), keep=parse_limits("30d"), triggers=("refusal",)
     )
@@ -199,8 +199,8 @@ def test_it_can_be_handed_to_another_process() -> None:
     assert make.keywords == {"archive": archive}
 
 
-def test_what_is_drawn_belongs_to_its_file(tmp_path: Path, shift: list[WireEvent]) -> None:
-    """A picture for each, which goes when its file goes."""
+def test_each_recording_has_its_rrd_file(tmp_path: Path, shift: list[WireEvent]) -> None:
+    """It is removed with its recording."""
     rotate, keep = parse_rotation("connection"), parse_limits("1h")
     recorder = Recorder(tmp_path, Archive("x", rotate=rotate, keep=keep), shift[0].time_ns)
     recorder.feed(shift)

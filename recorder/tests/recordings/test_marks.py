@@ -1,4 +1,4 @@
-"""A trigger marks its moment in the log of the recording."""
+"""A trigger adds a mark to the log of the recording."""
 
 import logging
 from collections.abc import Callable, Iterable, Mapping
@@ -29,7 +29,7 @@ Marks = list[tuple[int, str]]
 
 
 class Tape:
-    """An output that keeps what it is given, in order."""
+    """An output that stores everything in order."""
 
     def __init__(self) -> None:
         self.told: list[Any] = []
@@ -53,7 +53,7 @@ class Tape:
         self.told.append(summary)
 
 
-class Watched:
+class SinkWithTriggers:
     """A sink with triggers."""
 
     def __init__(self, *triggers: str) -> None:
@@ -67,7 +67,7 @@ class Watched:
 
 
 def marks(path: Path) -> Marks:
-    """Those that an MCAP file holds."""
+    """Return the marks of an MCAP file."""
     with path.open("rb") as file:
         found = [
             (message.log_time, Log.FromString(message.data))
@@ -79,7 +79,7 @@ def marks(path: Path) -> Marks:
 
 @pytest.fixture
 def session(talk: Any) -> Any:
-    """A conversation after its login."""
+    """Return a conversation after its login."""
     talk.mark(A2C, Kind.OPENED, "10.0.0.1:5 to 10.0.0.2:8877")
     talk.ask("login", b"password", reply=True)
     talk.ask("get_status", None, "00")
@@ -87,10 +87,10 @@ def session(talk: Any) -> Any:
 
 
 def test_a_mark_has_the_time_and_the_reason(session: Any, caplog: pytest.LogCaptureFixture) -> None:
-    """In the recording, and in the log of the process, as `scaraspec view --at` takes it."""
+    """In the recording and in the log of the process, in the form of `scaraspec view --at`."""
     session.ask("reset", None, REFUSED)
     session.mark(A2C, Kind.CLOSED)
-    watched = Watched("refusal", "disconnect", "code:12")
+    watched = SinkWithTriggers("refusal", "disconnect", "code:12")
     assert watched.feed(session.events) == [
         (session.time_ns, "refusal: reset: refused 01 running a program"),
         (session.time_ns, "disconnect: connection 1 closed"),
@@ -101,9 +101,9 @@ def test_a_mark_has_the_time_and_the_reason(session: Any, caplog: pytest.LogCapt
     ]
 
 
-def test_everything_else_passes_as_without_triggers(shift: list[WireEvent]) -> None:
-    """A mark comes behind what brought it about, and before the tick that makes it durable."""
-    plain, watched = Watched(), Watched("refusal", "signal")
+def test_triggers_do_not_change_other_outputs(shift: list[WireEvent]) -> None:
+    """A mark is after its event and before the tick that makes it durable."""
+    plain, watched = SinkWithTriggers(), SinkWithTriggers("refusal", "signal")
     for each in (plain, watched):
         each.feed(shift)
         each.folder.notify_mark_request()
@@ -117,9 +117,9 @@ def test_everything_else_passes_as_without_triggers(shift: list[WireEvent]) -> N
     assert list(map(type, told)) == list(map(type, plain.tape.told))
 
 
-def test_time_alone_fires(session: Any) -> None:
-    """Ticks are all there is: silence is noticed, once, and at its time."""
-    watched = Watched("silence:4s")
+def test_a_tick_can_fire_a_trigger(session: Any) -> None:
+    """Silence is detected by ticks, once and at the right time."""
+    watched = SinkWithTriggers("silence:4s")
     assert watched.feed(session.events) == []
     quiet_ns = session.time_ns
     for quarter in range(4 * 20):
@@ -128,9 +128,9 @@ def test_time_alone_fires(session: Any) -> None:
     assert watched.tape.marks == [(noticed_ns, "silence:4s: no bytes on connection 1 for 4.0 s")]
 
 
-def test_a_writer_that_lags_takes_nothing_for_silence(session: Any) -> None:
-    """Its clock is that of what it gets: late is not silent."""
-    watched = Watched("silence:4s", "late:1s")
+def test_a_slow_writer_detects_no_silence(session: Any) -> None:
+    """Its clock is that of the events: delayed events are not silence."""
+    watched = SinkWithTriggers("silence:4s", "late:1s")
     for event in session.events:
         watched.sink.write(event)
         watched.sink.tick(event.time_ns + 3600 * SECOND_NS)
@@ -138,8 +138,8 @@ def test_a_writer_that_lags_takes_nothing_for_silence(session: Any) -> None:
 
 
 def test_the_user_gets_a_mark_at_the_next_tick(session: Any) -> None:
-    """Also while nothing happens at all."""
-    watched = Watched("signal")
+    """Also without traffic."""
+    watched = SinkWithTriggers("signal")
     watched.folder.notify_mark_request()
     watched.sink.tick(session.events[0].time_ns - 1)
     watched.feed(session.events)
@@ -151,38 +151,34 @@ def test_the_user_gets_a_mark_at_the_next_tick(session: Any) -> None:
     ]
 
 
-def test_the_log_of_the_process_gets_only_so_many(
-    session: Any, caplog: pytest.LogCaptureFixture
-) -> None:
-    """The recording gets all; the next line that is logged says how many were left out."""
+def test_log_lines_are_limited(session: Any, caplog: pytest.LogCaptureFixture) -> None:
+    """The recording has all marks; the next log line states the number of omitted ones."""
     begin_ns = session.time_ns
     for _ in range(40):
         session.time_ns += 2 * SECOND_NS
         session.ask("reset", None, REFUSED)
-    assert len(Watched("refusal", "silence:1h").feed(session.events)) == 40
+    assert len(SinkWithTriggers("refusal", "silence:1h").feed(session.events)) == 40
     logged = [record.message for record in caplog.records]
     assert len(logged) == LOGGED_A_MINUTE + 40 - 30 - 4
     assert logged[LOGGED_A_MINUTE].endswith("(24 marks before this one were not logged)")
     assert session.time_ns - begin_ns == pytest.approx(80 * SECOND_NS, rel=0.01)
 
 
-def test_a_clock_that_is_set_back_silences_nothing(
+def test_a_clock_set_back_does_not_stop_log_lines(
     session: Any, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Else nothing would be logged until that clock has come so far again."""
+    """The limit of log lines does not wait for the old time."""
     for _ in range(LOGGED_A_MINUTE):
         session.ask("reset", None, REFUSED)
     session.time_ns -= 3600 * SECOND_NS
     session.ask("reset", None, REFUSED)
-    Watched("refusal").feed(session.events)
+    SinkWithTriggers("refusal").feed(session.events)
     assert len(caplog.records) == LOGGED_A_MINUTE + 1
 
 
 @pytest.mark.parametrize("redact", [False, True])
-def test_a_capture_in_one_file_is_marked(
-    tmp_path: Path, shift: list[WireEvent], *, redact: bool
-) -> None:
-    """The file is the same but for the marks, and no password is in them."""
+def test_marks_in_a_single_file(tmp_path: Path, shift: list[WireEvent], *, redact: bool) -> None:
+    """The file is otherwise unchanged, and the marks contain no password."""
     sink = capture_sink(
         OutputFolder(tmp_path, []), draw=False, redact=redact, triggers=("refusal", "malformed")
     )
@@ -197,8 +193,8 @@ def test_a_capture_in_one_file_is_marked(
     assert "open sesame" not in f"{marks(path)}"
 
 
-class Files:
-    """Files that rotate, with triggers, fed by hand."""
+class RotatedFiles:
+    """Rotated files with triggers."""
 
     def __init__(self, folder: Path, rotate: str, *triggers: str, draw: bool = False) -> None:
         archive = Archive("x", draw=draw, rotate=parse_rotation(rotate), triggers=triggers)
@@ -211,9 +207,9 @@ class Files:
         return [marks(path) for path in sorted(self.path.glob("*.mcap"))]
 
 
-def test_a_mark_is_in_the_file_of_its_moment(tmp_path: Path, talk: Any) -> None:
-    """Also that which the last event of a file brings about."""
-    files = Files(tmp_path, "connection", "disconnect")
+def test_a_mark_is_in_the_file_of_its_event(tmp_path: Path, talk: Any) -> None:
+    """Also if the last event of a file causes it."""
+    files = RotatedFiles(tmp_path, "connection", "disconnect")
     for number in range(3):
         talk.connection = f"{number}"
         talk.mark(A2C, Kind.OPENED)
@@ -227,9 +223,9 @@ def test_a_mark_is_in_the_file_of_its_moment(tmp_path: Path, talk: Any) -> None:
     ]
 
 
-def test_a_mark_between_two_files_has_one(tmp_path: Path, session: Any) -> None:
-    """It begins the next file, drawing and all; events then go on in there."""
-    files = Files(tmp_path, "1s", "signal", draw=True)
+def test_a_mark_between_two_files(tmp_path: Path, session: Any) -> None:
+    """It starts the next file, with the .rrd file; later events are in the same file."""
+    files = RotatedFiles(tmp_path, "1s", "signal", draw=True)
     now_ns = session.events[0].time_ns - SECOND_NS
     files.folder.notify_mark_request()
     files.sink.tick(now_ns)
@@ -242,26 +238,24 @@ def test_a_mark_between_two_files_has_one(tmp_path: Path, session: Any) -> None:
     assert path.with_suffix(".rrd").stat().st_size
 
 
-def test_a_file_that_holds_only_a_mark_is_whole(
-    tmp_path: Path, new_talk: Callable[[], Any]
-) -> None:
-    """The user asked for it while nothing happened at all."""
-    files = Files(tmp_path, "1h", "signal")
+def test_a_file_with_only_a_mark_is_complete(tmp_path: Path, new_talk: Callable[[], Any]) -> None:
+    """The user requested a mark without any traffic."""
+    files = RotatedFiles(tmp_path, "1h", "signal")
     files.folder.notify_mark_request()
     files.sink.tick(new_talk().time_ns)
     files.sink.close()
     assert [len(found) for found in files.marks] == [1]
     (path,) = tmp_path.glob("*.mcap")
     assert list(read_mcap(path)) == []
-    again = Files(tmp_path, "1h")
+    again = RotatedFiles(tmp_path, "1h")
     again.sink.close()
     assert path.exists()
 
 
-def test_a_wrong_condition_makes_no_output() -> None:
-    """It is found before anything is recorded."""
+def test_an_invalid_trigger() -> None:
+    """The error is raised before the recording."""
     with pytest.raises(ValueError, match="'bang' is not a trigger"):
-        Watched("bang")
+        SinkWithTriggers("bang")
 
 
 @pytest.fixture(autouse=True)

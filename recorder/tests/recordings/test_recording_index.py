@@ -1,4 +1,4 @@
-"""The table of contents says what lies in the folder, whatever became of those who wrote it."""
+"""The index of a folder is correct, however the recorders ended."""
 
 import errno
 import json
@@ -59,14 +59,14 @@ def refuse(*_: object) -> None:
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory, shift: list[WireEvent]) -> Path:
-    """A folder with the shift in it, which is only read."""
+    """Return a folder with the recorded shift; tests only read it."""
     folder = tmp_path_factory.mktemp("recorded")
     record(folder, shift, draw=True)
     return folder
 
 
-def test_an_entry_says_what_the_file_holds(recorded: Path, shift: list[WireEvent]) -> None:
-    """When, how much, what was wrong, and the checksum of each stream; and which files it means."""
+def test_content_of_an_entry(recorded: Path, shift: list[WireEvent]) -> None:
+    """Times, counts, problems, the checksum of each stream, and the files."""
     (entry,) = lines(recorded)
     picture = NAME.replace(".mcap", ".rrd")
     assert (entry["name"], entry["files"]) == (NAME, [NAME, picture])
@@ -84,10 +84,8 @@ def test_an_entry_says_what_the_file_holds(recorded: Path, shift: list[WireEvent
 
 
 @pytest.mark.parametrize("table", [b"null\n{}\n", b'{"name": "x"', b"\xff\x00\n[1]\n"])
-def test_a_table_that_is_lost_or_torn_is_made_again(
-    recorded: Path, tmp_path: Path, table: bytes
-) -> None:
-    """From the files alone, to the letter."""
+def test_a_damaged_index_is_rebuilt(recorded: Path, tmp_path: Path, table: bytes) -> None:
+    """From the files alone, with the same content."""
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
     (tmp_path / FILE_NAME).write_bytes(table)
     RecordingIndex(tmp_path).save()
@@ -95,18 +93,18 @@ def test_a_table_that_is_lost_or_torn_is_made_again(
     assert not list(tmp_path.glob(".*"))
 
 
-def test_a_table_that_was_deleted_is_made_again(recorded: Path, tmp_path: Path) -> None:
-    """So is one that never was."""
+def test_a_deleted_index_is_rebuilt(recorded: Path, tmp_path: Path) -> None:
+    """Also if there never was one."""
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
     (tmp_path / FILE_NAME).unlink()
     RecordingIndex(tmp_path).save()
     assert lines(tmp_path) == lines(recorded)
 
 
-def test_a_table_torn_anywhere_is_whole_again(
+def test_an_index_truncated_anywhere_is_rebuilt(
     recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of two entries, wherever the second breaks off, both are there at the next start."""
+    """Wherever the second of two entries is truncated, both exist after the next start."""
     monkeypatch.setattr("os.fsync", lambda _: None)
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
     second = "2026-11-20T23-58-37Z_line-3.mcap"
@@ -119,15 +117,17 @@ def test_a_table_torn_anywhere_is_whole_again(
         assert (tmp_path / FILE_NAME).read_bytes() == whole
 
 
-def test_a_start_that_finds_all_in_order_writes_nothing(recorded: Path) -> None:
-    """The table stays the very same file."""
+def test_a_correct_index_is_not_rewritten(recorded: Path) -> None:
+    """The file is unchanged."""
     before = (recorded / FILE_NAME).stat()
     RecordingIndex(recorded).save()
     assert (recorded / FILE_NAME).stat() == before
 
 
-def test_a_killed_recorder_has_its_file_repaired_and_listed(recorded: Path, tmp_path: Path) -> None:
-    """What was lost is in its entry; the picture belongs to it as it is."""
+def test_the_file_of_a_killed_recorder_is_repaired_and_listed(
+    recorded: Path, tmp_path: Path
+) -> None:
+    """The entry describes the loss; the .rrd file is kept."""
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
     capture = tmp_path / NAME
     capture.write_bytes(capture.read_bytes()[:-9])
@@ -141,14 +141,14 @@ def test_a_killed_recorder_has_its_file_repaired_and_listed(recorded: Path, tmp_
 
 
 @pytest.mark.parametrize("free_bytes", [0, 10**6])
-def test_a_file_is_repaired_as_soon_as_there_is_room(
+def test_a_file_is_repaired_when_there_is_space(
     recorded: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
     free_bytes: int,
 ) -> None:
-    """A disk that is full holds up everything; one that has too little for this alone does not."""
+    """Too little space for this file does not delay other files."""
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
     capture = tmp_path / NAME
     torn = capture.read_bytes()[:-9]
@@ -170,8 +170,8 @@ def test_a_file_is_repaired_as_soon_as_there_is_room(
     assert index.entries[NAME].notes
 
 
-def test_what_cannot_be_read_is_listed_too(tmp_path: Path) -> None:
-    """It takes room, so retention must know of it."""
+def test_unreadable_files_are_listed(tmp_path: Path) -> None:
+    """They use disk space, so retention must know them."""
     (tmp_path / NAME).write_bytes(b"damaged")
     RecordingIndex(tmp_path).save()
     (entry,) = lines(tmp_path)
@@ -179,7 +179,7 @@ def test_what_cannot_be_read_is_listed_too(tmp_path: Path) -> None:
     assert entry["begin_ns"] == entry["end_ns"] == (tmp_path / NAME).stat().st_mtime_ns
 
 
-def test_a_file_without_anything_is_removed(tmp_path: Path) -> None:
+def test_an_empty_file_is_removed(tmp_path: Path) -> None:
     """A recorder that is killed at once leaves one."""
     (tmp_path / NAME).touch()
     RecordingIndex(tmp_path).save()
@@ -187,10 +187,10 @@ def test_a_file_without_anything_is_removed(tmp_path: Path) -> None:
     assert not (tmp_path / NAME).exists()
 
 
-def test_a_file_is_listed_when_its_drawing_has_come_to_its_size(
+def test_a_file_is_listed_after_its_rrd_file_is_optimized(
     tmp_path: Path, shift: list[WireEvent], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """That takes time, for which nobody waits; a start in between finds the file by itself."""
+    """The recorder does not wait for that; a start in between finds the file."""
     optimized = Future[bool]()
     monkeypatch.setattr(recording_files, "optimize_later", lambda _: optimized)
     recording_folder = new_shelf(tmp_path, draw=True)
@@ -212,8 +212,8 @@ def test_a_file_is_listed_when_its_drawing_has_come_to_its_size(
     assert recording_folder.unlisted_bytes == 0
 
 
-def test_files_of_others_are_not_listed(tmp_path: Path) -> None:
-    """Only what is called as recordings are: the rest is not ours to count, mend or remove."""
+def test_foreign_files_are_not_listed(tmp_path: Path) -> None:
+    """Files without the name of a recording are not counted, repaired or removed."""
     for name in ("capture.mcap", "precious.mcap", "2026-11-20_line-3.mcap"):
         (tmp_path / name).write_bytes(b"mine")
     index = RecordingIndex(tmp_path)
@@ -222,8 +222,8 @@ def test_files_of_others_are_not_listed(tmp_path: Path) -> None:
     assert lines(tmp_path) == []
 
 
-def test_a_file_that_is_gone_is_noted(recorded: Path, tmp_path: Path) -> None:
-    """Somebody deleted it while no recorder ran."""
+def test_a_missing_file_is_noted(recorded: Path, tmp_path: Path) -> None:
+    """A user deleted it while no recorder was running."""
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
     (tmp_path / NAME).unlink()
     index = RecordingIndex(tmp_path)
@@ -233,8 +233,8 @@ def test_a_file_that_is_gone_is_noted(recorded: Path, tmp_path: Path) -> None:
     assert (line["removed"], line["reason"]) == (NAME, "it was not there any more")
 
 
-def test_a_removal_outlives_the_entry(recorded: Path, tmp_path: Path) -> None:
-    """It is appended, and kept when the table is written anew; the entry is not."""
+def test_removals_are_kept(recorded: Path, tmp_path: Path) -> None:
+    """They are appended, and kept when the index is rewritten; the entry is not."""
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
     index = RecordingIndex(tmp_path)
     for path in tmp_path.glob("2026*"):
@@ -249,8 +249,8 @@ def test_a_removal_outlives_the_entry(recorded: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("file", ["../outside", "..", "", "precious.mcap", 7, ["x"]])
-def test_an_entry_that_names_files_of_others_is_none(tmp_path: Path, file: Any) -> None:
-    """Whoever wrote that line: retention removes what entries name."""
+def test_an_entry_with_foreign_files_is_ignored(tmp_path: Path, file: Any) -> None:
+    """Retention removes the files of entries."""
     entry = {"name": NAME, "files": [NAME], "notes": [], "begin_ns": 0, "end_ns": 0}
     for key, value in (("files", [NAME, file]), ("name", file)):
         line = {**entry, "size_bytes": 7, key: value}
@@ -260,10 +260,10 @@ def test_an_entry_that_names_files_of_others_is_none(tmp_path: Path, file: Any) 
         assert lines(tmp_path) == []
 
 
-def test_a_full_disk_leaves_the_table_as_it_was(
+def test_a_full_disk_keeps_the_index(
     recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It is replaced in one step, or not at all."""
+    """It is replaced atomically."""
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
     torn = (tmp_path / FILE_NAME).read_bytes() + b"torn"
     (tmp_path / FILE_NAME).write_bytes(torn)
@@ -279,7 +279,7 @@ def test_a_full_disk_leaves_the_table_as_it_was(
 
 
 def test_many_connections_are_counted_and_not_all_listed(tmp_path: Path) -> None:
-    """A health check every second for weeks neither fills the table nor the memory."""
+    """A health check every second for weeks fills neither the index nor the memory."""
     sink = begin(new_shelf(tmp_path))
     for number in range(1500):
         for kind in (Kind.OPENED, Kind.CLOSED):
@@ -291,8 +291,8 @@ def test_many_connections_are_counted_and_not_all_listed(tmp_path: Path) -> None
     assert (len(entry["streams"]), entry["streams_left_out"]) == (2000, 1000)
 
 
-def test_files_are_called_by_time_and_robot() -> None:
-    """UTC, to the second."""
+def test_file_names() -> None:
+    """UTC with seconds, and the robot."""
     time_ns = 1_795_219_199_999_999_999
     assert file_stem(time_ns, "line-3") == "2026-11-20T23-59-59Z_line-3"
     assert file_stem(time_ns, "3号线") == "2026-11-20T23-59-59Z_3号线"
@@ -311,14 +311,14 @@ def test_files_are_called_by_time_and_robot() -> None:
         ("…", ""),
     ],
 )
-def test_a_hostile_name_is_made_safe(name: str, safe: str) -> None:
-    """No path, no control character, nothing hidden."""
+def test_hostile_names(name: str, safe: str) -> None:
+    """The file name has no path and no control character, and is not hidden."""
     assert safe_name(name) == safe
 
 
 @given(st.text(st.characters()))
-def test_any_name_makes_a_file(tmp_path_factory: pytest.TempPathFactory, robot: str) -> None:
-    """Whatever the robot is called, its file can be made, and is known again."""
+def test_any_robot_name(tmp_path_factory: pytest.TempPathFactory, robot: str) -> None:
+    """The file can be created, and its name is recognized."""
     name = f"{file_stem(1, robot)}.mcap"
     path = OutputFolder(tmp_path_factory.getbasetemp(), []).new(name)
     assert path.parent == tmp_path_factory.getbasetemp()
@@ -327,7 +327,7 @@ def test_any_name_makes_a_file(tmp_path_factory: pytest.TempPathFactory, robot: 
 
 
 def test_two_files_of_one_second_have_two_names(tmp_path: Path, talk: Any) -> None:
-    """Nothing is overwritten, and both are listed."""
+    """No file is overwritten, and both are listed."""
     talk.mark(Direction.A2C, Kind.OPENED)
     for _ in range(2):
         record(tmp_path, talk.events)

@@ -1,4 +1,4 @@
-"""What a recorder without rotation left is repaired before the next one writes."""
+"""Repair of the recording of an earlier recorder without rotation, before the next one writes."""
 
 import errno
 import os
@@ -21,8 +21,8 @@ def make(folder: OutputFolder) -> Sink:
 
 
 @pytest.fixture
-def torn(tmp_path: Path, shift: list[WireEvent]) -> Path:
-    """A recording that was not ended."""
+def unfinished(tmp_path: Path, shift: list[WireEvent]) -> Path:
+    """Return a recording that was not closed."""
     path = tmp_path / "capture.mcap"
     sink = McapSink(path.open("wb"))
     for event in shift:
@@ -32,10 +32,10 @@ def torn(tmp_path: Path, shift: list[WireEvent]) -> Path:
     return path
 
 
-def test_a_full_disk_is_waited_for(
-    torn: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+def test_the_start_waits_for_disk_space(
+    unfinished: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Nothing can be repaired, nor recorded; else the file would stay torn behind the recording."""
+    """Without space nothing can be repaired or recorded."""
     with monkeypatch.context() as full:
 
         def refuse(_: Path) -> None:
@@ -44,11 +44,11 @@ def test_a_full_disk_is_waited_for(
         full.setattr(recovery, "repair", refuse)
         full.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=0))
         with pytest.raises(OSError, match="No space left"):
-            sink_after_repair(OutputFolder(torn.parent, []), make=make)
-        assert [path.name for path in torn.parent.iterdir()] == [torn.name]
+            sink_after_repair(OutputFolder(unfinished.parent, []), make=make)
+        assert [path.name for path in unfinished.parent.iterdir()] == [unfinished.name]
         full.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=10**6))
-        sink_after_repair(OutputFolder(torn.parent, []), make=make).close()
+        sink_after_repair(OutputFolder(unfinished.parent, []), make=make).close()
         assert caplog.messages == ["not repaired: [Errno 28] No space left on device"]
-    sink_after_repair(OutputFolder(torn.parent, []), make=make).close()
-    assert caplog.messages[1].startswith(f"repaired {torn}: the file was not closed")
-    assert list(read_mcap(torn))
+    sink_after_repair(OutputFolder(unfinished.parent, []), make=make).close()
+    assert caplog.messages[1].startswith(f"repaired {unfinished}: the file was not closed")
+    assert list(read_mcap(unfinished))

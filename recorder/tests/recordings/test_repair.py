@@ -1,4 +1,4 @@
-"""Whatever becomes of the writer, its file is made whole again, and what was lost is told."""
+"""Repair of files whose writer was killed, with a note of the loss."""
 
 import signal
 import subprocess
@@ -20,7 +20,7 @@ from scaraspec_recorder.sources.mcap_reader import read_mcap
 
 
 def record(path: Path, events: Iterable[WireEvent]) -> list[tuple[int, int]]:
-    """Record with a tick every fifth event; return size of the file and events at each tick."""
+    """Record with a tick every fifth event; return file size and event count at each tick."""
     decoder = Decoder([McapSink(path.open("wb"))], Judge())
     ticks = []
     for count, event in enumerate(events, start=1):
@@ -32,8 +32,8 @@ def record(path: Path, events: Iterable[WireEvent]) -> list[tuple[int, int]]:
     return ticks
 
 
-def test_a_whole_file_is_left_alone(shift: list[WireEvent], tmp_path: Path) -> None:
-    """Nothing is written where nothing is to be repaired."""
+def test_a_complete_file_is_not_changed(shift: list[WireEvent], tmp_path: Path) -> None:
+    """Nothing is written."""
     path = tmp_path / "capture.mcap"
     record(path, shift)
     before, stamp = path.read_bytes(), path.stat().st_mtime_ns
@@ -43,10 +43,10 @@ def test_a_whole_file_is_left_alone(shift: list[WireEvent], tmp_path: Path) -> N
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_file_cut_anywhere_keeps_every_tick(
+def test_a_file_truncated_anywhere_keeps_every_tick(
     shift: list[WireEvent], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Truncated and recovered: all that a tick promised is there, and it is whole."""
+    """The repaired file is complete and has all events up to the last tick."""
     monkeypatch.setattr("os.fsync", lambda _: None)  # a thousand files that nobody keeps
     path = tmp_path / "capture.mcap"
     ticks = record(path, shift[:15])
@@ -75,7 +75,7 @@ def test_a_file_cut_anywhere_keeps_every_tick(
 def test_the_repaired_file_satisfies_the_strict_reader(
     shift: list[WireEvent], tmp_path: Path
 ) -> None:
-    """Index, checksums and summary are there again, and so are attachments and accounts."""
+    """Index, checksums, summary, attachments and accounts are restored."""
     path = tmp_path / "capture.mcap"
     ticks = record(path, shift)
     size, count = ticks[-2]
@@ -95,8 +95,8 @@ def test_the_repaired_file_satisfies_the_strict_reader(
     assert list(names["recovered"].values()) == list(report.notes)
 
 
-def test_recovering_twice_changes_nothing(shift: list[WireEvent], tmp_path: Path) -> None:
-    """The repaired file is whole; repairing it again leaves it alone."""
+def test_repairing_twice(shift: list[WireEvent], tmp_path: Path) -> None:
+    """The repaired file is complete; the second repair does not change it."""
     path = tmp_path / "capture.mcap"
     record(path, shift)
     path.write_bytes(path.read_bytes()[:-9])
@@ -106,10 +106,10 @@ def test_recovering_twice_changes_nothing(shift: list[WireEvent], tmp_path: Path
     assert path.read_bytes() == repaired
 
 
-def test_a_damaged_chunk_is_told(
+def test_a_damaged_chunk(
     shift: list[WireEvent], tmp_path: Path, damage_chunk: Callable[[Path, int], None]
 ) -> None:
-    """A finished file with a hole in it is repaired too, and the hole is told in it."""
+    """A closed file with a damaged chunk is repaired, and contains a note of the loss."""
     path = tmp_path / "capture.mcap"
     record(path, shift)
     damage_chunk(path, 3)
@@ -119,8 +119,8 @@ def test_a_damaged_chunk_is_told(
     assert report.events == len(shift) - 5
 
 
-def test_what_a_killed_process_had_in_the_making_is_swept_away(tmp_path: Path) -> None:
-    """And nothing else: hidden files of others have other names."""
+def test_temporary_files_are_removed(tmp_path: Path) -> None:
+    """Other hidden files are kept."""
     for name in (".a.mcap.recovered", ".a.rrd.optimized", ".a.rrd.new"):
         (tmp_path / name).touch()
     others = {".profile.new", "a.mcap", "a.rrd"}
@@ -130,8 +130,8 @@ def test_what_a_killed_process_had_in_the_making_is_swept_away(tmp_path: Path) -
     assert {path.name for path in tmp_path.iterdir()} == others
 
 
-def test_a_file_that_holds_nothing_is_no_recording(tmp_path: Path) -> None:
-    """Its recorder was killed between making it and writing into it."""
+def test_an_empty_file(tmp_path: Path) -> None:
+    """Its recorder was killed before it wrote."""
     empty, torn = tmp_path / "capture.mcap", tmp_path / "capture-2.mcap"
     empty.touch()
     torn.write_bytes(b"\x89")
@@ -140,8 +140,8 @@ def test_a_file_that_holds_nothing_is_no_recording(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [torn]
 
 
-def test_what_is_no_recording_is_not_touched(tmp_path: Path) -> None:
-    """Another's file stays as it is, and no copy is left behind."""
+def test_foreign_files_are_not_changed(tmp_path: Path) -> None:
+    """No copy remains."""
     path = tmp_path / "notes.mcap"
     path.write_text("mine")
     with pytest.raises(CaptureError, match="is not an MCAP file"):
@@ -150,10 +150,10 @@ def test_what_is_no_recording_is_not_touched(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_disk_without_room_for_the_repair_keeps_the_damaged_file(
+def test_a_full_disk_keeps_the_damaged_file(
     shift: list[WireEvent], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The damaged file is given up for the repaired one only when that is on the disk."""
+    """It is replaced only after the repaired file is on the disk."""
     path = tmp_path / "capture.mcap"
     record(path, shift)
     torn = path.read_bytes()[:-9]
@@ -189,8 +189,8 @@ for number in range(100_000):
 
 
 @pytest.mark.parametrize("ticks", [1, 2, 5, 20])
-def test_sigkill_loses_at_most_what_came_after_the_last_tick(tmp_path: Path, ticks: int) -> None:
-    """A writer killed in the middle of its work: what a tick had promised is in the file."""
+def test_sigkill_loses_at_most_one_tick(tmp_path: Path, ticks: int) -> None:
+    """All events up to the last tick are in the file."""
     path = tmp_path / "capture.mcap"
     with subprocess.Popen(
         [sys.executable, "-c", WRITER, path], stdout=subprocess.PIPE, text=True

@@ -1,4 +1,4 @@
-"""The oldest complete recordings go first, nothing goes unsaid, and nothing else goes."""
+"""Retention removes the oldest complete recordings and notes each removal."""
 
 import json
 import logging
@@ -19,7 +19,7 @@ MB = 1_000_000
 
 
 class Disk:
-    """A folder with recordings in it, and a disk that is as full as it is told."""
+    """A folder with recordings on a disk with a given free space."""
 
     def __init__(self, folder: Path) -> None:
         self.index = RecordingIndex(folder)
@@ -27,7 +27,7 @@ class Disk:
         self.free_bytes = 0
 
     def add(self, name: str, *, age_h: int, size_mb: int = 1) -> None:
-        """A recording of two files that ended so long ago."""
+        """Add a recording of two files that ended at this age."""
         end_ns = NOW_NS - age_h * HOUR_NS
         files = (f"{name}.mcap", f"{name}.rrd")
         for file in files:
@@ -44,17 +44,17 @@ class Disk:
         return self.free_bytes
 
     @property
-    def left(self) -> list[str]:
-        """The recordings that are left, whole ones only."""
+    def remaining(self) -> list[str]:
+        """Return the complete remaining recordings."""
         folder = self.index.folder
-        left = sorted(path.stem for path in folder.glob("*.mcap"))
-        assert left == sorted(path.stem for path in folder.glob("*.rrd"))
-        assert left == sorted(Path(name).stem for name in self.index.entries)
-        return left
+        remaining = sorted(path.stem for path in folder.glob("*.mcap"))
+        assert remaining == sorted(path.stem for path in folder.glob("*.rrd"))
+        assert remaining == sorted(Path(name).stem for name in self.index.entries)
+        return remaining
 
     @property
     def removed(self) -> list[tuple[str, str]]:
-        """What the table of contents says of removals."""
+        """Return the removals in the index."""
         table = (self.index.folder / FILE_NAME).read_text().splitlines()
         lines = [json.loads(line) for line in table]
         return [(line["removed"], line["reason"]) for line in lines if "removed" in line]
@@ -62,7 +62,7 @@ class Disk:
 
 @pytest.fixture
 def disk(tmp_path: Path) -> Disk:
-    """Three recordings of 1 MB, one each of three days."""
+    """Create three recordings of 1 MB, one for each of three days."""
     disk = Disk(tmp_path)
     disk.add("b", age_h=48)
     disk.add("a", age_h=72)
@@ -70,65 +70,65 @@ def disk(tmp_path: Path) -> Disk:
     return disk
 
 
-def test_nothing_goes_where_nothing_is_said(disk: Disk) -> None:
-    """By default all is kept."""
+def test_without_limits_all_is_kept(disk: Disk) -> None:
+    """The default."""
     assert disk.enforce()
-    assert disk.left == ["a", "b", "c"]
+    assert disk.remaining == ["a", "b", "c"]
 
 
-def test_what_is_too_old_goes(disk: Disk, caplog: pytest.LogCaptureFixture) -> None:
-    """By its end; it is logged, and noted in the table of contents."""
+def test_old_recordings_are_removed(disk: Disk, caplog: pytest.LogCaptureFixture) -> None:
+    """The end of the recording counts; the removal is in the log and in the index."""
     caplog.set_level(logging.INFO)
     disk.enforce("2d")
-    assert disk.left == ["b", "c"]
+    assert disk.remaining == ["b", "c"]
     assert disk.removed == [("a.mcap", "older than 2 days")]
     assert [record.message for record in caplog.records] == ["removed a.mcap: older than 2 days"]
 
 
-def test_the_oldest_go_until_the_rest_is_small_enough(disk: Disk) -> None:
-    """What is being written counts, and does not go."""
+def test_the_oldest_are_removed_until_the_size_fits(disk: Disk) -> None:
+    """The current recording counts and is not removed."""
     disk.enforce("3MB")
-    assert disk.left == ["a", "b", "c"]
+    assert disk.remaining == ["a", "b", "c"]
     disk.enforce("3MB", written_mb=2)
-    assert disk.left == ["c"]
+    assert disk.remaining == ["c"]
     assert disk.removed == [("a.mcap", "more than 3 MB"), ("b.mcap", "more than 3 MB")]
     disk.enforce("3MB", written_mb=9)
-    assert disk.left == []
+    assert disk.remaining == []
 
 
-def test_the_oldest_go_until_enough_of_the_disk_is_free(disk: Disk) -> None:
-    """As many as are needed, by their sizes: a file system may free them later."""
+def test_the_oldest_are_removed_until_the_disk_has_space(disk: Disk) -> None:
+    """By their sizes: a file system may free the space later."""
     disk.free_bytes = 3 * MB
     assert disk.enforce(min_free_mb=5)
-    assert disk.left == ["c"]
+    assert disk.remaining == ["c"]
     assert disk.removed == [
         ("a.mcap", "less than 5 MB free on the disk"),
         ("b.mcap", "less than 5 MB free on the disk"),
     ]
 
 
-def test_a_disk_that_others_fill_is_told(disk: Disk) -> None:
-    """Where all that may go has gone."""
+def test_a_disk_filled_by_other_files(disk: Disk) -> None:
+    """The result is False if no more recordings can be removed."""
     assert not disk.enforce(min_free_mb=9)
-    assert disk.left == []
+    assert disk.remaining == []
     disk.free_bytes = 9 * MB
     assert disk.enforce(min_free_mb=9)
 
 
-def test_a_file_that_is_gone_already_is_no_trouble(disk: Disk) -> None:
-    """Somebody was faster."""
+def test_a_missing_file_is_ignored(disk: Disk) -> None:
+    """Another process has removed it."""
     for path in disk.index.folder.glob("a.*"):
         path.unlink()
     disk.enforce("2d")
-    assert disk.left == ["b", "c"]
+    assert disk.remaining == ["b", "c"]
 
 
-def test_a_clock_that_was_set_back_removes_nothing_by_age(tmp_path: Path) -> None:
-    """What ended in the future is not old."""
+def test_a_clock_set_back_removes_nothing_by_age(tmp_path: Path) -> None:
+    """A recording that ended in the future is not old."""
     disk = Disk(tmp_path)
     disk.add("future", age_h=-9999)
     disk.enforce("1h")
-    assert disk.left == ["future"]
+    assert disk.remaining == ["future"]
 
 
 @settings(max_examples=25)
@@ -136,20 +136,20 @@ def test_a_clock_that_was_set_back_removes_nothing_by_age(tmp_path: Path) -> Non
     st.lists(st.tuples(st.integers(0, 99), st.integers(0, 9)), max_size=8),
     st.integers(0, 30),
 )
-def test_what_is_kept_is_the_youngest_that_fit(
+def test_the_newest_that_fit_are_kept(
     tmp_path_factory: pytest.TempPathFactory, files: list[tuple[int, int]], keep_mb: int
 ) -> None:
-    """Whatever lies there: nothing that is kept is older than what went, and no more went."""
+    """No kept recording is older than a removed one, and no more than necessary are removed."""
     disk = Disk(tmp_path_factory.mktemp("disk"))
     for number, (age_h, size_mb) in enumerate(files):
         disk.add(f"{number}", age_h=age_h, size_mb=size_mb)
     recordings = dict(disk.index.entries)
     disk.enforce(f"{max(keep_mb, 1)}MB")
-    left = list(disk.index.entries.values())
+    remaining = list(disk.index.entries.values())
     gone = [recordings[name] for name, _ in disk.removed]
-    assert len(left) + len(gone) == len(recordings)
-    size = sum(entry.size_bytes for entry in left)
+    assert len(remaining) + len(gone) == len(recordings)
+    size = sum(entry.size_bytes for entry in remaining)
     assert size <= max(keep_mb, 1) * MB
     if gone:
-        assert all(e.begin_ns >= gone[-1].begin_ns for e in left)
+        assert all(e.begin_ns >= gone[-1].begin_ns for e in remaining)
         assert size + gone[-1].size_bytes > max(keep_mb, 1) * MB

@@ -1,4 +1,4 @@
-"""A recording in several files is the same recording: no byte, no finding more or less."""
+"""A recording in several files has the same bytes and findings as one in a single file."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -43,8 +43,8 @@ def recorder(folder: Path, rotate: RotationPolicy) -> Decoder:
     return Decoder([Rotation(recording_folder, judge, rotate)], judge)
 
 
-def cut(folder: Path, events: Iterable[WireEvent], cuts: set[int]) -> list[Path]:
-    """Record in several files, each of which ends behind so many events."""
+def record_in_files(folder: Path, events: Iterable[WireEvent], cuts: set[int]) -> list[Path]:
+    """Record in several files, which end after the given numbers of events."""
     sink = recorder(folder, AT_EVERY_TICK)
     for number, event in enumerate(events, start=1):
         sink.write(event)
@@ -56,7 +56,7 @@ def cut(folder: Path, events: Iterable[WireEvent], cuts: set[int]) -> list[Path]
 
 
 def judge_all(events: Iterable[WireEvent]) -> list[Finding]:
-    """What is found in events that are read from a file alone."""
+    """Return the findings for events that are read from a single file."""
     judge, gap_filler = Judge(), GapFiller()
     items = [i for event in events for e in gap_filler.fill(event) for i in judge.feed(e)]
     return [item for item in (*items, *judge.close()) if isinstance(item, Finding)]
@@ -74,7 +74,7 @@ def metadata(path: Path, name: str) -> dict[str, str]:
 
 
 def listed(folder: Path) -> int:
-    """How many files are complete; a new table of contents would repair the one being written."""
+    """Return the number of complete files; a new index would repair the current file."""
     return len((folder / "contents.jsonl").read_text().splitlines())
 
 
@@ -88,22 +88,22 @@ def streams(events: Iterable[WireEvent]) -> dict[tuple[str, Direction], bytes]:
 
 @pytest.fixture(scope="module")
 def unrotated(tmp_path_factory: pytest.TempPathFactory, shift: list[WireEvent]) -> Path:
-    """The shift in one file."""
-    (path,) = cut(tmp_path_factory.mktemp("one"), shift, set())
+    """Return the shift in one file."""
+    (path,) = record_in_files(tmp_path_factory.mktemp("one"), shift, set())
     return path
 
 
 @settings(max_examples=10)
 @given(st.data())
-def test_files_cut_anywhere_are_the_recording(
+def test_rotation_anywhere_keeps_bytes_and_findings(
     tmp_path_factory: pytest.TempPathFactory,
     shift: list[WireEvent],
     unrotated: Path,
     data: st.DataObject,
 ) -> None:
-    """Joined, the bytes are those of the streams, and what was judged is what was judged in one."""
+    """The joined bytes are those of the streams, and the decoded messages are those of one file."""
     cuts = data.draw(st.sets(st.integers(1, len(shift) - 1), max_size=4))
-    paths = cut(tmp_path_factory.mktemp("cut"), shift, cuts)
+    paths = record_in_files(tmp_path_factory.mktemp("record_in_files"), shift, cuts)
     captures = [read_mcap(path) for path in paths]
     assert streams(event for capture in captures for event in capture) == streams(shift)
     assert [capture.summary.whole for capture in captures] == [True] * (len(cuts) + 1)
@@ -118,7 +118,7 @@ def test_files_cut_anywhere_are_the_recording(
 
 
 def beginnings(events: list[WireEvent], step: int) -> Iterable[list[WireEvent]]:
-    """The events from here, from there … on, as a file that begins there holds them."""
+    """Yield the events from every `step`-th one on, as in a file that starts there."""
     links = OpenConnections()
     for number, event in enumerate(events):
         if number % step == 0:
@@ -126,8 +126,8 @@ def beginnings(events: list[WireEvent], step: int) -> Iterable[list[WireEvent]]:
         links.update(event)
 
 
-def test_a_file_alone_shows_nothing_that_is_not_there(shift: list[WireEvent]) -> None:
-    """Read without those before it, wherever it begins: what it says of certain is what was so."""
+def test_a_single_file_causes_no_false_findings(shift: list[WireEvent]) -> None:
+    """Wherever a file starts, its certain findings are findings of the whole recording."""
     sure = {Verdict.FAIL, Verdict.TOLERATED}
     there = {(f.requirement, f.evidence) for f in judge_all(shift) if f.verdict in sure}
     for events in beginnings(shift, 11):
@@ -136,8 +136,8 @@ def test_a_file_alone_shows_nothing_that_is_not_there(shift: list[WireEvent]) ->
 
 
 @pytest.mark.parametrize("path", FIELD, ids=lambda path: path.stem)
-def test_a_capture_from_the_field_fails_nobody_for_being_cut(path: Path) -> None:
-    """Other implementations, other dialects, a torn beginning: a seam invents no violation."""
+def test_no_start_of_a_field_capture_causes_a_failure(path: Path) -> None:
+    """Other implementations, other dialects, a truncated start."""
     events = list(read_pcap(path))
     there = {(f.requirement, f.verdict) for f in judge_all(events)}
     for part in beginnings(events, len(events) // 12 + 1):
@@ -146,17 +146,17 @@ def test_a_capture_from_the_field_fails_nobody_for_being_cut(path: Path) -> None
                 assert (finding.requirement, finding.verdict) in there
 
 
-def test_what_is_in_flight_at_a_seam_comes_whole(
+def test_operations_across_two_files_are_complete(
     tmp_path: Path, talk: Any, program_file: bytes
 ) -> None:
-    """A transfer and a two-stage command begin in one file and are complete in the next."""
+    """A transfer and a two-stage command begin in one file and end in the next."""
     talk.mark(A2C, Kind.OPENED)
     talk.ask("login", b"password", reply=True)
     talk.ask("run_program", b"old.rob", Acceptance(accepted=True))
     talk.upload(b"pick.rob", program_file)
     seam = len(talk.events) - 2
     talk.result("run_program", Outcome(done=True))
-    _, second = cut(tmp_path, talk.events, {seam})
+    _, second = record_in_files(tmp_path, talk.events, {seam})
     (transfer,) = messages(second, "/transfers", schemas.Transfer)
     assert (transfer.state, transfer.received_bytes) == ("done", len(program_file))
     with second.open("rb") as file:
@@ -168,12 +168,12 @@ def test_what_is_in_flight_at_a_seam_comes_whole(
     assert metadata(second, "summary")["conclusion"] == "conformant"
 
 
-def test_a_file_begins_with_its_connections(tmp_path: Path, talk: Any) -> None:
-    """They are opened again, at the seam's time, with the offsets they had come to."""
+def test_a_file_starts_with_the_open_connections(tmp_path: Path, talk: Any) -> None:
+    """They are opened again at the start time, with their current offsets."""
     talk.mark(A2C, Kind.OPENED, "10.0.0.1:5 to 10.0.0.2:8877")
     talk.ask("login", b"password", reply=True)
     talk.ask("get_status", None, "00")
-    _, second = cut(tmp_path, talk.events, {3})
+    _, second = record_in_files(tmp_path, talk.events, {3})
     opened, *pieces, _, _ = [e for e in read_mcap(second) if e.kind is not Kind.GAP]
     assert (opened.kind, opened.time_ns) == (Kind.OPENED, talk.events[3].time_ns)
     assert opened.note == "10.0.0.1:5 to 10.0.0.2:8877, since 2026-11-20 22:58:37 UTC"
@@ -191,32 +191,32 @@ def test_a_file_begins_with_its_connections(tmp_path: Path, talk: Any) -> None:
     assert account["lost_bytes"] == "0"
 
 
-def test_a_beginning_that_nobody_saw_stays_unseen(tmp_path: Path, talk: Any) -> None:
-    """A gap of unknown length before all else is told again, for no offset shows it."""
+def test_an_unknown_start_is_repeated_in_the_next_file(tmp_path: Path, talk: Any) -> None:
+    """A gap of unknown length is written again, because no offset shows it."""
     talk.mark(A2C, Kind.OPENED)
     talk.mark(C2A, Kind.GAP, "its beginning is not recorded", length=-1)
     talk.mark(A2C, Kind.GAP, "its beginning is not recorded", length=-1)
     talk.ask("get_status", None, "00")
-    _, second = cut(tmp_path, talk.events, {3})
+    _, second = record_in_files(tmp_path, talk.events, {3})
     kinds = [(event.kind, event.direction, event.length_bytes) for event in read_mcap(second)]
     assert kinds[1:3] == [(Kind.GAP, C2A, -1), (Kind.GAP, A2C, -1)]
 
 
-def test_each_file_sums_up_itself(tmp_path: Path, talk: Any) -> None:
-    """What is wrong in the first is not held against the second."""
+def test_each_file_has_its_own_summary(tmp_path: Path, talk: Any) -> None:
+    """A violation in the first file does not count in the second one."""
     talk.mark(A2C, Kind.OPENED)
     talk.ask("login", b"password", reply=True)
     talk.send(C2A, b"\x00noise")
     talk.ask("get_status", None, "00")
     talk.ask("get_status", None, "00")
-    first, second = cut(tmp_path, talk.events, {6})
+    first, second = record_in_files(tmp_path, talk.events, {6})
     assert metadata(first, "summary")["conclusion"] == "nonconformant"
     summary = metadata(second, "summary")
     assert (summary["conclusion"], summary["exchanges"]) == ("conformant", "1")
 
 
-def test_a_file_lasts_as_long_as_asked(tmp_path: Path, talk: Any) -> None:
-    """By the clock of the ticks; a clock that is set back ends it too, and silence begins none."""
+def test_rotation_by_time(tmp_path: Path, talk: Any) -> None:
+    """By the clock of the ticks; a clock set back also ends the file, and silence starts none."""
     sink = recorder(tmp_path, parse_rotation("10s"))
     talk.mark(A2C, Kind.OPENED)
     now_ns = talk.time_ns
@@ -238,8 +238,8 @@ def test_a_file_lasts_as_long_as_asked(tmp_path: Path, talk: Any) -> None:
     sink.close()
 
 
-def test_a_file_ends_behind_an_answer(tmp_path: Path, talk: Any) -> None:
-    """Where one comes soon, so that each file is conclusive when it is read alone."""
+def test_a_file_ends_after_a_reply(tmp_path: Path, talk: Any) -> None:
+    """If one comes soon, so that each file is conclusive by itself."""
     talk.mark(A2C, Kind.OPENED)
     talk.ask("login", b"password", reply=True)
     for _ in range(20):
@@ -256,10 +256,8 @@ def test_a_file_ends_behind_an_answer(tmp_path: Path, talk: Any) -> None:
         assert judge_all(read_mcap(tmp_path / entry.name)) == []
 
 
-def test_a_file_grows_as_large_as_asked(
-    tmp_path: Path, talk: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It ends at the first tick at which it has the size."""
+def test_rotation_by_size(tmp_path: Path, talk: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The file ends at the first tick at which it has the size."""
     monkeypatch.setattr("os.fdatasync", lambda _: None)
     sink = recorder(tmp_path, RotationPolicy(Limits(size_bytes=60_000)))
     talk.mark(A2C, Kind.OPENED)
@@ -276,7 +274,7 @@ def test_a_file_grows_as_large_as_asked(
 
 @pytest.fixture
 def sessions(new_talk: Callable[..., Any]) -> Callable[..., list[list[WireEvent]]]:
-    """Short sessions, so far apart."""
+    """Return short sessions at this distance in time."""
 
     def make(count: int, apart_ns: int) -> list[list[WireEvent]]:
         talks = [new_talk(str(number)) for number in range(1, count + 1)]
@@ -290,10 +288,10 @@ def sessions(new_talk: Callable[..., Any]) -> Callable[..., list[list[WireEvent]
     return make
 
 
-def test_a_connection_may_have_a_file_of_its_own(
+def test_rotation_by_connection(
     tmp_path: Path, sessions: Callable[..., list[list[WireEvent]]]
 ) -> None:
-    """Those that overlap share one; it ends with the last of them, at the next tick."""
+    """Overlapping connections share a file; it ends at the next tick after the last of them."""
     sink = recorder(tmp_path, parse_rotation("connection"))
     one, two, three = sessions(3, 1)
     for event in (*one[:2], *two[:2], *one[2:], *two[2:]):
@@ -311,7 +309,7 @@ def test_a_connection_may_have_a_file_of_its_own(
 def test_short_connections_share_a_file(
     tmp_path: Path, sessions: Callable[..., list[list[WireEvent]]], apart_ns: int, files: int
 ) -> None:
-    """Else who connects all the time would hold up the writing; also where no tick comes between.
+    """Otherwise many connections would delay the writing; also without ticks between them.
 
     The first that ends a tick after its file began is the last in it.
     """
@@ -325,8 +323,8 @@ def test_short_connections_share_a_file(
     assert sum(entry.connections for entry in entries) == 100
 
 
-def test_a_recording_without_events_leaves_no_file(tmp_path: Path) -> None:
-    """A file begins with its first event."""
+def test_a_recording_without_events(tmp_path: Path) -> None:
+    """A file starts with its first event."""
     sink = recorder(tmp_path, RotationPolicy())
     sink.tick(1)
     sink.close()
@@ -345,14 +343,14 @@ def test_a_recording_without_events_leaves_no_file(tmp_path: Path) -> None:
         ("1h,10kB", "1h,10kB is too small for a file: use at least 1s or 1MB"),
     ],
 )
-def test_a_rotation_that_makes_no_sense_is_one_sentence(text: str, sentence: str) -> None:
-    """What was wrong, and what to write instead."""
+def test_invalid_rotation(text: str, sentence: str) -> None:
+    """One sentence: the error and the valid form."""
     with pytest.raises(QuantityError) as caught:
         parse_rotation(text)
     assert str(caught.value) == sentence
 
 
-def test_rotations_are_read() -> None:
+def test_parse_rotation() -> None:
     """By time, by size, by both, by connection."""
     assert parse_rotation("1h") == RotationPolicy(Limits(3600 * SECOND_NS))
     assert parse_rotation("512MB,1h") == RotationPolicy(Limits(3600 * SECOND_NS, 512_000_000))

@@ -1,4 +1,4 @@
-"""Each condition fires on what it is about, once, and on nothing else."""
+"""Each trigger fires once for its condition, and for nothing else."""
 
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -24,7 +24,7 @@ def reply(name: str, data: bytes) -> bytes:
 
 
 def feed(watcher: Trigger, events: Iterable[WireEvent], judge: Judge | None = None) -> list[str]:
-    """Why it fires, each time it does."""
+    """Return the reasons each time that the trigger fires."""
     judge = judge or Judge()
     said = []
     for event in events:
@@ -39,14 +39,14 @@ def fires(text: str, events: Iterable[WireEvent]) -> list[str]:
 
 @pytest.fixture
 def session(talk: Any) -> Any:
-    """A conversation after its login."""
+    """Return a conversation after its login."""
     talk.mark(A2C, Kind.OPENED)
     talk.ask("login", b"password", reply=True)
     return talk
 
 
 def test_a_code_fires_in_a_refusal_a_result_and_a_new_status(session: Any) -> None:
-    """A status that stays fires once, however often it is asked for."""
+    """An unchanged status fires once."""
     for status in ("00", "12", "12", "12", "00", "12"):
         session.ask("get_status", None, status)
     session.ask("reset", None, Acceptance(accepted=False, code="12"))
@@ -61,14 +61,14 @@ def test_a_code_fires_in_a_refusal_a_result_and_a_new_status(session: Any) -> No
     assert fires("code:13", session.events) == []
 
 
-def test_a_code_is_found_in_either_case(session: Any) -> None:
+def test_a_code_in_upper_or_lower_case(session: Any) -> None:
     """1a is 1A (A-T-7)."""
     session.ask("get_status", None, "1A")
     assert len(fires("code:1a", session.events)) == 1
 
 
-def test_a_refusal_is_a_first_reply_that_says_no(session: Any) -> None:
-    """Of any command; a failed result is none."""
+def test_refusal(session: Any) -> None:
+    """A refusing first reply of any command; a failed result is not a refusal."""
     session.ask("set_time", datetime(2026, 11, 20), reply=False)  # noqa: DTZ001 - the robot's clock knows no zone
     session.ask("reset", None, Acceptance(accepted=False, code="01"))
     session.ask("reset", None, Acceptance(accepted=True))
@@ -80,7 +80,7 @@ def test_a_refusal_is_a_first_reply_that_says_no(session: Any) -> None:
 
 
 def test_a_finding_fires_by_requirement_or_by_verdict(session: Any) -> None:
-    """Only a violation of the named requirement; any of the named verdict."""
+    """Only a violation of the named requirement, or any finding with the named verdict."""
     session.send(C2A, b"\x00noise")
     session.ask("get_status", None, "00")
     (why,) = fires("finding:fail", session.events)
@@ -90,8 +90,8 @@ def test_a_finding_fires_by_requirement_or_by_verdict(session: Any) -> None:
     assert fires("finding:inconclusive", session.events) == []
 
 
-def test_malformed_is_what_is_no_frame_or_has_a_wrong_payload(session: Any) -> None:
-    """What a gap has torn is not."""
+def test_malformed(session: Any) -> None:
+    """Invalid bytes, or a frame with an invalid payload."""
     session.send(C2A, b"\x00noise")
     session.ask("get_status", None, "00")
     session.ask("get_status")
@@ -102,8 +102,8 @@ def test_malformed_is_what_is_no_frame_or_has_a_wrong_payload(session: Any) -> N
     assert found[1] == "get_status: code 'ZZ' is not a code of table 8-1"
 
 
-def test_a_frame_torn_by_a_gap_is_not_malformed(session: Any) -> None:
-    """The recording is to blame for it."""
+def test_a_frame_next_to_a_gap_is_not_malformed(session: Any) -> None:
+    """The recording lost a part of it."""
     whole = reply("get_status", b"00")
     session.send(C2A, whole[:2])
     session.mark(C2A, Kind.GAP, "overflow", length=2)
@@ -113,15 +113,15 @@ def test_a_frame_torn_by_a_gap_is_not_malformed(session: Any) -> None:
 
 
 @pytest.mark.parametrize("kind", [Kind.CLOSED, Kind.RESET])
-def test_a_disconnect_is_the_end_of_a_connection(session: Any, kind: Kind) -> None:
-    """In order or not; half of it is none."""
+def test_disconnect(session: Any, kind: Kind) -> None:
+    """A close or a reset; a half-close is not a disconnect."""
     session.mark(A2C, Kind.HALF_CLOSED)
     session.mark(C2A, kind)
     assert fires("disconnect", session.events) == [f"connection 1 {kind.value}"]
 
 
-def test_a_connection_that_the_recorder_lost_from_sight_is_no_disconnect(session: Any) -> None:
-    """When the recording ends, all that is open is closed, with gaps of unknown length."""
+def test_the_end_of_the_recording_is_not_a_disconnect(session: Any) -> None:
+    """Open connections are closed after gaps of unknown length."""
     for direction in (A2C, C2A):
         session.mark(direction, Kind.GAP, "the recording ended", length=-1)
     session.mark(A2C, Kind.CLOSED, "the recording ended")
@@ -129,7 +129,7 @@ def test_a_connection_that_the_recorder_lost_from_sight_is_no_disconnect(session
 
 
 def test_silence_fires_once_and_again_after_the_next_byte(session: Any) -> None:
-    """At a tick, for every connection that is open."""
+    """At a tick, for every open connection."""
     watcher = parse_trigger("silence:30s")
     feed(watcher, session.events)
     quiet_ns = session.time_ns
@@ -144,15 +144,15 @@ def test_silence_fires_once_and_again_after_the_next_byte(session: Any) -> None:
     assert watcher.on_time(session.time_ns + 300 * SECOND_NS) == ""
 
 
-def test_silence_shows_in_what_came_late(session: Any) -> None:
-    """Where no tick came in time, the next byte tells how long nothing had passed."""
+def test_silence_is_detected_at_the_next_byte(session: Any) -> None:
+    """Without a tick in time, the next byte shows the duration."""
     session.time_ns += 31 * SECOND_NS
     session.send(A2C, b"\xaa\x09\x00\xcc")
     assert fires("silence:30s", session.events) == ["no bytes on connection 1 for 31.0 s"]
 
 
-def test_a_connection_told_of_late_was_not_silent(talk: Any) -> None:
-    """What was opened long ago is silent from when it is first known of."""
+def test_a_late_opened_event_is_not_silence(talk: Any) -> None:
+    """Silence counts from the first known time."""
     talk.mark(A2C, Kind.OPENED)
     watcher = parse_trigger("silence:30s")
     feed(watcher, talk.events)
@@ -161,7 +161,7 @@ def test_a_connection_told_of_late_was_not_silent(talk: Any) -> None:
 
 
 def test_a_late_reply_fires_when_it_comes(session: Any) -> None:
-    """Counted from the request's last byte to the reply's first; a timely one does not."""
+    """From the last byte of the request to the first byte of the reply."""
     session.ask("get_status", None, "00")
     session.ask("get_status")
     session.send(C2A, reply("get_status", b"00"), after_s=0.6)
@@ -169,8 +169,8 @@ def test_a_late_reply_fires_when_it_comes(session: Any) -> None:
     assert fires("late:700ms", session.events) == []
 
 
-def test_a_late_reply_fires_before_it_comes(session: Any) -> None:
-    """At a tick, and then not again when it does come."""
+def test_a_missing_reply_fires_at_a_tick(session: Any) -> None:
+    """The reply does not fire again."""
     session.ask("get_status")
     asked_ns = session.time_ns
     session.send(C2A, reply("get_status", b"00"), after_s=0.9)
@@ -182,8 +182,8 @@ def test_a_late_reply_fires_before_it_comes(session: Any) -> None:
     assert feed(watcher, session.events[-1:], judge) == []
 
 
-def test_a_reply_that_a_gap_or_the_end_took_is_not_late(session: Any) -> None:
-    """Nobody knows whether it came."""
+def test_a_reply_hidden_by_a_gap_is_not_late(session: Any) -> None:
+    """It is unknown whether it arrived; the same at the end of the connection."""
     for last in (Kind.GAP, Kind.CLOSED):
         watcher = parse_trigger("late:500ms")
         session.ask("get_status")
@@ -193,7 +193,7 @@ def test_a_reply_that_a_gap_or_the_end_took_is_not_late(session: Any) -> None:
 
 
 def test_a_signal_fires_at_the_next_tick() -> None:
-    """Once for each time that somebody asks."""
+    """Once for each request."""
     watcher = parse_trigger("signal")
     assert isinstance(watcher, UserTrigger)
     assert watcher.on_time(1) == ""
@@ -201,8 +201,8 @@ def test_a_signal_fires_at_the_next_tick() -> None:
     assert [watcher.on_time(2), watcher.on_time(3)] == ["requested by SIGUSR1", ""]
 
 
-def test_a_whole_shift_fires_what_is_in_it(shift: list[WireEvent]) -> None:
-    """One refusal, one fault, one run of noise, one end."""
+def test_triggers_in_a_shift(shift: list[WireEvent]) -> None:
+    """One refusal, one fault, one run of invalid bytes, one end."""
     counts = {
         text: len(fires(text, shift))
         for text in ("refusal", "code:12", "malformed", "disconnect", "finding:fail", "late:1s")
@@ -230,8 +230,8 @@ def test_a_whole_shift_fires_what_is_in_it(shift: list[WireEvent]) -> None:
         ("finding:pass", "There is no requirement 'pass'; "),
     ],
 )
-def test_a_wrong_condition_is_one_sentence(text: str, sentence: str) -> None:
-    """What was wrong, and what there is."""
+def test_an_invalid_trigger(text: str, sentence: str) -> None:
+    """One sentence: the error and the valid triggers."""
     with pytest.raises(TriggerError) as caught:
         parse_trigger(text)
     assert str(caught.value).startswith(sentence)
@@ -241,15 +241,15 @@ def test_a_wrong_condition_is_one_sentence(text: str, sentence: str) -> None:
 @given(
     st.text() | st.tuples(st.sampled_from(["code:", "finding:", "late:"]), st.text()).map("".join)
 )
-def test_any_text_is_a_condition_or_an_error(text: str) -> None:
-    """Whatever a user types."""
+def test_any_text(text: str) -> None:
+    """The text is a trigger or an error."""
     with suppress(TriggerError):
         assert isinstance(parse_trigger(text), Trigger)
 
 
 @given(st.lists(st.binary(max_size=12), max_size=12))
-def test_any_bytes_are_watched(new_talk: Callable[..., Any], pieces: list[bytes]) -> None:
-    """No condition minds what passes."""
+def test_any_bytes(new_talk: Callable[..., Any], pieces: list[bytes]) -> None:
+    """No trigger raises an exception."""
     talk = new_talk()
     talk.mark(A2C, Kind.OPENED)
     for number, piece in enumerate(pieces):

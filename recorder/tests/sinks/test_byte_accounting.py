@@ -1,4 +1,4 @@
-"""What a file says of its streams is held against what it holds."""
+"""The byte accounts in a file are compared with its content."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,14 +12,14 @@ from scaraspec_recorder.sources.mcap_reader import McapSummary, read_mcap
 
 
 def read(path: Path) -> McapSummary:
-    """The summary of a recording that was read to its end."""
+    """Return the summary of a recording after it was read completely."""
     capture = read_mcap(path)
     assert list(capture)
     return capture.summary
 
 
-def written(path: Path, events: list[WireEvent], lie: WireEvent | None = None) -> Path:
-    """A recording; a lie is in its accounts and not in its raw layer."""
+def write_recording(path: Path, events: list[WireEvent], lie: WireEvent | None = None) -> Path:
+    """Write a recording; `lie` is only in its accounts, not in the raw layer."""
     sink = McapSink(path.open("wb"))
     for number, event in enumerate(events):
         sink.write(event)
@@ -32,9 +32,9 @@ def written(path: Path, events: list[WireEvent], lie: WireEvent | None = None) -
 
 
 @pytest.mark.parametrize("count", [1, 50, None])
-def test_an_honest_file(shift: list[WireEvent], tmp_path: Path, count: int | None) -> None:
-    """Streams that have ended, and streams that are open at the end of the file."""
-    summary = read(written(tmp_path / "a.mcap", shift[:count]))
+def test_correct_accounts(shift: list[WireEvent], tmp_path: Path, count: int | None) -> None:
+    """Of ended streams, and of streams that are open at the end of the file."""
+    summary = read(write_recording(tmp_path / "a.mcap", shift[:count]))
     assert (summary.wrong_accounts, summary.notes) == (0, [])
 
 
@@ -46,30 +46,30 @@ def test_an_honest_file(shift: list[WireEvent], tmp_path: Path, count: int | Non
         lambda event: replace(event, connection="2"),
     ],
 )
-def test_a_file_that_lies(
+def test_wrong_accounts(
     shift: list[WireEvent], tmp_path: Path, change: Callable[[WireEvent], WireEvent]
 ) -> None:
-    """Other bytes, a gap that is not there, a stream that is not there: told in a note."""
+    """Different bytes, a missing gap or a missing stream cause a note."""
     lie = change(next(event for event in reversed(shift[:60]) if event.kind is Kind.BYTES))
-    summary = read(written(tmp_path / "a.mcap", shift[:60], lie))
+    summary = read(write_recording(tmp_path / "a.mcap", shift[:60], lie))
     assert summary.wrong_accounts == 1
     (note,) = summary.notes
     assert note.startswith("1 streams are not what the file's own accounts say of them")
 
 
-def test_a_torn_file_is_not_accused(shift: list[WireEvent], tmp_path: Path) -> None:
-    """Its last accounts were never written: it is torn, and that is all."""
-    path = written(tmp_path / "a.mcap", shift[:100])
+def test_a_truncated_file_has_no_wrong_accounts(shift: list[WireEvent], tmp_path: Path) -> None:
+    """Its last accounts were not written; the only note is that it is truncated."""
+    path = write_recording(tmp_path / "a.mcap", shift[:100])
     path.write_bytes(path.read_bytes()[:-2000])
     summary = read(path)
     assert summary.wrong_accounts == 0
     assert not summary.finished
 
 
-def test_a_damaged_chunk_shows_in_the_accounts(
+def test_a_damaged_chunk_causes_wrong_accounts(
     shift: list[WireEvent], tmp_path: Path, damage_chunk: Callable[[Path, int], None]
 ) -> None:
-    """What is left out of the reading is missing in the count too."""
-    path = written(tmp_path / "a.mcap", shift)
+    """Skipped bytes are missing in the count."""
+    path = write_recording(tmp_path / "a.mcap", shift)
     damage_chunk(path, 2)
     assert read(path).wrong_accounts > 0

@@ -1,4 +1,4 @@
-"""A recording written as packets is the same recording when it is read back."""
+"""A recording written as packets gives the same recording when it is read."""
 
 import io
 from collections import defaultdict
@@ -22,8 +22,8 @@ START_NS = 1_795_215_517_000_000_001
 DIRECTIONS = st.sampled_from(list(Direction))
 
 
-def through(events: list[WireEvent], path: Path) -> list[WireEvent]:
-    """Written, and read back."""
+def write_and_read(events: list[WireEvent], path: Path) -> list[WireEvent]:
+    """Write the events, and read them again."""
     with path.open("wb") as file:
         writer = PcapngWriter(file)
         for event in events:
@@ -35,7 +35,7 @@ def through(events: list[WireEvent], path: Path) -> list[WireEvent]:
 
 
 def streams(events: list[WireEvent]) -> dict[tuple[str, Direction], list[tuple[int, bytes]]]:
-    """Each stream's runs of bytes, with their offsets."""
+    """Return the runs of bytes of each stream, with their offsets."""
     runs: dict[tuple[str, Direction], list[tuple[int, bytes]]] = defaultdict(list)
     for event in events:
         if event.kind is Kind.BYTES:
@@ -49,7 +49,7 @@ def streams(events: list[WireEvent]) -> dict[tuple[str, Direction], list[tuple[i
 
 @st.composite
 def conversations(draw: st.DrawFn) -> list[WireEvent]:
-    """Up to three connections at once, with bytes and gaps of all sizes."""
+    """Draw up to three simultaneous connections with bytes and gaps of all sizes."""
     events = [
         WireEvent(START_NS, str(number), A2C, Kind.OPENED, note=WAY.replace("234", f"23{number}"))
         for number in range(1, draw(st.integers(1, 3)) + 1)
@@ -71,18 +71,18 @@ def conversations(draw: st.DrawFn) -> list[WireEvent]:
 
 
 @given(conversations())
-def test_bytes_offsets_and_holes_survive(
+def test_bytes_and_gaps_are_kept(
     tmp_path_factory: pytest.TempPathFactory, events: list[WireEvent]
 ) -> None:
-    """Every byte comes back at its offset, and nothing where nothing was recorded."""
-    found = through(events, tmp_path_factory.mktemp("pcap") / "out.pcapng")
+    """Every byte is at its offset, and gaps contain no bytes."""
+    found = write_and_read(events, tmp_path_factory.mktemp("pcap") / "out.pcapng")
     assert streams(found) == streams(events)
     lost = sum(event.length_bytes for event in events if event.kind is Kind.GAP)
     assert sum(event.length_bytes for event in found if event.kind is Kind.GAP) == lost
 
 
-def test_a_session_survives_as_it_is(shift: list[WireEvent], tmp_path: Path) -> None:
-    """Times, directions and kinds too; each event of bytes is a packet of its own."""
+def test_events_are_kept(shift: list[WireEvent], tmp_path: Path) -> None:
+    """Times, directions and kinds; each event with bytes is one packet."""
 
     def told(events: list[WireEvent]) -> list[tuple[object, ...]]:
         return [
@@ -91,26 +91,26 @@ def test_a_session_survives_as_it_is(shift: list[WireEvent], tmp_path: Path) -> 
             if e.kind is not Kind.GAP  # when it was found missing is told by what follows it
         ]
 
-    found = through(shift, tmp_path / "out.pcapng")
+    found = write_and_read(shift, tmp_path / "out.pcapng")
     assert told(found)[:-1] == told(shift)[:-1]
     assert found[-1].kind is Kind.CLOSED
     assert found[0].note == "192.168.1.20:51234 → 192.168.1.2:8877"
 
 
-def test_what_came_late_is_no_opening(tmp_path: Path) -> None:
-    """Without an opening there is no handshake, and a reader sees that it came late."""
+def test_a_recording_without_the_opening(tmp_path: Path) -> None:
+    """There is no handshake, so a reader sees that the capture started late."""
     events = [
         WireEvent(START_NS, "1", A2C, Kind.GAP, length_bytes=-1, note=f"came late ({WAY})"),
         WireEvent(START_NS + 1, "1", A2C, Kind.BYTES, b"\xaa\x09\x00\xcc"),
         WireEvent(START_NS + 2, "1", C2A, Kind.BYTES, b"\xcc\x09\x0200\xaa"),
     ]
-    kinds = [(e.direction, e.kind) for e in through(events, tmp_path / "out.pcapng")]
+    kinds = [(e.direction, e.kind) for e in write_and_read(events, tmp_path / "out.pcapng")]
     assert (A2C, Kind.OPENED) not in kinds
     assert kinds.count((A2C, Kind.BYTES)) == kinds.count((C2A, Kind.BYTES)) == 1
 
 
-def test_what_was_done_on_purpose_is_a_comment(tmp_path: Path) -> None:
-    """So is why bytes are missing; a reader of the streams sees no difference."""
+def test_notes_are_comments(tmp_path: Path) -> None:
+    """Injected faults and reasons of gaps are comments; the streams are unchanged."""
     scapy = pytest.importorskip("scapy.utils")
     events = [
         WireEvent(START_NS, "1", A2C, Kind.OPENED, note=WAY),
@@ -121,7 +121,7 @@ def test_what_was_done_on_purpose_is_a_comment(tmp_path: Path) -> None:
         WireEvent(START_NS + 5, "1", C2A, Kind.BYTES, b"\xcc\x09\x0200\xaa", 9),
     ]
     path = tmp_path / "out.pcapng"
-    found = through(events, path)
+    found = write_and_read(events, path)
     assert streams(found) == streams(events)
     with scapy.RawPcapNgReader(str(path)) as packets:
         comments = [comment for _, packet in packets for comment in packet.comments or ()]
@@ -132,8 +132,8 @@ def test_what_was_done_on_purpose_is_a_comment(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("length", [-1, 3 << 30])
-def test_a_gap_that_no_sequence_number_tells_is_a_short_hole(tmp_path: Path, length: int) -> None:
-    """It is seen as a gap, and counted."""
+def test_a_gap_that_sequence_numbers_cannot_express(tmp_path: Path, length: int) -> None:
+    """It is written as a short gap, and counted."""
     after = 4 + max(length, 0)
     events = [
         WireEvent(START_NS, "1", A2C, Kind.OPENED, note=WAY),
@@ -145,7 +145,7 @@ def test_a_gap_that_no_sequence_number_tells_is_a_short_hole(tmp_path: Path, len
     for event in events:
         writer.write(event)
     assert writer.shortened_gaps == 1
-    found = through(events, tmp_path / "out.pcapng")
+    found = write_and_read(events, tmp_path / "out.pcapng")
     assert [e.length_bytes for e in found if e.kind is Kind.GAP] == [1]
     assert [e.data for e in found if e.kind is Kind.BYTES] == [events[1].data, events[3].data]
 
@@ -161,10 +161,10 @@ def test_a_gap_that_no_sequence_number_tells_is_a_short_hole(tmp_path: Path, len
         ("", "192.0.2.1:49152 → 192.0.2.2:8877"),
     ],
 )
-def test_addresses_are_those_of_the_recording(tmp_path: Path, note: str, shown: str) -> None:
-    """As far as it names them; else they are of the ranges for documentation."""
+def test_addresses(tmp_path: Path, note: str, shown: str) -> None:
+    """Those of the recording; if unknown, addresses reserved for documentation."""
     events = [
         WireEvent(START_NS, "1", A2C, Kind.OPENED, note=note),
         WireEvent(START_NS + 1, "1", A2C, Kind.BYTES, b"\xaa\x09\x00\xcc"),
     ]
-    assert through(events, tmp_path / "out.pcapng")[0].note == shown
+    assert write_and_read(events, tmp_path / "out.pcapng")[0].note == shown

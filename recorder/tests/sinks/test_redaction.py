@@ -1,4 +1,4 @@
-"""Passwords are hidden in raw bytes, however they are split, and nothing else is."""
+"""Passwords are masked in raw bytes, however they are split, and nothing else is masked."""
 
 from collections.abc import Iterable
 from itertools import pairwise
@@ -20,8 +20,8 @@ DECOY = Frame(A2C, 0x52, b"\xaa\x01\x05hello\xcc\x01\x03").encode()
 STATUS = Frame(A2C, 0x09).encode()
 
 
-def cut(data: bytes, cuts: Iterable[int]) -> list[WireEvent]:
-    """A client's bytes as events, cut at these places; the controller answers in between."""
+def split(data: bytes, cuts: Iterable[int]) -> list[WireEvent]:
+    """Return the bytes of a client as events, split at these positions, with replies in between."""
     events: list[WireEvent] = []
     for begin, end in pairwise(sorted({0, len(data), *(c % (len(data) + 1) for c in cuts)})):
         time_ns = len(events)
@@ -52,11 +52,9 @@ def frames(data: bytes) -> list[Frame]:
     st.lists(st.sampled_from([LOGIN, CHANGE, DECOY, STATUS]), min_size=1, max_size=6),
     st.lists(st.integers(0, 200), max_size=8),
 )
-def test_any_split_hides_the_passwords_and_nothing_else(
-    pieces: list[bytes], cuts: list[int]
-) -> None:
-    """Same frames, same length, same order; only a secret frame's data is another."""
-    events = cut(b"".join(pieces), cuts)
+def test_any_split(pieces: list[bytes], cuts: list[int]) -> None:
+    """Same frames, lengths and order; only the data of secret frames differs."""
+    events = split(b"".join(pieces), cuts)
     redacted = redact(events)
     assert [(e.time_ns, e.direction, len(e.data)) for e in redacted] == [
         (e.time_ns, e.direction, len(e.data)) for e in events
@@ -74,16 +72,16 @@ def test_any_split_hides_the_passwords_and_nothing_else(
     st.lists(st.sampled_from([LOGIN, CHANGE, STATUS]), min_size=1, max_size=4),
     st.lists(st.integers(0, 200), max_size=8),
 )
-def test_a_flush_at_any_time_lets_no_password_out(pieces: list[bytes], cuts: list[int]) -> None:
-    """What is forced out while its frame is unfinished is hidden as well, and so is the rest."""
-    redacted = sent(redact(cut(b"".join(pieces), cuts), flush_each=True))
+def test_a_flush_at_any_time(pieces: list[bytes], cuts: list[int]) -> None:
+    """Bytes of a partial frame are masked, and so is the rest of the frame."""
+    redacted = sent(redact(split(b"".join(pieces), cuts), flush_each=True))
     for word in (b"open", b"sesame", b"pocus"):
         assert word not in redacted
 
 
 @given(st.lists(st.tuples(st.sampled_from(Direction), st.binary(max_size=40)), max_size=20))
 def test_any_bytes_keep_their_order_and_length(pieces: list[tuple[Direction, bytes]]) -> None:
-    """Whatever is said, every event comes out once, in its place, as long as it was."""
+    """Every event is returned once, in order, with its length."""
     offsets = dict.fromkeys(Direction, 0)
     events: list[WireEvent] = []
     for time_ns, (direction, data) in enumerate(pieces):
@@ -100,40 +98,40 @@ def test_any_bytes_keep_their_order_and_length(pieces: list[tuple[Direction, byt
     [
         pytest.param(b"\xaa\x01\x09open sesame\xcc", id="wrong length"),
         pytest.param(b"\xaa" + LOGIN, id="behind a stray start byte"),
-        pytest.param(LOGIN[:-4], id="cut off"),
+        pytest.param(LOGIN[:-4], id="split off"),
         pytest.param(b"\xaa\x30\xff" + LOGIN, id="within a frame that never ends"),
         pytest.param(b"\xaa\xaa\x03\x20open sesame|hocus pocus\xcc", id="stray and wrong"),
     ],
 )
-def test_a_malformed_login_is_hidden(data: bytes) -> None:
-    """In bytes that are no frame, all that follows what may be a login is hidden."""
+def test_a_malformed_login(data: bytes) -> None:
+    """In invalid bytes, everything after a possible login is masked."""
     closed = WireEvent(9, "1", A2C, Kind.CLOSED, offset_bytes=len(data))
-    for events in ([*cut(data, ()), closed], [*cut(data, range(len(data))), closed]):
+    for events in ([*split(data, ()), closed], [*split(data, range(len(data))), closed]):
         redacted = sent(redact(events))
         assert b"sesa" not in redacted
         assert len(redacted) == len(data)
 
 
-def test_the_rest_of_a_login_behind_a_gap_is_hidden() -> None:
-    """What comes after missing bytes may be the rest of a password."""
+def test_bytes_after_a_gap_in_a_login() -> None:
+    """They may be the rest of a password."""
     gap = WireEvent(1, "1", A2C, Kind.GAP, b"", 6, 3, "lost")
     rest = WireEvent(2, "1", A2C, Kind.BYTES, LOGIN[9:] + STATUS, 9)
-    redacted = redact([*cut(LOGIN[:6], ())[:1], gap, rest])
+    redacted = redact([*split(LOGIN[:6], ())[:1], gap, rest])
     assert b"same" not in redacted[-1].data
     assert redacted[-1].data.endswith(STATUS)
     assert redacted[1] == gap
 
 
-def test_hidden_events_are_marked() -> None:
-    """A reader can tell a masked event from one whose password is made of stars."""
-    hidden, answer, plain = redact([*cut(LOGIN, ()), *cut(STATUS, ())])[:3]
+def test_masked_events_have_a_note() -> None:
+    """A reader can distinguish them from a password made of asterisks."""
+    hidden, answer, plain = redact([*split(LOGIN, ()), *split(STATUS, ())])[:3]
     assert (hidden.note, answer.note, plain.note) == (MASKED_NOTE, "", "")
 
 
-def test_events_wait_for_the_end_of_their_frame_and_no_longer() -> None:
-    """Until then even the other direction waits, so that the order stays."""
+def test_events_wait_until_their_frame_is_complete() -> None:
+    """The other direction waits, too, so that the order is kept."""
     redactor = Redactor()
-    begin, answer = cut(LOGIN[:5], ())
+    begin, answer = split(LOGIN[:5], ())
     rest = WireEvent(5, "1", A2C, Kind.BYTES, LOGIN[5:], 5)
     assert list(redactor.feed(begin)) == []
     assert list(redactor.feed(answer)) == []
@@ -141,15 +139,15 @@ def test_events_wait_for_the_end_of_their_frame_and_no_longer() -> None:
 
 
 def test_connections_do_not_wait_for_each_other() -> None:
-    """An unfinished login on one connection holds no other one back."""
+    """A partial login on one connection does not delay another one."""
     redactor = Redactor()
     assert list(redactor.feed(WireEvent(0, "1", A2C, Kind.BYTES, LOGIN[:5]))) == []
     other = WireEvent(1, "2", A2C, Kind.BYTES, STATUS)
     assert list(redactor.feed(other)) == [other]
 
 
-def test_memory_is_given_back_when_a_connection_ends() -> None:
-    """Ten thousand connections leave nothing behind."""
+def test_memory_is_released_when_a_connection_ends() -> None:
+    """After ten thousand connections no state remains."""
     redactor = Redactor()
     for number in range(100):
         list(redactor.feed(WireEvent(0, str(number), A2C, Kind.BYTES, LOGIN)))

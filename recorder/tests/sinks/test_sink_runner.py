@@ -1,4 +1,4 @@
-"""The scribe: what the spool holds reaches the sinks, without hole, and once more after a crash."""
+"""The writer process passes the events of the spool to the sinks completely, also after a crash."""
 
 import errno
 from collections.abc import Callable, Iterator
@@ -24,8 +24,8 @@ STREAM = stream_number(1, A2C)
 OTHER = stream_number(1, C2A)
 
 
-class ExchangeHistory:
-    """A sink that remembers, and knows what would have survived a crash."""
+class RecordingSink:
+    """A sink that stores events, and knows which are durable."""
 
     def __init__(self) -> None:
         self.events: list[WireEvent] = []
@@ -36,21 +36,22 @@ class ExchangeHistory:
         self.events.append(event)
 
     def tick(self, now_ns: int) -> None:
+        """Let the runner process everything, a quarter of a second later."""
         assert now_ns
         self.durable = len(self.events)
 
     def close(self) -> None:
         self.closed = True
 
-    def told(self) -> list[tuple]:
+    def stored_events(self) -> list[tuple]:
         return [
             (e.connection, e.direction, e.kind, e.offset_bytes, e.data or e.length_bytes)
             for e in self.events
         ]
 
 
-class Failing(ExchangeHistory):
-    """A sink that raises in one of its methods."""
+class FailingSink(RecordingSink):
+    """A sink that raises an error in one of its methods."""
 
     def __init__(self, method: str, error: Exception) -> None:
         super().__init__()
@@ -76,7 +77,7 @@ class Failing(ExchangeHistory):
 
 
 class Bench:
-    """A spool with its writer, and scribes that read it with a clock of the test's."""
+    """A spool with its writer, and runners that read it with a simulated clock."""
 
     def __init__(self, directory: Path) -> None:
         self.spool = directory / "spool"
@@ -98,8 +99,8 @@ class Bench:
         self.writer.append(kind, stream, self.now_ns, offset, payload)
         self.writer.flush()
 
-    def runner(self, *sinks: ExchangeHistory) -> SinkRunner:
-        """A new scribe; one before it is dead."""
+    def runner(self, *sinks: RecordingSink) -> SinkRunner:
+        """Return a new runner; the one before is dead."""
         for reader in self.readers:
             reader.close()
         self.readers = [SpoolReader(self.spool)]
@@ -122,9 +123,9 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
         reader.close()
 
 
-def test_a_connection_is_told_from_beginning_to_end(bench: Bench) -> None:
-    """Every field of every event, as the tap saw it."""
-    sink = ExchangeHistory()
+def test_all_events_of_a_connection(bench: Bench) -> None:
+    """Every field of every event, as recorded by the tap."""
+    sink = RecordingSink()
     bench.put(Kind.OPENED, payload=b"a > b")
     bench.put(Kind.BYTES, payload=b"abc")
     bench.put(Kind.BYTES, OTHER, 0, b"de")
@@ -145,14 +146,14 @@ def test_a_connection_is_told_from_beginning_to_end(bench: Bench) -> None:
     assert runner.progress == Progress(1, ByteCounts(3), ByteCounts(2))
 
 
-def test_a_robot_that_cannot_be_reached_is_known_until_something_comes_from_it(
+def test_an_unreachable_robot_is_known_until_it_sends(
     bench: Bench,
 ) -> None:
-    """To the next scribe, too."""
+    """Also in the next runner."""
     bench.put(Kind.OPENED, payload=b"a > b")
     bench.put(Kind.RESET, OTHER, payload=b"no connection: No route to host")
-    bench.tick(bench.runner(ExchangeHistory()))
-    runner = bench.runner(ExchangeHistory())
+    bench.tick(bench.runner(RecordingSink()))
+    runner = bench.runner(RecordingSink())
     client, robot = stream_number(2, A2C), stream_number(2, C2A)
     bench.put(Kind.OPENED, client, payload=b"a > b")
     bench.put(Kind.BYTES, client, payload=b"abc")
@@ -163,9 +164,9 @@ def test_a_robot_that_cannot_be_reached_is_known_until_something_comes_from_it(
     assert not runner.progress.unreached
 
 
-def test_the_sinks_tick_by_the_clock(bench: Bench) -> None:
-    """Every quarter of a second, with or without traffic; also when the clock was set back."""
-    sink = Failing("", ValueError())
+def test_ticks(bench: Bench) -> None:
+    """Every quarter of a second, with or without traffic; also if the clock was set back."""
+    sink = FailingSink("", ValueError())
     runner = bench.runner(sink)
     for step_ns, ticks in ((TICK_NS - 1, 0), (1, 1), (TICK_NS - 1, 1), (1, 2), (-5 * TICK_NS, 3)):
         bench.now_ns += step_ns
@@ -173,9 +174,9 @@ def test_the_sinks_tick_by_the_clock(bench: Bench) -> None:
         assert sink.calls == ["tick"] * ticks
 
 
-def test_what_was_not_ticked_comes_again(bench: Bench) -> None:
-    """A scribe that dies between ticks costs nothing; what was ticked does not come twice."""
-    first, second = ExchangeHistory(), ExchangeHistory()
+def test_events_after_the_last_tick_are_delivered_again(bench: Bench) -> None:
+    """A runner that dies between ticks loses nothing; earlier events are not delivered twice."""
+    first, second = RecordingSink(), RecordingSink()
     bench.put(Kind.OPENED, payload=b"a > b")
     bench.put(Kind.BYTES, payload=b"abc")
     runner = bench.runner(first)
@@ -187,7 +188,7 @@ def test_what_was_not_ticked_comes_again(bench: Bench) -> None:
     bench.put(Kind.BYTES, offset=5, payload=b"f")
     runner = bench.runner(second)
     bench.tick(runner)
-    assert second.told() == [
+    assert second.stored_events() == [
         ("1", A2C, Kind.OPENED, 3, 0),
         ("1", A2C, Kind.BYTES, 3, 0),
         ("1", A2C, Kind.BYTES, 3, b"de"),
@@ -199,13 +200,11 @@ def test_what_was_not_ticked_comes_again(bench: Bench) -> None:
 
 @pytest.mark.parametrize("method", ["write", "tick", "close"])
 @pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "full"), SinkFailed("full")])
-def test_a_failing_disk_ends_the_scribe_and_loses_nothing(
-    bench: Bench, method: str, error: Exception
-) -> None:
-    """All sinks are given up together, and their successors get everything again."""
+def test_a_full_disk_ends_the_runner(bench: Bench, method: str, error: Exception) -> None:
+    """All sinks are replaced, and the new sinks get all events again."""
     bench.put(Kind.OPENED, payload=b"a > b")
     bench.put(Kind.BYTES, payload=b"abc")
-    runner = bench.runner(ExchangeHistory(), Failing(method, error))
+    runner = bench.runner(RecordingSink(), FailingSink(method, error))
 
     def work(runner: SinkRunner) -> None:
         bench.now_ns += TICK_NS
@@ -215,7 +214,7 @@ def test_a_failing_disk_ends_the_scribe_and_loses_nothing(
 
     with pytest.raises(type(error)):
         work(runner)
-    sink = ExchangeHistory()
+    sink = RecordingSink()
     bench.now_ns += TICK_NS
     runner = bench.runner(sink)
     work(runner)
@@ -225,9 +224,9 @@ def test_a_failing_disk_ends_the_scribe_and_loses_nothing(
 
 
 @pytest.mark.parametrize("method", ["write", "tick", "close"])
-def test_a_defect_of_a_sink_costs_only_that_sink(bench: Bench, method: str) -> None:
-    """The others go on, and the defect is told."""
-    good, bad = ExchangeHistory(), Failing(method, ZeroDivisionError("no such axis"))
+def test_a_defect_disables_only_its_sink(bench: Bench, method: str) -> None:
+    """The other sinks continue, and the defect is reported."""
+    good, bad = RecordingSink(), FailingSink(method, ZeroDivisionError("no such axis"))
     runner = bench.runner(bad, good)
     bench.put(Kind.OPENED)
     for offset in range(3):
@@ -238,17 +237,17 @@ def test_a_defect_of_a_sink_costs_only_that_sink(bench: Bench, method: str) -> N
     assert good.closed
     assert bad.calls.count(method) == 1
     assert bad.calls[-1] == method
-    assert runner.progress.problems == ["Failing is disabled: no such axis"]
+    assert runner.progress.problems == ["FailingSink is disabled: no such axis"]
 
 
-def test_a_sink_that_cannot_be_made_costs_only_itself(bench: Bench) -> None:
-    """For example one whose package is not installed."""
+def test_a_sink_that_cannot_be_created(bench: Bench) -> None:
+    """For example because its package is not installed."""
 
-    def make(_folder: OutputFolder) -> ExchangeHistory:
+    def make(_folder: OutputFolder) -> RecordingSink:
         raise ImportError("drawing needs rerun")
 
     bench.writer.flush()
-    sink = ExchangeHistory()
+    sink = RecordingSink()
     bench.readers = [SpoolReader(bench.spool)]
     runner = SinkRunner(bench.readers[0], bench.out_dir, [make, lambda _: sink])
     bench.put(Kind.OPENED)
@@ -258,11 +257,11 @@ def test_a_sink_that_cannot_be_made_costs_only_itself(bench: Bench) -> None:
 
 
 def test_gaps_are_counted(bench: Bench) -> None:
-    """received = recorded + gaps, and a gap keeps its place, length, time and reason."""
+    """received = recorded + gaps; a gap keeps its position, length, time and reason."""
     bench.writer = SpoolWriter(
         bench.spool, lambda _delay, _callback: None, limit_bytes=1_600, now_ns=lambda: 5
     )
-    sink = ExchangeHistory()
+    sink = RecordingSink()
     bench.put(Kind.OPENED)
     for offset in range(0, 4_000, 100):
         bench.put(Kind.BYTES, offset=offset, payload=bytes(100))
@@ -281,8 +280,8 @@ def test_gaps_are_counted(bench: Bench) -> None:
 
 @pytest.mark.parametrize("missing", ["in the middle", "at the end"])
 def test_missing_records_become_a_gap(bench: Bench, missing: str) -> None:
-    """Whatever the spool lost, offsets and the tap's own count bring it to light."""
-    sink = ExchangeHistory()
+    """Offsets and the counts of the tap show any loss in the spool."""
+    sink = RecordingSink()
     bench.put(Kind.OPENED)
     bench.put(Kind.BYTES, payload=b"abc")
     if missing == "in the middle":
@@ -291,13 +290,13 @@ def test_missing_records_become_a_gap(bench: Bench, missing: str) -> None:
     bench.put(Kind.CLOSED, offset=13)
     bench.tick(runner := bench.runner(sink))
     gap = ("1", A2C, Kind.GAP, 3, 7 if missing == "in the middle" else 10)
-    assert gap in sink.told()
+    assert gap in sink.stored_events()
     assert runner.progress.a2c.received_bytes == 13
 
 
-def test_a_seam_ends_what_was_open(bench: Bench) -> None:
-    """The tap died: what was open is closed behind gaps of unknown length, and names go on."""
-    sink = ExchangeHistory()
+def test_a_restart_ends_open_connections(bench: Bench) -> None:
+    """The tap died: open connections are closed after gaps of unknown length; names continue."""
+    sink = RecordingSink()
     bench.put(Kind.OPENED)
     bench.put(Kind.BYTES, payload=b"abc")
     bench.writer.close()
@@ -306,7 +305,7 @@ def test_a_seam_ends_what_was_open(bench: Bench) -> None:
     bench.put(Kind.BYTES, payload=b"de")
     runner = bench.runner(sink)
     bench.tick(runner)
-    assert sink.told() == [
+    assert sink.stored_events() == [
         ("1", A2C, Kind.OPENED, 0, 0),
         ("1", A2C, Kind.BYTES, 0, b"abc"),
         ("1", A2C, Kind.GAP, 3, -1),
@@ -319,58 +318,65 @@ def test_a_seam_ends_what_was_open(bench: Bench) -> None:
     assert (runner.progress.a2c.unknown_gaps, runner.progress.connections) == (1, 2)
 
 
-def test_names_go_on_after_a_crash_and_a_seam(bench: Bench) -> None:
-    """No two connections of a recording bear one name, whichever process died in between."""
+def test_names_continue_after_a_crash_and_a_restart(bench: Bench) -> None:
+    """No two connections of a recording have the same name."""
     names: list[str] = []
     for _ in range(3):
-        sink = ExchangeHistory()
+        sink = RecordingSink()
         bench.put(Kind.OPENED)
         bench.tick(bench.runner(sink))
         names += [e.connection for e in sink.events if e.kind is Kind.OPENED]
         bench.put(Kind.CLOSED)
-        bench.tick(bench.runner(ExchangeHistory()))
+        bench.tick(bench.runner(RecordingSink()))
         bench.writer.close()
         bench.writer = bench.new_writer()
     assert names == ["1", "2", "3"]
 
 
-def test_a_connection_whose_opening_was_lost_is_opened(bench: Bench) -> None:
-    """Sinks may count on every connection to begin with OPENED."""
-    sink = ExchangeHistory()
+def test_a_lost_opening_is_replaced(bench: Bench) -> None:
+    """For sinks every connection starts with OPENED."""
+    sink = RecordingSink()
     bench.put(Kind.BYTES, offset=50, payload=b"abc")
     bench.tick(bench.runner(sink))
-    assert sink.told() == [("1", A2C, Kind.OPENED, 0, 0), ("1", A2C, Kind.BYTES, 50, b"abc")]
+    assert sink.stored_events() == [
+        ("1", A2C, Kind.OPENED, 0, 0),
+        ("1", A2C, Kind.BYTES, 50, b"abc"),
+    ]
     assert sink.events[0].note == "its beginning is not recorded"
 
 
-def test_the_end_of_the_recording_ends_what_is_open(bench: Bench) -> None:
-    """The tap was killed and not started again: nobody knows how its connections ended."""
-    sink = ExchangeHistory()
+def test_the_end_of_the_recording_closes_connections(bench: Bench) -> None:
+    """The tap was killed and not restarted: the real end of the connections is unknown."""
+    sink = RecordingSink()
     bench.put(Kind.OPENED)
     bench.put(Kind.BYTES, payload=b"abc")
     runner = bench.runner(sink)
     while runner.step():
         pass
     runner.finish()
-    assert [kind for _, _, kind, _, _ in sink.told()][2:] == [Kind.GAP, Kind.GAP, Kind.CLOSED]
+    assert [kind for _, _, kind, _, _ in sink.stored_events()][2:] == [
+        Kind.GAP,
+        Kind.GAP,
+        Kind.CLOSED,
+    ]
     assert sink.closed
     kept = Progress.read(read_checkpoint(bench.spool)["state"])
     assert kept == runner.progress
     assert kept.finished
 
 
-def test_a_finished_recording_is_not_counted_again(bench: Bench) -> None:
-    """A recorder killed between the end and the tidying up: the next one counts from nothing."""
+def test_counts_start_again_after_a_finished_recording(bench: Bench) -> None:
+    """The recorder was killed after the end, before the spool was removed."""
     bench.put(Kind.OPENED)
-    runner = bench.runner(ExchangeHistory())
+    runner = bench.runner(RecordingSink())
     runner.step()
     runner.finish()
-    assert bench.runner(ExchangeHistory()).progress == Progress()
+    assert bench.runner(RecordingSink()).progress == Progress()
 
 
 def test_ended_connections_are_forgotten(bench: Bench) -> None:
-    """Weeks of short connections leave nothing behind in memory or in the checkpoint."""
-    runner = bench.runner(ExchangeHistory())
+    """Weeks of short connections leave no state in memory or in the checkpoint."""
+    runner = bench.runner(RecordingSink())
     for number in range(1, 200):
         for kind in (Kind.OPENED, Kind.CLOSED):
             bench.put(kind, stream_number(number, A2C))
@@ -381,7 +387,7 @@ def test_ended_connections_are_forgotten(bench: Bench) -> None:
 
 
 def test_no_file_is_overwritten(tmp_path: Path) -> None:
-    """Sinks of later lives get names of their own, and all are told."""
+    """Sinks of later runners get new file names, and all are listed."""
     (tmp_path / "capture.mcap").write_text("earlier")
     files: list[str] = []
     folder = OutputFolder(tmp_path, files)
@@ -390,9 +396,9 @@ def test_no_file_is_overwritten(tmp_path: Path) -> None:
     assert (tmp_path / "capture.mcap").read_text() == "earlier"
 
 
-def test_what_goes_on_goes_on_in_its_time(bench: Bench) -> None:
-    """However late the next scribe comes: its connections begin when what it gets next was."""
-    sink = ExchangeHistory()
+def test_reopened_connections_have_the_time_of_the_next_event(bench: Bench) -> None:
+    """However late the next runner starts."""
+    sink = RecordingSink()
     bench.put(Kind.OPENED, payload=b"a > b")
     bench.tick(bench.runner())
     bench.now_ns += 1
@@ -404,15 +410,15 @@ def test_what_goes_on_goes_on_in_its_time(bench: Bench) -> None:
     assert times == sorted(times)
 
 
-def test_a_progress_names_the_latest_files_only(bench: Bench) -> None:
-    """And counts the others: it is written four times a second, for weeks."""
+def test_progress_lists_only_the_latest_files(bench: Bench) -> None:
+    """Other files are counted: the progress is written four times per second, for weeks."""
     bench.put(Kind.OPENED, payload=b"a > b")
     reader = SpoolReader(bench.spool)
     folders: list[OutputFolder] = []
 
-    def make(folder: OutputFolder) -> ExchangeHistory:
+    def make(folder: OutputFolder) -> RecordingSink:
         folders.append(folder)
-        return ExchangeHistory()
+        return RecordingSink()
 
     runner = SinkRunner(reader, bench.out_dir, [make], now_ns=lambda: bench.now_ns)
     for number in range(MAX_LISTED_FILES + 5):
@@ -424,10 +430,10 @@ def test_a_progress_names_the_latest_files_only(bench: Bench) -> None:
     assert progress.earlier_files == 5
 
 
-def test_trouble_is_known_until_something_is_written(bench: Bench) -> None:
-    """To who watches, and to the file that comes after it; what lasts is news but once."""
+def test_a_stall_is_known_until_something_is_written(bench: Bench) -> None:
+    """In the progress and in the next file; a continuing stall is logged once."""
     bench.put(Kind.OPENED, payload=b"a > b")
-    bench.tick(bench.runner(ExchangeHistory()))
+    bench.tick(bench.runner(RecordingSink()))
     assert note_stall(bench.spool, 5_000_000_000, "full")
     assert not note_stall(bench.spool, 6_000_000_000, "full")
     assert note_stall(bench.spool, 7_000_000_000, "broken")
@@ -436,9 +442,9 @@ def test_trouble_is_known_until_something_is_written(bench: Bench) -> None:
     reader = SpoolReader(bench.spool)
     folders: list[OutputFolder] = []
 
-    def make(folder: OutputFolder) -> ExchangeHistory:
+    def make(folder: OutputFolder) -> RecordingSink:
         folders.append(folder)
-        return ExchangeHistory()
+        return RecordingSink()
 
     runner = SinkRunner(reader, bench.out_dir, [make], now_ns=lambda: bench.now_ns)
     since = "nothing was written since 1970-01-01 00:00:05 UTC: broken"
@@ -450,8 +456,8 @@ def test_trouble_is_known_until_something_is_written(bench: Bench) -> None:
     assert stall_of(read_checkpoint(bench.spool)) is None
 
 
-def test_trouble_may_come_before_anything_else(tmp_path: Path) -> None:
-    """A folder that is read-only from the start: a scribe begins as in a new spool."""
+def test_a_stall_at_the_start(tmp_path: Path) -> None:
+    """The folder is read-only from the start; a later runner starts like with a new spool."""
     SpoolReader(tmp_path).close()
     assert note_stall(tmp_path, 1, "read-only")
     reader = SpoolReader(tmp_path)

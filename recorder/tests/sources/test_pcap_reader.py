@@ -1,4 +1,4 @@
-"""Captures of every link and file type give the same events; damaged ones give what is whole."""
+"""Captures of all link and file types give the same events; damaged files give the intact part."""
 
 import gzip
 import io
@@ -51,7 +51,7 @@ def tcp(*, from_client: bool, seq: int, ack: int, flags: str, port: int = 8877) 
 
 
 def conversation(network: Callable[..., Packet] = ip4, port: int = 8877) -> list[Packet]:
-    """A handshake, a request, its reply and the end, as network-layer packets."""
+    """Return a handshake, a request, its reply and the end, as network-layer packets."""
     steps = [
         (True, 100, 0, "S", b""),
         (False, 900, 101, "SA", b""),
@@ -142,8 +142,8 @@ def path(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def scapy_says() -> Iterator[list[str]]:
-    """What scapy logs."""
+def scapy_log() -> Iterator[list[str]]:
+    """Collect the log messages of scapy."""
     said: list[str] = []
     handler = logging.Handler()
     handler.emit = lambda record: said.append(record.getMessage())  # type: ignore[method-assign]  # a handler of one line
@@ -154,7 +154,7 @@ def scapy_says() -> Iterator[list[str]]:
 
 
 def expected(addresses: str, resolution_ns: int = 1) -> list[WireEvent]:
-    """What every capture of `conversation` holds, with times cut to `resolution_ns`."""
+    """Return the events of `conversation`, with times rounded down to `resolution_ns`."""
 
     def at(number: int) -> int:
         return (START_NS + number * STEP_NS) // resolution_ns * resolution_ns
@@ -195,20 +195,20 @@ def ip6_with_extensions(*, from_client: bool) -> Packet:
     ids=["ethernet", "vlan", "q-in-q", "sll", "sll vlan", "sll2", "null", "loop", "raw"],
 )
 def test_link_types(path: Path, link_type: int, wrap: Callable[[Packet], Packet]) -> None:
-    """Whatever the packets are wrapped in, the conversation is the same."""
+    """The events do not depend on the link type."""
     for network, events in ((ip4, OVER_IPV4), (ip6, OVER_IPV6)):
         packets = [bytes(wrap(packet)) for packet in conversation(network)]
         assert events_of(path, pcap(packets, link_type)) == events
 
 
 def test_ipv6_extension_headers(path: Path) -> None:
-    """Extension headers, among them that of a packet in one fragment, are stepped over."""
+    """Extension headers are skipped, including that of an unfragmented packet."""
     assert events_of(path, pcap(frames(conversation(ip6_with_extensions)))) == OVER_IPV6
 
 
 @pytest.mark.parametrize("link_type", [RAW4, RAW6])
 def test_raw_ip_of_one_version(path: Path, link_type: int) -> None:
-    """The link types for one version of IP are read like that for both."""
+    """Link types for one version of IP are read like the one for both."""
     network, events = (ip4, OVER_IPV4) if link_type == RAW4 else (ip6, OVER_IPV6)
     packets = [bytes(packet) for packet in conversation(network)]
     assert events_of(path, pcap(packets, link_type)) == events
@@ -233,10 +233,8 @@ def test_pcapng_files(path: Path, order: str) -> None:
     assert events_of(path, pcapng(frames(conversation()), order)) == OVER_IPV4
 
 
-def test_pcapng_comments_and_foreign_blocks_are_passed_over(
-    path: Path, scapy_says: list[str]
-) -> None:
-    """Comments, statistics, names, secrets and blocks nobody knows take nothing away."""
+def test_pcapng_other_blocks_are_ignored(path: Path, scapy_log: list[str]) -> None:
+    """Comments, statistics, names, secrets and unknown blocks change nothing."""
     comment = option(1, "a comment, 注释".encode()) + bytes(4)
     foreign = [
         block(4, bytes(8)),
@@ -250,11 +248,11 @@ def test_pcapng_comments_and_foreign_blocks_are_passed_over(
         content += foreign[number % len(foreign)]
         content += enhanced_packet(packet, number, options=comment)
     assert events_of(path, content) == OVER_IPV4
-    assert scapy_says == []
+    assert scapy_log == []
 
 
-def test_pcapng_sections_each_have_their_interfaces(path: Path) -> None:
-    """Captures joined end to end keep their own link types and time units."""
+def test_pcapng_sections_have_their_own_interfaces(path: Path) -> None:
+    """Concatenated captures keep their link types and time units."""
     packets = frames(conversation())
     content = section(">") + interface(SLL, 6, ">") + section() + interface()
     content += b"".join(enhanced_packet(packet, at) for at, packet in enumerate(packets[:4]))
@@ -266,8 +264,8 @@ def test_pcapng_sections_each_have_their_interfaces(path: Path) -> None:
     assert events_of(path, content) == [*OVER_IPV4[:2], *expected(addresses, 1000)[2:]]
 
 
-def test_pcapng_interfaces_each_have_their_offset_of_time(path: Path) -> None:
-    """What an interface adds to its times is added."""
+def test_pcapng_interfaces_have_their_own_time_offset(path: Path) -> None:
+    """The offset is added to the times."""
     packets, start_s = frames(conversation()), START_NS // 10**9
     resolution, offset = option(9, b"\x09"), option(14, struct.pack("<q", start_s))
     described = block(1, struct.pack("<HHI", ETHERNET, 0, 0) + resolution + offset + bytes(4))
@@ -279,8 +277,8 @@ def test_pcapng_interfaces_each_have_their_offset_of_time(path: Path) -> None:
     assert events_of(path, content) == OVER_IPV4
 
 
-def test_a_pcapng_packet_of_no_interface_is_damage(path: Path) -> None:
-    """Without its interface nobody knows the packet's link type: the file is read up to there."""
+def test_a_pcapng_packet_without_interface(path: Path) -> None:
+    """Its link type is unknown: the file is read up to there."""
     packets = [enhanced_packet(packet, at) for at, packet in enumerate(frames(conversation()))]
     begin = section() + interface() + b"".join(packets) + section()
     path.write_bytes(begin + packets[0])
@@ -291,7 +289,7 @@ def test_a_pcapng_packet_of_no_interface_is_damage(path: Path) -> None:
 
 
 def test_pcapng_packets_without_time(path: Path) -> None:
-    """A Simple Packet Block has no time: its events take that of what was told before."""
+    """A Simple Packet Block has no time: its events have the time of the event before."""
     first, *others = frames(conversation())
     simple = [block(3, struct.pack("<I", len(packet)) + packet) for packet in others]
     described = block(1, struct.pack("<HHI", ETHERNET, 0, 0))  # without a limit of their length
@@ -301,14 +299,14 @@ def test_pcapng_packets_without_time(path: Path) -> None:
     assert {event.time_ns for event in events} == {START_NS // 1000 * 1000}
 
 
-def test_padding_is_no_data(path: Path) -> None:
-    """Short Ethernet frames are filled up to 60 bytes; the filling is not TCP's."""
+def test_ethernet_padding_is_ignored(path: Path) -> None:
+    """Short Ethernet frames are padded to 60 bytes."""
     packets = [frame.ljust(60, b"\xee") for frame in frames(conversation())]
     assert events_of(path, pcap(packets)) == OVER_IPV4
 
 
 def test_packets_larger_than_the_length_field(path: Path) -> None:
-    """Before a network card splits it, a packet may be larger than IP can say: its length is 0."""
+    """With segmentation offload a packet may exceed the IP length field, which is then 0."""
     data = bytes(range(256)) * 300
     packets = conversation()[:3]
     large = IP(src=CLIENT, dst=CONTROLLER, len=0) / tcp(
@@ -320,8 +318,8 @@ def test_packets_larger_than_the_length_field(path: Path) -> None:
     ]
 
 
-def test_a_short_snap_length_leaves_gaps(path: Path) -> None:
-    """Bytes that the capture cut off are gaps of exactly their number, and noted."""
+def test_a_short_snap_length_causes_gaps(path: Path) -> None:
+    """Truncated bytes become gaps of the right length, and are noted."""
     path.write_bytes(pcap(frames(conversation()), cut_bytes=14 + 20 + 20 + 1))
     capture = read_pcap(path)
     told = [(event.kind, event.data, event.length_bytes) for event in capture]
@@ -334,29 +332,29 @@ def test_a_short_snap_length_leaves_gaps(path: Path) -> None:
     assert capture.summary.notes == ["packets truncated by the capture; the rest is a gap: 2"]
 
 
-def test_a_lost_length_on_the_wire_leaves_gaps(path: Path) -> None:
-    """Where a tool forgot how long a packet was, the length that IP states tells what is cut."""
+def test_a_wrong_original_length(path: Path) -> None:
+    """The length in the IP header shows how many bytes were truncated."""
     cut = [frame[: 14 + 20 + 20 + 1] for frame in frames(conversation())]
     gaps = [event for event in events_of(path, pcap(cut)) if event.kind is Kind.GAP]
     assert [event.length_bytes for event in gaps] == [3, 5]
 
 
-def test_checksums_of_the_link_are_no_data(path: Path) -> None:
-    """The upper bits of pcap's link type tell of a checksum behind each packet: no data."""
+def test_link_checksums_are_ignored(path: Path) -> None:
+    """The upper bits of pcap's link type declare a checksum after each packet."""
     packets = [frame + b"\xaa\xcc\xaa\xcc" for frame in frames(conversation())]
     assert events_of(path, pcap(packets, 0x2400_0000 | ETHERNET)) == OVER_IPV4
 
 
-def test_times_beyond_any_clock(path: Path) -> None:
-    """A time stamp that no clock shows still fits the 64 bits that others keep times in."""
+def test_huge_times(path: Path) -> None:
+    """They are limited to 64 bits."""
     content = section() + interface(resolution=0)
     content += enhanced_packet(frames(conversation())[0], 0)  # nanoseconds, told as seconds
     (event,) = events_of(path, content)
     assert event.time_ns == 2**63 - 1
 
 
-def test_headers_cut_off_are_noted(path: Path) -> None:
-    """Where not even the TCP header was kept, the note says so."""
+def test_truncated_headers_are_noted(path: Path) -> None:
+    """The TCP header is incomplete."""
     path.write_bytes(pcap(frames(conversation()), cut_bytes=14 + 20 + 19))
     capture = read_pcap(path)
     assert list(capture) == []
@@ -365,7 +363,7 @@ def test_headers_cut_off_are_noted(path: Path) -> None:
 
 @pytest.mark.parametrize("version", [4, 6])
 def test_fragments_are_gaps(path: Path, version: int) -> None:
-    """IP fragments are not put together: what they carried is a gap once it is acknowledged."""
+    """IP fragments are not reassembled: their content is a gap when it is acknowledged."""
     packets = conversation(ip4 if version == 4 else ip6)
     request = packets[3][TCP]
     if version == 4:
@@ -382,7 +380,7 @@ def test_fragments_are_gaps(path: Path, version: int) -> None:
 
 
 def test_impossible_headers_are_noted(path: Path) -> None:
-    """Lengths that contradict each other are not followed."""
+    """Contradictory lengths are not used."""
     short_ip, short_tcp, long_tcp = (bytearray(frame) for frame in frames(conversation()[3:4] * 3))
     short_ip[14] = 0x44  # an IP header of 16 bytes
     short_tcp[14 + 20 + 12] = 0x40  # a TCP header of 16 bytes
@@ -393,8 +391,8 @@ def test_impossible_headers_are_noted(path: Path) -> None:
     assert capture.summary.notes[0] == "packets not read: headers contradict each other: 3"
 
 
-def test_other_traffic_is_passed_over(path: Path) -> None:
-    """What is no TCP takes no part: ARP, UDP, other protocols over IPv6, IP of no version."""
+def test_other_traffic_is_ignored(path: Path) -> None:
+    """ARP, UDP, other protocols over IPv6, and invalid IP versions."""
     others = [
         ether(Packet()) / b"?",
         ether(IP(src=CLIENT, dst=CONTROLLER) / UDP(sport=8877, dport=8877)),
@@ -412,7 +410,7 @@ def test_other_traffic_is_passed_over(path: Path) -> None:
 
 
 def test_unknown_link_types_are_noted(path: Path) -> None:
-    """A capture of another network says which link type was not read."""
+    """The note has the link type."""
     path.write_bytes(pcap(frames(conversation()), link_type=147))
     capture = read_pcap(path)
     assert list(capture) == []
@@ -422,8 +420,8 @@ def test_unknown_link_types_are_noted(path: Path) -> None:
     ]
 
 
-def test_the_port_selects(path: Path) -> None:
-    """Connections without the port are ignored, and that nothing remains is noted."""
+def test_port_filter(path: Path) -> None:
+    """Connections without the port are ignored; if none remain, there is a note."""
     path.write_bytes(pcap(frames(conversation(port=9000))))
     capture = read_pcap(path)
     assert list(capture) == []
@@ -433,7 +431,7 @@ def test_the_port_selects(path: Path) -> None:
 
 
 def test_packets_out_of_order_are_noted(path: Path) -> None:
-    """Swapped packets change nothing but the note."""
+    """Swapped packets only cause a note."""
     packets = frames(conversation())
     blocks = [enhanced_packet(packet, at) for at, packet in enumerate(packets)]
     blocks[3], blocks[4] = blocks[4], blocks[3]
@@ -444,7 +442,7 @@ def test_packets_out_of_order_are_noted(path: Path) -> None:
 
 
 def test_a_clock_set_back_is_noted(path: Path) -> None:
-    """The packets behind it are in their order, and the file says what happened to its times."""
+    """Later packets keep their order, and there is a note."""
     packets = frames(conversation())
     hour = 3600 * 10**9 // STEP_NS
     blocks = [enhanced_packet(packet, at - hour * (at > 4)) for at, packet in enumerate(packets)]
@@ -455,8 +453,8 @@ def test_a_clock_set_back_is_noted(path: Path) -> None:
     assert capture.summary.notes == ["the capture clock was set back once"]
 
 
-def test_each_iteration_reads_anew(path: Path) -> None:
-    """A capture can be gone through twice, and its summary is of the last time."""
+def test_a_capture_can_be_read_twice(path: Path) -> None:
+    """The summary is that of the last iteration."""
     path.write_bytes(pcap(frames(conversation())))
     capture = read_pcap(path)
     assert list(capture) == list(capture) == OVER_IPV4
@@ -464,10 +462,10 @@ def test_each_iteration_reads_anew(path: Path) -> None:
 
 
 @pytest.mark.parametrize("write", [pcap, pcapng])
-def test_a_torn_file_gives_what_is_whole(
-    path: Path, write: Callable[[list[bytes]], bytes], scapy_says: list[str]
+def test_a_truncated_file(
+    path: Path, write: Callable[[list[bytes]], bytes], scapy_log: list[str]
 ) -> None:
-    """Torn at any byte: the events of the whole records before it, and a note where it tore."""
+    """Truncated at any byte: the events of the complete records, and a note with the position."""
     packets = frames(conversation())
     ends = [len(write(packets[:count])) for count in range(len(packets) + 1)]
     content = write(packets)
@@ -479,19 +477,19 @@ def test_a_torn_file_gives_what_is_whole(
         assert capture.summary.packets == whole
         note = f"the file is damaged at byte {ends[whole]}: later packets were not read"
         assert (note in capture.summary.notes) == (length not in ends)
-    assert scapy_says == []
+    assert scapy_log == []
 
 
-def test_a_torn_compressed_file_gives_what_is_whole(path: Path) -> None:
-    """A gzipped capture that stops early is noted like a plain one."""
+def test_a_truncated_compressed_file(path: Path) -> None:
+    """The note is that of a plain file."""
     path.write_bytes(gzip.compress(pcap(frames(conversation())), mtime=0)[:-20])
     capture = read_pcap(path)
     list(capture)
     assert "is damaged" in capture.summary.notes[0]
 
 
-def test_a_giant_length_is_damage(path: Path) -> None:
-    """A record that claims gigabytes is not read into memory."""
+def test_a_huge_record_length(path: Path) -> None:
+    """A record of gigabytes is not read into memory."""
     packets = frames(conversation())
     giants = [
         (pcap(packets), struct.pack("<IIII", 0, 0, 0xFFFFFFF0, 0xFFFFFFF0)),
@@ -523,7 +521,7 @@ def test_a_giant_length_is_damage(path: Path) -> None:
     ],
 )
 def test_no_capture(path: Path, content: bytes, reason: str) -> None:
-    """A file that is no capture is refused in one sentence with its name."""
+    """A file of another type is refused in one sentence with its name."""
     path.write_bytes(content)
     with pytest.raises(CaptureError) as refusal:
         read_pcap(path)
@@ -531,13 +529,13 @@ def test_no_capture(path: Path, content: bytes, reason: str) -> None:
 
 
 def test_a_missing_file(path: Path) -> None:
-    """A file that cannot be opened is named with the system's reason."""
+    """The error has the file name and the reason of the system."""
     with pytest.raises(CaptureError, match="cannot be read: No such file or directory"):
         read_pcap(path)
 
 
-def test_without_scapy(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The missing extra is named with the command that installs it."""
+def test_missing_scapy(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The error has the command that installs the extra."""
     monkeypatch.setitem(sys.modules, "scapy.utils", None)
     with pytest.raises(CaptureError) as refusal:
         read_pcap(path)
@@ -553,10 +551,10 @@ WHOLE_FILES = [pcap(frames(conversation())), pcapng(frames(conversation()))]
     damage=st.lists(st.tuples(st.integers(0, 1000), st.binary(max_size=4)), min_size=1, max_size=5),
     port=st.sampled_from([8877, None]),
 )
-def test_a_damaged_file_is_no_traceback(
+def test_any_damage(
     path: Path, whole: bytes, damage: list[tuple[int, bytes]], port: int | None
 ) -> None:
-    """Whatever bytes are wrong, a file is read as far as it goes or refused in a sentence."""
+    """With any wrong bytes, a file is read up to the damage or refused in one sentence."""
     content = bytearray(whole)
     for at, replacement in damage:
         content[at : at + 4] = replacement

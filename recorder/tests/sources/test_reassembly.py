@@ -1,4 +1,4 @@
-"""The reassembler delivers every captured byte once, at its offset, and accounts for the others."""
+"""The reassembler delivers every captured byte once, at its offset; other bytes become gaps."""
 
 from collections.abc import Iterable
 from itertools import pairwise
@@ -22,13 +22,13 @@ REPLY = bytes.fromhex("cc09023030aa")
 
 
 def a2c(time_ns: int, at: int, data: bytes = b"", ack: int = 0, flags: int = ACK) -> Segment:
-    """From the client: `at` and `ack` are stream offsets, flags of a SYN count before offset 0."""
+    """Return a segment of the client; `at` and `ack` are stream offsets; a SYN is before 0."""
     seq = (CLIENT_ISN + 1 + at) % 2**32
     return Segment(time_ns, CLIENT, CONTROLLER, seq, CONTROLLER_ISN + 1 + ack, flags, data)
 
 
 def c2a(time_ns: int, at: int, data: bytes = b"", ack: int = 0, flags: int = ACK) -> Segment:
-    """From the controller, as `a2c`."""
+    """Return a segment of the controller; see `a2c`."""
     seq = (CONTROLLER_ISN + 1 + at) % 2**32
     return Segment(time_ns, CONTROLLER, CLIENT, seq, CLIENT_ISN + 1 + ack, flags, data)
 
@@ -92,7 +92,7 @@ def kinds(events: Iterable[WireEvent]) -> list[str]:
 
 
 def check_order(events: list[WireEvent]) -> None:
-    """Times never fall, and in each direction each byte or gap begins where the last one ended."""
+    """Check that times never decrease, and that bytes and gaps of a direction are contiguous."""
     assert all(before.time_ns <= after.time_ns for before, after in pairwise(events))
     ends: dict[tuple[str, Direction], int] = {}
     for event in events:
@@ -103,7 +103,7 @@ def check_order(events: list[WireEvent]) -> None:
 
 
 def test_an_orderly_connection() -> None:
-    """Opening, bytes, both half-closes and the close are told at the times of their segments."""
+    """Opening, bytes, both half-closes and the close have the times of their segments."""
     segments = [
         *handshake(10),
         a2c(20, 0, REQUEST),
@@ -122,15 +122,15 @@ def test_an_orderly_connection() -> None:
     ]
 
 
-def test_events_are_told_at_once_when_nothing_is_missing() -> None:
-    """A segment in order is not held back."""
+def test_no_delay_without_missing_bytes() -> None:
+    """A segment in order is delivered at once."""
     reassembler = Reassembler()
     for segment in handshake():
         reassembler.receive(segment)
     assert reassembler.receive(a2c(5, 0, REQUEST)) == [data(5, A2C, 0, REQUEST)]
 
 
-def test_data_flow_on_after_the_other_direction_was_closed() -> None:
+def test_data_after_a_half_close() -> None:
     """A half-closed connection still delivers the replies."""
     events = run([*handshake(), a2c(1, 0, flags=FIN | ACK), c2a(2, 0, REPLY, ack=1)])
     assert kinds(events) == ["A2C opened", "A2C half-closed", "C2A bytes"]
@@ -149,7 +149,7 @@ def test_data_flow_on_after_the_other_direction_was_closed() -> None:
     ids=["whole", "part", "keep-alive", "empty keep-alive", "overlap", "with more"],
 )
 def test_repeated_bytes_are_delivered_once(again: Segment) -> None:
-    """A retransmission or a keep-alive probe adds only what is new."""
+    """A retransmission or a keep-alive probe adds only new bytes."""
     events = run([*handshake(), a2c(2, 0, b"abcdef"), again, a2c(4, 6, b"gh")])
     assert octets(events) == b"abcdefgh"
     assert not gaps(events)
@@ -157,7 +157,7 @@ def test_repeated_bytes_are_delivered_once(again: Segment) -> None:
 
 
 def test_a_zero_window_probe_is_part_of_the_stream() -> None:
-    """The byte sent to probe a closed window is delivered, its repetition with the rest is not."""
+    """The byte of the probe is delivered once; its repetition is not."""
     probe = a2c(3, 2, b"c")
     refusal = c2a(3, 0, ack=2)
     events = run([*handshake(), a2c(2, 0, b"ab"), probe, refusal, a2c(4, 2, b"cdef")])
@@ -166,7 +166,7 @@ def test_a_zero_window_probe_is_part_of_the_stream() -> None:
 
 
 def test_data_in_the_syn_belong_to_the_stream() -> None:
-    """The SYN takes one sequence number, its data begin after it."""
+    """The SYN has one sequence number; its data begins after it."""
     segments = [
         a2c(1, -1, b"ab", flags=SYN),
         c2a(1, -1, ack=2, flags=SYN | ACK),
@@ -175,22 +175,22 @@ def test_data_in_the_syn_belong_to_the_stream() -> None:
     assert octets(run(segments)) == b"abcd"
 
 
-def test_a_swapped_segment_completes_those_that_waited() -> None:
-    """Bytes are in order, and timed by the segment that let them be delivered."""
+def test_a_swapped_segment_releases_waiting_segments() -> None:
+    """Bytes are in order, with the time of the segment that completed them."""
     events = run([*handshake(), a2c(7, 2, b"cd"), a2c(8, 0, b"ab")])
     assert events == [opened(), data(8, A2C, 0, b"ab"), data(8, A2C, 2, b"cd")]
 
 
 def test_a_capture_in_swapped_order_keeps_its_true_times() -> None:
-    """An acknowledgment and a reply that stand before their request come after it again."""
+    """An acknowledgment and a reply captured before their request are delivered after it."""
     swapped = [c2a(30, 0, REPLY, ack=4), a2c(20, 0, REQUEST)]
     events = run([*handshake(), *swapped])
     assert events == [opened(), data(20, A2C, 0, REQUEST), data(30, C2A, 0, REPLY)]
 
 
 @pytest.mark.parametrize("tick_ns", [10, 0])
-def test_a_request_behind_the_next_one_keeps_its_place(tick_ns: int) -> None:
-    """A reply between two swapped requests waits for the first, whatever the clock says."""
+def test_a_request_captured_after_the_next_one(tick_ns: int) -> None:
+    """A reply between two swapped requests waits for the first, for any clock resolution."""
     one, two, three = (tick_ns * n for n in (2, 3, 4))
     swapped = [a2c(three, 4, REQUEST, ack=6), c2a(two, 0, REPLY, ack=4), a2c(one, 0, REQUEST)]
     assert run([*handshake(), *swapped]) == [
@@ -202,8 +202,8 @@ def test_a_request_behind_the_next_one_keeps_its_place(tick_ns: int) -> None:
 
 
 @pytest.mark.parametrize("ahead_ns", [-25, 0, 25])
-def test_two_clocks_that_differ_change_no_order(ahead_ns: int) -> None:
-    """Sorted by the clocks of two interfaces, what was acknowledged still comes before that."""
+def test_two_different_clocks_keep_the_order(ahead_ns: int) -> None:
+    """Acknowledged bytes are delivered before their acknowledgment."""
     requests = [a2c(20, 0, REQUEST), a2c(40, 4, REQUEST, ack=6), a2c(60, 8, REQUEST, ack=12)]
     replies = [
         c2a(30 + ahead_ns, 0, REPLY, ack=4),
@@ -217,7 +217,7 @@ def test_two_clocks_that_differ_change_no_order(ahead_ns: int) -> None:
 
 
 def test_without_times_the_order_is_that_of_the_capture() -> None:
-    """Behind a lost request each packet has its place, though all bear the same time."""
+    """After a lost request each packet keeps its position, although all have the same time."""
     segments = [
         *handshake(),
         c2a(0, 0, REPLY, ack=4),
@@ -236,7 +236,7 @@ def test_without_times_the_order_is_that_of_the_capture() -> None:
 
 
 def test_a_lost_request_is_a_gap_before_its_reply() -> None:
-    """What the peer acknowledged and nobody brings is a gap of that length, in its place."""
+    """Acknowledged bytes that were not captured are a gap of their length."""
     segments = [
         *handshake(),
         c2a(30, 0, REPLY, ack=4),
@@ -252,7 +252,7 @@ def test_a_lost_request_is_a_gap_before_its_reply() -> None:
     ]
 
 
-def test_an_acknowledged_byte_is_waited_for_as_long_as_a_packet_may_be_late() -> None:
+def test_an_acknowledged_byte_may_be_late() -> None:
     """The gap is declared `late_segments` segments after the proof, not before."""
     reassembler = Reassembler(limits=Limits(late_segments=3))
     for segment in [*handshake(), c2a(5, 0, ack=4)]:
@@ -264,8 +264,8 @@ def test_an_acknowledged_byte_is_waited_for_as_long_as_a_packet_may_be_late() ->
     ]
 
 
-def test_only_what_was_proven_is_given_up() -> None:
-    """Bytes that the peer has not acknowledged will be sent again: they are still waited for."""
+def test_only_acknowledged_bytes_are_given_up() -> None:
+    """Other bytes will be sent again, so the reassembler waits for them."""
     reassembler = Reassembler(limits=Limits(late_segments=3))
     segments = [
         *handshake(),
@@ -282,8 +282,8 @@ def test_only_what_was_proven_is_given_up() -> None:
     check_order(events)
 
 
-def test_what_was_proven_late_is_given_up_late() -> None:
-    """Bytes acknowledged only when others were given up have their own time to come."""
+def test_bytes_acknowledged_later_are_given_up_later() -> None:
+    """They have their own limit of late segments."""
     reassembler = Reassembler(limits=Limits(late_segments=2))
     segments = [
         *handshake(),
@@ -297,14 +297,14 @@ def test_what_was_proven_late_is_given_up_late() -> None:
     assert octets(events) == b"efghij"
 
 
-def test_an_older_acknowledgment_takes_nothing_back() -> None:
-    """A swapped acknowledgment does not make proven bytes unproven."""
+def test_an_older_acknowledgment_is_ignored() -> None:
+    """After a swapped acknowledgment proven bytes stay proven."""
     events = run([*handshake(), c2a(5, 0, ack=4), c2a(4, 0, ack=2)])
     assert [event.length_bytes for event in gaps(events)] == [4]
 
 
-def test_a_retransmission_is_waited_for_until_it_comes() -> None:
-    """What the peer has not acknowledged was lost on the way, so it is sent again."""
+def test_waiting_for_a_retransmission() -> None:
+    """Bytes that are not acknowledged were lost on the way and will be sent again."""
     reassembler = Reassembler(limits=Limits(late_segments=2))
     later = [a2c(10 + at, at, b"x") for at in range(1, 20)]
     events = run([*handshake(), *later, a2c(50, 0, b"x", ack=0)], reassembler)
@@ -312,8 +312,8 @@ def test_a_retransmission_is_waited_for_until_it_comes() -> None:
     assert not gaps(events)
 
 
-def test_a_hole_that_outgrows_the_memory_becomes_a_gap() -> None:
-    """A capture of one direction has no proofs; memory bounds what waits, and nothing is lost."""
+def test_the_memory_limit_turns_missing_bytes_into_a_gap() -> None:
+    """A capture of one direction has no acknowledgments; captured bytes are not lost."""
     reassembler = Reassembler(limits=Limits(held_bytes=20_000))
     behind = [a2c(9, at, bytes(100)) for at in range(4, 10_004, 100)]
     events = [
@@ -324,32 +324,32 @@ def test_a_hole_that_outgrows_the_memory_becomes_a_gap() -> None:
 
 
 def test_bytes_missing_at_the_end_of_the_capture_are_a_gap() -> None:
-    """When nothing more can come, a hole before later data is a gap without further proof."""
+    """At the end no further proof is necessary."""
     events = run([*handshake(), a2c(5, 4, b"ef")])
     assert events == [opened(), gap(5, A2C, 0, 4), data(5, A2C, 4, b"ef")]
 
 
-def test_a_lost_fin_is_not_told_as_a_certain_byte() -> None:
-    """An acknowledgment counts the FIN like a byte: the note of the gap says so."""
+def test_a_lost_fin_is_noted() -> None:
+    """An acknowledgment counts the FIN like a byte; the note of the gap says so."""
     events = run([*handshake(), c2a(5, 0, ack=1)])
     assert "FIN" in events[-1].note
 
 
-def test_a_fin_behind_its_acknowledgment_leaves_no_gap() -> None:
-    """The number of a FIN is no missing byte."""
+def test_a_fin_after_its_acknowledgment() -> None:
+    """The sequence number of a FIN is not a missing byte."""
     events = run([*handshake(), c2a(6, 0, ack=1), a2c(5, 0, flags=FIN | ACK)])
     assert kinds(events) == ["A2C opened", "A2C half-closed"]
 
 
-def test_a_repeated_fin_counts_when_it_came_first() -> None:
-    """The half-close has the time of the first FIN, or of the bytes that it waited for."""
+def test_a_repeated_fin() -> None:
+    """The half-close has the time of the first FIN, or of the bytes before it."""
     fin, again = (a2c(time_ns, 2, flags=FIN | ACK) for time_ns in (5, 9))
     events = run([*handshake(), fin, again, a2c(6, 0, b"ab")])
     assert events[-1] == WireEvent(6, "1", A2C, Kind.HALF_CLOSED)
 
 
-def test_bytes_cut_off_by_the_capture_are_a_gap() -> None:
-    """A packet stored in part gives the bytes it has and a gap for the others."""
+def test_truncated_packets() -> None:
+    """A truncated packet gives its captured bytes and a gap for the rest."""
     cut = a2c(5, 0, b"ab")._replace(cut_bytes=4)
     events = run([*handshake(), cut, a2c(6, 6, b"gh")])
     assert events == [
@@ -361,7 +361,7 @@ def test_bytes_cut_off_by_the_capture_are_a_gap() -> None:
 
 
 def test_sequence_numbers_wrap() -> None:
-    """Offsets go on where the 32-bit number begins anew."""
+    """Offsets continue when the 32-bit number wraps."""
     isn = 2**32 - 3
     parts = [(b"ab", 1), (b"cd", 3), (b"ef", 5)]
     syn = Segment(0, CLIENT, CONTROLLER, isn, 0, SYN)
@@ -373,8 +373,8 @@ def test_sequence_numbers_wrap() -> None:
     check_order(events)
 
 
-def test_a_capture_that_comes_late_begins_with_gaps() -> None:
-    """Both directions miss bytes of unknown number; offsets count from the first byte seen."""
+def test_a_late_capture_begins_with_gaps() -> None:
+    """An unknown number of bytes is missing; offsets start with the first captured byte."""
     note = f"the capture begins mid-stream ({ADDRESSES})"
     events = run([a2c(5, 700, REQUEST, ack=300), c2a(6, 300, REPLY, ack=704)])
     assert events == [
@@ -385,22 +385,22 @@ def test_a_capture_that_comes_late_begins_with_gaps() -> None:
     ]
 
 
-def test_a_late_capture_with_swapped_packets_loses_none() -> None:
-    """The stream begins with the lowest byte seen, not with the first."""
+def test_a_late_capture_with_swapped_packets() -> None:
+    """The stream begins with the lowest captured byte, not with the first one."""
     events = run([a2c(6, 704, b"ef"), a2c(5, 700, b"abcd")])
     assert octets(events) == b"abcdef"
     check_order(events)
 
 
-def test_a_syn_behind_the_first_packets_is_still_the_beginning() -> None:
+def test_a_syn_captured_late() -> None:
     """Packets swapped with the handshake do not make the capture a late one."""
     syn, syn_ack, _ = handshake(1)
     events = run([syn_ack, a2c(2, 0, REQUEST), syn, c2a(3, 0, REPLY, ack=4)])
     assert events == [opened(1), data(2, A2C, 0, REQUEST), data(3, C2A, 0, REPLY)]
 
 
-def test_a_lost_answer_to_the_syn_leaves_the_start_unknown() -> None:
-    """Without the SYN-ACK nobody knows how much the controller sent before."""
+def test_a_lost_syn_ack() -> None:
+    """It is unknown how many bytes the controller sent before."""
     syn, _, ack = handshake()
     events = run([syn, ack, c2a(3, 0, REPLY)])
     note = "the SYN-ACK was not captured"
@@ -410,13 +410,13 @@ def test_a_lost_answer_to_the_syn_leaves_the_start_unknown() -> None:
 @pytest.mark.parametrize(
     "segment", [a2c(1, 0), a2c(1, 0, flags=FIN | ACK), a2c(1, 0, b"why", flags=RST)]
 )
-def test_a_connection_does_not_appear_with_signs_of_life(segment: Segment) -> None:
-    """An acknowledgment, FIN or RST of an unknown connection tells nothing about its bytes."""
+def test_keep_alives_do_not_create_a_connection(segment: Segment) -> None:
+    """An acknowledgment, FIN or RST of an unknown connection is ignored."""
     assert run([segment]) == []
 
 
 def test_reset() -> None:
-    """RST ends the connection; its payload is no data, and what follows it is ignored."""
+    """RST ends the connection; its payload is not data, and later segments are ignored."""
     reset = a2c(5, 4, b"why", flags=RST | ACK)
     events = run([*handshake(), a2c(4, 0, REQUEST), reset, reset, c2a(6, 0, REPLY)])
     assert events == [
@@ -427,7 +427,7 @@ def test_reset() -> None:
 
 
 def test_reset_waits_for_swapped_bytes() -> None:
-    """Bytes that passed before the RST are told before it, wherever the capture put them."""
+    """Bytes sent before the RST are delivered before it, in any order of the capture."""
     reset, again = a2c(6, 4, flags=RST), c2a(7, 4, flags=RST)
     events = run([*handshake(), a2c(5, 2, b"cd"), reset, again, a2c(4, 0, b"ab")])
     assert kinds(events) == ["A2C opened", "A2C bytes", "A2C bytes", "A2C reset"]
@@ -435,7 +435,7 @@ def test_reset_waits_for_swapped_bytes() -> None:
 
 
 def test_reset_ends_the_waiting_for_a_retransmission() -> None:
-    """After a RST nothing is sent again: what is missing becomes a gap, then the reset is told."""
+    """After a RST nothing is sent again: missing bytes become a gap before the reset."""
     reassembler = Reassembler(limits=Limits(late_segments=2))
     for segment in [*handshake(), a2c(5, 2, b"cd"), a2c(6, 4, flags=RST)]:
         reassembler.receive(segment)
@@ -448,7 +448,7 @@ def test_reset_ends_the_waiting_for_a_retransmission() -> None:
 
 
 def test_a_refused_connection() -> None:
-    """A SYN answered by RST is told as opened and refused, with no gap."""
+    """A SYN answered by RST gives an opening and a refusal without a gap."""
     events = run([a2c(1, -1, flags=SYN), c2a(2, -1, flags=RST | ACK)])
     assert events == [
         opened(1),
@@ -457,13 +457,13 @@ def test_a_refused_connection() -> None:
 
 
 def test_an_unanswered_syn_has_no_gap() -> None:
-    """Repeated SYNs of one attempt are one connection, and nothing was lost on it."""
+    """Repeated SYNs of one attempt are one connection."""
     assert run([a2c(1, -1, flags=SYN), a2c(2, -1, flags=SYN)]) == [opened(1)]
 
 
 @pytest.mark.parametrize("isn", [CLIENT_ISN + 70_000, CLIENT_ISN - 70_000])
-def test_ports_used_anew_are_another_connection(isn: int) -> None:
-    """A SYN with another number ends the waiting of the old connection and opens the next."""
+def test_reused_ports_are_another_connection(isn: int) -> None:
+    """A SYN with another number ends the old connection and opens the next one."""
     unfinished = [*handshake(), a2c(1, 2, b"cd")]
     events = run([*unfinished, *opening(isn, 5), part(isn, 6, 0, REQUEST)])
     assert [(event.connection, event.kind, event.offset_bytes) for event in events] == [
@@ -475,8 +475,8 @@ def test_ports_used_anew_are_another_connection(isn: int) -> None:
     ]
 
 
-def test_ports_used_anew_behind_a_late_start() -> None:
-    """A SYN with a number behind the bytes seen is no late beginning of their stream."""
+def test_reused_ports_after_a_late_start() -> None:
+    """A SYN with a number after the captured bytes is not the start of their stream."""
     events = run([a2c(1, 0, REQUEST), *opening(CLIENT_ISN + 70_000, 5)])
     assert [(event.connection, event.kind) for event in events] == [
         ("1", Kind.GAP),
@@ -486,14 +486,14 @@ def test_ports_used_anew_behind_a_late_start() -> None:
     ]
 
 
-def test_segments_behind_the_close_are_no_connection() -> None:
-    """The last acknowledgment and repeated FINs belong to what is over."""
+def test_segments_after_the_close() -> None:
+    """The last acknowledgment and repeated FINs belong to the ended connection."""
     fins = [a2c(1, 0, flags=FIN | ACK), c2a(2, 0, ack=1, flags=FIN | ACK)]
     assert run([*handshake(), *fins, *fins, a2c(3, 1, ack=1)]) == run([*handshake(), *fins])
 
 
-def test_the_controller_is_who_the_syn_went_to() -> None:
-    """The opener is the client, also where it uses the controller's port itself."""
+def test_the_controller_is_the_destination_of_the_syn() -> None:
+    """The opener is the client, also if it uses the controller's port itself."""
     src, dst = Endpoint(CLIENT.address, 8877), Endpoint(CONTROLLER.address, 40_000)
     (event,) = run([Segment(1, src, dst, 5, 0, SYN)])
     assert (event.direction, event.note) == (A2C, "192.0.2.1:8877 → 192.0.2.2:40000")
@@ -514,7 +514,7 @@ def test_the_controller_is_who_the_syn_went_to() -> None:
 def test_the_controller_of_a_late_capture(
     first: bytes, reply: bytes, ports: tuple[int] | None, sender: Direction
 ) -> None:
-    """Without a SYN the port tells, else the start bytes (L92-94), else the lower port."""
+    """Without a SYN the port decides, then the start bytes (L92-94), then the lower port."""
     low, high = Endpoint(CLIENT.address, 9000), Endpoint(CONTROLLER.address, 9001)
     segments = [Segment(1, low, high, 5, 0, 0, first), Segment(2, high, low, 5, 0, 0, reply)]
     events = run(segments, Reassembler(ports))
@@ -522,7 +522,7 @@ def test_the_controller_of_a_late_capture(
 
 
 def test_other_ports_are_ignored() -> None:
-    """Only connections with a port of interest are told; without ports, all."""
+    """Only connections with a selected port are delivered; without ports, all."""
     web = Endpoint(CONTROLLER.address, 80)
     segment = Segment(1, CLIENT, web, 5, 0, SYN)
     assert run([segment]) == []
@@ -530,8 +530,8 @@ def test_other_ports_are_ignored() -> None:
     assert kinds(run([segment], Reassembler(None))) == ["A2C opened"]
 
 
-def test_connections_are_named_as_they_appear_and_told_in_the_order_of_time() -> None:
-    """A hole in one connection holds back the later events of the other."""
+def test_several_connections_are_in_the_order_of_time() -> None:
+    """Missing bytes in one connection delay the later events of the other one."""
     second = Endpoint(bytes(15) + b"\1", 50001)
     controller = Endpoint(bytes(15) + b"\2", 8877)
     segments = [
@@ -554,7 +554,7 @@ def test_connections_are_named_as_they_appear_and_told_in_the_order_of_time() ->
 
 
 def test_the_longest_silent_connection_is_given_up_beyond_the_limit() -> None:
-    """The number of connections followed is bounded; one given up has told all it had."""
+    """The number of connections is bounded; all bytes of the given-up one are delivered."""
     reassembler = Reassembler(limits=Limits(connections=2))
     others = [Endpoint(CLIENT.address, port) for port in (1, 2)]
     segments = [
@@ -567,8 +567,8 @@ def test_the_longest_silent_connection_is_given_up_beyond_the_limit() -> None:
     assert len(reassembler._followed) == 2
 
 
-def test_a_clock_that_is_set_back_goes_on_from_there() -> None:
-    """Time stands still for a moment, and nothing is held against what was before it."""
+def test_a_clock_set_back() -> None:
+    """The time stays constant for a moment; earlier traffic must not cause failures."""
     at, back = 10 * STEP_NS, 3 * STEP_NS
     segments = [
         *handshake(at),
@@ -589,15 +589,15 @@ def test_a_clock_that_is_set_back_goes_on_from_there() -> None:
     assert reassembler.clock_steps == 1
 
 
-def test_times_that_fall_are_raised() -> None:
-    """A clock set back does not turn the order of events round."""
+def test_decreasing_times_are_corrected() -> None:
+    """A clock set back does not reverse the order of events."""
     events = run([*handshake(10), a2c(20, 0, b"ab"), a2c(5, 2, b"cd")])
     assert [event.time_ns for event in events] == [10, 20, 20]
 
 
 @st.composite
 def cut_streams(draw: st.DrawFn) -> tuple[int, list[tuple[int, bytes]]]:
-    """An initial sequence number, and the parts of a stream with their offsets."""
+    """Draw an initial sequence number, and the parts of a stream with their offsets."""
     isn = draw(st.sampled_from([0, 1000, 2**31 - 4, 2**32 - 20, 2**32 - 1]))
     stream = draw(st.binary(min_size=1, max_size=60))
     cuts = sorted(draw(st.sets(st.integers(1, len(stream) - 1), max_size=20))) if stream[1:] else []
@@ -605,10 +605,10 @@ def cut_streams(draw: st.DrawFn) -> tuple[int, list[tuple[int, bytes]]]:
 
 
 @given(cut=cut_streams(), draw=st.data())
-def test_any_segmentation_repetition_and_disorder_gives_the_same_bytes(
+def test_any_segmentation_gives_the_same_bytes(
     cut: tuple[int, list[tuple[int, bytes]]], draw: st.DataObject
 ) -> None:
-    """However a stream is cut, repeated, joined anew and shuffled: the same bytes, no gap."""
+    """A stream may be split, repeated, joined and shuffled: the same bytes, without a gap."""
     isn, parts = cut
     stream = b"".join(octets for _, octets in parts)
     sent = [
@@ -634,7 +634,7 @@ def test_any_segmentation_repetition_and_disorder_gives_the_same_bytes(
 def test_lost_segments_become_gaps_of_exactly_their_bytes(
     cut: tuple[int, list[tuple[int, bytes]]], draw: st.DataObject
 ) -> None:
-    """Bytes delivered stand at their offsets; the gaps hold all others and nothing else."""
+    """Delivered bytes are at their offsets; gaps cover all others and nothing else."""
     isn, parts = cut
     lost = draw.draw(st.sets(st.sampled_from(parts)))
     swaps = draw.draw(st.lists(st.integers(0, 3), min_size=len(parts), max_size=len(parts)))
@@ -676,8 +676,8 @@ wild_segments = st.builds(
 
 
 @given(st.lists(wild_segments, max_size=40), st.sampled_from([1, 4, 256]))
-def test_no_segments_make_it_fail(segments: list[Segment], late_segments: int) -> None:
-    """Whatever a capture holds: times do not fall, offsets have no holes, and no memory is kept."""
+def test_any_segments(segments: list[Segment], late_segments: int) -> None:
+    """Times never decrease, offsets are contiguous, and no memory remains in use."""
     limits = Limits(late_segments=late_segments, held_bytes=2000, connections=2)
     reassembler = Reassembler(None, limits)
     check_order(run(segments, reassembler))

@@ -1,4 +1,4 @@
-"""capture.mcap holds every byte as it came, says what it means, and reads back."""
+"""capture.mcap contains all raw bytes and the decoded items, and can be read again."""
 
 import math
 import struct
@@ -46,7 +46,7 @@ KINDS: dict[str, type[schemas.Message]] = {
 
 
 def record(path: Path, events: Iterable[WireEvent], redactor: Redactor | None = None) -> Path:
-    """Record events as the scribe does, with a tick every quarter of a second."""
+    """Record events like the writer process, with a tick every quarter of a second."""
     decoder = Decoder([McapSink(path.open("wb"))], Judge(), redactor)
     ticked_ns = 0
     for event in events:
@@ -60,7 +60,7 @@ def record(path: Path, events: Iterable[WireEvent], redactor: Redactor | None = 
 
 
 def messages(path: Path, topic: str) -> list[Any]:
-    """The messages of a topic, read by the mcap package by its index and checksums."""
+    """Return the messages of a topic, read by the mcap package with index and checksums."""
     with path.open("rb") as file:
         found = make_reader(file, validate_crcs=True).iter_messages(topics=[topic])
         return [
@@ -84,12 +84,12 @@ def metadata(path: Path) -> dict[str, dict[str, str]]:
 
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory: pytest.TempPathFactory, shift: list[WireEvent]) -> Path:
-    """The shift, recorded."""
+    """Return the recorded shift."""
     return record(tmp_path_factory.mktemp("mcap") / "capture.mcap", shift)
 
 
-def test_raw_in_is_raw_out(capture: Path, shift: list[WireEvent]) -> None:
-    """Every event comes back as it was given, in its order, and the file says that it is whole."""
+def test_the_raw_layer_is_unchanged(capture: Path, shift: list[WireEvent]) -> None:
+    """Every event is returned in order, and the file is complete."""
     back = read_mcap(capture)
     assert list(back) == shift
     assert back.summary.whole
@@ -101,7 +101,7 @@ texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=12)
 
 @st.composite
 def conversations(draw: st.DrawFn) -> list[WireEvent]:
-    """Anything that a source may tell of two connections."""
+    """Draw any events of two connections."""
     events: list[WireEvent] = []
     ends = dict.fromkeys([(name, d) for name in ("1", "2") for d in Direction], 0)
     for _ in range(draw(st.integers(0, 30))):
@@ -126,27 +126,25 @@ def conversations(draw: st.DrawFn) -> list[WireEvent]:
 
 @settings(max_examples=50)
 @given(conversations())
-def test_any_conversation_comes_back(
+def test_any_events_are_returned(
     tmp_path_factory: pytest.TempPathFactory, events: list[WireEvent]
 ) -> None:
-    """Whatever the bytes, times, notes and kinds are, the raw layer gives them back."""
+    """With any bytes, times, notes and kinds."""
     path = record(tmp_path_factory.mktemp("any") / "capture.mcap", events)
     back = read_mcap(path)
     assert list(back) == events
     assert back.summary.whole
 
 
-def test_what_is_derived_from_the_file_is_what_was_derived_live(
-    capture: Path, tmp_path: Path
-) -> None:
-    """A file recorded again from its own raw layer says the same."""
+def test_decoding_a_file_again_gives_the_same_items(capture: Path, tmp_path: Path) -> None:
+    """A file that is recorded from the raw layer of another file has the same content."""
     again = record(tmp_path / "again.mcap", read_mcap(capture))
     for topic in ("/frames", "/undecodable", "/exchanges", "/transfers", "/findings"):
         assert messages(again, topic) == messages(capture, topic)
 
 
 def test_the_accounts_balance(capture: Path, shift: list[WireEvent]) -> None:
-    """Received = recorded + lost, and the hash is that of the bytes recorded."""
+    """received = recorded + lost, and the hash is that of the recorded bytes."""
     for direction in Direction:
         mine = [e for e in shift if e.direction is direction]
         data = b"".join(e.data for e in mine)
@@ -163,8 +161,8 @@ def test_the_accounts_balance(capture: Path, shift: list[WireEvent]) -> None:
         }
 
 
-def test_exchanges_tell_the_whole_story(capture: Path) -> None:
-    """Request, first reply, final result, outcome and times, numbered by the requests."""
+def test_content_of_exchanges(capture: Path) -> None:
+    """Request, first reply, final result, outcome and times; numbered by requests."""
     found = messages(capture, "/exchanges")
     runs = [x for x in found if x.command == "run_program"]
     refused, run = runs  # the first run ended after the second was refused
@@ -177,10 +175,8 @@ def test_exchanges_tell_the_whole_story(capture: Path) -> None:
     assert sorted(x.number for x in found) == list(range(1, len(found) + 1))
 
 
-def test_the_robots_latency_is_told_from_the_recorders(
-    tmp_path: Path, passed: list[WireEvent]
-) -> None:
-    """Two milliseconds between the times of receipt: twenty microseconds were the recorder's."""
+def test_latency_of_robot_and_recorder(tmp_path: Path, passed: list[WireEvent]) -> None:
+    """Of two milliseconds between the times of reception, the recorder used twenty microseconds."""
     path = record(tmp_path / "capture.mcap", passed)
     chunks = messages(path, "/raw/a2c")
     assert {chunk.kernel_time for chunk in chunks} == {True}
@@ -194,15 +190,17 @@ def test_the_robots_latency_is_told_from_the_recorders(
     assert list(read_mcap(path)) == passed
 
 
-def test_what_is_not_known_of_a_latency_is_not_said(capture: Path) -> None:
-    """A capture of somebody else does not tell when bytes were passed on."""
+def test_unknown_latencies_are_absent(capture: Path) -> None:
+    """A capture of another tool has no forwarding times."""
     assert {x.robot_ms for x in messages(capture, "/exchanges")} == {None}
     assert {x.recorder_ms for x in messages(capture, "/exchanges")} == {None}
     assert {chunk.forwarded_ns for chunk in messages(capture, "/raw/c2a")} == {None}
 
 
-def test_frames_tile_what_was_recorded(capture: Path, shift: list[WireEvent]) -> None:
-    """Frames, undecodable runs and gaps leave no byte of a stream unexplained."""
+def test_frames_invalid_bytes_and_gaps_cover_a_stream(
+    capture: Path, shift: list[WireEvent]
+) -> None:
+    """Every byte of a stream belongs to exactly one of them."""
     pieces = [
         (f.offset_bytes, f.size_bytes) for f in messages(capture, "/frames") if f.direction == "C2A"
     ]
@@ -217,7 +215,7 @@ def test_frames_tile_what_was_recorded(capture: Path, shift: list[WireEvent]) ->
 
 
 def test_a_transferred_file_is_an_attachment(capture: Path, program_file: bytes) -> None:
-    """It can be taken out of the recording whole, and its message holds its hash."""
+    """The attachment is complete, and the message of the transfer has its hash."""
     with capture.open("rb") as file:
         (attachment,) = make_reader(file).iter_attachments()
     assert (attachment.name, attachment.data) == ("upload pick.rob", program_file)
@@ -226,8 +224,8 @@ def test_a_transferred_file_is_an_attachment(capture: Path, program_file: bytes)
     assert transfer.sha256 == sha256(program_file).hexdigest()
 
 
-def test_a_file_name_is_no_path(talk: Any, tmp_path: Path) -> None:
-    """Whatever a peer calls its file, the attachment's name leads nowhere."""
+def test_a_path_as_file_name(talk: Any, tmp_path: Path) -> None:
+    """The name of the attachment has no path, whatever name the peer uses."""
     talk.send(A2C, Frame(A2C, 0x50, b"../../etc/pass\\wd").encode())
     talk.send(C2A, Frame(C2A, 0x50, b"1").encode())
     talk.ask("upload_chunk", Chunk(1, 0, 1, b"x"), reply=True)
@@ -236,8 +234,8 @@ def test_a_file_name_is_no_path(talk: Any, tmp_path: Path) -> None:
     assert attachment.name == "upload .._.._etc_pass_wd"
 
 
-def test_the_log_is_sparse_and_speaks_foxglove(capture: Path) -> None:
-    """Noise, gap, refusal and what was commanded stand in it; mere queries do not."""
+def test_the_log_is_a_foxglove_log(capture: Path) -> None:
+    """It has invalid bytes, gaps, refusals and commands, but no queries."""
     lines = [Log.FromString(message.data) for message in messages(capture, "/log")]
     text = "\n".join(line.message for line in lines)
     for words in ("no frame (stray)", "are missing", "refused 01", "upload of pick.rob", "closed"):
@@ -247,7 +245,7 @@ def test_the_log_is_sparse_and_speaks_foxglove(capture: Path) -> None:
 
 
 class Cdr:
-    """Reads CDR as another implementation would: by its alignment rules."""
+    """A reader of CDR, written independently from its alignment rules."""
 
     def __init__(self, data: bytes) -> None:
         assert data[:4] == b"\0\1\0\0"
@@ -273,7 +271,7 @@ class Cdr:
 
 
 def test_joint_states_are_cdr(capture: Path) -> None:
-    """Radians and metres, their rates since the last ones, and no effort, for none is told."""
+    """Radians and metres, the rates since the previous message, and no effort, which is unknown."""
     found = []
     for message in messages(capture, "/joint_states")[:2]:
         cdr = Cdr(message.data)
@@ -289,8 +287,8 @@ def test_joint_states_are_cdr(capture: Path) -> None:
     assert rates[0] == pytest.approx(-3 * rates[1])
 
 
-def test_the_description_is_the_arm_that_the_transforms_move(capture: Path) -> None:
-    """Every joint of the URDF has a transform of that name, from its parent to its child."""
+def test_the_urdf_matches_the_transforms(capture: Path) -> None:
+    """Every joint of the URDF has a transform from its parent to its child."""
     (message,) = messages(capture, "/robot_description")
     robot = ET.fromstring(Cdr(message.data).text())
     joints = {
@@ -305,7 +303,7 @@ def test_the_description_is_the_arm_that_the_transforms_move(capture: Path) -> N
 
 
 def test_no_password_is_decoded(capture: Path) -> None:
-    """Outside the raw layer no message, attachment or metadata holds it."""
+    """Outside the raw layer no message, attachment or metadata contains it."""
     with capture.open("rb") as file:
         reader = make_reader(file)
         for _, channel, message in reader.iter_messages():
@@ -324,7 +322,7 @@ def test_no_password_is_decoded(capture: Path) -> None:
     ],
 )
 def test_no_malformed_password_is_decoded(talk: Any, tmp_path: Path, request_bytes: bytes) -> None:
-    """Neither in findings nor in undecodable bytes; an echo of it is masked as well."""
+    """Neither in findings nor in invalid bytes; an echo of it is masked, too."""
     talk.send(A2C, request_bytes)
     talk.send(C2A, Frame(C2A, request_bytes[1], b"open sesame").encode())
     talk.mark(A2C, Kind.CLOSED)
@@ -337,8 +335,8 @@ def test_no_malformed_password_is_decoded(talk: Any, tmp_path: Path, request_byt
                 assert b"73657361" not in text
 
 
-def test_a_redacted_file_holds_no_password(shift: list[WireEvent], tmp_path: Path) -> None:
-    """Not even raw; the frames are the same otherwise."""
+def test_a_redacted_file_contains_no_password(shift: list[WireEvent], tmp_path: Path) -> None:
+    """Not even in the raw layer; the frames are otherwise the same."""
     path = record(tmp_path / "redacted.mcap", shift, Redactor())
     back = list(read_mcap(path))
     assert b"sesame" not in b"".join(event.data for event in back)
@@ -348,10 +346,10 @@ def test_a_redacted_file_holds_no_password(shift: list[WireEvent], tmp_path: Pat
 
 
 @pytest.mark.parametrize("needs_login", [True, False])
-def test_the_file_says_what_link_it_was(
+def test_the_link_is_in_the_metadata(
     shift: list[WireEvent], tmp_path: Path, *, needs_login: bool
 ) -> None:
-    """So that whoever reads it knows whether a login was due, also where its end is torn."""
+    """A reader knows whether a login is required, also after a repair."""
     sink = capture_sink(OutputFolder(tmp_path, []), draw=False, needs_login=needs_login)
     for event in shift:
         sink.write(event)
@@ -363,8 +361,8 @@ def test_the_file_says_what_link_it_was(
     assert capture.needs_login is needs_login
 
 
-def test_rerun_reads_it(capture: Path) -> None:
-    """Rerun's own tools find no fault with it."""
+def test_rerun_reads_the_file(capture: Path) -> None:
+    """The tools of Rerun report no problem."""
     for command in ("info", "check"):
         done = subprocess.run(
             [RERUN, "mcap", command, capture], capture_output=True, text=True, check=True
@@ -376,9 +374,7 @@ def test_rerun_reads_it(capture: Path) -> None:
 # What may become of a file.
 
 
-def test_a_file_torn_anywhere_gives_what_was_flushed(
-    shift: list[WireEvent], tmp_path: Path
-) -> None:
+def test_a_file_truncated_anywhere(shift: list[WireEvent], tmp_path: Path) -> None:
     """The reader returns the events up to the last complete chunk, and notes that it is truncated.
 
     The cuts are at every byte near the ends of a chunk (its header has 57 bytes) and at every 31st
@@ -402,7 +398,7 @@ def test_a_file_torn_anywhere_gives_what_was_flushed(
 
 
 def read_mcap_or_nothing(path: Path) -> list[WireEvent]:
-    """The events of a torn file; none where even its beginning is torn."""
+    """Return the events of a truncated file; none if even its header is truncated."""
     try:
         back = read_mcap(path)
         events = list(back)
@@ -416,7 +412,7 @@ def read_mcap_or_nothing(path: Path) -> list[WireEvent]:
 def test_a_damaged_chunk_becomes_gaps(
     shift: list[WireEvent], tmp_path: Path, damage_chunk: Callable[[Path, int], None]
 ) -> None:
-    """Bytes that cannot be read are told as missing, at their offsets; the rest stands."""
+    """Unreadable bytes become gaps at their offsets; all other events are returned."""
     path = record(tmp_path / "damaged.mcap", shift)
     damage_chunk(path, 3)
     back = read_mcap(path)
@@ -435,15 +431,15 @@ def test_a_damaged_chunk_becomes_gaps(
 
 
 def test_a_stream_that_began_before_its_file_begins_with_a_gap(tmp_path: Path) -> None:
-    """A file of a later hour does not pretend that its first byte was the connection's first."""
+    """In a later file the first byte is not the first byte of the connection."""
     late = WireEvent(5, "1", A2C, Kind.BYTES, b"\xaa\x09\x00\xcc", 1000)
     gap, event = read_mcap(record(tmp_path / "late.mcap", [late]))
     assert (gap.kind, gap.offset_bytes, gap.length_bytes) == (Kind.GAP, 0, 1000)
     assert event == late
 
 
-def test_foreign_files_are_refused_in_one_sentence(tmp_path: Path) -> None:
-    """What is no recording of this tool is said to be none, by its name."""
+def test_foreign_files_are_refused(tmp_path: Path) -> None:
+    """The error is one sentence with the file name."""
     foreign = tmp_path / "foreign.mcap"
     with foreign.open("wb") as file:
         writer = Writer(file)
@@ -469,10 +465,8 @@ def test_foreign_files_are_refused_in_one_sentence(tmp_path: Path) -> None:
         assert str(path) in str(caught.value)
 
 
-def test_a_chunk_that_would_fill_the_memory_is_left_alone(
-    shift: list[WireEvent], tmp_path: Path
-) -> None:
-    """A chunk that claims a terabyte is damage, and is not unpacked."""
+def test_a_chunk_with_a_huge_size(shift: list[WireEvent], tmp_path: Path) -> None:
+    """A size of a terabyte is damage; the chunk is not decompressed."""
     path = record(tmp_path / "bomb.mcap", shift[:12])
     data = path.read_bytes()
     at = chunk_indexes(path)[-1].chunk_start_offset + 1 + 8 + 8 + 8  # behind length and two times
@@ -482,8 +476,8 @@ def test_a_chunk_that_would_fill_the_memory_is_left_alone(
     assert "1 damaged chunks" in back.summary.notes[0]
 
 
-def test_a_chunk_that_lies_about_its_size_is_left_alone(tmp_path: Path) -> None:
-    """What zstd says of itself counts too: a gigabyte of zeros packs into thirty kilobytes."""
+def test_a_chunk_with_a_wrong_size(tmp_path: Path) -> None:
+    """The size in the zstd header counts, too: 128 MiB of zeros become a few kilobytes."""
     path = tmp_path / "bomb.mcap"
     packed = ZstdCompressor().compress(bytes(1 << 27))
     with path.open("wb") as file:
@@ -497,10 +491,10 @@ def test_a_chunk_that_lies_about_its_size_is_left_alone(tmp_path: Path) -> None:
 
 
 @given(st.binary(max_size=400), st.integers(0, 3000))
-def test_garbage_is_told_and_never_raises(
+def test_garbage_in_a_file(
     tmp_path_factory: pytest.TempPathFactory, garbage: bytes, at: int
 ) -> None:
-    """Any bytes in the place of any others end in events, notes, or one sentence."""
+    """Any replaced bytes result in events, notes or one error message."""
     path = tmp_path_factory.mktemp("garbage") / "capture.mcap"
     event = WireEvent(5, "1", A2C, Kind.BYTES, b"\xaa\x09\x00\xcc")
     data = record(path, [event]).read_bytes()
@@ -513,7 +507,7 @@ def test_garbage_is_told_and_never_raises(
 
 
 class FullDisk(BytesIO):
-    """A file that takes so many bytes and no more."""
+    """A file with limited space."""
 
     def __init__(self, room_bytes: int) -> None:
         super().__init__()
@@ -525,10 +519,8 @@ class FullDisk(BytesIO):
         return super().write(data)
 
 
-def test_a_full_disk_is_told_and_costs_only_what_came_last(
-    shift: list[WireEvent], tmp_path: Path
-) -> None:
-    """The error goes through; every tick that returned can be read from what is on the disk."""
+def test_a_full_disk_loses_at_most_one_tick(shift: list[WireEvent], tmp_path: Path) -> None:
+    """The error is raised; all events before the last tick can be read."""
     disk, removed, safe = FullDisk(1 << 20), [], 0
     sink = McapSink(disk, discard=lambda: removed.append(True))
     disk.room_bytes = disk.tell() + 5_000
@@ -549,18 +541,18 @@ def test_a_full_disk_is_told_and_costs_only_what_came_last(
     assert not removed
 
 
-def test_a_file_that_never_held_anything_is_removed() -> None:
-    """A full disk leaves no trail of empty files behind."""
+def test_an_empty_file_is_removed() -> None:
+    """A full disk leaves no empty files."""
     removed: list[bool] = []
     with pytest.raises(OSError, match="No space"):
         McapSink(FullDisk(100), discard=lambda: removed.append(True))
     assert removed == [True]
 
 
-def test_a_defect_in_decoding_costs_no_raw_byte(
+def test_a_defect_in_decoding_loses_no_raw_bytes(
     shift: list[WireEvent], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The raw layer goes on when the derived one cannot, and the file says so."""
+    """Decoding stops, the raw layer continues, and the file contains a note."""
     path = tmp_path / "defect.mcap"
     judge = Judge()
     monkeypatch.setattr(judge, "judge", lambda *_: 1 / 0)
@@ -573,7 +565,7 @@ def test_a_defect_in_decoding_costs_no_raw_byte(
 
 
 def test_chunks_are_closed_when_they_are_full() -> None:
-    """Memory stays bounded between two flushes."""
+    """Memory is bounded between two flushes."""
     file = BytesIO()
     writer = ChunkWriter(file, "test")
     channel = writer.channel("/a", "", writer.schema("A", "", b""))
@@ -589,8 +581,8 @@ def test_chunks_are_closed_when_they_are_full() -> None:
     assert len(summary.chunk_indexes) >= 9
 
 
-def test_messages_survive_their_encoding() -> None:
-    """Every field of every kind comes back, absent ones as absent."""
+def test_messages_are_decoded_as_encoded() -> None:
+    """Every field of every kind, including absent fields."""
     for kind in schemas.MESSAGES:
         empty = schemas.decode(kind, b"")
         assert schemas.decode(kind, schemas.encode(kind, **empty._asdict())) == empty

@@ -1,4 +1,4 @@
-"""Live drawing may lag, hang or die: the recording goes on, and never waits."""
+"""A slow or dead live viewer never delays the recording."""
 
 import contextlib
 import os
@@ -28,8 +28,8 @@ from scaraspec_recorder.sinks.sink import OutputFolder
 LARGE = WireEvent(1, "1", A2C, Kind.BYTES, bytes(60_000))
 
 
-def test_a_process_that_keeps_up_gets_everything(shift: list[WireEvent], tmp_path: Path) -> None:
-    """All events, in order, across many batches; the sink is closed when all are drawn."""
+def test_a_fast_process_gets_all_events(shift: list[WireEvent], tmp_path: Path) -> None:
+    """In order, in many batches; the sink is closed when all are drawn."""
     path = tmp_path / "drawn"
     sink = LiveSink(draw_processes.collect, path)
     for number, event in enumerate(shift):
@@ -41,8 +41,8 @@ def test_a_process_that_keeps_up_gets_everything(shift: list[WireEvent], tmp_pat
     assert sink.lost_events == 0
 
 
-def test_a_process_that_hangs_costs_events_and_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The queue is bounded, what does not fit is counted, and closing does not wait for ever."""
+def test_a_hanging_process_loses_events(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The queue is bounded, dropped events are counted, and closing has a timeout."""
     monkeypatch.setattr(live, "CLOSE_TIMEOUT_S", 0.1)
     sink = LiveSink(draw_processes.hang, most_batches=3)
     for _ in range(1000):
@@ -51,8 +51,8 @@ def test_a_process_that_hangs_costs_events_and_no_time(monkeypatch: pytest.Monke
     assert 900 < sink.lost_events < 1000
 
 
-def test_a_process_that_dies_costs_nothing() -> None:
-    """Writing, ticking and closing go on as if nothing were."""
+def test_a_dead_process_is_ignored() -> None:
+    """Writing, ticks and closing still work."""
     sink = LiveSink(draw_processes.die)
     sink._process.join()
     for number in range(1000):
@@ -65,8 +65,8 @@ def test_a_process_that_dies_costs_nothing() -> None:
 
 @settings(max_examples=8)
 @given(dice=st.randoms(use_true_random=False))
-def test_whatever_is_dropped_is_no_defect(shift: list[WireEvent], dice: Any) -> None:
-    """Events are dropped without regard to what they are: what follows is still decoded."""
+def test_any_dropped_events(shift: list[WireEvent], dice: Any) -> None:
+    """Events after dropped ones are still decoded."""
     decoder = Decoder([], Judge())
     for event in shift:
         if dice.random() < 0.8:
@@ -77,7 +77,7 @@ def test_whatever_is_dropped_is_no_defect(shift: list[WireEvent], dice: Any) -> 
 
 @contextlib.contextmanager
 def viewer(saved: Path) -> Iterator[str]:
-    """What takes a drawing as a viewer does, and saves it."""
+    """Run a server that receives a recording like a viewer, and saves it."""
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     command = (sys.executable, "-m", "rerun", "--serve-grpc", "--bind", "127.0.0.1")
@@ -99,10 +99,10 @@ def viewer(saved: Path) -> Iterator[str]:
         process.wait()
 
 
-def test_a_viewer_gets_the_picture(
+def test_a_viewer_gets_the_recording(
     shift: list[WireEvent], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What a viewer receives over gRPC holds plots, states and the log."""
+    """Plots, states and the log arrive over gRPC."""
     pytest.importorskip("rerun")
     monkeypatch.setattr(live, "CLOSE_TIMEOUT_S", 30)
     saved = tmp_path / "seen.rrd"

@@ -1,4 +1,4 @@
-"""Recordings are made small where that works, and nobody waits for it."""
+"""Optimization of .rrd files, in the background and only if it succeeds."""
 
 import os
 import subprocess
@@ -16,8 +16,8 @@ from scaraspec_recorder.sinks.rerun.optimizer import MOST_WAITING, optimize, opt
 TIMEOUT_S = 30
 
 
-def test_a_file_that_cannot_be_optimized_stays_as_it_is(tmp_path: Path) -> None:
-    """Being small is a convenience."""
+def test_a_failed_optimization_keeps_the_file(tmp_path: Path) -> None:
+    """A smaller file is only a convenience."""
     path = tmp_path / "capture.rrd"
     path.write_bytes(b"no recording")
     assert not optimize(path)
@@ -25,10 +25,8 @@ def test_a_file_that_cannot_be_optimized_stays_as_it_is(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_disk_that_is_full_costs_no_recording(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The tool writes what it can and ends as if all were well: what it made is not taken."""
+def test_a_full_disk_keeps_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tool writes an incomplete file and exits with 0; that file is not used."""
     path = tmp_path / "capture.rrd"
     write_rrd([], path)
     before, run = path.read_bytes(), subprocess.run
@@ -43,8 +41,8 @@ def test_a_disk_that_is_full_costs_no_recording(
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_nobody_waits_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One file at a time, a few that wait, and the rest is left as it is."""
+def test_optimization_runs_in_the_background(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One file at a time, a few files wait, and further files stay unoptimized."""
     begun, go_on = threading.Event(), threading.Event()
     done = []
 

@@ -1,4 +1,4 @@
-"""What `rerun_files` takes from the inside of the SDK is still there, and still does what it must.
+"""The private functions of the SDK that `rerun_files` uses still exist and still work.
 
 These fail when rerun-sdk changes what it does not promise; each says what has changed.
 """
@@ -21,22 +21,22 @@ ROUNDS = 4
 
 
 def threads() -> int:
-    """How many threads of any library run here."""
+    """Return the number of threads of any library."""
     listed = Path("/proc/self/task")
     if not listed.exists():
         pytest.skip("only Linux lists the threads of all libraries")
     return len(list(listed.iterdir()))
 
 
-def drawn(path: Path) -> None:
-    """A file, begun and ended as a drawing is."""
+def write_rrd(path: Path) -> None:
+    """Write a file as a sink does."""
     file = rerun_files.RerunFile("test", path, blueprint.layout())
     file.stream.log("value", rr.Scalars(1.0))
     file.close()
 
 
-def test_the_sdk_sends_a_layout_as_it_did(tmp_path: Path) -> None:
-    """`_Layout` learns the stream of its own by which the SDK sends it, and the layout arrives."""
+def test_the_sdk_sends_the_layout(tmp_path: Path) -> None:
+    """`_Layout` learns the SDK's own stream for the layout, and the layout arrives."""
     path, layout = tmp_path / "drawing.rrd", _Layout(blueprint.layout())
     stream = rr.RecordingStream("test")
     stream.save(path, default_blueprint=layout)  # type: ignore[arg-type]  # it has what is asked of one
@@ -52,8 +52,8 @@ def test_the_sdk_sends_a_layout_as_it_did(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("footer", [True, False])
-def test_a_footer_is_left_to_the_optimizing(tmp_path: Path, *, footer: bool) -> None:
-    """The SDK keeps it in memory, for weeks perhaps; without one nothing else is missing."""
+def test_a_file_without_footer(tmp_path: Path, *, footer: bool) -> None:
+    """The SDK keeps the footer in memory; without it nothing else is missing."""
     path = tmp_path / "drawing.rrd"
     file = rerun_files.RerunFile("test", path, blueprint.layout(), footer=footer)
     file.stream.log("value", rr.Scalars(1.0))
@@ -64,30 +64,30 @@ def test_a_footer_is_left_to_the_optimizing(tmp_path: Path, *, footer: bool) -> 
     assert len(RrdReader(path).blueprints()) == 1
 
 
-def test_the_sdk_has_what_frees_closed_streams() -> None:
-    """It is no part of its public interface."""
+def test_the_sdk_can_release_closed_streams() -> None:
+    """The function is not in its public interface."""
     assert callable(getattr(rerun_bindings, "flush_and_cleanup_orphaned_recordings", None)), (
         "rerun_bindings.flush_and_cleanup_orphaned_recordings is gone: "
         "find what frees the threads of closed streams now, or whether that is still needed"
     )
 
 
-def test_nothing_is_left_of_closed_streams(tmp_path: Path) -> None:
-    """Each stream and each layout's has threads; after the release there are none."""
+def test_closed_streams_have_no_threads(tmp_path: Path) -> None:
+    """Each stream and its layout have threads; after the release there are none."""
     running = []
     for number in range(ROUNDS):
-        drawn(tmp_path / f"{number}.rrd")
+        write_rrd(tmp_path / f"{number}.rrd")
         running.append(threads())
     assert running[-1] <= running[0], f"rerun-sdk keeps threads of closed streams: {running}"
 
 
 def test_the_release_is_still_needed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Else this room can go: the SDK would free closed streams by itself."""
+    """If this fails, the SDK releases closed streams itself and our code can be removed."""
     before = threads()
     with monkeypatch.context() as without:
         without.setattr(rerun_files, "release", lambda: None)
         for number in range(ROUNDS):
-            drawn(tmp_path / f"{number}.rrd")
+            write_rrd(tmp_path / f"{number}.rrd")
     kept = threads() - before
     rerun_files.release()
     assert kept >= ROUNDS, "rerun-sdk frees closed streams by itself now: remove `release`"
@@ -117,8 +117,8 @@ for number in range(10):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="nothing there refuses a file its growth")
-def test_a_file_that_refuses_a_write_holds_up_nobody(tmp_path: Path) -> None:
-    """It is told, with the system's reason; the SDK by itself waits for ever, most of the time."""
+def test_a_write_error_does_not_block(tmp_path: Path) -> None:
+    """The error has the reason of the system; the SDK alone would mostly wait forever."""
     done = subprocess.run(
         [sys.executable, "-c", REFUSED, str(tmp_path)],
         capture_output=True,

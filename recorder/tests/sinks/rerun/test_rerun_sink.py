@@ -1,4 +1,4 @@
-"""capture.rrd shows what happened: values, states and words, on three timelines, with a layout."""
+"""capture.rrd shows values, states and texts on three timelines, with a layout."""
 
 import math
 import pickle
@@ -32,7 +32,7 @@ RERUN = Path(sysconfig.get_path("scripts")) / "rerun"
 
 
 def column(path: Path, entity: str, component: str, index: str = "time") -> list[Any]:
-    """The values of a component in the order of a timeline."""
+    """Return the values of a component in the order of a timeline."""
     found: list[tuple[Any, Any]] = []
     for chunk in RrdReader(path).stream().to_chunks():
         if chunk.entity_path == f"/{entity}" and not chunk.is_static:
@@ -43,7 +43,7 @@ def column(path: Path, entity: str, component: str, index: str = "time") -> list
 
 
 def static(path: Path, entity: str, component: str) -> Any:
-    """The value of a component that holds at every time, as it was logged last."""
+    """Return the last logged value of a static component."""
     (value,) = (
         chunk.to_record_batch().column(component).to_pylist()[-1]
         for chunk in RrdReader(path).stream().to_chunks()
@@ -54,25 +54,25 @@ def static(path: Path, entity: str, component: str) -> Any:
 
 @pytest.fixture(scope="module")
 def drawing(tmp_path_factory: pytest.TempPathFactory, shift: list[WireEvent]) -> Path:
-    """The shift, drawn."""
+    """Return the .rrd file of the shift."""
     path = tmp_path_factory.mktemp("rrd") / "capture.rrd"
     write_rrd(shift, path)
     return path
 
 
-def test_rerun_accepts_it(drawing: Path) -> None:
-    """Its own tools find nothing wrong, its footer included."""
+def test_rerun_verifies_the_file(drawing: Path) -> None:
+    """The tool of Rerun reports no problem, including the footer."""
     for command in ("verify", "stats"):
         subprocess.run([RERUN, "rrd", command, drawing], check=True, capture_output=True)
 
 
-def test_it_opens_with_a_layout(drawing: Path) -> None:
-    """The file brings its own blueprint, under the name of the application."""
+def test_the_file_contains_a_layout(drawing: Path) -> None:
+    """Its blueprint has the name of the application."""
     (entry,) = RrdReader(drawing).blueprints()
     assert entry.application_id == "scaraspec"
 
 
-def test_joints_are_drawn_as_they_were_told(drawing: Path) -> None:
+def test_joint_values(drawing: Path) -> None:
     """One point for each reply, in degrees and millimetres."""
     assert column(drawing, "joint/inner_arm", "Scalars:scalars") == [*range(0, 60, 3), 60, 60]
     assert column(drawing, "joint/wrist", "Scalars:scalars") == [*range(250, 230, -1), 230, 230]
@@ -80,8 +80,8 @@ def test_joints_are_drawn_as_they_were_told(drawing: Path) -> None:
     assert column(drawing, "analog/01", "Scalars:scalars") == [42.5] * 22
 
 
-def test_the_drawn_arm_ends_where_the_tool_is_reported(drawing: Path) -> None:
-    """Link by link from the base, the last one stands at the pose of 0x38: for the virtual arm."""
+def test_the_drawn_arm_ends_at_the_reported_tool_position(drawing: Path) -> None:
+    """The chain of links ends at the pose of 0x38, for the virtual arm."""
     entity, turn, (x, y, z) = f"arm/{BASE}", 0.0, (0.0, 0.0, 0.0)
     for segment in SEGMENTS:
         entity += f"/{segment.link}"
@@ -97,8 +97,8 @@ def test_the_drawn_arm_ends_where_the_tool_is_reported(drawing: Path) -> None:
     assert math.degrees(turn) == pytest.approx(theta_x, abs=0.01)
 
 
-def test_states_are_drawn_where_they_change(drawing: Path) -> None:
-    """One row for each change, however often the robot is asked."""
+def test_states_are_drawn_at_changes(drawing: Path) -> None:
+    """One row for each change, however often the client polls."""
     state = "StateChange:state"
     assert column(drawing, blueprint.ROBOT_STATUS, state) == ["01", "12", "00"]
     assert column(drawing, blueprint.PROGRAM, state) == ["pick.rob", ""]
@@ -109,8 +109,8 @@ def test_states_are_drawn_where_they_change(drawing: Path) -> None:
     assert column(drawing, blueprint.output_lane(5), state) == ["0", "1", "0"]
 
 
-def test_the_command_in_flight_is_shown_until_its_final_result(drawing: Path) -> None:
-    """An e-stop lies over the run that it ends; a gap hides what is still in flight."""
+def test_the_executing_command_is_shown_until_its_final_result(drawing: Path) -> None:
+    """An emergency stop covers the run that it ends; a gap hides executing commands."""
     assert column(drawing, blueprint.COMMAND, "StateChange:state") == [
         "run_program",
         "emergency_stop",
@@ -119,8 +119,8 @@ def test_the_command_in_flight_is_shown_until_its_final_result(drawing: Path) ->
     ]
 
 
-def test_words_are_sparse_and_hold_no_password(drawing: Path) -> None:
-    """One line an exchange, one an event; queries step back behind what was commanded."""
+def test_the_log_has_no_password(drawing: Path) -> None:
+    """One line per exchange and event; queries have a lower level than commands."""
     exchanges = column(drawing, blueprint.EXCHANGES, "TextLog:text")
     levels = column(drawing, blueprint.EXCHANGES, "TextLog:level")
     events = "\n".join(column(drawing, blueprint.EVENTS, "TextLog:text"))
@@ -132,7 +132,7 @@ def test_words_are_sparse_and_hold_no_password(drawing: Path) -> None:
     assert "sesame" not in "".join(exchanges) + events
 
 
-def test_a_mark_is_an_event_at_its_own_time(tmp_path: Path, talk: Any) -> None:
+def test_a_mark_has_its_own_time(tmp_path: Path, talk: Any) -> None:
     """Also before anything else is drawn."""
     path, line = tmp_path / "marked.rrd", LogLine(Level.WARN, "trigger", "signal: asked for")
     talk.mark(A2C, Kind.OPENED, "a > b")
@@ -145,21 +145,21 @@ def test_a_mark_is_an_event_at_its_own_time(tmp_path: Path, talk: Any) -> None:
 
 
 def test_an_uploaded_program_is_a_page(drawing: Path, program_file: bytes) -> None:
-    """Its listing, from the moment when it was complete."""
+    """The page has its listing, from the time at which it was complete."""
     (page,) = column(drawing, blueprint.PROGRAM_PAGE, "TextDocument:text")
     assert listing(parse(program_file)) in page
 
 
-def test_the_session_page_says_what_it_amounts_to(drawing: Path) -> None:
-    """Conclusion and dialects stand on it, and how to read the rest."""
+def test_the_session_page_shows_the_conclusion(drawing: Path) -> None:
+    """Also the dialects, and an explanation of the views."""
     page = static(drawing, blueprint.SESSION_PAGE, "TextDocument:text")
     assert "- **conclusion**: " in page
     assert "- **controller speaks**: " in page
     assert blueprint.LEGEND in page
 
 
-def test_every_row_stands_on_every_timeline(drawing: Path) -> None:
-    """Whichever timeline is chosen, nothing is missing; exchanges are numbered from 1."""
+def test_every_row_is_on_every_timeline(drawing: Path) -> None:
+    """No timeline lacks data; exchanges are numbered from 1."""
     for chunk in RrdReader(drawing).stream().to_chunks():
         if not chunk.is_static:
             assert set(chunk.timeline_names) == set(TIMELINES)
@@ -173,16 +173,16 @@ def test_every_row_stands_on_every_timeline(drawing: Path) -> None:
 
 
 def test_every_series_has_a_name_with_its_unit(drawing: Path) -> None:
-    """Nobody has to guess what a line is."""
+    """A user can identify every line."""
     for entity, (name, _) in blueprint.SERIES.items():
         assert static(drawing, entity, "SeriesLines:names") == name
         assert name.split()[-1] in ("°", "mm", "°C")
 
 
-def test_the_robots_latency_is_told_from_the_recorders(
+def test_latency_of_robot_and_recorder(
     passed: list[WireEvent], drawing: Path, tmp_path: Path
 ) -> None:
-    """Each has points of its own; where nobody knows, the sum has the robot's."""
+    """Each has its own points; if unknown, the sum is in the series of the robot."""
     path = tmp_path / "capture.rrd"
     write_rrd(passed, path)
     queries = column(path, "latency/queries", "Scalars:scalars")
@@ -197,7 +197,7 @@ def test_the_robots_latency_is_told_from_the_recorders(
 def test_rows_are_sent_in_batches(
     shift: list[WireEvent], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Ticks send at most every five seconds of the clock: cost is by the chunk."""
+    """At most every five seconds of the clock: the cost is per chunk."""
     monkeypatch.setattr("scaraspec_recorder.sinks.rerun.rerun_sink.optimize", lambda _: True)
     path = tmp_path / "capture.rrd"
     decoder = Decoder([RerunSink.to_file(path)], Judge())
@@ -210,10 +210,8 @@ def test_rows_are_sent_in_batches(
     assert column(path, "joint/wrist", "Scalars:scalars")[:3] == [250, 249, 248]
 
 
-def test_a_scribe_gets_both_files_and_overwrites_none(
-    shift: list[WireEvent], tmp_path: Path
-) -> None:
-    """Made again after a failure, in a process of its own, the sink writes beside what is there."""
+def test_the_sink_overwrites_no_file(shift: list[WireEvent], tmp_path: Path) -> None:
+    """Created again after a failure, in another process, the sink writes new files."""
     make = pickle.loads(pickle.dumps(partial(capture_sink, session={"robot": "line 3"})))
     files: list[str] = []
     for _ in range(2):
@@ -230,10 +228,8 @@ def test_a_scribe_gets_both_files_and_overwrites_none(
     )
 
 
-def test_a_drawing_that_cannot_be_made_leaves_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It is tried again and again while a disk is full; what others have there stays."""
+def test_a_failed_creation_leaves_no_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is retried while a disk is full; existing files are kept."""
 
     def refuse(*_: object, **__: object) -> None:
         raise SinkFailed("full")
@@ -245,14 +241,14 @@ def test_a_drawing_that_cannot_be_made_leaves_nothing(
     assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"mine"]
 
 
-def test_why_a_drawing_fails(tmp_path: Path) -> None:
-    """It is the system's reason."""
+def test_the_error_has_the_reason_of_the_system(tmp_path: Path) -> None:
+    """For example "No such file or directory"."""
     with pytest.raises(FileNotFoundError, match="No such file or directory"):
         RerunSink.to_file(tmp_path / "gone" / "capture.rrd")
 
 
-def test_names_have_no_colour_that_means_something(shift: list[WireEvent], drawing: Path) -> None:
-    """A program is neither good nor bad; each has a colour of its own, until there are too many."""
+def test_colours_of_names(shift: list[WireEvent], drawing: Path) -> None:
+    """A program is neither good nor bad; each has its own colour, up to a limit."""
     assert static(drawing, blueprint.PROGRAM, "StateConfiguration:labels") == "pick.rob"
     sink = RerunSink.to_file(drawing.with_name("many.rrd"), optimized=False)
     sink.write(shift[0])
@@ -263,7 +259,7 @@ def test_names_have_no_colour_that_means_something(shift: list[WireEvent], drawi
 
 
 def test_hostile_numbers_are_not_drawn(talk: Any, tmp_path: Path) -> None:
-    """A payload with complaints, or a port that no robot has, makes no entity."""
+    """Invalid payloads and ports that no robot has create no entity."""
     talk.ask("get_analog_input", 40, 1.0)
     talk.send(A2C, Frame(A2C, 0x44, b"99999999").encode())
     talk.send(C2A, Frame(C2A, 0x44, b"1|5").encode())
@@ -276,22 +272,22 @@ def test_hostile_numbers_are_not_drawn(talk: Any, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "command", [c for c in COMMANDS if c.initiator is A2C], ids=lambda c: c.name
 )
-def test_refusals_are_no_values(talk: Any, tmp_path: Path, command: Command) -> None:
-    """A robot that answers anything with ``0`` is drawn all the same."""
+def test_refusals_are_not_drawn_as_values(talk: Any, tmp_path: Path, command: Command) -> None:
+    """A robot that replies ``0`` to every command is drawn without errors."""
     talk.send(A2C, Frame(A2C, command.opcode, b"1").encode())
     talk.send(C2A, Frame(C2A, command.opcode, b"0").encode())
     write_rrd(talk.events, tmp_path / "capture.rrd")
 
 
-def test_a_recording_of_nothing_is_a_drawing_of_nothing(tmp_path: Path) -> None:
-    """It opens, with its session page."""
+def test_a_recording_without_events(tmp_path: Path) -> None:
+    """The file opens with its session page."""
     path = tmp_path / "capture.rrd"
     write_rrd([], path)
     assert "conclusion" in static(path, blueprint.SESSION_PAGE, "TextDocument:text")
 
 
-def test_drawings_that_are_closed_leave_nothing_running(shift: Any, tmp_path: Path) -> None:
-    """A recorder that rotates for weeks does not end with thousands of threads."""
+def test_closed_files_leave_no_threads(shift: Any, tmp_path: Path) -> None:
+    """A recorder that rotates for weeks must not accumulate threads."""
     threads = Path("/proc/self/task")
     if not threads.exists():
         pytest.skip("only Linux lists the threads of all libraries")
@@ -302,8 +298,8 @@ def test_drawings_that_are_closed_leave_nothing_running(shift: Any, tmp_path: Pa
     assert running[-1] <= running[0]
 
 
-def test_without_rerun_one_sentence_says_what_to_install() -> None:
-    """The extra is optional, and its absence is no traceback of somebody else."""
+def test_missing_rerun() -> None:
+    """The error is one sentence with the command that installs the extra."""
     code = (
         "import sys; sys.modules['rerun'] = None\n"
         "try: import scaraspec_recorder.sinks.rerun.rerun_sink\n"
