@@ -1,208 +1,167 @@
-"""Faults of clause 4.6: the clock as it is told, and how it runs."""
+"""Mutants of clause 4.6: the reported time, and how the clock runs."""
 
-from abc import ABC, abstractmethod
+from collections.abc import Callable
 from datetime import datetime, timedelta
-from typing import Any, Final
+from typing import Any
 
-from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.operators.controller.replies import AltersReplies
+from scaraspec.mutants.controller import Core, mutant, row
+from scaraspec.mutants.operators.controller.replies import first_reply
+from scaraspec.mutants.operators.controller.requests import after
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request
 
-_GET_TIME: Final = 0x07
-_TWELVE: Final = 12
-_LOST_COUNT_S: Final = 60.0
+
+def _separated(data: bytes) -> bytes:
+    date = b"-".join((data[:4], data[4:6], data[6:8]))
+    return date + b" " + b":".join((data[8:10], data[10:12], data[12:]))
 
 
-@mutant("time-with-separators", "4.6/2")
-class TimeWithSeparators(AltersReplies):
-    """The time is told as people write it."""
-
-    opcode = _GET_TIME
-
-    def altered(self, data: bytes) -> bytes:
-        """Put them in."""
-        date = b"-".join((data[:4], data[4:6], data[6:8]))
-        return date + b" " + b":".join((data[8:10], data[10:12], data[12:]))
+def _without_zeros(data: bytes) -> bytes:
+    pairs = (data[i : i + 2] for i in range(4, 14, 2))
+    return data[:4] + b"".join(b"%d" % int(pair) for pair in pairs)
 
 
-@mutant("time-with-two-digits-of-the-year", "4.6/2")
-class TimeWithTwoDigitsOfTheYear(AltersReplies):
-    """The time has twelve digits: the century is missing."""
+def _runs(passed: Callable[[float], float]) -> Core:
+    """The clock advances by a function of the seconds since it was set or first read."""
 
-    opcode = _GET_TIME
+    class Runs(ControllerCore):
+        _origin: tuple[datetime, float] | None = None
 
-    def altered(self, data: bytes) -> bytes:
-        """Leave it away."""
-        return data[2:]
+        def set_time(self, request: Request) -> bool:
+            self._origin = request.value, request.now_s
+            return super().set_time(request)
 
+        def get_time(self, request: Request) -> datetime:
+            if self._origin is None:
+                self._origin = super().get_time(request), request.now_s
+            start, start_s = self._origin
+            return start + timedelta(seconds=passed(request.now_s - start_s))
 
-@mutant("time-without-leading-zeros", "4.6/2")
-class TimeWithoutLeadingZeros(AltersReplies):
-    """Numbers below ten have one digit."""
-
-    opcode = _GET_TIME
-
-    def altered(self, data: bytes) -> bytes:
-        """Leave the zeros away."""
-        pairs = (data[i : i + 2] for i in range(4, 14, 2))
-        return data[:4] + b"".join(b"%d" % int(pair) for pair in pairs)
+    return Runs
 
 
-@mutant("time-with-milliseconds", "4.6/2")
-class TimeWithMilliseconds(AltersReplies):
-    """The time has seventeen digits."""
-
-    opcode = _GET_TIME
-
-    def altered(self, data: bytes) -> bytes:
-        """Add three."""
-        return data + b"000"
+def _back_at_noon(_core: ControllerCore, request: Request, time: datetime) -> datetime:
+    is_late = time.hour >= 12 and request.now_s > 60.0
+    return time.replace(hour=time.hour - 12) if is_late else time
 
 
-@mutant("months-from-zero", "4.6/3")
-class MonthsFromZero(AltersReplies):
-    """January is month 00, as programs count."""
-
-    opcode = _GET_TIME
-
-    def altered(self, data: bytes) -> bytes:
-        """Count from 0."""
-        return data[:4] + b"%02d" % (int(data[4:6]) - 1) + data[6:]
-
-
-@mutant("hours-from-one", "4.6/3")
-class HoursFromOne(AltersReplies):
-    """The first hour of the day is told as hour 24."""
-
-    opcode = _GET_TIME
-
-    def altered(self, data: bytes) -> bytes:
-        """Count from 1."""
-        return data[:8] + (b"24" if data[8:10] == b"00" else data[8:10]) + data[10:]
+row(
+    "time-with-separators",
+    "4.6/2",
+    "The time is written with hyphens, a blank and colons.",
+    first_reply("get_time", _separated),
+)
+row(
+    "time-with-two-digits-of-the-year",
+    "4.6/2",
+    "The time has twelve digits, without the century.",
+    first_reply("get_time", lambda data: data[2:]),
+)
+row(
+    "time-without-leading-zeros",
+    "4.6/2",
+    "Months, days, hours, minutes and seconds below ten have one digit.",
+    first_reply("get_time", _without_zeros),
+)
+row(
+    "time-with-milliseconds",
+    "4.6/2",
+    "The time has seventeen digits, with milliseconds.",
+    first_reply("get_time", lambda data: data + b"000"),
+)
+row(
+    "months-from-zero",
+    "4.6/3",
+    "January is month 00.",
+    first_reply("get_time", lambda data: data[:4] + b"%02d" % (int(data[4:6]) - 1) + data[6:]),
+)
+row(
+    "hours-from-one",
+    "4.6/3",
+    "The first hour of the day is hour 24.",
+    first_reply("get_time", lambda data: data[:8] + data[8:10].replace(b"00", b"24") + data[10:]),
+)
 
 
 @mutant("clock-stands-still", "4.6/4")
-class ClockStandsStill(ControllerCore):
-    """The clock shows when it was set or switched on, and no other time."""
-
-    def get_time(self, request: Request) -> datetime:
-        """Show that."""
-        return self.plant.clock.time(request.now_s) if self._first is None else self._first
-
-    _first: datetime | None = None
+class StopsClock(ControllerCore):
+    """The clock always shows the time at which it was set or switched on."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self._first = self.plant.clock.time(0.0)
+        self._shown = self.plant.clock.time(0.0)
 
     def set_time(self, request: Request) -> bool:
-        """Take another one."""
-        self._first = request.value
+        self._shown = request.value
         return super().set_time(request)
 
-
-class _RunsOtherwise(ControllerCore, ABC):
-    """The clock runs at another rate than time."""
-
-    _origin: tuple[datetime, float] | None = None
-
-    @abstractmethod
-    def wrong_s(self, passed_s: float) -> float:
-        """How much the clock gains in so much time."""
-
-    def set_time(self, request: Request) -> bool:
-        """Begin anew."""
-        self._origin = request.value, request.now_s
-        return super().set_time(request)
-
-    def get_time(self, request: Request) -> datetime:
-        """Show that."""
-        if self._origin is None:
-            self._origin = super().get_time(request), request.now_s
-        begun, begun_s = self._origin
-        return begun + timedelta(seconds=self.wrong_s(request.now_s - begun_s))
+    def get_time(self, request: Request) -> datetime:  # noqa: ARG002 - the time does not matter
+        return self._shown
 
 
-@mutant("clock-runs-fast", "4.6/4")
-class ClockRunsFast(_RunsOtherwise):
-    """The clock gains a twentieth."""
-
-    def wrong_s(self, passed_s: float) -> float:
-        """Run faster."""
-        return passed_s * 1.05
-
-
-@mutant("clock-runs-slow", "4.6/4")
-class ClockRunsSlow(_RunsOtherwise):
-    """The clock loses a twentieth."""
-
-    def wrong_s(self, passed_s: float) -> float:
-        """Run slower."""
-        return passed_s * 0.95
-
-
-@mutant("clock-runs-twice-as-fast", "4.6/4")
-class ClockRunsTwiceAsFast(_RunsOtherwise):
-    """Each second is counted twice."""
-
-    def wrong_s(self, passed_s: float) -> float:
-        """Count twice."""
-        return passed_s * 2
+row(
+    "clock-runs-fast",
+    "4.6/4",
+    "The clock runs 5 % too fast.",
+    _runs(lambda passed_s: passed_s * 1.05),
+)
+row(
+    "clock-runs-slow",
+    "4.6/4",
+    "The clock runs 5 % too slow.",
+    _runs(lambda passed_s: passed_s * 0.95),
+)
+row(
+    "clock-runs-twice-as-fast",
+    "4.6/4",
+    "The clock counts each second twice.",
+    _runs(lambda passed_s: passed_s * 2),
+)
 
 
 @mutant("clock-loses-long-idle-times", "4.6/4", subtle=True)
-class ClockLosesLongIdleTimes(_RunsOtherwise):
-    """Where nobody asks for a minute, the clock counts that minute alone."""
+class LosesLongIdleTimes(ControllerCore):
+    """If the time is not read for more than a minute, the clock advances by only one minute."""
 
-    _asked_s = _lost_s = 0.0
-
-    def wrong_s(self, passed_s: float) -> float:
-        """Lose what is longer."""
-        self._lost_s += max(passed_s - self._asked_s - _LOST_COUNT_S, 0.0)
-        self._asked_s = passed_s
-        return passed_s - self._lost_s
+    _asked_s: float | None = None
+    _lost_s = 0.0
 
     def set_time(self, request: Request) -> bool:
-        """Begin anew."""
-        self._asked_s = self._lost_s = 0.0
+        self._asked_s, self._lost_s = request.now_s, 0.0
         return super().set_time(request)
 
-
-@mutant("clock-goes-back-at-noon", "4.6/4", subtle=True)
-class ClockGoesBackAtNoon(_RunsOtherwise):
-    """The hours are those of twelve: behind noon the day begins again."""
-
     def get_time(self, request: Request) -> datetime:
-        """Show the hour modulo twelve."""
-        time = super().get_time(request)
-        late = time.hour >= _TWELVE and request.now_s > _LOST_COUNT_S
-        return time.replace(hour=time.hour - _TWELVE) if late else time
-
-    def wrong_s(self, passed_s: float) -> float:
-        """Run as it should."""
-        return passed_s
+        if self._asked_s is not None:
+            self._lost_s += max(request.now_s - self._asked_s - 60.0, 0.0)
+        self._asked_s = request.now_s
+        return super().get_time(request) - timedelta(seconds=self._lost_s)
 
 
-@mutant("days-are-skipped", "4.6/4", subtle=True)
-class DaysAreSkipped(_RunsOtherwise):
-    """At each midnight two days pass in place of one."""
-
-    def wrong_s(self, passed_s: float) -> float:
-        """Count them twice."""
-        return passed_s + passed_s // 86_400 * 86_400
+row(
+    "clock-goes-back-at-noon",
+    "4.6/4",
+    "From one minute after the start on, the hours after noon are those of the morning.",
+    after("get_time", _back_at_noon),
+    subtle=True,
+)
+row(
+    "days-are-skipped",
+    "4.6/4",
+    "The clock skips a day after every 24 hours.",
+    _runs(lambda passed_s: passed_s + passed_s // 86_400 * 86_400),
+    subtle=True,
+)
 
 
 @mutant("every-tenth-time-is-the-one-before", "4.6/4", subtle=True)
-class EveryTenthTimeIsTheOneBefore(ControllerCore):
-    """Every tenth reply tells the time that was told first: a buffer is not refreshed."""
+class RepeatsFirstTime(ControllerCore):
+    """Every tenth reply contains the time of the first reply."""
 
-    _told: datetime | None = None
+    _first: datetime | None = None
     _count = 0
 
     def get_time(self, request: Request) -> datetime:
-        """Count them."""
         self._count += 1
         time = super().get_time(request)
-        self._told = self._told or time
-        return self._told if self._count % 10 == 0 else time
+        self._first = self._first or time
+        return self._first if self._count % 10 == 0 else time

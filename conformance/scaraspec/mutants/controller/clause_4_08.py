@@ -1,266 +1,209 @@
-"""Faults of clause 4.8: the status of the robot."""
+"""Mutants of clause 4.8: the status of the robot."""
 
-from abc import ABC, abstractmethod
 from typing import Any, Final
 
-from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.operators.controller.replies import AltersReplies
+from scaraspec.mutants.controller import Core, mutant, row
+from scaraspec.mutants.operators.controller.replies import first_reply
+from scaraspec.mutants.operators.controller.requests import answer_when, executing
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.robot import IDLE, MOVING, RUNNING
 from scaraspec.virtual_controller.session import Request
 
-_STATUS: Final = 0x09
 _WORDS: Final = {b"00": b"IDLE", b"05": b"ERROR", b"06": b"ERROR"}
-_LATE: Final = 90
-_LAG_S: Final = 5.0
-_HALF_S: Final = 0.5
 
 
-@mutant("status-of-one-digit", "4.8/2", "4.8/3")
-class StatusOfOneDigit(AltersReplies):
-    """The status has one digit."""
-
-    opcode = _STATUS
-
-    def altered(self, data: bytes) -> bytes:
-        """Leave the first digit away."""
-        return data[-1:]
+def _during(command: str, status: str) -> Core:
+    """The status during a command is replaced."""
+    return answer_when("get_status", executing(command), status)
 
 
-@mutant("transfers-are-motion", "4.8/3", subtle=True)
-class TransfersAreMotion(ControllerCore):
-    """Who sends or fetches a file is told that the robot moves."""
-
-    def get_status(self, request: Request) -> str:
-        """Tell him so."""
-        return MOVING if request.session.transfer else super().get_status(request)
-
-
-@mutant("status-in-words", "4.8/2")
-class StatusInWords(AltersReplies):
-    """The status is one of the three words of L214."""
-
-    opcode = _STATUS
-
-    def altered(self, data: bytes) -> bytes:
-        """Say it in words."""
-        return _WORDS.get(data, b"RUNNING")
+def _runs_for_half_second(core: ControllerCore, request: Request) -> bool:
+    task = core.robot.task
+    return (
+        task is not None
+        and task.request.command.name == "run_program"
+        and request.now_s - task.request.now_s > 0.5
+    )
 
 
-@mutant("status-in-binary", "4.8/2")
-class StatusInBinary(AltersReplies):
-    """The status is a byte that is no digit."""
-
-    opcode = _STATUS
-
-    def altered(self, data: bytes) -> bytes:
-        """Write the number."""
-        return bytes((int(data, 16),))
-
-
-@mutant("status-with-explanation", "4.8/2")
-class StatusWithExplanation(AltersReplies):
-    """Behind the status stands what it means."""
-
-    opcode = _STATUS
-
-    def altered(self, data: bytes) -> bytes:
-        """Explain it."""
-        return data + b"|" + _WORDS.get(data, b"RUNNING")
-
-
-class _SaysOtherwise(ControllerCore, ABC):
-    """The status is wrong while the robot is in one state."""
-
-    @abstractmethod
-    def wrong(self, status: str, request: Request) -> str:
-        """What is said in place of a status."""
-
-    def get_status(self, request: Request) -> str:
-        """Say that."""
-        return self.wrong(super().get_status(request), request)
-
-    @property
-    def executing(self) -> str:
-        """The command that executes; empty where none does."""
-        task = self.robot.task
-        return task.request.command.name if task else ""
+row(
+    "status-of-one-digit",
+    "4.8/2 4.8/3",
+    "The status has one digit.",
+    first_reply("get_status", lambda data: data[-1:]),
+)
+row(
+    "transfers-are-motion",
+    "4.8/3",
+    "The status is 04 on a connection that transfers a file.",
+    answer_when("get_status", lambda _core, request: request.session.transfer is not None, MOVING),
+    subtle=True,
+)
+row(
+    "status-in-words",
+    "4.8/2",
+    "The status is one of the three words of L214.",
+    first_reply("get_status", lambda data: _WORDS.get(data, b"RUNNING")),
+)
+row(
+    "status-in-binary",
+    "4.8/2",
+    "The status is one byte with the number.",
+    first_reply("get_status", lambda data: bytes((int(data, 16),))),
+)
+row(
+    "status-with-explanation",
+    "4.8/2",
+    "The status is followed by a word that explains it.",
+    first_reply("get_status", lambda data: data + b"|" + _WORDS.get(data, b"RUNNING")),
+)
 
 
 @mutant("late-statuses-are-moving", "4.8/3", subtle=True)
-class LateStatusesAreMoving(_SaysOtherwise):
-    """From the ninetieth request on a robot at rest is said to move."""
+class MovesLate(ControllerCore):
+    """From the 90th to the 99th of every hundred requests, an idle robot reports 04."""
 
     _count = 0
 
-    def wrong(self, status: str, request: Request) -> str:  # noqa: ARG002 - whoever asks
-        """Count."""
+    def get_status(self, request: Request) -> str:
         self._count += 1
-        return MOVING if status == IDLE and self._count % 100 >= _LATE else status
+        status = super().get_status(request)
+        return MOVING if status == IDLE and self._count % 100 >= 90 else status
 
 
 @mutant("idle-is-running-for-others", "4.8/3", subtle=True)
-class IdleIsRunningForOthers(_SaysOtherwise):
-    """Once the version was asked for, every other connection is told that a program runs."""
-
-    def wrong(self, status: str, request: Request) -> str:
-        """Call it running."""
-        odd = request.session.connection % 2
-        return RUNNING if status == IDLE and self._asked > 0 and not odd else status
-
-    _asked = 0
-
-    def get_version(self, request: Request) -> str:
-        """Once the version was asked for."""
-        self._asked += 1
-        return super().get_version(request)
-
-
-@mutant("status-is-reserved", "4.8/3", "4.8/9")
-class StatusIsReserved(_SaysOtherwise):
-    """A robot at rest that was asked for its version says 07."""
+class RunsForOtherConnections(ControllerCore):
+    """After a request for the version, every second connection reads the status 01 when idle."""
 
     _asked = False
 
     def get_version(self, request: Request) -> str:
-        """Remember it."""
         self._asked = True
         return super().get_version(request)
 
-    def wrong(self, status: str, request: Request) -> str:  # noqa: ARG002 - whoever asks
-        """Say it once."""
+    def get_status(self, request: Request) -> str:
+        status = super().get_status(request)
+        is_other = request.session.connection % 2 == 0
+        return RUNNING if status == IDLE and self._asked and is_other else status
+
+
+@mutant("status-is-reserved", "4.8/3", "4.8/9")
+class ReportsReservedStatus(ControllerCore):
+    """The first status after a request for the version is 07."""
+
+    _asked = False
+
+    def get_version(self, request: Request) -> str:
+        self._asked = True
+        return super().get_version(request)
+
+    def get_status(self, request: Request) -> str:
         asked, self._asked = self._asked, False
-        return "07" if asked else status
+        return "07" if asked else super().get_status(request)
 
 
 @mutant("missing-program-stays-in-the-status", "4.8/3", "4.8/9", subtle=True)
-class MissingProgramStaysInTheStatus(_SaysOtherwise):
-    """A missing program is the next status."""
+class ReportsMissingProgram(ControllerCore):
+    """The first status after the refusal of a missing program is 20."""
 
     _missing = False
 
     def run_program(self, request: Request) -> Acceptance:
-        """Remember the refusal."""
-        answer = super().run_program(request)
-        self._missing = answer.code == "20"
-        return answer
+        reply = super().run_program(request)
+        self._missing = reply.code == "20"
+        return reply
 
-    def wrong(self, status: str, request: Request) -> str:  # noqa: ARG002 - whoever asks
-        """Say it once."""
+    def get_status(self, request: Request) -> str:
         missing, self._missing = self._missing, False
-        return "20" if missing else status
+        return "20" if missing else super().get_status(request)
 
 
 @mutant("status-lags-behind-the-result", "4.8/3", subtle=True)
-class StatusLagsBehindTheResult(_SaysOtherwise):
-    """For some seconds behind the end of a program the status goes on as before."""
+class RunsAfterResult(ControllerCore):
+    """The status stays 01 for 5 s after the final result of a run or simulation."""
 
     _until_s = -1.0
     _now_s = 0.0
-    _was = IDLE
 
     def send_result(self, request: Request, outcome: Outcome) -> None:
-        """Keep the state."""
         if request.command.name in ("run_program", "simulate_program"):
-            self._until_s, self._was = self._now_s + _LAG_S, RUNNING
+            self._until_s = self._now_s + 5.0
         super().send_result(request, outcome)
 
     def advance(self, now_s: float) -> list[Any]:
-        """Keep the time."""
         self._now_s = now_s
         return super().advance(now_s)
 
-    def wrong(self, status: str, request: Request) -> str:
-        """Look at the time."""
-        return self._was if status == IDLE and request.now_s < self._until_s else status
+    def get_status(self, request: Request) -> str:
+        status = super().get_status(request)
+        return RUNNING if status == IDLE and request.now_s < self._until_s else status
 
 
-def _in_place_of(name: str, said: str) -> Any:
-    """How a status is wrong that is another one while a command executes."""
-
-    def wrong(self: _SaysOtherwise, status: str, request: Request) -> str:  # noqa: ARG001 - whoever asks
-        return said if self.executing == name else status
-
-    return wrong
-
-
-@mutant("running-is-idle", "4.8/4")
-class RunningIsIdle(_SaysOtherwise):
-    """While a program runs the status is 00."""
-
-    wrong = _in_place_of("run_program", IDLE)
-
-
-@mutant("running-is-moving", "4.8/4")
-class RunningIsMoving(_SaysOtherwise):
-    """While a program runs the status is 04."""
-
-    wrong = _in_place_of("run_program", MOVING)
-
-
-@mutant("running-is-idle-in-waits", "4.8/4", subtle=True)
-class RunningIsIdleInWaits(_SaysOtherwise):
-    """A program that has run for half a second is said to be at rest until something moves."""
-
-    def wrong(self, status: str, request: Request) -> str:
-        """Look at how long it runs."""
-        task = self.robot.task
-        late = task is not None and request.now_s - task.request.now_s > _HALF_S
-        return IDLE if late and self.executing == "run_program" else status
-
-
-@mutant("simulating-is-running", "4.8/5")
-class SimulatingIsRunning(_SaysOtherwise):
-    """While a program is simulated the status is 01."""
-
-    wrong = _in_place_of("simulate_program", RUNNING)
-
-
-@mutant("simulating-is-idle", "4.8/5")
-class SimulatingIsIdle(_SaysOtherwise):
-    """While a program is simulated the status is 00."""
-
-    wrong = _in_place_of("simulate_program", IDLE)
-
-
-@mutant("resetting-is-moving", "4.8/6")
-class ResettingIsMoving(_SaysOtherwise):
-    """While the robot resets the status is 04."""
-
-    wrong = _in_place_of("reset", MOVING)
-
-
-@mutant("resetting-is-idle", "4.8/6")
-class ResettingIsIdle(_SaysOtherwise):
-    """While the robot resets the status is 00."""
-
-    wrong = _in_place_of("reset", IDLE)
-
-
-@mutant("moving-is-running", "4.8/7")
-class MovingIsRunning(_SaysOtherwise):
-    """During a move the status is 01."""
-
-    wrong = _in_place_of("set_tool_coordinates", RUNNING)
-
-
-@mutant("moving-is-idle", "4.8/7")
-class MovingIsIdle(_SaysOtherwise):
-    """During a move the status is 00."""
-
-    wrong = _in_place_of("set_tool_coordinates", IDLE)
-
-
-@mutant("jogging-is-idle", "4.8/7")
-class JoggingIsIdle(_SaysOtherwise):
-    """During a jog the status is 00."""
-
-    wrong = _in_place_of("jog", IDLE)
-
-
-@mutant("jogging-is-running", "4.8/7")
-class JoggingIsRunning(_SaysOtherwise):
-    """During a jog the status is 01."""
-
-    wrong = _in_place_of("jog", RUNNING)
+row(
+    "running-is-idle",
+    "4.8/4",
+    "While a program runs, the status is 00.",
+    _during("run_program", IDLE),
+)
+row(
+    "running-is-moving",
+    "4.8/4",
+    "While a program runs, the status is 04.",
+    _during("run_program", MOVING),
+)
+row(
+    "running-is-idle-in-waits",
+    "4.8/4",
+    "The status is 00 when a program has run for more than half a second.",
+    answer_when("get_status", _runs_for_half_second, IDLE),
+    subtle=True,
+)
+row(
+    "simulating-is-running",
+    "4.8/5",
+    "While a program is simulated, the status is 01.",
+    _during("simulate_program", RUNNING),
+)
+row(
+    "simulating-is-idle",
+    "4.8/5",
+    "While a program is simulated, the status is 00.",
+    _during("simulate_program", IDLE),
+)
+row(
+    "resetting-is-moving",
+    "4.8/6",
+    "During a reset the status is 04.",
+    _during("reset", MOVING),
+)
+row(
+    "resetting-is-idle",
+    "4.8/6",
+    "During a reset the status is 00.",
+    _during("reset", IDLE),
+)
+row(
+    "moving-is-running",
+    "4.8/7",
+    "During a move the status is 01.",
+    _during("set_tool_coordinates", RUNNING),
+)
+row(
+    "moving-is-idle",
+    "4.8/7",
+    "During a move the status is 00.",
+    _during("set_tool_coordinates", IDLE),
+)
+row(
+    "jogging-is-idle",
+    "4.8/7",
+    "During a jog the status is 00.",
+    _during("jog", IDLE),
+)
+row(
+    "jogging-is-running",
+    "4.8/7",
+    "During a jog the status is 01.",
+    _during("jog", RUNNING),
+)

@@ -85,6 +85,16 @@ def length_byte(command: str, change: Callable[[int], int]) -> Core:
     return LengthByte
 
 
+def sent_frame(when: Callable[[Frame], bool], **fields: Any) -> Core:
+    """Fields of sent frames, such as the opcode, are replaced if the condition holds."""
+
+    class SentFrame(ControllerCore):
+        def emit(self, session: Session, frame: Frame) -> None:
+            super().emit(session, frame._replace(**fields) if when(frame) else frame)
+
+    return SentFrame
+
+
 def frame_bytes(change: Callable[[bytes], bytes]) -> Core:
     """The bytes of every sent frame are changed."""
 

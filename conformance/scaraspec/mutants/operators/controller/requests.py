@@ -12,6 +12,7 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.virtual_controller.behaviour import SILENCE
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED, refused
 from scaraspec.virtual_controller.core import ControllerCore
+from scaraspec.virtual_controller.robot import DONE
 from scaraspec.virtual_controller.session import Request
 
 Condition = Callable[[ControllerCore, Request], bool]
@@ -58,6 +59,31 @@ def ignores(command: str, when: Condition) -> Core:
     return answer_when(command, when, SILENCE)
 
 
+def completes(command: str, when: Condition) -> Core:
+    """A two-stage command is reported as done but not executed, if the condition holds."""
+
+    def execute(core: ControllerCore, request: Request) -> Any:
+        if when(core, request):
+            core.send_result(request, DONE)
+            return ACCEPTED
+        return getattr(super(changed, core), command)(request)
+
+    changed = on_request(command, execute)
+    return changed
+
+
+def completes_refused(command: str, code: str) -> Core:
+    """A two-stage command that the robot refuses with this code is reported as done."""
+
+    def complete(core: ControllerCore, request: Request, reply: Any) -> Any:
+        if reply.code != code:
+            return reply
+        core.send_result(request, DONE)
+        return ACCEPTED
+
+    return after(command, complete)
+
+
 def reads(command: str, change: Callable[[bytes], bytes]) -> Core:
     """The data of requests of one command are changed before they are decoded."""
 
@@ -68,6 +94,11 @@ def reads(command: str, change: Callable[[bytes], bytes]) -> Core:
             return super()._value(received, frame)
 
     return Reads
+
+
+def busy(core: ControllerCore, _request: Request) -> bool:
+    """The robot executes a command."""
+    return core.robot.task is not None
 
 
 def executing(*commands: str) -> Condition:
