@@ -1,79 +1,73 @@
-"""Faults of clause 4: refusals that are not understood, and codes that are not told."""
+"""Mutants of clauses 4 and 8: refusals that are misread, and codes that are not returned."""
 
-from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import replace
 
 from scaraspec.client.core import ClientCore, Event
 from scaraspec.client.errors import ClientError, Failed, Refused
 from scaraspec.client.pending_operation import PendingOperation, TwoStage
-from scaraspec.mutants.client import mutant
-from scaraspec.mutants.operators.client.messages import AltersReplies, AltersResults, OtherTwoStage
+from scaraspec.mutants.client import mutant, row
+from scaraspec.mutants.operators.client.frames import received
+from scaraspec.mutants.operators.client.messages import operations, reply_data, result_data
 from scaraspec.protocol import errors
-from scaraspec.protocol.commands import BY_OPCODE
+from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
 from scaraspec.protocol.frames import Frame
 
-_STOP = 0x32  # refused without a code (L366)
+_STOP = BY_NAME["emergency_stop"].opcode  # refused without a code (L366)
 
 
-class _AltersRefusals(ClientCore, ABC):
-    """What was refused is not always taken for that."""
+def _lookup(code: bytes) -> errors.Code | None:
+    return errors.lookup(code.decode("latin-1"))
 
-    @abstractmethod
-    def overlooked(self, frame: Frame) -> bool:
-        """Whether this refusal is taken for a yes."""
 
-    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+def _accepted_if(condition: Callable[[Frame], bool]) -> type[ClientCore]:
+    """A refused command is taken as accepted if the condition holds."""
+
+    def change(frame: Frame) -> Frame:
         command = BY_OPCODE.get(frame.opcode)
         two_stage = command is not None and command.two_stage and not frame.tagged
-        if two_stage and frame.data[:1] == b"0" and self.overlooked(frame):
-            frame = frame._replace(data=b"1")
-        return super()._dispatch(frame, now_s)
+        accepted = two_stage and frame.data[:1] == b"0" and condition(frame)
+        return frame._replace(data=b"1") if accepted else frame
+
+    return received(change)
 
 
-@mutant("every-reply-is-yes", "4/13")
-class EveryReplyIsYes(_AltersRefusals):
-    """A first reply is taken for a yes, whatever it says."""
-
-    def overlooked(self, frame: Frame) -> bool:
-        """Do not look."""
-        return bool(frame.data)
-
-
-@mutant("bare-refusal-is-yes", "4/13", subtle=True)
-class BareRefusalIsYes(_AltersRefusals):
-    """A refusal is known by its bar: a 0 alone is taken for a yes."""
-
-    def overlooked(self, frame: Frame) -> bool:
-        """Look for it."""
-        return frame.data == b"0" and frame.opcode != _STOP
-
-
-@mutant("unknown-refusal-is-yes", "4/13", subtle=True)
-class UnknownRefusalIsYes(_AltersRefusals):
-    """A refusal whose code is in no table is taken for a yes."""
-
-    def overlooked(self, frame: Frame) -> bool:
-        """Look it up."""
-        return b"|" in frame.data and errors.lookup(frame.data[2:].decode("latin-1")) is None
-
-
-@mutant("missing-file-is-waited-for", "4/13", subtle=True)
-class MissingFileIsWaitedFor(_AltersRefusals):
-    """A refusal with the code 20, for a missing program, is taken for a yes."""
-
-    def overlooked(self, frame: Frame) -> bool:
-        """Do not know it."""
-        return frame.data == b"0|20"
+row(
+    "every-reply-is-yes",
+    "4/13",
+    "Every first reply is taken as acceptance.",
+    _accepted_if(lambda _: True),
+)
+row(
+    "bare-refusal-is-yes",
+    "4/13",
+    "A refusal without code is taken as acceptance.",
+    _accepted_if(lambda frame: frame.data == b"0" and frame.opcode != _STOP),
+    subtle=True,
+)
+row(
+    "unknown-refusal-is-yes",
+    "4/13",
+    "A refusal with a code that is in no table is taken as acceptance.",
+    _accepted_if(lambda frame: b"|" in frame.data and _lookup(frame.data[2:]) is None),
+    subtle=True,
+)
+row(
+    "missing-file-is-waited-for",
+    "4/13",
+    "A refusal with the code 20, for a missing program, is taken as acceptance.",
+    _accepted_if(lambda frame: frame.data == b"0|20"),
+    subtle=True,
+)
 
 
 @mutant("busy-behind-refusals", "4/13", subtle=True)
-class BusyBehindRefusals(ClientCore):
-    """After a refusal the client goes on counting the command as under way: no other is sent."""
+class BlocksRefusedCommand(ClientCore):
+    """After a refusal, the same command is not sent again."""
 
     _refused = ""
 
     def is_free(self, slot: str) -> bool:
-        """Hold the next one back."""
         return slot != self._refused and super().is_free(slot)
 
     def _after_step(self, operation: PendingOperation, now_s: float) -> list[Event]:
@@ -82,80 +76,64 @@ class BusyBehindRefusals(ClientCore):
         return super()._after_step(operation, now_s)
 
 
-class _RefusedIsFailed(TwoStage):
-    """A refusal is a failure."""
+def _errors(change: Callable[[TwoStage, ClientError], ClientError]) -> type[ClientCore]:
+    """The error of a two-stage command is changed."""
 
-    def fail(self, error: ClientError) -> None:
-        """Tell it as one."""
-        super().fail(Failed(self.command, error.code) if isinstance(error, Refused) else error)
+    class Errors(TwoStage):
+        def fail(self, error: ClientError) -> None:
+            super().fail(change(self, error))
+
+    return operations(Errors)
 
 
-@mutant("refusal-is-told-as-failure", "4/13")
-class RefusalIsToldAsFailure(OtherTwoStage):
-    """What was refused is told as begun and failed."""
+def _refused_as_failed(operation: TwoStage, error: ClientError) -> ClientError:
+    return Failed(operation.command, error.code) if isinstance(error, Refused) else error
 
-    shape = _RefusedIsFailed
 
+row(
+    "refusal-is-told-as-failure",
+    "4/13",
+    "A refusal is reported as a failure after the start.",
+    _errors(_refused_as_failed),
+)
 
 # Codes
 
 
-class _AltersCodes(TwoStage, ABC):
-    """The code is told otherwise."""
+def _codes(change: Callable[[str], str]) -> type[ClientCore]:
+    """The code of a refusal or a failure is changed."""
 
-    @abstractmethod
-    def text(self, code: str) -> str:
-        """What is told in its place."""
-
-    def fail(self, error: ClientError) -> None:
-        """Tell that."""
+    def with_code(_: TwoStage, error: ClientError) -> ClientError:
         if isinstance(error, Refused | Failed) and error.code is not None:
-            error.code = replace(error.code, text=self.text(error.code.text))
-        super().fail(error)
+            error.code = replace(error.code, text=change(error.code.text))
+        return error
+
+    return _errors(with_code)
 
 
-class _AsNumbers(_AltersCodes):
-    def text(self, code: str) -> str:
-        """Lose the zero."""
-        return code.lstrip("0")
-
-
-class _AsDecimals(_AltersCodes):
-    def text(self, code: str) -> str:
-        """Take it for hexadecimal."""
-        return f"{int(code, 16)}" if code.isalnum() else code
-
-
-class _OfMotorsOnly(_AltersCodes):
-    def text(self, code: str) -> str:
-        """Know no others."""
-        return code if code[:1] == "1" else "1F"
-
-
-@mutant("codes-lose-their-zero", "4/12")
-class CodesLoseTheirZero(OtherTwoStage):
-    """Codes are told as numbers: of 05 the zero is lost."""
-
-    shape = _AsNumbers
-
-
-@mutant("codes-are-told-in-decimals", "4/12")
-class CodesAreToldInDecimals(OtherTwoStage):
-    """Codes are told in decimals: 12 becomes 18."""
-
-    shape = _AsDecimals
-
-
-@mutant("every-other-code-blames-motors", "4/12")
-class EveryOtherCodeBlamesMotors(OtherTwoStage):
-    """Whatever is no motor's fault is told as one of all motors."""
-
-    shape = _OfMotorsOnly
+row(
+    "codes-lose-their-zero",
+    "4/12",
+    "Codes are returned without leading zero.",
+    _codes(lambda code: code.lstrip("0")),
+)
+row(
+    "codes-are-told-in-decimals",
+    "4/12",
+    "Codes are converted from hexadecimal to decimal.",
+    _codes(lambda code: f"{int(code, 16)}" if code.isalnum() else code),
+)
+row(
+    "every-other-code-blames-motors",
+    "4/12",
+    "Every code that is not a motor fault is returned as a fault of all motors.",
+    _codes(lambda code: code if code[:1] == "1" else "1F"),
+)
 
 
 @mutant("code-before-the-last", "4/12", subtle=True)
-class CodeBeforeTheLast(ClientCore):
-    """With every refusal or failure the code of the one before is told."""
+class ReturnsPreviousCode(ClientCore):
+    """Each refusal or failure is reported with the code of the previous one."""
 
     _before: errors.Code | None = None
 
@@ -167,43 +145,14 @@ class CodeBeforeTheLast(ClientCore):
         return super()._after_step(operation, now_s)
 
 
-@mutant("code-zero-is-success", "4/12", subtle=True)
-class CodeZeroIsSuccess(AltersResults):
-    """A failure with the code 00 is taken for a success: no error has occurred."""
-
-    def altered(self, data: bytes) -> bytes:
-        """Look at the code alone."""
-        return b"11" if data == b"00|00" else data
+def _done_if(condition: Callable[[errors.Code | None], bool]) -> type[ClientCore]:
+    """A failure is taken as a success if its code satisfies the condition."""
+    return result_data(
+        lambda data: b"11" if data[:2] == b"00" and condition(_lookup(data[3:])) else data
+    )
 
 
-@mutant("unknown-failure-is-success", "4/12", subtle=True)
-class UnknownFailureIsSuccess(AltersResults):
-    """A failure whose code is in no table is taken for a success."""
-
-    def altered(self, data: bytes) -> bytes:
-        """Look it up."""
-        known = errors.lookup(data[3:].decode("latin-1"))
-        return b"11" if data[:2] == b"00" and known is None else data
-
-
-@mutant("reserved-failure-is-success", "4/12", subtle=True)
-class ReservedFailureIsSuccess(AltersResults):
-    """A failure with a reserved code is taken for a success."""
-
-    def altered(self, data: bytes) -> bytes:
-        """Look it up."""
-        code = errors.lookup(data[3:].decode("latin-1"))
-        return b"11" if data[:2] == b"00" and code in errors.RESERVED else data
-
-
-class _MixesUpJoints(_AltersCodes):
-    def text(self, code: str) -> str:
-        """Swap two bits."""
-        return told_of_swapped(code)
-
-
-def told_of_swapped(code: str) -> str:
-    """A code with the wrist's bit and the gripper's in each other's place."""
+def _swap_wrist_and_gripper(code: str) -> str:
     known = errors.lookup(code)
     if known is None or not known.joints:
         return code
@@ -211,73 +160,83 @@ def told_of_swapped(code: str) -> str:
     return errors.code_for_joints(swapped.get(joint, joint) for joint in known.joints).text
 
 
-@mutant("wrist-is-taken-for-the-gripper", "8/4", "4/12")
-class WristIsTakenForTheGripper(OtherTwoStage):
-    """Of an order's code the wrist's bit and the gripper's are mixed up."""
-
-    shape = _MixesUpJoints
-
-
-@mutant("status-mixes-up-joints", "8/4")
-class StatusMixesUpJoints(AltersReplies):
-    """Of the status the wrist's bit and the gripper's are mixed up."""
-
-    name = "get_status"
-
-    def altered(self, data: bytes) -> bytes:
-        """Swap them."""
-        return told_of_swapped(data.decode("latin-1")).encode("latin-1")
+def _first_joint(data: bytes) -> bytes:
+    code = _lookup(data)
+    if code is None or not code.joints:
+        return data
+    return errors.code_for_joints(code.joints[:1]).text.encode()
 
 
-@mutant("one-joint-of-several", "8/4", subtle=True)
-class OneJointOfSeveral(AltersReplies):
-    """Of several faulty joints the status tells the first one only."""
+row(
+    "code-zero-is-success",
+    "4/12",
+    "A failure with the code 00 is taken as a success.",
+    result_data({b"00|00": b"11"}),
+    subtle=True,
+)
+row(
+    "unknown-failure-is-success",
+    "4/12",
+    "A failure with a code that is in no table is taken as a success.",
+    _done_if(lambda code: code is None),
+    subtle=True,
+)
+row(
+    "reserved-failure-is-success",
+    "4/12",
+    "A failure with a reserved code is taken as a success.",
+    _done_if(lambda code: code in errors.RESERVED),
+    subtle=True,
+)
+row(
+    "wrist-is-taken-for-the-gripper",
+    "8/4 4/12",
+    "The bits of wrist and gripper are swapped in codes of refusals and failures.",
+    _codes(_swap_wrist_and_gripper),
+)
+row(
+    "status-mixes-up-joints",
+    "8/4",
+    "The bits of wrist and gripper are swapped in the status.",
+    reply_data(
+        "get_status",
+        lambda data: _swap_wrist_and_gripper(data.decode("latin-1")).encode("latin-1"),
+    ),
+)
+row(
+    "one-joint-of-several",
+    "8/4",
+    "The status reports only the first of several faulty joints.",
+    reply_data("get_status", _first_joint),
+    subtle=True,
+)
 
-    name = "get_status"
+# Lower case
 
-    def altered(self, data: bytes) -> bytes:
-        """Forget the others."""
-        code = errors.lookup(data.decode("latin-1"))
-        if code is None or not code.joints:
-            return data
-        return errors.code_for_joints(code.joints[:1]).text.encode()
-
-
-@mutant("small-letters-are-idle", "8/6")
-class SmallLettersAreIdle(AltersReplies):
-    """A status in small letters is in no table, and taken for idle."""
-
-    name = "get_status"
-
-    def altered(self, data: bytes) -> bytes:
-        """Look it up as it is."""
-        return b"00" if data != data.upper() else data
-
-
-@mutant("small-letters-succeed", "8/6", subtle=True)
-class SmallLettersSucceed(AltersResults):
-    """A failure whose code is in small letters is in no table, and taken for a success."""
-
-    def altered(self, data: bytes) -> bytes:
-        """Look it up as it is."""
-        return b"11" if data != data.upper() else data
-
-
-@mutant("small-letters-are-yes", "8/6", subtle=True)
-class SmallLettersAreYes(_AltersRefusals):
-    """A refusal whose code is in small letters is in no table, and taken for a yes."""
-
-    def overlooked(self, frame: Frame) -> bool:
-        """Look it up as it is."""
-        return frame.data != frame.data.upper()
-
-
-@mutant("small-letters-are-digits", "8/6", subtle=True)
-class SmallLettersAreDigits(AltersReplies):
-    """A status in small letters is read digit by digit from a table of capitals: 1a becomes 10."""
-
-    name = "get_status"
-
-    def altered(self, data: bytes) -> bytes:
-        """Miss the letter."""
-        return data[:1] + b"0" if data != data.upper() else data
+row(
+    "small-letters-are-idle",
+    "8/6",
+    "A status in lower case is taken as idle.",
+    reply_data("get_status", lambda data: b"00" if data != data.upper() else data),
+)
+row(
+    "small-letters-succeed",
+    "8/6",
+    "A failure with a code in lower case is taken as a success.",
+    result_data(lambda data: b"11" if data != data.upper() else data),
+    subtle=True,
+)
+row(
+    "small-letters-are-yes",
+    "8/6",
+    "A refusal with a code in lower case is taken as acceptance.",
+    _accepted_if(lambda frame: frame.data != frame.data.upper()),
+    subtle=True,
+)
+row(
+    "small-letters-are-digits",
+    "8/6",
+    "The letter of a status in lower case is read as 0.",
+    reply_data("get_status", lambda data: data[:1] + b"0" if data != data.upper() else data),
+    subtle=True,
+)

@@ -1,19 +1,17 @@
-"""Faults of clause 4: final results that are mistaken, missed, or not awaited."""
+"""Mutants of clause 4: final results that are misread, missed, or not awaited."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import ClassVar
 
 from scaraspec.client.core import ClientCore, Event, FrameAccepted, OperationSettled
 from scaraspec.client.errors import ReplyTimeout
 from scaraspec.client.pending_operation import PendingOperation, Stage, TwoStage
-from scaraspec.mutants.client import mutant
-from scaraspec.mutants.operators.client.messages import AltersResults, OtherTwoStage
-from scaraspec.protocol.commands import BY_OPCODE, Parsed
+from scaraspec.mutants.client import mutant, row
+from scaraspec.mutants.operators.client.frames import received, received_items
+from scaraspec.mutants.operators.client.messages import operations, result_data
+from scaraspec.protocol.commands import BY_NAME, BY_OPCODE, Parsed
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame, Framer, StreamItem
-
-_STATUS = 0x09
-_IMPATIENT_S = 0.25
 
 
 def _executes(frame: Frame) -> bool:
@@ -21,21 +19,40 @@ def _executes(frame: Frame) -> bool:
     return command is not None and command.two_stage
 
 
-# Not told by their tag
+# The tag and the opcode of a result
 
 
-@mutant("tells-results-by-their-data", "4/9", subtle=True)
-class TellsResultsByTheirData(ClientCore):
-    """What begins with 11 or 00 is taken for a final result, with or without its tag."""
+def _tagged_by_data(frame: Frame) -> Frame:
+    tagged = frame.tagged or (_executes(frame) and frame.data[:2] in (b"11", b"00"))
+    return frame._replace(tagged=tagged)
 
-    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        tagged = frame.tagged or (_executes(frame) and frame.data[:2] in (b"11", b"00"))
-        return super()._dispatch(frame._replace(tagged=tagged), now_s)
+
+class _EndsWhenAccepted(TwoStage):
+    def _accept(self, value: None, now_s: float) -> list[Frame]:
+        super()._accept(value, now_s)
+        self.settle(None)
+        return []
+
+
+class _TakesAnyResult(TwoStage):
+    def expects(self, frame: Frame, parsed: Parsed) -> bool:
+        if self.stage is Stage.EXECUTING:
+            return parsed.part == "result"
+        return super().expects(frame, parsed)
+
+
+row(
+    "tells-results-by-their-data",
+    "4/9",
+    "A reply that begins with 11 or 00 is taken as a final result without its tag.",
+    received(_tagged_by_data),
+    subtle=True,
+)
 
 
 @mutant("refusal-with-eleven-is-success", "4/9")
 class RefusalWithElevenIsSuccess(ClientCore):
-    """A refusal with the code 11 is taken for a success, which ends in 11 too."""
+    """A refusal with the code 11 is taken as a success."""
 
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
         if frame.tagged or not _executes(frame) or frame.data != b"0|11":
@@ -44,51 +61,30 @@ class RefusalWithElevenIsSuccess(ClientCore):
         return events + super()._dispatch(frame._replace(data=b"11", tagged=True), now_s)
 
 
-@mutant("failure-with-eleven-is-success", "4/9")
-class FailureWithElevenIsSuccess(AltersResults):
-    """A failure with the code 11 is taken for a success: only the end of the data is looked at."""
-
-    def altered(self, data: bytes) -> bytes:
-        """Look at that."""
-        return data[-2:] if data.endswith(b"11") else data
-
-
-class _EndsAtOnce(TwoStage):
-    """It has ended when it was accepted."""
-
-    def _accept(self, value: None, now_s: float) -> list[Frame]:
-        super()._accept(value, now_s)
-        self.settle(None)
-        return []
-
-
-@mutant("first-reply-is-the-result", "4/9")
-class FirstReplyIsTheResult(OtherTwoStage):
-    """The first reply is taken for the final result."""
-
-    shape = _EndsAtOnce
-
-
-class _TakesAnyResult(TwoStage):
-    """Any result ends it."""
-
-    def expects(self, frame: Frame, parsed: Parsed) -> bool:
-        """Do not look at the opcode."""
-        if self.stage is Stage.EXECUTING:
-            return parsed.part == "result"
-        return super().expects(frame, parsed)
-
-
-@mutant("any-result-ends-it", "4/9", "4.17/9", subtle=True)
-class AnyResultEndsIt(OtherTwoStage):
-    """Behind the tag the opcode is not looked at: the first result ends what was begun first."""
-
-    shape = _TakesAnyResult
+row(
+    "failure-with-eleven-is-success",
+    "4/9",
+    "A failure with the code 11 is taken as a success.",
+    result_data(lambda data: data[-2:] if data.endswith(b"11") else data),
+)
+row(
+    "first-reply-is-the-result",
+    "4/9",
+    "The first reply is taken as the final result.",
+    operations(_EndsWhenAccepted),
+)
+row(
+    "any-result-ends-it",
+    "4/9 4.17/9",
+    "A final result with any opcode ends the command that was started first.",
+    operations(_TakesAnyResult),
+    subtle=True,
+)
 
 
 @mutant("refusal-ends-the-first", "4/9", subtle=True)
-class RefusalEndsTheFirst(ClientCore):
-    """A second order that is refused ends the first one, which goes on."""
+class RefusalEndsExecutingCommand(ClientCore):
+    """The refusal of a command ends the same command that still executes."""
 
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
         name = BY_OPCODE[frame.opcode].name if _executes(frame) else ""
@@ -101,7 +97,7 @@ class RefusalEndsTheFirst(ClientCore):
         return events
 
 
-# Right behind the first reply
+# Directly after the first reply
 
 
 def _first_reply(event: Event) -> bool:
@@ -113,8 +109,8 @@ def _first_reply(event: Event) -> bool:
 
 
 @mutant("drops-what-follows-the-first-reply", "4/10")
-class DropsWhatFollowsTheFirstReply(ClientCore):
-    """What comes in the same segment as a first reply is thrown away."""
+class DropsFramesAfterFirstReply(ClientCore):
+    """Frames after a first reply in the same segment are dropped."""
 
     def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         events: list[Event] = []
@@ -126,11 +122,10 @@ class DropsWhatFollowsTheFirstReply(ClientCore):
 
 
 @mutant("flushes-behind-the-first-reply", "4/10", subtle=True)
-class FlushesBehindTheFirstReply(ClientCore):
-    """Behind a first reply the buffer is emptied, and with it the beginning of the result."""
+class FlushesBufferAfterFirstReply(ClientCore):
+    """After a first reply, the receive buffer with the beginning of the result is emptied."""
 
     def feed(self, data: bytes, now_s: float) -> list[Event]:
-        """Empty it."""
         events = super().feed(data, now_s)
         if any(map(_first_reply, events)):
             self._framer = Framer(C2A)
@@ -138,8 +133,8 @@ class FlushesBehindTheFirstReply(ClientCore):
 
 
 @mutant("failure-must-come-later", "4/10", subtle=True)
-class FailureMustComeLater(ClientCore):
-    """A failure in the same segment as the first reply is not seen: only a success is so quick."""
+class DropsFailureAfterFirstReply(ClientCore):
+    """A failure in the same segment as the first reply is dropped."""
 
     def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         accepted, events = False, []
@@ -152,152 +147,134 @@ class FailureMustComeLater(ClientCore):
         return events
 
 
-@mutant("result-behind-another-reply-is-lost", "4/10", subtle=True)
-class ResultBehindAnotherReplyIsLost(ClientCore):
-    """A final result is not seen in the same segment behind the reply to something else."""
-
-    def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
-        replied, events = False, []
-        for item in found:
-            if isinstance(item, Frame):
-                if replied and item.tagged:
-                    continue
-                replied = not item.tagged and not _executes(item)
-            events += super()._process_items([item], now_s)
-        return events
+def _without_results_after_replies(items: list[StreamItem]) -> Iterable[StreamItem]:
+    replied = False
+    for item in items:
+        if isinstance(item, Frame):
+            if replied and item.tagged:
+                continue
+            replied = not item.tagged and not _executes(item)
+        yield item
 
 
-# Long after it
+row(
+    "result-behind-another-reply-is-lost",
+    "4/10",
+    "A final result after the reply to a query in the same segment is lost.",
+    received_items(_without_results_after_replies),
+    subtle=True,
+)
+
+# Long after the first reply
 
 
-class _Impatient(TwoStage):
-    """Its result is not waited for without bound."""
-
-    patience_s: ClassVar[float]
-
-    def _accept(self, value: None, now_s: float) -> list[Frame]:
-        frames = super()._accept(value, now_s)
-        self.deadline_s = now_s + self.patience_s
-        return frames
-
-    def expire(self, now_s: float) -> list[Frame]:
-        """Give up, whatever executes."""
-        if self.stage is Stage.REQUESTED:
-            return super().expire(now_s)
-        return self.lost_patience()
-
-    def lost_patience(self) -> list[Frame]:
-        """Take it for lost."""
-        self.fail(ReplyTimeout(f"{self.command.name} has no result"))
-        return []
+def _fail(operation: PendingOperation, _: float) -> list[Frame]:
+    operation.fail(ReplyTimeout(f"{operation.command.name} has no result"))
+    return []
 
 
-class _ForFiveSeconds(_Impatient):
-    patience_s = 5.0
+def _succeed(operation: PendingOperation, _: float) -> list[Frame]:
+    operation.settle(None)
+    return []
 
 
-class _ForTenSeconds(_Impatient):
-    patience_s = 10.2
+def _repeat(operation: PendingOperation, now_s: float) -> list[Frame]:
+    frames = operation.begin(now_s)
+    operation.deadline_s = None
+    return frames
 
 
-class _ForgetsIt(_Impatient):
-    patience_s = 8.0
+def _result_timeout(
+    timeout_s: float, expire: Callable[[PendingOperation, float], list[Frame]]
+) -> type[ClientCore]:
+    """If a final result does not arrive in time, `expire` is called."""
 
-    def lost_patience(self) -> list[Frame]:
-        """Take it for done."""
-        self.settle(None)
-        return []
+    class ResultTimeout(TwoStage):
+        def _accept(self, value: None, now_s: float) -> list[Frame]:
+            frames = super()._accept(value, now_s)
+            self.deadline_s = now_s + timeout_s
+            return frames
 
+        def expire(self, now_s: float) -> list[Frame]:
+            if self.stage is Stage.REQUESTED:
+                return super().expire(now_s)
+            return expire(self, now_s)
 
-class _AsksAgain(_Impatient):
-    patience_s = 3.0
-
-    def lost_patience(self) -> list[Frame]:
-        """Ask again."""
-        self.deadline_s = None
-        return [self._request]
-
-
-@mutant("waits-five-seconds", "4/11")
-class WaitsFiveSeconds(OtherTwoStage):
-    """The final result is waited for as long as a first reply, five seconds."""
-
-    shape = _ForFiveSeconds
+    return operations(ResultTimeout)
 
 
-@mutant("waits-ten-seconds", "4/11", subtle=True)
-class WaitsTenSeconds(OtherTwoStage):
-    """The final result is waited for hardly longer than ten seconds, whatever the robot says."""
-
-    shape = _ForTenSeconds
-
-
-@mutant("silence-is-success", "4/11", subtle=True)
-class SilenceIsSuccess(OtherTwoStage):
-    """A result that does not come in eight seconds is taken for a success."""
-
-    shape = _ForgetsIt
-
-
-@mutant("asks-again-when-it-takes-long", "4/16", subtle=True)
-class AsksAgainWhenItTakesLong(OtherTwoStage):
-    """What has not ended in three seconds is asked for again."""
-
-    shape = _AsksAgain
-
-
-class _AsksUntilAccepted(TwoStage):
-    """It is asked for again every quarter of a second, until the first reply comes."""
-
+class _RepeatsUntilAccepted(TwoStage):
     def begin(self, now_s: float) -> list[Frame]:
         frames = super().begin(now_s)
-        self.deadline_s = now_s + _IMPATIENT_S
+        self.deadline_s = now_s + 0.25
         return frames
 
     def expire(self, now_s: float) -> list[Frame]:
         return self.begin(now_s) if self.stage is Stage.REQUESTED else super().expire(now_s)
 
 
-@mutant("asks-again-until-accepted", "4/16", subtle=True)
-class AsksAgainUntilAccepted(OtherTwoStage):
-    """What has not been accepted in a quarter of a second is asked for again."""
-
-    shape = _AsksUntilAccepted
-
-
-class _AsksTwice(TwoStage):
-    """It is asked for again as soon as it was accepted."""
-
+class _RepeatsWhenAccepted(TwoStage):
     def _accept(self, value: None, now_s: float) -> list[Frame]:
         return [*super()._accept(value, now_s), self._request]
 
 
-@mutant("asks-twice", "4/16")
-class AsksTwice(OtherTwoStage):
-    """What was accepted is asked for once more, to be sure."""
-
-    shape = _AsksTwice
+row(
+    "waits-five-seconds",
+    "4/11",
+    "The final result is given up after 5 s.",
+    _result_timeout(5.0, _fail),
+)
+row(
+    "waits-ten-seconds",
+    "4/11",
+    "The final result is given up after 10.2 s.",
+    _result_timeout(10.2, _fail),
+    subtle=True,
+)
+row(
+    "silence-is-success",
+    "4/11",
+    "A command without final result after 8 s is reported as done.",
+    _result_timeout(8.0, _succeed),
+    subtle=True,
+)
+row(
+    "asks-again-when-it-takes-long",
+    "4/16",
+    "A command without final result after 3 s is sent again.",
+    _result_timeout(3.0, _repeat),
+    subtle=True,
+)
+row(
+    "asks-again-until-accepted",
+    "4/16",
+    "A command is sent again every quarter of a second until its first reply arrives.",
+    operations(_RepeatsUntilAccepted),
+    subtle=True,
+)
+row(
+    "asks-twice",
+    "4/16",
+    "A command is sent again as soon as it is accepted.",
+    operations(_RepeatsWhenAccepted),
+)
 
 
 @mutant("asks-again-when-idle", "4/16", subtle=True)
-class AsksAgainWhenIdle(ClientCore):
-    """What has not ended is asked for again when the robot says that it is idle."""
+class RepeatsWhenIdle(ClientCore):
+    """A command without final result is sent again when the status of the robot is idle."""
 
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
         events = super()._dispatch(frame, now_s)
-        status = (
-            BY_OPCODE[frame.opcode].name == "get_status" if frame.opcode in BY_OPCODE else False
-        )
-        if status and frame.data == b"00":
+        if frame.opcode == BY_NAME["get_status"].opcode and frame.data == b"00":
             for operation in self._executing():
-                self._send(operation.begin(now_s))
-                operation.deadline_s = None
+                self._send(_repeat(operation, now_s))
         return events
 
 
 @mutant("asks-again-on-the-next-link", "4/16", subtle=True)
-class AsksAgainOnTheNextLink(ClientCore):
-    """What had not ended when the link was lost is asked for again behind the next login."""
+class RepeatsAfterReconnect(ClientCore):
+    """A command without final result when the link was lost is sent again after the next login."""
 
     _left: ClassVar[list[Frame]] = []
 

@@ -1,8 +1,6 @@
 """Operators that change what the reference client sends or receives: bytes, items or frames."""
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-from typing import ClassVar
 
 from scaraspec.client.core import ClientCore, Event
 from scaraspec.client.pending_operation import PendingOperation
@@ -87,29 +85,3 @@ def frame_bytes(command: str, change: Callable[[bytes], bytes]) -> type[ClientCo
                 self._outbox += change(data) if meant else data
 
     return FrameBytes
-
-
-class SpoilsFrames(ClientCore, ABC):
-    """The frame of one request is not what it should be."""
-
-    name: ClassVar[str]
-    """The command in question."""
-
-    @abstractmethod
-    def spoiled(self, frame: bytes) -> bytes:
-        """What is sent in place of the frame."""
-
-    def _send(self, frames: Iterable[Frame]) -> None:
-        for frame in frames:
-            meant = frame.opcode == BY_NAME[self.name].opcode
-            self._outbox += self.spoiled(frame.encode()) if meant else frame.encode()
-
-
-class GoesDeaf(ClientCore):
-    """From some moment on nothing is heard on this connection."""
-
-    deaf = False
-
-    def feed(self, data: bytes, now_s: float) -> list[Event]:
-        """Hear it, or not."""
-        return [] if self.deaf else super().feed(data, now_s)
