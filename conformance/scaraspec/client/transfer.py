@@ -14,7 +14,7 @@ from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import PayloadError, show
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import Dialect
-from scaraspec.protocol.transfer import Chunk, Receiver, Sender, State
+from scaraspec.protocol.transfer import Chunk, Receiver, Sender, TransferState
 from scaraspec.user_message import UserMessage
 
 _UPLOAD_NAME: Final = BY_NAME["upload_name"]
@@ -154,7 +154,7 @@ class Upload(FileTransfer):
         else:
             self._sender.acknowledge(accepted=True, now_s=now_s)
             self.moved_bytes = self._sender.acknowledged_bytes
-        if self._sender.state is State.DONE:
+        if self._sender.state is TransferState.DONE:
             self.settle(None)
             return None
         if self._aborted:
@@ -210,9 +210,9 @@ class Download(FileTransfer):
         else:
             accepted = receiver.take(data, now_s)
         self.moved_bytes, self.total_bytes = receiver.received_bytes, receiver.size_bytes
-        if receiver.state is State.DONE:
+        if receiver.state is TransferState.DONE:
             self.settle(receiver.content)
-        elif receiver.state is State.FAILED:
+        elif receiver.state is TransferState.FAILED:
             self._fail_transfer(receiver.reason)
         if accepted is None:
             return []

@@ -17,7 +17,7 @@ from scaraspec.protocol.program_files import (
     loop_readings,
     parse,
 )
-from scaraspec.protocol.transfer import State
+from scaraspec.protocol.transfer import TransferState
 from scaraspec.traffic.events import Transfer
 
 _BY_CODE = {
@@ -35,7 +35,7 @@ def observed_file_readings(transfer: Transfer) -> Iterator[ReadingObservation]:
     readings apart.
     """
     content = bytes(transfer.content[:MAX_FILE_BYTES])
-    uploaded = transfer.upload and transfer.state is State.DONE and transfer.certain
+    uploaded = transfer.upload and transfer.state is TransferState.DONE and transfer.certain
     if not uploaded or len(content) != transfer.received_bytes:
         return
     try:

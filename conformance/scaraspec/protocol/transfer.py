@@ -153,7 +153,7 @@ def chunks_of(content: bytes) -> Iterator[Chunk]:
         yield Chunk(len(content), position, len(data), data)
 
 
-class State(Enum):
+class TransferState(Enum):
     """The state of a transfer."""
 
     ACTIVE = "active"
@@ -165,7 +165,7 @@ class _TransferEnd:
     """Common part of sender and receiver: state, failure reason, and timeout (L763, L795)."""
 
     def __init__(self, dialect: Dialect, now_s: float) -> None:
-        self.state = State.ACTIVE
+        self.state = TransferState.ACTIVE
         self.reason = ""
         """Why the transfer failed, without a final period; empty unless it failed."""
         self._timeout_s = dialect.seconds("xfer_timeout")
@@ -174,7 +174,7 @@ class _TransferEnd:
     @property
     def deadline_s(self) -> float | None:
         """When the transfer times out; None if it never does or has ended."""
-        if self.state is not State.ACTIVE or self._timeout_s is None:
+        if self.state is not TransferState.ACTIVE or self._timeout_s is None:
             return None
         return self._last_frame_s + self._timeout_s
 
@@ -186,8 +186,8 @@ class _TransferEnd:
 
     def fail(self, reason: str) -> None:
         """End the transfer as failed; no effect if it has already ended."""
-        if self.state is State.ACTIVE:
-            self.state, self.reason = State.FAILED, reason
+        if self.state is TransferState.ACTIVE:
+            self.state, self.reason = TransferState.FAILED, reason
 
 
 class Sender(_TransferEnd):
@@ -204,14 +204,14 @@ class Sender(_TransferEnd):
 
     def next_chunk(self) -> Chunk | None:
         """Return the chunk to send now; None if one is unacknowledged or the transfer has ended."""
-        if self.state is not State.ACTIVE or self._outstanding:
+        if self.state is not TransferState.ACTIVE or self._outstanding:
             return None
         self._outstanding = next(self._chunks)
         return self._outstanding
 
     def acknowledge(self, accepted: bool, now_s: float) -> None:  # noqa: FBT001 - it is the flag on the wire
         """Process the acknowledgement of the last chunk; ``0`` ends the transfer (A-5-14)."""
-        if self.state is not State.ACTIVE or self._outstanding is None:
+        if self.state is not TransferState.ACTIVE or self._outstanding is None:
             return
         chunk, self._outstanding = self._outstanding, None
         self._last_frame_s = now_s
@@ -224,7 +224,7 @@ class Sender(_TransferEnd):
             return
         self.acknowledged_bytes += chunk.length
         if chunk.last:
-            self.state = State.DONE
+            self.state = TransferState.DONE
 
 
 class Receiver(_TransferEnd):
@@ -261,13 +261,13 @@ class Receiver(_TransferEnd):
             The flag of the reply: True for ``1``, False for ``0``. None if no reply must be sent:
             after the error signal of length 0 (L787; A-5-10) and after the end of the transfer.
         """
-        if self.state is not State.ACTIVE:
+        if self.state is not TransferState.ACTIVE:
             return None
         self._last_frame_s = now_s
         chunk = FILE_DATA.decode(data).value
         if chunk is None or chunk.length == 0:
             if chunk and chunk.file_size == 0 and self._empty_is_a_file:
-                self.size_bytes, self.state = 0, State.DONE
+                self.size_bytes, self.state = 0, TransferState.DONE
                 return True
             self.fail("the sender signalled an error with length 0 (L787)")
             return None
@@ -279,7 +279,7 @@ class Receiver(_TransferEnd):
         self._pieces[chunk.position] = chunk.data
         self.received_bytes += chunk.length
         if self.received_bytes == chunk.file_size:
-            self.state = State.DONE
+            self.state = TransferState.DONE
         return True
 
     def _problem(self, chunk: Chunk) -> str:

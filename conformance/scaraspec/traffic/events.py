@@ -12,7 +12,7 @@ from typing import Any
 from scaraspec.protocol.commands import Command, Parsed
 from scaraspec.protocol.frames import Frame, SkipReason
 from scaraspec.protocol.payloads import Acceptance, Outcome
-from scaraspec.protocol.transfer import Chunk, State
+from scaraspec.protocol.transfer import Chunk, TransferState
 from scaraspec.traffic.wire import WireEvent, WireRange
 
 
@@ -275,7 +275,7 @@ class Transfer:
     extra_reply_seen: bool = False
     differs_at: int = -1
     differs_in: FrameSeen | None = None
-    state: State = State.ACTIVE
+    state: TransferState = TransferState.ACTIVE
     reason: str = ""
     ended_ns: int = 0
     certain: bool = True

@@ -11,7 +11,7 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import Dialect
-from scaraspec.protocol.transfer import HEAD_BYTES, Chunk, State, read_as
+from scaraspec.protocol.transfer import HEAD_BYTES, Chunk, TransferState, read_as
 from scaraspec.traffic.events import Exchange, FrameSeen, Transfer
 from scaraspec.traffic.robot_state import RobotState
 
@@ -184,7 +184,7 @@ class TransferTracker:
             transfer.certain = exchange.certain
             self._active, self._last_activity_ns = course, time_ns
         else:
-            transfer.state, transfer.reason = State.FAILED, REFUSED_NAME
+            transfer.state, transfer.reason = TransferState.FAILED, REFUSED_NAME
             self._previous[upload] = course
 
     def _acknowledged(self, transfer: Transfer, chunk: Chunk, time_ns: int) -> Iterator[Transfer]:
@@ -203,7 +203,7 @@ class TransferTracker:
         if transfer.received_bytes != chunk.file_size:
             yield from self.end("its last chunk came while bytes were missing", time_ns)
             return
-        transfer.state = State.DONE
+        transfer.state = TransferState.DONE
         if transfer.upload and transfer.certain:
             self._robot.stored(transfer)
         yield self._ended(transfer, time_ns)
@@ -221,7 +221,7 @@ class TransferTracker:
         self._opened.clear()
         for upload in (True, False):
             unknown = Transfer(
-                upload, b"", now_ns, state=State.FAILED, reason=_DOUBT, certain=False
+                upload, b"", now_ns, state=TransferState.FAILED, reason=_DOUBT, certain=False
             )
             self._previous[upload] = _TransferProgress(unknown)
 
@@ -229,7 +229,7 @@ class TransferTracker:
         """End the transfer that is under way, if one is, without success."""
         if self._active:
             transfer = self._active.transfer
-            transfer.state, transfer.reason = State.FAILED, reason
+            transfer.state, transfer.reason = TransferState.FAILED, reason
             yield self._ended(transfer, now_ns)
 
     def _ended(self, transfer: Transfer, now_ns: int) -> Transfer:
@@ -237,7 +237,7 @@ class TransferTracker:
         if course:
             self._previous[transfer.upload] = course
         transfer.ended_ns = now_ns
-        self._broken_off = transfer.state is not State.DONE and transfer.reason != SILENCE
+        self._broken_off = transfer.state is not TransferState.DONE and transfer.reason != SILENCE
         return transfer
 
 
@@ -255,6 +255,6 @@ def _resume_transfer(before: _TransferProgress) -> _TransferProgress:
     """A transfer that goes on where it was refused; the one handed out stays as it is."""
     old = before.transfer
     transfer = replace(
-        old, state=State.ACTIVE, reason="", content=bytearray(old.content), resumed=True
+        old, state=TransferState.ACTIVE, reason="", content=bytearray(old.content), resumed=True
     )
     return _TransferProgress(transfer, old.received_bytes, resumptions=before.resumptions + 1)

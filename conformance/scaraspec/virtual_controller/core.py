@@ -19,7 +19,7 @@ from scaraspec.protocol.frames import TAG, Frame, Skipped, StreamItem
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import FLAG, Acceptance, FirstReply, OptionalRecord
 from scaraspec.protocol.readings import DEFAULT, Dialect
-from scaraspec.protocol.transfer import State
+from scaraspec.protocol.transfer import TransferState
 from scaraspec.virtual_controller.behaviour import SILENCE, Behaviour
 from scaraspec.virtual_controller.plant import Plant
 from scaraspec.virtual_controller.request_framer import RequestFramer
@@ -286,7 +286,7 @@ class ControllerCore(Behaviour):
             self._process_items(session, session.framer.expire(now_s), now_s)
             if session.transfer is not None:
                 session.transfer.end.expire(now_s)
-                if session.transfer.end.state is State.FAILED:
+                if session.transfer.end.state is TransferState.FAILED:
                     self.abort_transfer(session)
         self._finish_tasks(now_s)
 

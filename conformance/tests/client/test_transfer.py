@@ -7,7 +7,7 @@ import pytest
 from scaraspec.client.errors import LinkLost, TransferFailed
 from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.readings import DEFAULT, Dialect
-from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, State, chunks_of
+from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, TransferState, chunks_of
 
 SIZES = (1, 199, 200, 201, 400, 51_200, 65_535, 65_536, 70_000)
 UP, UP_CHUNK, DOWN, DOWN_CHUNK = 0x50, 0x52, 0x54, 0x56
@@ -42,7 +42,7 @@ def test_an_upload_is_complete(play: Any, size: int) -> None:
     transfer = upload(play, content)
     assert play.sent() == [(UP, b"a.rob")]
     play.says(UP, b"1")
-    while receiver.state is State.ACTIVE:
+    while receiver.state is TransferState.ACTIVE:
         ((opcode, data),) = play.sent()
         assert (opcode, len(data)) == (UP_CHUNK, 212)
         assert receiver.take(data, 0.0)
@@ -62,7 +62,7 @@ def test_a_download_is_complete(play: Any, size: int, trunc: str, endian: str) -
     content, transfer = content_of(size), download(play)
     sender = Sender(content, 0.0, dialect)
     assert play.sent() == [(DOWN, b"a.rob")]
-    while sender.state is State.ACTIVE:
+    while sender.state is TransferState.ACTIVE:
         piece = sender.next_chunk()
         assert piece is not None
         play.says(DOWN_CHUNK, FILE_DATA.encode(piece, dialect))

@@ -16,13 +16,15 @@ from scaraspec.protocol.program_files import (
     build,
 )
 from scaraspec.protocol.readings import READINGS
-from scaraspec.protocol.transfer import State
+from scaraspec.protocol.transfer import TransferState
 from scaraspec.traffic.events import Transfer
 
 LITTLE = {"endian": "little", "prog_layout": "ilp32"}
 
 
-def uploaded(content: bytes, *, upload: bool = True, state: State = State.DONE) -> Transfer:
+def uploaded(
+    content: bytes, *, upload: bool = True, state: TransferState = TransferState.DONE
+) -> Transfer:
     return Transfer(
         upload, b"a.rob", 0, state=state, content=bytearray(content), received_bytes=len(content)
     )
@@ -85,7 +87,7 @@ def test_only_whole_uploads_of_programs_show_anything() -> None:
     content = build(Program(nodes=loop(1)))
     assert list(observed_file_readings(uploaded(content)))
     assert not list(observed_file_readings(uploaded(content, upload=False)))
-    assert not list(observed_file_readings(uploaded(content, state=State.FAILED)))
+    assert not list(observed_file_readings(uploaded(content, state=TransferState.FAILED)))
     assert not list(observed_file_readings(uploaded(content[:-1])))
     assert not list(observed_file_readings(uploaded(b"text")))
     cut = uploaded(content)

@@ -11,7 +11,7 @@ from scaraspec.protocol.transfer import (
     Chunk,
     Receiver,
     Sender,
-    State,
+    TransferState,
     chunks_of,
 )
 
@@ -36,7 +36,7 @@ def transfer(content: bytes, dialect: Dialect) -> tuple[Sender, Receiver]:
 def test_file_arrives_unchanged(content: bytes, dialect: Dialect) -> None:
     """Any file arrives unchanged in every dialect, and both sides detect the end (A-5-15)."""
     sender, receiver = transfer(content, dialect)
-    assert (sender.state, receiver.state) == (State.DONE, State.DONE)
+    assert (sender.state, receiver.state) == (TransferState.DONE, TransferState.DONE)
     assert receiver.content == content
     assert sender.acknowledged_bytes == len(content)
 
@@ -71,7 +71,7 @@ def test_invalid_chunks_are_refused(chunk: Chunk, reason: str) -> None:
     receiver = Receiver(0)
     assert receiver.take(FILE_DATA.encode(Chunk(600, 0, 200, bytes(200))), 0) is True
     assert receiver.take(FILE_DATA.encode(chunk), 0) is False
-    assert receiver.state is State.FAILED
+    assert receiver.state is TransferState.FAILED
     assert reason in receiver.reason
 
 
@@ -80,16 +80,16 @@ def test_length_0_is_the_error_signal(signal: bytes) -> None:
     """A frame or a chunk of length 0 ends the transfer without a reply (L787; A-5-10)."""
     receiver = Receiver(0)
     assert receiver.take(signal, 0) is None
-    assert receiver.state is State.FAILED
+    assert receiver.state is TransferState.FAILED
 
 
 def test_empty_file_by_reading() -> None:
     """The default reading refuses an empty file; another one allows one chunk (A-5-10)."""
-    assert Sender(b"", 0).state is State.FAILED
+    assert Sender(b"", 0).state is TransferState.FAILED
     empty = FILE_DATA.encode(Chunk(0, 0, 0, b""))
     receiver = Receiver(0, Dialect.of(empty_file="chunk"))
     assert receiver.take(empty, 0) is True
-    assert receiver.state is State.DONE
+    assert receiver.state is TransferState.DONE
 
 
 def test_any_order_by_reading() -> None:
@@ -97,7 +97,7 @@ def test_any_order_by_reading() -> None:
     content = bytes(range(256)) * 3
     receiver = Receiver(0, Dialect.of(chunk_order="any"))
     for chunk in reversed(list(chunks_of(content))):
-        assert receiver.state is State.ACTIVE
+        assert receiver.state is TransferState.ACTIVE
         assert receiver.take(FILE_DATA.encode(chunk), 0) is True
     assert receiver.content == content
 
@@ -108,8 +108,10 @@ def test_no_room() -> None:
     assert receiver.take(FILE_DATA.encode(Chunk(101, 0, 101, bytes(101))), 0) is False
 
 
-@pytest.mark.parametrize(("silence_s", "state"), [(30.0, State.ACTIVE), (30.1, State.FAILED)])
-def test_thirty_seconds(silence_s: float, state: State) -> None:
+@pytest.mark.parametrize(
+    ("silence_s", "state"), [(30.0, TransferState.ACTIVE), (30.1, TransferState.FAILED)]
+)
+def test_thirty_seconds(silence_s: float, state: TransferState) -> None:
     """Both sides time out more than 30 s after the last frame (L763, L795)."""
     sender, receiver = Sender(bytes(500), 0), Receiver(0)
     chunk = sender.next_chunk()

@@ -7,7 +7,7 @@ import pytest
 from scaraspec.judge.judge import Judge
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import Frame
-from scaraspec.protocol.transfer import State
+from scaraspec.protocol.transfer import TransferState
 from scaraspec.report.model import Results, Session
 from scaraspec.report.session import SessionStats
 from scaraspec.traffic.events import CaptureGap, LinkChange, Transfer
@@ -141,7 +141,7 @@ def test_lists_are_bounded_and_what_is_beyond_is_counted() -> None:
         stats.add(LinkChange(WireEvent(number, str(number), A2C, Kind.OPENED)))
         stats.add(LinkChange(WireEvent(number, str(number), A2C, Kind.CLOSED)))
         stats.add(CaptureGap(WireEvent(number, "0", C2A, Kind.GAP, length_bytes=3)))
-        stats.add(Transfer(upload=True, name=b"a", begun_ns=number, state=State.DONE))
+        stats.add(Transfer(upload=True, name=b"a", begun_ns=number, state=TransferState.DONE))
     session = stats.session()
     assert session
     assert [len(x) for x in (session.connections, session.losses, session.transfers)] == [500] * 3

@@ -10,7 +10,7 @@ from scaraspec.judge.requirements import REQUIREMENTS, Basis, Strength
 from scaraspec.judge.verdicts import Cause, Conclusion, Reason, Verdict
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.protocol.transfer import State
+from scaraspec.protocol.transfer import TransferState
 from scaraspec.report import translations as words
 from scaraspec.report.model import Role
 from scaraspec.report.translations import CLAUSE_TITLES, TRANSLATIONS, Translation
@@ -45,7 +45,7 @@ def test_every_value_that_the_page_names_has_its_words() -> None:
         *(s.value for s in Strength),
         *(b.value for b in Basis),
         *(d.value for d in Direction),
-        *(f"state_{s.value}" for s in State),
+        *(f"state_{s.value}" for s in TransferState),
         *(f"outcome_{e.value}".replace(" ", "-") for e in Ending if e.name not in SETTLED),
         *(f"outcome_{o}" for o in ("done", "failed", "refused", "interrupted")),
         *(f"ending_{k.value}" for k in (Kind.HALF_CLOSED, Kind.CLOSED, Kind.RESET)),

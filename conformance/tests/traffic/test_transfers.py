@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from scaraspec.protocol.readings import Dialect
-from scaraspec.protocol.transfer import State
+from scaraspec.protocol.transfer import TransferState
 from scaraspec.traffic.events import Transfer
 
 Judged = Callable[..., Any]
@@ -35,7 +35,7 @@ def test_an_upload_is_put_together(judged: Judged, size: int, options: str) -> N
     chunks = [f"> chunk {at}/{size}{options}{ACK}" for at in range(0, size, 200)]
     record = judged(NAME + "".join(chunks))
     transfer = transfer_of(record)
-    assert (transfer.state, transfer.received_bytes) == (State.DONE, size)
+    assert (transfer.state, transfer.received_bytes) == (TransferState.DONE, size)
     assert bytes(transfer.content) == sent(record)
     assert transfer.order == ("big" if "big" in options else "little")
     assert (transfer.upload, transfer.name, transfer.chunks) == (True, b"a.bin", len(chunks))
@@ -47,7 +47,7 @@ def test_a_download_is_put_together(judged: Judged) -> None:
     """The controller asks, the client answers."""
     record = judged(FETCH + "< chunk 0/300" + FETCHED + "< chunk 200/300" + FETCHED)
     transfer = transfer_of(record)
-    assert (transfer.state, transfer.upload) == (State.DONE, False)
+    assert (transfer.state, transfer.upload) == (TransferState.DONE, False)
     assert bytes(transfer.content) == sent(record)
 
 
@@ -57,7 +57,7 @@ def test_a_chunk_knows_its_transfer_and_its_place(judged: Judged) -> None:
     chunks = [x for x in record.exchanges if x.chunk]
     assert [x.expected_position for x in chunks] == [0, 200]
     assert all(x.transfer is transfer_of(record) for x in chunks)
-    assert transfer_of(record).state is State.DONE
+    assert transfer_of(record).state is TransferState.DONE
 
 
 @pytest.mark.parametrize(
@@ -87,7 +87,7 @@ def test_the_file_name_may_be_answered_behind_the_first_chunk(judged: Judged) ->
 def test_a_last_chunk_does_not_complete_a_file_with_holes(judged: Judged) -> None:
     """Position + length == fileSize, but bytes of it are missing."""
     transfer = transfer_of(judged(NAME + "> chunk 0/700" + ACK + "> chunk 600/700" + ACK))
-    assert (transfer.state, transfer.received_bytes) == (State.FAILED, 200)
+    assert (transfer.state, transfer.received_bytes) == (TransferState.FAILED, 200)
     assert "missing" in transfer.reason
 
 
@@ -96,8 +96,8 @@ def test_a_refused_chunk_ends_the_transfer(judged: Judged) -> None:
     refused = NAME + "> chunk 0/300" + ACK + "> chunk 200/300\n< upload_chunk 0\n"
     assert transfer_of(judged(refused)).reason == "a chunk was refused"
     first, second = judged(refused + "> chunk 200/300" + ACK).transfers
-    assert (first.state, first.received_bytes, first.resumed) == (State.FAILED, 200, False)
-    assert (second.state, second.received_bytes, second.resumed) == (State.DONE, 300, True)
+    assert (first.state, first.received_bytes, first.resumed) == (TransferState.FAILED, 200, False)
+    assert (second.state, second.received_bytes, second.resumed) == (TransferState.DONE, 300, True)
 
 
 def test_a_resumption_has_an_end(judged: Judged) -> None:
@@ -135,13 +135,13 @@ def test_a_length_of_zero_gives_the_transfer_up(judged: Judged, signal: str) -> 
 def test_an_empty_file_may_be_one_empty_chunk(judged: Judged) -> None:
     """A reading of the length 0 (A-5-10)."""
     transfer = transfer_of(judged(NAME + "> chunk 0/0" + ACK))
-    assert (transfer.state, transfer.size_bytes) == (State.DONE, 0)
+    assert (transfer.state, transfer.size_bytes) == (TransferState.DONE, 0)
 
 
 def test_silence_ends_the_transfer(judged: Judged) -> None:
     """After twice the time-out, which a subject may claim; shorter pauses do not."""
     session = NAME + "> chunk 0/300" + ACK + "+{}\n> chunk 200/300" + ACK
-    assert transfer_of(judged(session.format(59))).state is State.DONE
+    assert transfer_of(judged(session.format(59))).state is TransferState.DONE
     assert transfer_of(judged(session.format(61))).reason == "silence"
     claimed = Dialect.of(xfer_timeout="5")
     assert transfer_of(judged(session.format(11), claimed)).reason == "silence"
@@ -150,7 +150,7 @@ def test_silence_ends_the_transfer(judged: Judged) -> None:
 def test_the_end_of_the_link_ends_the_transfer(judged: Judged) -> None:
     """Whatever has come by then is in it."""
     transfer = transfer_of(judged(NAME + "> chunk 0/300" + ACK + "> close"))
-    assert (transfer.state, transfer.received_bytes) == (State.FAILED, 200)
+    assert (transfer.state, transfer.received_bytes) == (TransferState.FAILED, 200)
 
 
 @pytest.mark.parametrize("gap", ["> gap 216", "< gap 5", "< gap"])
@@ -171,7 +171,7 @@ def test_a_transfer_in_doubt_is_not_certain_to_be_stored(judged: Judged) -> None
     doubtful = "login\n2> login password\n2< login 1\n" + NAME.removeprefix("login\n")
     session = doubtful + "> chunk 0/300" + ACK + "2> gap 9\n> chunk 200/300" + ACK
     record = judged(session)
-    assert transfer_of(record).state is State.DONE
+    assert transfer_of(record).state is TransferState.DONE
     assert not transfer_of(record).certain
     assert not record.robot.files
 
@@ -188,7 +188,7 @@ def test_content_is_kept_up_to_a_limit(judged: Judged, monkeypatch: pytest.Monke
     """What is beyond it is counted."""
     monkeypatch.setattr("scaraspec.traffic.transfers._CONTENT_LIMIT_BYTES", 250)
     transfer = transfer_of(judged(NAME + "> chunk 0/300" + ACK + "> chunk 200/300" + ACK))
-    assert (transfer.state, transfer.received_bytes) == (State.DONE, 300)
+    assert (transfer.state, transfer.received_bytes) == (TransferState.DONE, 300)
     assert (len(transfer.content), transfer.whole_content) == (200, False)
 
 

@@ -22,7 +22,7 @@ from scaraspec.protocol.payloads import (
     Outcome,
 )
 from scaraspec.protocol.redaction import is_secret, mask_unframed
-from scaraspec.protocol.transfer import Chunk, State
+from scaraspec.protocol.transfer import Chunk, TransferState
 from scaraspec.traffic.events import (
     CaptureGap,
     Ending,
@@ -125,7 +125,7 @@ def transfer_text(transfer: Transfer) -> str:
     """Return the text of a file transfer."""
     what = "upload" if transfer.upload else "download"
     name = show(transfer.name)
-    if transfer.state is State.DONE:
+    if transfer.state is TransferState.DONE:
         return f"{what} of {name} complete: {transfer.received_bytes} bytes"
     size = "?" if transfer.size_bytes < 0 else transfer.size_bytes
     return f"{what} of {name} broke off at {transfer.received_bytes} of {size}: {transfer.reason}"
@@ -275,7 +275,7 @@ def _injected_line(item: Injected) -> LogLine:
 
 
 def _transfer_line(transfer: Transfer) -> LogLine:
-    level = Level.INFO if transfer.state is State.DONE else Level.WARN
+    level = Level.INFO if transfer.state is TransferState.DONE else Level.WARN
     return LogLine(level, "transfer", transfer_text(transfer))
 
 

@@ -12,7 +12,7 @@ from scaraspec.judge.rules.rule import (
 )
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
-from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA_BYTES, HEAD_BYTES, State
+from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA_BYTES, HEAD_BYTES, TransferState
 from scaraspec.traffic.events import Exchange, FrameSeen, Transfer, UnsolicitedReply
 from scaraspec.traffic.robot_state import RobotState
 from scaraspec.traffic.transfers import REFUSED_CHUNK, REFUSED_NAME, SILENCE
@@ -132,7 +132,7 @@ def within_the_file(x: Exchange, _: RobotState) -> RuleResult | None:
 @rule("5.1/7", on=Transfer)
 def complete(transfer: Transfer, _: RobotState) -> RuleResult | None:
     """The transfer is complete at position + length == fileSize (L737)."""
-    return PASSED if transfer.state is State.DONE else None
+    return PASSED if transfer.state is TransferState.DONE else None
 
 
 @rule("5.1/8", on=Exchange, names=_CHUNKS)
@@ -309,7 +309,7 @@ def nothing_after_the_end(x: Exchange, _: RobotState) -> RuleResult | None:
     if x.transfer:
         return PASSED
     before = x.transfer_before
-    if before is None or before.state is not State.DONE:
+    if before is None or before.state is not TransferState.DONE:
         return None
     return failed(
         UserMessage(
@@ -325,7 +325,7 @@ def nothing_after_the_end(x: Exchange, _: RobotState) -> RuleResult | None:
 def no_second_last_answer(unsolicited: UnsolicitedReply, _: RobotState) -> RuleResult | None:
     """Nor is the last chunk answered twice (L737; A-5-15)."""
     last = unsolicited.after
-    complete = last and last.transfer and last.transfer.state is State.DONE
+    complete = last and last.transfer and last.transfer.state is TransferState.DONE
     if not last or not complete or unsolicited.late or not unsolicited.certain:
         return None
     return failed(
@@ -350,7 +350,7 @@ def no_empty_chunk(x: Exchange, _: RobotState) -> RuleResult | None:
 def reads_back(transfer: Transfer, robot: RobotState) -> RuleResult | None:
     """A file that was uploaded completely is downloaded with identical content (L737)."""
     stored = robot.files.get(transfer.name)
-    if transfer.upload or transfer.state is not State.DONE or stored is None:
+    if transfer.upload or transfer.state is not TransferState.DONE or stored is None:
         return None
     first, size, due = transfer.differs_at, transfer.received_bytes, stored.received_bytes
     if first < 0 and size == due:

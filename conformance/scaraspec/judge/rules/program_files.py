@@ -13,7 +13,7 @@ from scaraspec.protocol.fields import show
 from scaraspec.protocol.program_files import LintFinding, ProgramDefect, Severity, lint
 from scaraspec.protocol.program_files.layout import FOOTER, MAGIC
 from scaraspec.protocol.program_files.lint import MAX_FINDINGS
-from scaraspec.protocol.transfer import State
+from scaraspec.protocol.transfer import TransferState
 from scaraspec.traffic.events import Transfer
 from scaraspec.traffic.robot_state import RobotState
 
@@ -42,7 +42,7 @@ def _check(transfer: Transfer, _: RobotState, *, requirement: str) -> RuleResult
 
     What is only worth knowing is reported where the requirement leaves a choice.
     """
-    uploaded = transfer.upload and transfer.state is State.DONE and transfer.whole_content
+    uploaded = transfer.upload and transfer.state is TransferState.DONE and transfer.whole_content
     claims = transfer.content.startswith(MAGIC) or transfer.content.endswith(FOOTER)
     if not uploaded or not claims:
         return None

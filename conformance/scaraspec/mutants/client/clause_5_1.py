@@ -30,7 +30,7 @@ from scaraspec.protocol.transfer import (
     Chunk,
     Receiver,
     Sender,
-    State,
+    TransferState,
     chunks_of,
     read_as,
 )
@@ -398,7 +398,7 @@ row(
 class _StoresLastBufferUpToZeros(Receiver):
     def take(self, data: bytes, now_s: float) -> bool | None:
         taken = super().take(data, now_s)
-        if taken and self.state is State.DONE and len(data) == FILE_DATA_BYTES:
+        if taken and self.state is TransferState.DONE and len(data) == FILE_DATA_BYTES:
             self._pieces[max(self._pieces)] = data[HEAD_BYTES:].rstrip(b"\0")
         return taken
 

@@ -25,7 +25,7 @@ from scaraspec.mutants.operators.client.transfers import (
 )
 from scaraspec.protocol.commands import Parsed
 from scaraspec.protocol.frames import Frame
-from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, Chunk, Receiver, State
+from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, Chunk, Receiver, TransferState
 
 # The name
 
@@ -176,8 +176,8 @@ def _passed_over(
 
 class _EmptyChunkIsLast(Receiver):
     def take(self, data: bytes, now_s: float) -> bool | None:
-        if self.state is State.ACTIVE and _is_empty(data):
-            self.state = State.DONE
+        if self.state is TransferState.ACTIVE and _is_empty(data):
+            self.state = TransferState.DONE
             return True
         return super().take(data, now_s)
 

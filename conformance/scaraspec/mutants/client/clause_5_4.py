@@ -28,7 +28,7 @@ from scaraspec.protocol.transfer import (
     HEAD_BYTES,
     Chunk,
     Receiver,
-    State,
+    TransferState,
 )
 
 _ROOM_BYTES = MAX_DATA_BYTES - HEAD_BYTES
@@ -80,15 +80,15 @@ class _EndsByChunkCount(Receiver):
     def take(self, data: bytes, now_s: float) -> bool | None:
         taken = super().take(data, now_s)
         if taken and len(self._pieces) * BUFFER_BYTES >= (self.size_bytes or 0):
-            self.state = State.DONE
+            self.state = TransferState.DONE
         return taken
 
 
 class _FullChunkIsNotLast(Receiver):
     def take(self, data: bytes, now_s: float) -> bool | None:
         taken = super().take(data, now_s)
-        if self.state is State.DONE and self.received_bytes % BUFFER_BYTES == 0:
-            self.state = State.ACTIVE
+        if self.state is TransferState.DONE and self.received_bytes % BUFFER_BYTES == 0:
+            self.state = TransferState.ACTIVE
         return taken
 
 

@@ -23,7 +23,7 @@ from scaraspec.mutants.operators.controller.transfers import (
 from scaraspec.mutants.operators.receivers import judging, taking
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
-from scaraspec.protocol.transfer import BUFFER_BYTES, Chunk, Receiver, State
+from scaraspec.protocol.transfer import BUFFER_BYTES, Chunk, Receiver, TransferState
 from scaraspec.virtual_controller.behaviour.base import SILENCE, Silence
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import OpenTransfer, Request, Session
@@ -350,7 +350,7 @@ class ResumesLostUploads(ControllerCore):
     def abort_transfer(self, session: Session) -> None:
         transfer = session.transfer
         if transfer and isinstance(transfer.end, Receiver) and transfer.end.received_bytes:
-            self._orphan = transfer if transfer.end.state is State.ACTIVE else None
+            self._orphan = transfer if transfer.end.state is TransferState.ACTIVE else None
         super().abort_transfer(session)
 
     def upload_chunk(self, request: Request) -> bool | Silence:

@@ -14,7 +14,7 @@ from scaraspec.mutants.operators.controller.transfers import (
 )
 from scaraspec.mutants.operators.receivers import judging
 from scaraspec.protocol.frames import Frame
-from scaraspec.protocol.transfer import BUFFER_BYTES, HEAD_BYTES, Chunk, Receiver, State
+from scaraspec.protocol.transfer import BUFFER_BYTES, HEAD_BYTES, Chunk, Receiver, TransferState
 from scaraspec.virtual_controller.behaviour.base import Silence
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import OpenTransfer, Request, Session
@@ -172,7 +172,11 @@ class _Overwrites(Receiver):
         taken = super().take(data, now_s)
         if taken:
             self.received_bytes = max(before, *(p + len(d) for p, d in self._pieces.items()))
-            self.state = State.DONE if self.received_bytes == self.size_bytes else State.ACTIVE
+            self.state = (
+                TransferState.DONE
+                if self.received_bytes == self.size_bytes
+                else TransferState.ACTIVE
+            )
         return taken
 
 

@@ -16,7 +16,7 @@ from scaraspec.mutants.operators.controller.transfers import (
 from scaraspec.mutants.operators.receivers import judging, timing_out
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import NameListPart
-from scaraspec.protocol.transfer import BUFFER_BYTES, HEAD_BYTES, Receiver, State
+from scaraspec.protocol.transfer import BUFFER_BYTES, HEAD_BYTES, Receiver, TransferState
 from scaraspec.virtual_controller.behaviour.base import Silence
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import OpenTransfer, Request, Session
@@ -144,7 +144,7 @@ row(
     receives(
         judging(
             complete=lambda receiver, _: (
-                receiver.state is State.DONE
+                receiver.state is TransferState.DONE
                 and bool(not receiver.size_bytes or receiver.size_bytes % BUFFER_BYTES)
             )
         )
@@ -158,7 +158,7 @@ row(
     receives(
         judging(
             complete=lambda receiver, chunk: (
-                receiver.state is State.DONE or chunk.length < BUFFER_BYTES
+                receiver.state is TransferState.DONE or chunk.length < BUFFER_BYTES
             )
         )
     ),

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from scaraspec.protocol.readings import DEFAULT, Dialect
-from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, State
+from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, TransferState
 
 Judgement = Callable[[Receiver, Chunk], bool]
 
@@ -13,7 +13,7 @@ def judging(
     *,
     accepts: Judgement = lambda _receiver, _chunk: False,
     refuses: Judgement = lambda _receiver, _chunk: False,
-    complete: Judgement = lambda receiver, _chunk: receiver.state is State.DONE,
+    complete: Judgement = lambda receiver, _chunk: receiver.state is TransferState.DONE,
 ) -> type[Receiver]:
     """A receiver with other rules.
 
@@ -33,7 +33,7 @@ def judging(
             taken = super().take(data, now_s)
             if taken:
                 chunk = FILE_DATA.decode(data).value
-                self.state = State.DONE if complete(self, chunk) else State.ACTIVE
+                self.state = TransferState.DONE if complete(self, chunk) else TransferState.ACTIVE
             return taken
 
     return Judging

@@ -3,7 +3,7 @@
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
-from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, State
+from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, TransferState
 from scaraspec.virtual_controller.behaviour.base import NAME_MAX_BYTES, SILENCE, Base, Silence
 from scaraspec.virtual_controller.session import OpenTransfer, Request, Session
 from scaraspec.virtual_controller.store import StoreError
@@ -47,10 +47,10 @@ class Transfers(Base):
         if accepted and not self._has_room(transfer.name, self._announced_bytes()):
             receiver.fail("the store is full")
             accepted = False
-        if receiver.state is State.DONE:
+        if receiver.state is TransferState.DONE:
             session.transfer = None
             accepted = self._write(transfer.name, receiver.content)
-        elif receiver.state is State.FAILED:
+        elif receiver.state is TransferState.FAILED:
             self.abort_transfer(session)
         return SILENCE if accepted is None else accepted
 
@@ -94,7 +94,7 @@ class Transfers(Base):
         if transfer is not None and isinstance(transfer.end, Sender):
             transfer.end.acknowledge(request.value is True, request.now_s)
             self._send_next(session)
-            if transfer.end.state is not State.ACTIVE:
+            if transfer.end.state is not TransferState.ACTIVE:
                 session.transfer = None
         return SILENCE
 

@@ -21,7 +21,7 @@ from scaraspec.protocol.program_files import (
     WaitTimer,
     build,
 )
-from scaraspec.protocol.transfer import FILE_DATA, State, chunks_of
+from scaraspec.protocol.transfer import FILE_DATA, TransferState, chunks_of
 
 PORTS = (2, 1, 0, 0, 0, 0, 0, 0, 4, 3, *[0] * 30)  # two inputs, digital and analog, two outputs
 COUNT = Node(b"", NodeType.COMPUTE, data=Operation(2, 1, 2, 1, 1, 1, 1))
@@ -174,5 +174,5 @@ def test_a_downloaded_program_binds_nobody(judged: Callable) -> None:
         lines.append(f"< download_chunk {data}\n> download_chunk 1")
     record = judged("\n".join(lines))
     (transfer,) = record.transfers
-    assert transfer.state is State.DONE
+    assert transfer.state is TransferState.DONE
     assert not record.failed

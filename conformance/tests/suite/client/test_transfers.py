@@ -22,7 +22,7 @@ from scaraspec.protocol.commands import Parsed
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT, Dialect
-from scaraspec.protocol.transfer import FILE_DATA_BYTES, Chunk, Receiver, Sender, State
+from scaraspec.protocol.transfer import FILE_DATA_BYTES, Chunk, Receiver, Sender, TransferState
 from scaraspec.suite.client.harness.adapter import ClientAdapter
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
@@ -169,7 +169,7 @@ class AnswersSignals(Receiver):
     """Answers the error signal with 0, like any invalid chunk (A-5-10)."""
 
     def take(self, data: bytes, now_s: float) -> bool | None:
-        active = self.state is State.ACTIVE
+        active = self.state is TransferState.ACTIVE
         taken = super().take(data, now_s)
         return False if active and taken is None else taken
 

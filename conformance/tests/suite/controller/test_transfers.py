@@ -15,7 +15,7 @@ from scaraspec.mutants.controller_run import PASSWORD, Robot
 from scaraspec.mutants.operators.controller.transfers import chunk_data, receives
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT, Dialect
-from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, State
+from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, TransferState
 from scaraspec.suite.controller.harness.access import MemoryAccess
 from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.engine.ics import Ics
@@ -102,7 +102,7 @@ class _ContinuesAfterRefusal(Receiver):
     def take(self, data: bytes, now_s: float) -> bool | None:
         taken = super().take(data, now_s)
         if taken is False:
-            self.state = State.ACTIVE
+            self.state = TransferState.ACTIVE
         return taken
 
 
@@ -203,7 +203,7 @@ class _AcceptsRepeatedChunks(Receiver):
         chunk = FILE_DATA.decode(data).value
         if taken and chunk is not None and chunk.position < before:
             self._pieces, self.received_bytes = pieces, before
-            self.state = State.ACTIVE
+            self.state = TransferState.ACTIVE
         return taken
 
 

@@ -21,7 +21,7 @@ from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.protocol.redaction import mask_unframed
-from scaraspec.protocol.transfer import State
+from scaraspec.protocol.transfer import TransferState
 from scaraspec.traffic.events import (
     Exchange,
     FrameSeen,
@@ -256,7 +256,7 @@ class McapSink:
 
     def _transfer(self, transfer: Transfer, _: int) -> None:
         content = bytes(transfer.content)
-        whole = transfer.state is State.DONE and transfer.whole_content
+        whole = transfer.state is TransferState.DONE and transfer.whole_content
         connection = transfer.opening.request.place.connection if transfer.opening else ""
         data = schemas.encode(
             schemas.Transfer,

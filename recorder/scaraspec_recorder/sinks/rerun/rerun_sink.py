@@ -15,7 +15,7 @@ from scaraspec.protocol.commands import JointValues, PortValue, Pose, RunningPro
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.program_files import ProgramError, listing, parse
-from scaraspec.protocol.transfer import State
+from scaraspec.protocol.transfer import TransferState
 from scaraspec.traffic.events import Exchange, FrameSeen, Transfer
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.sinks import text as event_text
@@ -244,7 +244,7 @@ class RerunSink:
 
     def _transfer(self, transfer: Transfer) -> None:
         self._state(blueprint.TRANSFER, "")
-        if transfer.state is State.DONE and transfer.whole_content:
+        if transfer.state is TransferState.DONE and transfer.whole_content:
             with suppress(ProgramError):
                 text = listing(parse(bytes(transfer.content)))[:_PAGE_CHARACTERS]
                 page = f"# {show(transfer.name)}\n\n```\n{text}```\n"

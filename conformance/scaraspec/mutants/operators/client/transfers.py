@@ -12,7 +12,7 @@ from scaraspec.client.pending_operation import Progress, Stage
 from scaraspec.client.transfer import Download, FileTransfer, Upload
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import Dialect
-from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, State
+from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, TransferState
 
 UPLOAD_NAME: Final = 0x50
 UPLOAD_CHUNK: Final = 0x52
@@ -91,7 +91,7 @@ def ends_with(condition: Callable[[Receiver, Chunk], bool]) -> type[ClientCore]:
         def take(self, data: bytes, now_s: float) -> bool | None:
             taken = super().take(data, now_s)
             if taken and condition(self, FILE_DATA.decode(data).value):
-                self.state = State.DONE
+                self.state = TransferState.DONE
             return taken
 
     return chunks_checked_by(EndsWith)
@@ -172,7 +172,7 @@ class AnyOrder(Receiver):
         taken = super().take(data, now_s)
         last = FILE_DATA.decode(data).value
         if taken and last is not None and last.last:
-            self.state = State.DONE
+            self.state = TransferState.DONE
         return taken
 
     def _problem(self, chunk: Chunk) -> str:

@@ -12,7 +12,7 @@ from scaraspec.client.transfer import Download, Upload
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.commands import Parsed
 from scaraspec.protocol.frames import Frame
-from scaraspec.protocol.transfer import Receiver, State
+from scaraspec.protocol.transfer import Receiver, TransferState
 
 Try = Callable[..., Mapping[str, Verdict]]
 
@@ -57,7 +57,7 @@ class _EndsEarly(Receiver):
     def take(self, data: bytes, now_s: float) -> bool | None:
         taken = super().take(data, now_s)
         if self.size_bytes and self.received_bytes == self.size_bytes % 2**16:
-            self.state = State.DONE
+            self.state = TransferState.DONE
         return taken
 
 
@@ -67,7 +67,7 @@ class _EndsAtTheEnd(Receiver):
     def take(self, data: bytes, now_s: float) -> bool | None:
         head = data[:12]
         if len(head) == 12 and head[:8] == head[:4] * 2 and not any(head[8:]):
-            self.state = State.DONE
+            self.state = TransferState.DONE
             return True
         return super().take(data, now_s)
 

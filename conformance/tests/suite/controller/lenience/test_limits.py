@@ -9,7 +9,7 @@ import pytest
 from scaraspec.protocol.commands import Pose
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame
-from scaraspec.protocol.transfer import Receiver, Sender, State
+from scaraspec.protocol.transfer import Receiver, Sender, TransferState
 from scaraspec.virtual_controller.behaviour import SILENCE
 from scaraspec.virtual_controller.behaviour.base import Silence
 from scaraspec.virtual_controller.core import ControllerCore
@@ -72,7 +72,7 @@ class AnswersLastAnswer(ControllerCore):
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
         end = session.transfer.end if session.transfer else None
         super().handle(session, frame, now_s)
-        if frame.opcode == 0x56 and isinstance(end, Sender) and end.state is State.DONE:
+        if frame.opcode == 0x56 and isinstance(end, Sender) and end.state is TransferState.DONE:
             self.emit(session, _ZERO)
 
 
@@ -208,7 +208,11 @@ class PrependsRefusedUpload(ControllerCore):
     def upload_chunk(self, request: Request) -> bool | Silence:
         self.current, transfer = request.session, request.session.transfer
         taken = super().upload_chunk(request)
-        if transfer and isinstance(transfer.end, Receiver) and transfer.end.state is State.FAILED:
+        if (
+            transfer
+            and isinstance(transfer.end, Receiver)
+            and transfer.end.state is TransferState.FAILED
+        ):
             self.leftover = request.session, transfer.end.content
         return taken
 

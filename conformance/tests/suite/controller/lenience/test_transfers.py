@@ -15,7 +15,7 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import DEFAULT, Dialect
-from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, State
+from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, TransferState
 from scaraspec.virtual_controller.behaviour import SILENCE
 from scaraspec.virtual_controller.behaviour.base import Silence
 from scaraspec.virtual_controller.core import ControllerCore
@@ -70,7 +70,7 @@ class ClosesAfterFailedTransfer(ControllerCore):
             self._end(session, now_s)
             return
         super().handle(session, frame, now_s)
-        if isinstance(end, Sender) and end.state is State.FAILED:
+        if isinstance(end, Sender) and end.state is TransferState.FAILED:
             self._end(session, now_s)
 
 
@@ -224,7 +224,9 @@ class TransferOutlivesConnection(ControllerCore):
     @property
     def open_transfers(self) -> list[OpenTransfer]:
         """The transfers of closed connections that have not ended."""
-        return [transfer for transfer in self.orphaned if transfer.end.state is State.ACTIVE]
+        return [
+            transfer for transfer in self.orphaned if transfer.end.state is TransferState.ACTIVE
+        ]
 
 
 class TransferNeverEnds(TransferOutlivesConnection):
@@ -325,7 +327,7 @@ class SignalsFailedDownload(ControllerCore):
         return reply
 
     def _signal(self, session: Session, end: Sender | Receiver) -> None:
-        if isinstance(end, Sender) and end.state is State.FAILED:
+        if isinstance(end, Sender) and end.state is TransferState.FAILED:
             signal = FILE_DATA.encode(Chunk(end.size_bytes, 0, 0, b""), self.dialect)
             self.emit(session, Frame(C2A, 0x56, signal))
 
