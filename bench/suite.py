@@ -22,7 +22,7 @@ from typing import Final
 from bench import peers, sampling
 
 from scaraspec.cli import certify
-from scaraspec.mutants.kill_matrix import STANDS
+from scaraspec.mutants.kill_matrix import ROLE_SUITES
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame
@@ -87,7 +87,7 @@ def main() -> None:
             profile_in_memory()
             profile_over_tcp(folder)
             return
-        for role in STANDS:
+        for role in ROLE_SUITES:
             in_memory(role)
         over_tcp(folder)
         by_driver(folder)
@@ -97,7 +97,7 @@ def in_memory(role: Role) -> None:
     """Print how many cases and requests a second of processor time takes in memory."""
     for _ in range(ROUNDS):
         begun_s = time.process_time()
-        results = STANDS[role].prove(OPTIONS)
+        results = ROLE_SUITES[role].prove(OPTIONS)
         lasted_s = time.process_time() - begun_s
         requests = _requests(results)
         cases = len(results.cases)
@@ -137,9 +137,9 @@ def by_driver(folder: Path) -> None:
 
 def profile_in_memory() -> None:
     """Print which room the processor's time goes to."""
-    for role in STANDS:
+    for role in ROLE_SUITES:
         with sampling.sampled(PACKAGES) as samples:
-            STANDS[role].prove(OPTIONS)
+            ROLE_SUITES[role].prove(OPTIONS)
         samples.tell(f"{role.value} in memory, in seconds of the processor")
 
 

@@ -9,7 +9,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from scaraspec.judge.verdicts import Conclusion
-from scaraspec.mutants.kill_matrix import STANDS, Alarm, Proof, alarm_of, dialects, proof_of
+from scaraspec.mutants.kill_matrix import (
+    ROLE_SUITES,
+    Alarm,
+    Proof,
+    check_dialect,
+    dialects,
+    prove_mutant,
+)
 from scaraspec.mutants.registry import Mutant
 from scaraspec.mutants.worker_pool import apart
 from scaraspec.report.files import write_whole
@@ -92,7 +99,7 @@ def mutants(
     Raises:
         KeyError: There is no mutant with one of the ids.
     """
-    known = STANDS[role].faults()
+    known = ROLE_SUITES[role].faults()
     chosen = [known[mutant_id] for mutant_id in ids] or [*known.values()]
     only = options.only
     wanted = {mutant.name for mutant in chosen if only is None or only & {*mutant.requirements}}
@@ -129,12 +136,12 @@ def prove(  # noqa: PLR0913 - independent options of a proof
         KeyboardInterrupt: The user interrupted the run.
     """
     chosen = [mutant.name for mutant in mutants(role, options, ids)][::every]
-    unmodified = STANDS[role].prove(options)
+    unmodified = ROLE_SUITES[role].prove(options)
     if any(case.id == "run.interrupted" for case in unmodified.cases):
         raise KeyboardInterrupt
     unmodified_ends(unmodified)
     proofs = []
-    work = partial(proof_of, role=role, options=options, quick=quick)
+    work = partial(prove_mutant, role=role, options=options, quick=quick)
     with closing(apart(work, chosen, jobs=jobs, runs=_RUNS)) as pending:
         for proof in pending:
             mutant_ends(proof)
@@ -161,7 +168,7 @@ def prove_dialects(
         dialect_ends: Called with the result of each dialect.
     """
     alarms = []
-    work = partial(alarm_of, role=role, options=options)
+    work = partial(check_dialect, role=role, options=options)
     with closing(apart(work, list(dialects()), jobs=jobs, runs=_RUNS)) as pending:
         for alarm in pending:
             dialect_ends(alarm)

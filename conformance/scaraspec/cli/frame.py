@@ -50,7 +50,7 @@ def command(hexadecimal: tuple[str, ...]) -> None:
         for item in framer.feed(data) + framer.finish():
             if isinstance(item, Skipped):
                 wrong = True
-                click.echo(f"[{item.data.hex(' ').upper()}]  no frame: {item.why.value}")
+                click.echo(f"[{item.data.hex(' ').upper()}]  no frame: {item.reason.value}")
                 continue
             parsed = parse_frame(item)
             wrong = wrong or parsed is None or bool(parsed.decoded.issues)

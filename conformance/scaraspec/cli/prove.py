@@ -23,7 +23,7 @@ from scaraspec.api.proving import EVERYTHING, KillMatrix, mutants, prove, prove_
 from scaraspec.cli.problems import Problem, no_such_mutant
 from scaraspec.judge.requirements import UnknownRequirementError, select
 from scaraspec.judge.verdicts import ExitStatus
-from scaraspec.mutants.kill_matrix import STANDS, Alarm, Proof, dialects
+from scaraspec.mutants.kill_matrix import ROLE_SUITES, Alarm, Proof, dialects
 from scaraspec.mutants.registry import Mutant
 from scaraspec.report.model import Results, Role
 from scaraspec.suite.engine.collection import collect
@@ -38,7 +38,7 @@ _PATH = click.Path(path_type=Path)
 @click.command(epilog=EXAMPLE)
 @click.option(
     "--role",
-    type=click.Choice([role.value for role in STANDS]),
+    type=click.Choice([role.value for role in ROLE_SUITES]),
     default=Role.CONTROLLER.value,
     show_default=True,
     help="The role of the mutants.",

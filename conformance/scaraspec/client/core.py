@@ -196,7 +196,7 @@ class ClientCore:
     def _partial_until_s(self) -> float | None:
         """When a partial frame is discarded (A-3-11); None if there is none, or never."""
         seconds = self.dialect.seconds("partial_timeout")
-        if not self._framer.held_bytes or seconds is None:
+        if not self._framer.buffered_bytes or seconds is None:
             return None
         return self._last_received_s + seconds
 
@@ -212,7 +212,7 @@ class ClientCore:
                     UserMessage(
                         "{byte_count} bytes are not a frame ({reason})",
                         byte_count=item.size_bytes,
-                        reason=item.why.value,
+                        reason=item.reason.value,
                     )
                 )
                 events.append(item)

@@ -208,7 +208,7 @@ class Download(FileTransfer):
             receiver.fail("it was aborted")
             accepted: bool | None = False
         else:
-            accepted = receiver.take(data, now_s)
+            accepted = receiver.receive_chunk(data, now_s)
         self.moved_bytes, self.total_bytes = receiver.received_bytes, receiver.size_bytes
         if receiver.state is TransferState.DONE:
             self.settle(receiver.content)

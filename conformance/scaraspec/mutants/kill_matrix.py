@@ -23,7 +23,7 @@ _ALARMING: Final = (Verdict.INCONCLUSIVE, Verdict.FAIL, Verdict.ERROR)
 
 
 @dataclass(frozen=True, slots=True)
-class Stand:
+class RoleSuite:
     """How the implementations of a role are tested.
 
     Attributes:
@@ -35,9 +35,9 @@ class Stand:
     prove: Callable[..., Results]
 
 
-STANDS: Final = {
-    Role.CONTROLLER: Stand(controller_mutants.mutants, prove_controller),
-    Role.CLIENT: Stand(client_mutants.mutants, prove_client),
+ROLE_SUITES: Final = {
+    Role.CONTROLLER: RoleSuite(controller_mutants.mutants, prove_controller),
+    Role.CLIENT: RoleSuite(client_mutants.mutants, prove_client),
 }
 
 
@@ -66,14 +66,14 @@ class Proof:
         return asdict(self)
 
 
-def proof_of(name: str, role: Role, options: Options, *, quick: bool) -> Proof:
+def prove_mutant(name: str, role: Role, options: Options, *, quick: bool) -> Proof:
     """Run the suite against a mutant; `quick` runs only cases of the violated requirements."""
-    stand = STANDS[role]
-    fault = stand.faults()[name]
+    suite = ROLE_SUITES[role]
+    fault = suite.faults()[name]
     violated = frozenset(fault.requirements)
     if quick:
         options = replace(options, only=violated)
-    failed = [case for case in stand.prove(options, fault).cases if case.verdict is Verdict.FAIL]
+    failed = [case for case in suite.prove(options, fault).cases if case.verdict is Verdict.FAIL]
     return Proof(
         name,
         fault.sentence,
@@ -104,9 +104,9 @@ class Alarm:
         return not Conclusion(self.verdict).good
 
 
-def alarm_of(dialect: Dialect, role: Role, options: Options) -> Alarm:
+def check_dialect(dialect: Dialect, role: Role, options: Options) -> Alarm:
     """Run the suite against the unmodified implementation in this dialect."""
-    results = STANDS[role].prove(options, None, dialect)
+    results = ROLE_SUITES[role].prove(options, None, dialect)
     return Alarm(
         tuple(f"{key}={option}" for key, option in dialect.differences().items()),
         results.verdict.value,

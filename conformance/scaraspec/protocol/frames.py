@@ -65,7 +65,7 @@ class Skipped(NamedTuple):
     """A run of consecutive bytes that belong to no frame, all for the same reason."""
 
     data: bytes
-    why: SkipReason
+    reason: SkipReason
 
     @property
     def size_bytes(self) -> int:
@@ -110,7 +110,7 @@ class Framer:
         self._loop_constants = (direction, self._start, self._end, self._tag, tuple.__new__)
 
     @property
-    def held_bytes(self) -> int:
+    def buffered_bytes(self) -> int:
         """Number of buffered bytes of an unfinished frame."""
         return len(self._buffer)
 
@@ -155,27 +155,29 @@ class Framer:
         """
         return self._drop_unfinished()
 
-    def frame_follows(self, held_bytes: int, data: bytes) -> bool:
-        """Return whether a complete frame begins right after the first `held_bytes` buffered bytes.
+    def frame_follows(self, prefix_bytes: int, data: bytes) -> bool:
+        """Return whether a complete frame begins right after `prefix_bytes` buffered bytes.
 
         Args:
-            held_bytes: The number of buffered bytes before the possible frame.
+            prefix_bytes: The number of buffered bytes before the possible frame.
             data: The next bytes of the stream, which are not buffered yet.
         """
-        found = Framer(self.direction, self._recovery_filter).feed(self._buffer[held_bytes:] + data)
+        found = Framer(self.direction, self._recovery_filter).feed(
+            self._buffer[prefix_bytes:] + data
+        )
         return bool(found) and isinstance(found[0], Frame)
 
-    def announced_bytes(self, held_bytes: int) -> int:
+    def announced_bytes(self, prefix_bytes: int) -> int:
         """Return the size of the unfinished frame, according to its length byte.
 
-        Return `held_bytes` if the first `held_bytes` buffered bytes do not contain the length byte.
+        Return `prefix_bytes` if that many buffered bytes do not contain the length byte.
         """
         head = 4 if self._buffer[1:2] == bytes((TAG,)) and self._tag == TAG else 3
-        return head + self._buffer[head - 1] + 1 if held_bytes >= head else held_bytes
+        return head + self._buffer[head - 1] + 1 if prefix_bytes >= head else prefix_bytes
 
-    def abandon(self, held_bytes: int) -> list[StreamItem]:
-        """Drop the frame that the first `held_bytes` buffered bytes begin; scan the rest again."""
-        self._buffer, rest = self._buffer[:held_bytes], self._buffer[held_bytes:]
+    def abandon(self, prefix_bytes: int) -> list[StreamItem]:
+        """Drop the frame that begins in `prefix_bytes` buffered bytes; scan the rest again."""
+        self._buffer, rest = self._buffer[:prefix_bytes], self._buffer[prefix_bytes:]
         return self._drop_unfinished() + self.feed(rest)
 
     def skip_gap(
@@ -195,10 +197,8 @@ class Framer:
     def _search(self, buffer: bytes, at: int, found: list[StreamItem]) -> int:
         """Add the items from `at` on to `found`; return where an unfinished frame begins."""
         size, start = len(buffer), bytes((self._start,))
-        run_from, run_reason = (
-            at,
-            SkipReason.STRAY,
-        )  # start of the bytes skipped since the last frame
+        # Start of the bytes skipped since the last frame, and the reason to skip them.
+        run_from, run_reason = at, SkipReason.STRAY
 
         def add_run(until: int) -> None:
             if run_from < until:
@@ -224,9 +224,7 @@ class Framer:
                 at = run_from = stop + 1
                 run_reason = SkipReason.STRAY
                 continue
-            if (
-                run_reason is SkipReason.STRAY
-            ):  # stray bytes before an invalid frame are a separate run
+            if run_reason is SkipReason.STRAY:  # stray bytes before an invalid frame: separate run
                 add_run(at)
                 run_from = at
                 run_reason = SkipReason.BAD_END if plausible else SkipReason.IMPLAUSIBLE

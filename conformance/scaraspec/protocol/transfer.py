@@ -254,7 +254,7 @@ class Receiver(_TransferEnd):
         """The bytes received so far, in the order of their positions."""
         return b"".join(self._pieces[position] for position in sorted(self._pieces))
 
-    def take(self, data: bytes, now_s: float) -> bool | None:
+    def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
         """Process the data of one chunk frame.
 
         Returns:

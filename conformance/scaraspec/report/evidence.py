@@ -86,7 +86,7 @@ class EvidenceCollector:
 def evidence_of(seen: FrameSeen | InvalidBytes) -> Evidence:
     """Return a frame or invalid bytes as evidence, with passwords masked."""
     if isinstance(seen, InvalidBytes):
-        return _evidence(seen.place, f"no frame: {seen.why.value}", mask_unframed(seen.data))
+        return _evidence(seen.place, f"no frame: {seen.reason.value}", mask_unframed(seen.data))
     frame = seen.frame
     if is_secret(frame):
         frame = frame._replace(data=mask(frame.data))

@@ -297,7 +297,7 @@ class Dialogue:
 
     def _malformed(self, found: InvalidBytes) -> Iterator[TrafficEvent]:
         """Bytes that begin like an answer to what is open take its place."""
-        torn = found.touches_gap or found.why in (SkipReason.STRAY, SkipReason.TRUNCATED)
+        torn = found.touches_gap or found.reason in (SkipReason.STRAY, SkipReason.TRUNCATED)
         direction, head = found.place.direction, found.data[1:3]
         if torn or len(head) < 2:  # noqa: PLR2004 - tag and opcode, or opcode and length
             return

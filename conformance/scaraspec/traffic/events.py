@@ -61,13 +61,13 @@ class InvalidBytes:
 
     Attributes:
         data: At most the first 4096 of them.
-        why: What the framer found them to be.
+        reason: Why they belong to no frame.
         place: Where they are, their full length, and when the last of them passed.
         touches_gap: Whether they may be part of a frame that a gap has torn.
     """
 
     data: bytes
-    why: SkipReason
+    reason: SkipReason
     place: WireRange
     touches_gap: bool = False
 

@@ -38,9 +38,9 @@ class Stream:
     def feed(self, event: WireEvent) -> Iterator[FrameSeen | InvalidBytes]:
         """Take the next bytes."""
         if event.data:
-            if self._framer.held_bytes:
+            if self._framer.buffered_bytes:
                 yield from self._resume(event)
-            end_bytes = self._framer.offset_bytes + self._framer.held_bytes
+            end_bytes = self._framer.offset_bytes + self._framer.buffered_bytes
             self._pieces.append((end_bytes, event.time_ns))
             at = self._framer.offset_bytes
             yield from self._emit(at, self._framer.feed(event.data), certain=self._in_step)
@@ -52,21 +52,21 @@ class Stream:
         """
         framer = self._framer
         if event.time_ns - self._pieces[-1][1] >= _SILENCE_NS:
-            self._silent_bytes = framer.offset_bytes + framer.held_bytes
-        at, held_bytes = framer.offset_bytes, self._silent_bytes - framer.offset_bytes
-        if held_bytes > 0 and framer.frame_follows(held_bytes, event.data):
-            self._claimed_bytes = at + framer.announced_bytes(held_bytes)
+            self._silent_bytes = framer.offset_bytes + framer.buffered_bytes
+        at, buffered_bytes = framer.offset_bytes, self._silent_bytes - framer.offset_bytes
+        if buffered_bytes > 0 and framer.frame_follows(buffered_bytes, event.data):
+            self._claimed_bytes = at + framer.announced_bytes(buffered_bytes)
             wrong = [
-                item if isinstance(item, Frame) else item._replace(why=SkipReason.BAD_END)
-                for item in framer.abandon(held_bytes)
+                item if isinstance(item, Frame) else item._replace(reason=SkipReason.BAD_END)
+                for item in framer.abandon(buffered_bytes)
             ]
             yield from self._emit(at, wrong, certain=False)
             yield from self.flush()
 
     @property
-    def held_bytes(self) -> int:
+    def buffered_bytes(self) -> int:
         """How many bytes there are of a frame that is not whole yet."""
-        return self._framer.held_bytes
+        return self._framer.buffered_bytes
 
     def settle(self) -> Iterator[InvalidBytes]:
         """The other side speaks: what is no frame is over.
@@ -76,7 +76,7 @@ class Stream:
         """
         if self._run:
             yield from self.flush()
-        if self._ends_with_frame and not self._framer.held_bytes:
+        if self._ends_with_frame and not self._framer.buffered_bytes:
             self._in_step = True
 
     def lose(self, length_bytes: int) -> Iterator[FrameSeen | InvalidBytes]:
@@ -127,8 +127,8 @@ class Stream:
         """Join what the framer told in pieces: a false frame takes in what follows it."""
         run = self._run
         if run and (
-            item.why is SkipReason.STRAY
-            or (run.why is not SkipReason.STRAY and item.why is not SkipReason.TRUNCATED)
+            item.reason is SkipReason.STRAY
+            or (run.reason is not SkipReason.STRAY and item.reason is not SkipReason.TRUNCATED)
         ):
             room = max(_KEPT_UNDECODABLE_BYTES - len(run.data), 0)
             length_bytes = run.place.length_bytes + place.length_bytes
@@ -136,10 +136,10 @@ class Stream:
             self._run = replace(run, data=run.data + item.data[:room], place=place)
             return
         yield from self.flush()
-        if item.why is SkipReason.IMPLAUSIBLE and item.size_bytes == 1 and self._in_step:
+        if item.reason is SkipReason.IMPLAUSIBLE and item.size_bytes == 1 and self._in_step:
             return  # the wrong end byte of a frame that has been told
         data = item.data[:_KEPT_UNDECODABLE_BYTES]
-        self._run = InvalidBytes(data, item.why, place, touches_gap=not self._in_step)
+        self._run = InvalidBytes(data, item.reason, place, touches_gap=not self._in_step)
 
     def _time(self, offset_bytes: int) -> int:
         """When the byte at this offset passed."""

@@ -25,14 +25,14 @@ class RequestFramer:
         self._framer = self._new_framer()
 
     @property
-    def held_bytes(self) -> int:
+    def buffered_bytes(self) -> int:
         """Number of bytes of a partial frame."""
-        return self._framer.held_bytes
+        return self._framer.buffered_bytes
 
     @property
     def deadline_s(self) -> float | None:
         """When a partial frame times out; None if there is none, or no timeout."""
-        if self._timeout_s is None or not self._framer.held_bytes:
+        if self._timeout_s is None or not self._framer.buffered_bytes:
             return None
         return self._last_received_s + self._timeout_s
 
@@ -68,7 +68,7 @@ class _WholeCandidates:
         self._held = b""
 
     @property
-    def held_bytes(self) -> int:
+    def buffered_bytes(self) -> int:
         return len(self._held)
 
     def feed(self, data: bytes) -> list[StreamItem]:

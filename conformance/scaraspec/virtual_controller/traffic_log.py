@@ -13,7 +13,7 @@ _MASK = "••••"
 def format_line(connection: int, item: StreamItem) -> str:
     """Format a frame or skipped bytes: ``#1 > 0x09 get_status``, ``#1 < 0x09 get_status 00``."""
     if isinstance(item, Skipped):  # without its bytes: a damaged login contains the password
-        return f"#{connection} > skipped {item.size_bytes} bytes: {item.why.value}"
+        return f"#{connection} > skipped {item.size_bytes} bytes: {item.reason.value}"
     arrow = ">" if item.direction is A2C else "<"
     command = BY_OPCODE.get(item.opcode)
     name = command.name if command else "unknown"

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from scaraspec.cli.prove import command
 from scaraspec.judge.requirements import REQUIREMENTS, by_clause
-from scaraspec.mutants.kill_matrix import STANDS, alarm_of, dialects
+from scaraspec.mutants.kill_matrix import ROLE_SUITES, check_dialect, dialects
 from scaraspec.report.model import Role
 from scaraspec.suite.engine.collection import collect
 from scaraspec.suite.engine.plan import ALL, Options
@@ -24,7 +24,7 @@ Refused = Callable[..., str]
 )
 def test_mutants_violate_known_requirements(role: Role, fewest: int, fewest_subtle: int) -> None:
     """There are many mutants, each with its own sentence and with requirements of the catalogue."""
-    known = STANDS[role].faults().values()
+    known = ROLE_SUITES[role].faults().values()
     assert len(known) >= fewest
     assert sum(fault.subtle for fault in known) >= fewest_subtle
     assert len({fault.sentence for fault in known}) == len(known)
@@ -55,7 +55,7 @@ def test_another_dialect_causes_no_false_alarm(role: Role) -> None:
     *_, dialect = dialects()
     assert len(dialect.differences()) > 10
     only = frozenset(r.id for r in by_clause("4.12"))
-    alarm = alarm_of(dialect, role, Options(only=only, allowed=ALL, undefined=True))
+    alarm = check_dialect(dialect, role, Options(only=only, allowed=ALL, undefined=True))
     assert not alarm.false, alarm.cases
 
 
@@ -99,7 +99,7 @@ def test_mutants_are_listed() -> None:
     assert done.exit_code == 0
     assert "status-of-one-digit: The status has one digit. (4.8/2, 4.8/3)" in done.output
     assert done.output.count("\n") == sum(
-        "4.8/2" in fault.requirements for fault in STANDS[Role.CONTROLLER].faults().values()
+        "4.8/2" in fault.requirements for fault in ROLE_SUITES[Role.CONTROLLER].faults().values()
     )
 
 
@@ -117,12 +117,12 @@ def test_dialects_excludes_options_of_mutants(refused: Refused, option: str) -> 
     assert "--dialects runs no mutant" in refused("prove", "--dialects", option)
 
 
-@pytest.mark.parametrize("role", list(STANDS))
+@pytest.mark.parametrize("role", list(ROLE_SUITES))
 def test_the_published_matrix_has_all_mutants(role: Role) -> None:
     """Every mutant is in the matrix and killed, and every case kills a mutant."""
     published = Path(__file__).parents[3] / "reports" / f"kill-matrix.{role.value}.json"
     matrix = json.loads(published.read_text(encoding="utf-8"))
-    assert {fault["fault"] for fault in matrix["faults"]} == set(STANDS[role].faults())
+    assert {fault["fault"] for fault in matrix["faults"]} == set(ROLE_SUITES[role].faults())
     assert all(fault["killers"] for fault in matrix["faults"])
     assert matrix["idle"] == []
     killers = {case for fault in matrix["faults"] for case in fault["killers"]}

@@ -18,7 +18,7 @@ def frames_of(data: bytes) -> list[tuple[int, bytes]]:
     """Return opcode and data of sent frames; they must be complete and untagged (3/1, 3/15)."""
     framer = Framer(A2C)
     found = framer.feed(data)
-    assert framer.held_bytes == 0
+    assert framer.buffered_bytes == 0
     assert not any(isinstance(item, Skipped) for item in found), data.hex(" ")
     return [(frame.opcode, frame.data) for frame in found if isinstance(frame, Frame)]
 

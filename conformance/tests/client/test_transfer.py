@@ -45,7 +45,7 @@ def test_an_upload_is_complete(play: Any, size: int) -> None:
     while receiver.state is TransferState.ACTIVE:
         ((opcode, data),) = play.sent()
         assert (opcode, len(data)) == (UP_CHUNK, 212)
-        assert receiver.take(data, 0.0)
+        assert receiver.receive_chunk(data, 0.0)
         play.says(UP_CHUNK, b"1")
     assert receiver.content == content
     assert transfer.outcome() is None

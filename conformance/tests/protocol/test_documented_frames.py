@@ -142,7 +142,7 @@ def test_all_rows_are_decoded_from_one_stream(
     pieces = [stream[a:b] for a, b in zip([0, *cuts], [*cuts, len(stream)], strict=True)]
     framer = Framer(direction)
     assert [item for piece in pieces for item in framer.feed(piece)] == [row.frame for row in mine]
-    assert (framer.held_bytes, framer.offset_bytes) == (0, len(stream))
+    assert (framer.buffered_bytes, framer.offset_bytes) == (0, len(stream))
 
 
 def test_no_row_is_a_frame_of_the_other_side(rows: list[Row]) -> None:

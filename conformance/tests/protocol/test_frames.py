@@ -37,7 +37,7 @@ def run(framer: Framer, *parts: bytes) -> list[StreamItem]:
     for item in [i for part in parts for i in framer.feed(part)] + framer.finish():
         last = found[-1] if found else None
         if isinstance(item, Skipped) and isinstance(last, Skipped):
-            found[-1] = Skipped(last.data + item.data, last.why)
+            found[-1] = Skipped(last.data + item.data, last.reason)
         else:
             found.append(item)
     return found
@@ -80,7 +80,7 @@ def test_items_tile_the_stream(direction: Direction, data: bytes) -> None:
     """Every byte belongs to exactly one frame or skipped run, in order."""
     framer = Framer(direction)
     items = framer.feed(data)
-    assert framer.offset_bytes + framer.held_bytes == len(data)
+    assert framer.offset_bytes + framer.buffered_bytes == len(data)
     items += framer.finish()
     assert framer.offset_bytes == len(data)
     assert b"".join(i.encode() if isinstance(i, Frame) else i.data for i in items) == data
@@ -163,4 +163,4 @@ def test_bounded_on_endless_garbage(garbage: bytes) -> None:
     framer = Framer(C2A)
     for _ in range(4):
         framer.feed(garbage)
-        assert framer.held_bytes <= MAX_FRAME_BYTES
+        assert framer.buffered_bytes <= MAX_FRAME_BYTES

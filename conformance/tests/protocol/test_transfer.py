@@ -28,7 +28,7 @@ def transfer(content: bytes, dialect: Dialect) -> tuple[Sender, Receiver]:
     sender, receiver = Sender(content, 0, dialect), Receiver(0, dialect)
     while chunk := sender.next_chunk():
         assert sender.next_chunk() is None  # one outstanding
-        sender.acknowledge(bool(receiver.take(FILE_DATA.encode(chunk, dialect), 1)), 1)
+        sender.acknowledge(bool(receiver.receive_chunk(FILE_DATA.encode(chunk, dialect), 1)), 1)
     return sender, receiver
 
 
@@ -69,8 +69,8 @@ def test_byte_order_is_detected(order: str) -> None:
 def test_invalid_chunks_are_refused(chunk: Chunk, reason: str) -> None:
     """Wrong lengths, gaps, overlaps and a changed size get the reply "0" (A-5-6 to 8)."""
     receiver = Receiver(0)
-    assert receiver.take(FILE_DATA.encode(Chunk(600, 0, 200, bytes(200))), 0) is True
-    assert receiver.take(FILE_DATA.encode(chunk), 0) is False
+    assert receiver.receive_chunk(FILE_DATA.encode(Chunk(600, 0, 200, bytes(200))), 0) is True
+    assert receiver.receive_chunk(FILE_DATA.encode(chunk), 0) is False
     assert receiver.state is TransferState.FAILED
     assert reason in receiver.reason
 
@@ -79,7 +79,7 @@ def test_invalid_chunks_are_refused(chunk: Chunk, reason: str) -> None:
 def test_length_0_is_the_error_signal(signal: bytes) -> None:
     """A frame or a chunk of length 0 ends the transfer without a reply (L787; A-5-10)."""
     receiver = Receiver(0)
-    assert receiver.take(signal, 0) is None
+    assert receiver.receive_chunk(signal, 0) is None
     assert receiver.state is TransferState.FAILED
 
 
@@ -88,7 +88,7 @@ def test_empty_file_by_reading() -> None:
     assert Sender(b"", 0).state is TransferState.FAILED
     empty = FILE_DATA.encode(Chunk(0, 0, 0, b""))
     receiver = Receiver(0, Dialect.of(empty_file="chunk"))
-    assert receiver.take(empty, 0) is True
+    assert receiver.receive_chunk(empty, 0) is True
     assert receiver.state is TransferState.DONE
 
 
@@ -98,14 +98,14 @@ def test_any_order_by_reading() -> None:
     receiver = Receiver(0, Dialect.of(chunk_order="any"))
     for chunk in reversed(list(chunks_of(content))):
         assert receiver.state is TransferState.ACTIVE
-        assert receiver.take(FILE_DATA.encode(chunk), 0) is True
+        assert receiver.receive_chunk(FILE_DATA.encode(chunk), 0) is True
     assert receiver.content == content
 
 
 def test_no_room() -> None:
     """A file larger than the limit is refused at its first chunk (A-5-25)."""
     receiver = Receiver(0, limit_bytes=100)
-    assert receiver.take(FILE_DATA.encode(Chunk(101, 0, 101, bytes(101))), 0) is False
+    assert receiver.receive_chunk(FILE_DATA.encode(Chunk(101, 0, 101, bytes(101))), 0) is False
 
 
 @pytest.mark.parametrize(
@@ -116,7 +116,7 @@ def test_thirty_seconds(silence_s: float, state: TransferState) -> None:
     sender, receiver = Sender(bytes(500), 0), Receiver(0)
     chunk = sender.next_chunk()
     assert chunk
-    assert receiver.take(FILE_DATA.encode(chunk), 100) is True
+    assert receiver.receive_chunk(FILE_DATA.encode(chunk), 100) is True
     sender.acknowledge(accepted=True, now_s=100)
     for end in (sender, receiver):
         end.expire(100 + silence_s)
@@ -144,7 +144,7 @@ def test_receiver_never_raises(stream: list[bytes]) -> None:
     """A receiver never raises, and its content stays within its limit."""
     receiver = Receiver(0, limit_bytes=1000)
     for data in stream:
-        receiver.take(data, 0)
+        receiver.receive_chunk(data, 0)
     assert len(receiver.content) <= 1000
 
 

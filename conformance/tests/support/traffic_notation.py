@@ -222,7 +222,7 @@ def _untimed(what: TrafficEvent) -> tuple[Any, ...]:
             return (
                 "bytes",
                 what.data,
-                what.why,
+                what.reason,
                 place.offset_bytes,
                 place.length_bytes,
             )

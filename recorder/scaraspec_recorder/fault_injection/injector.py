@@ -121,7 +121,9 @@ class Injector:
         lane = self._lanes[direction]
         at = lane.framer.offset_bytes
         self._take(lane, lane.framer.feed(data), at, now_s)
-        lane.partial_deadline_s = now_s + PARTIAL_FRAME_S if lane.framer.held_bytes else math.inf
+        lane.partial_deadline_s = (
+            now_s + PARTIAL_FRAME_S if lane.framer.buffered_bytes else math.inf
+        )
         return self._actions()
 
     def finish(self, direction: Direction, now_s: float) -> list[Action]:

@@ -33,7 +33,7 @@ class _Client:
         """Queue an event, and note the secret ranges in the frames that it completes."""
         framer = self.framer
         at = framer.offset_bytes
-        self.pending.append((at + framer.held_bytes, event))
+        self.pending.append((at + framer.buffered_bytes, event))
         if event.kind in (Kind.CLOSED, Kind.RESET):
             self._note(framer.finish(), at)
         elif event.direction is not A2C:
@@ -45,7 +45,7 @@ class _Client:
         elif event.kind is Kind.GAP:
             self._note(framer.skip_gap(max(event.length_bytes, 0), is_known_opcode), at)
             self.after_gap = True
-        held = framer.held_bytes
+        held = framer.buffered_bytes
         self.held = (self.held + event.data)[-held:] if held else b""
 
     def release(self) -> Iterator[WireEvent]:

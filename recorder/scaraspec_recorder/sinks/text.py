@@ -163,7 +163,7 @@ def _undecodable_text(item: InvalidBytes) -> str:
     gap = ", beside a gap" if item.touches_gap else ""
     return (
         f"{size} byte{'s' * (size != 1)} from the {_SENDER[item.place.direction.value]} "
-        f"that {'are' if size != 1 else 'is'} no frame ({item.why.value}{gap}): {hex_text(item)}"
+        f"that {'are' if size != 1 else 'is'} no frame ({item.reason.value}{gap}): {hex_text(item)}"
     )
 
 

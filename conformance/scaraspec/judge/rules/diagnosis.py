@@ -47,16 +47,16 @@ def diagnose(found: InvalidBytes) -> Diagnosis:
     data, direction = found.data, found.place.direction
     if _FOREIGN.match(data):
         return Diagnosis(Fault.NONE)
-    tagged = data[1:2] == bytes((TAG,)) and found.why is not SkipReason.STRAY
+    tagged = data[1:2] == bytes((TAG,)) and found.reason is not SkipReason.STRAY
     if tagged and direction is A2C and len(data) > _HEAD_BYTES and len(data) == data[3] + 5:
         return Diagnosis(Fault.TAG, "no tag", UserMessage("{tag:02X}", tag=TAG))
     head = _HEAD_BYTES + (tagged and direction is C2A)
     if (
-        found.why is SkipReason.TRUNCATED
+        found.reason is SkipReason.TRUNCATED
     ):  # no fault, unless it waits for bytes that were never meant
         explained = _length(found, head)
         return explained if explained.hint else Diagnosis(Fault.NONE)
-    if found.why is SkipReason.STRAY:
+    if found.reason is SkipReason.STRAY:
         return _wrong_start(found) or _stray(found)
     if len(data) < head or (len(data) == _HEAD_BYTES and data[-1]):
         return _stray(found)  # a start byte that begins nothing

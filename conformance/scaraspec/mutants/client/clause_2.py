@@ -88,7 +88,7 @@ def _drop_partial(condition: Callable[[int], bool]) -> type[ClientCore]:
     class DropPartial(ClientCore):
         def feed(self, data: bytes, now_s: float) -> list[Event]:
             events = super().feed(data, now_s)
-            if condition(self._framer.held_bytes):
+            if condition(self._framer.buffered_bytes):
                 events += self._process_items(self._framer.finish(), now_s)
             return events
 
@@ -102,7 +102,7 @@ def _lost_in_parts(command: str) -> type[ClientCore]:
         begun = False
 
         def feed(self, data: bytes, now_s: float) -> list[Event]:
-            self.begun = self._framer.held_bytes > 0
+            self.begun = self._framer.buffered_bytes > 0
             return super().feed(data, now_s)
 
         def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
@@ -132,7 +132,7 @@ class LosesSingleEndByte(ClientCore):
     """The end byte of a frame is lost if it arrives alone in a segment."""
 
     def feed(self, data: bytes, now_s: float) -> list[Event]:
-        alone = data == b"\xaa" and self._framer.held_bytes > 0
+        alone = data == b"\xaa" and self._framer.buffered_bytes > 0
         return [] if alone else super().feed(data, now_s)
 
 
@@ -142,7 +142,7 @@ class GivesUpPartialFrames(ClientCore):
 
     @property
     def _partial_until_s(self) -> float | None:
-        return self._last_received_s + 0.5 if self._framer.held_bytes else None
+        return self._last_received_s + 0.5 if self._framer.buffered_bytes else None
 
 
 row(

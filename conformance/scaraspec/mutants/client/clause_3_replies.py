@@ -307,7 +307,7 @@ def _deaf_after_skipped(reason: SkipReason, least_bytes: int = 1) -> type[Client
         def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
             heard = []
             for item in found:
-                if isinstance(item, Skipped) and item.why is reason:
+                if isinstance(item, Skipped) and item.reason is reason:
                     self.deaf |= item.size_bytes >= least_bytes
                 if not self.deaf:
                     heard.append(item)
@@ -327,13 +327,13 @@ def _no_results_while(*commands: str) -> type[ClientCore]:
 
 
 def _any_end(item: StreamItem) -> StreamItem:
-    if isinstance(item, Frame) or item.why is not SkipReason.BAD_END:
+    if isinstance(item, Frame) or item.reason is not SkipReason.BAD_END:
         return item
     return Frame(C2A, item.data[1], item.data[3 : 3 + item.data[2]])
 
 
 def _any_end_of_result(item: StreamItem) -> StreamItem:
-    if isinstance(item, Frame) or item.why is not SkipReason.BAD_END or item.data[1] != TAG:
+    if isinstance(item, Frame) or item.reason is not SkipReason.BAD_END or item.data[1] != TAG:
         return item
     return Frame(C2A, item.data[2], item.data[4:-1], tagged=True)
 
@@ -420,6 +420,6 @@ class WaitsForIncompleteFrame(AsyncClient):
     """The connection is not closed within 60 s if a frame is incomplete."""
 
     async def close(self) -> None:
-        if self._core._framer.held_bytes:  # noqa: SLF001 - the fault is in there
+        if self._core._framer.buffered_bytes:  # noqa: SLF001 - the fault is in there
             await asyncio.sleep(60)
         await super().close()

@@ -396,8 +396,8 @@ row(
 
 
 class _StoresLastBufferUpToZeros(Receiver):
-    def take(self, data: bytes, now_s: float) -> bool | None:
-        taken = super().take(data, now_s)
+    def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
+        taken = super().receive_chunk(data, now_s)
         if taken and self.state is TransferState.DONE and len(data) == FILE_DATA_BYTES:
             self._pieces[max(self._pieces)] = data[HEAD_BYTES:].rstrip(b"\0")
         return taken

@@ -149,7 +149,7 @@ class AnswersPartsOfChunks(ClientCore):
 
     def feed(self, data: bytes, now_s: float) -> list[Event]:
         events = super().feed(data, now_s)
-        if data[1:2] == bytes((DOWNLOAD_CHUNK,)) and self._framer.held_bytes:
+        if data[1:2] == bytes((DOWNLOAD_CHUNK,)) and self._framer.buffered_bytes:
             self._send([chunk_reply(accepted=True, dialect=self.dialect)])
         return events
 
@@ -168,18 +168,18 @@ def _passed_over(
     """A chunk that satisfies the condition is only answered, or ignored without `reply`."""
 
     class PassedOver(Receiver):
-        def take(self, data: bytes, now_s: float) -> bool | None:
-            return reply if condition(data) else super().take(data, now_s)
+        def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
+            return reply if condition(data) else super().receive_chunk(data, now_s)
 
     return chunks_checked_by(PassedOver)
 
 
 class _EmptyChunkIsLast(Receiver):
-    def take(self, data: bytes, now_s: float) -> bool | None:
+    def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
         if self.state is TransferState.ACTIVE and _is_empty(data):
             self.state = TransferState.DONE
             return True
-        return super().take(data, now_s)
+        return super().receive_chunk(data, now_s)
 
 
 row(

@@ -77,16 +77,16 @@ row(
 
 
 class _EndsByChunkCount(Receiver):
-    def take(self, data: bytes, now_s: float) -> bool | None:
-        taken = super().take(data, now_s)
+    def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
+        taken = super().receive_chunk(data, now_s)
         if taken and len(self._pieces) * BUFFER_BYTES >= (self.size_bytes or 0):
             self.state = TransferState.DONE
         return taken
 
 
 class _FullChunkIsNotLast(Receiver):
-    def take(self, data: bytes, now_s: float) -> bool | None:
-        taken = super().take(data, now_s)
+    def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
+        taken = super().receive_chunk(data, now_s)
         if self.state is TransferState.DONE and self.received_bytes % BUFFER_BYTES == 0:
             self.state = TransferState.ACTIVE
         return taken

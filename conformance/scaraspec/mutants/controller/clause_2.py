@@ -169,7 +169,7 @@ def _drops_partial(when: Callable[[RequestFramer, list[StreamItem]], bool]) -> C
 
 
 def _time_from_first_byte(framer: Any, data: bytes, now_s: float) -> list[StreamItem]:
-    held, since_s = framer.held_bytes, framer._last_received_s  # noqa: SLF001 - it is a method of the framer
+    held, since_s = framer.buffered_bytes, framer._last_received_s  # noqa: SLF001 - it is a method of the framer
     found = _receive(framer, data, now_s)
     if held and not found:
         framer._last_received_s = since_s  # noqa: SLF001 - it is a method of the framer
@@ -193,14 +193,14 @@ row(
     "cut-behind-length",
     "2/5",
     "A frame that is split directly after its length byte is lost.",
-    _drops_partial(lambda framer, _found: framer.held_bytes == 3),
+    _drops_partial(lambda framer, _found: framer.buffered_bytes == 3),
     subtle=True,
 )
 row(
     "cut-behind-eighth-byte",
     "2/5",
     "A frame that is split directly after its eighth byte is lost.",
-    _drops_partial(lambda framer, _found: framer.held_bytes == 8),
+    _drops_partial(lambda framer, _found: framer.buffered_bytes == 8),
     subtle=True,
 )
 row(

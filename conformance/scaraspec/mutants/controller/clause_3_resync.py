@@ -27,25 +27,25 @@ def _deaf_after(why: SkipReason) -> Core:
 
         def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
             found = [] if self._deaf else super().receive(data, now_s)
-            self._deaf |= any(isinstance(item, Skipped) and item.why is why for item in found)
+            self._deaf |= any(isinstance(item, Skipped) and item.reason is why for item in found)
             return found
 
     return with_framer(Deaf)
 
 
 def _restart(core: Crashes, _session: Session, item: Skipped, now_s: float) -> None:
-    if item.why is SkipReason.BAD_END:
+    if item.reason is SkipReason.BAD_END:
         core.crash(now_s)
         core.crashed = False
 
 
 def _refuse_login(core: Crashes, session: Session, item: Skipped, _now_s: float) -> None:
-    if item.why is SkipReason.STRAY:
+    if item.reason is SkipReason.STRAY:
         core.emit(session, Frame(C2A, 0x01, b"0"))
 
 
 def _answer_list(core: Crashes, session: Session, item: Skipped, _now_s: float) -> None:
-    if item.why is SkipReason.BAD_END and len(item.data) > 1:
+    if item.reason is SkipReason.BAD_END and len(item.data) > 1:
         core.emit(session, Frame(C2A, 0x0B, b"0"))
 
 
@@ -64,7 +64,7 @@ row(
     "dies-of-stray-bytes",
     "3/19",
     "The controller crashes on bytes before a start byte.",
-    crashes_on_skipped(lambda item: item.why is SkipReason.STRAY),
+    crashes_on_skipped(lambda item: item.reason is SkipReason.STRAY),
 )
 row(
     "dies-of-much-garbage",
@@ -111,7 +111,7 @@ row(
     "dies-of-wrong-ends",
     "3/20",
     "The controller crashes on a wrong end byte.",
-    crashes_on_skipped(lambda item: item.why is SkipReason.BAD_END),
+    crashes_on_skipped(lambda item: item.reason is SkipReason.BAD_END),
 )
 row(
     "dies-of-swapped-end",
@@ -135,7 +135,7 @@ class CrashesOnHundredthFrame(HandlesSkipped):
     _count = 0
 
     def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - overrides
-        self._count += item.why is SkipReason.BAD_END
+        self._count += item.reason is SkipReason.BAD_END
         if self._count == 100:
             self.crash(now_s)
 
@@ -195,7 +195,9 @@ row(
     "dies-of-printed-lengths",
     "3/20",
     "The controller crashes on a request for a download with the length that is printed.",
-    crashes_on_skipped(lambda item: item.why is SkipReason.BAD_END and item.data[1:2] == b"\x54"),
+    crashes_on_skipped(
+        lambda item: item.reason is SkipReason.BAD_END and item.data[1:2] == b"\x54"
+    ),
 )
 
 # The other direction
@@ -247,7 +249,7 @@ class KeepsPartialFrame(ControllerCore):
 
     def close(self, connection: int, now_s: float) -> list[Action]:
         session = self.sessions.get(connection)
-        self._left = session.framer if session and session.framer.held_bytes else None
+        self._left = session.framer if session and session.framer.buffered_bytes else None
         return super().close(connection, now_s)
 
     def _add_session(self, connection: int, carrier: Carrier) -> None:
@@ -272,7 +274,7 @@ class CrashesOnCutFrame(Crashes):
 
     def close(self, connection: int, now_s: float) -> list[Action]:
         session = self.sessions.get(connection)
-        cut = session is not None and session.framer.held_bytes > 100
+        cut = session is not None and session.framer.buffered_bytes > 100
         actions = super().close(connection, now_s)
         if cut:
             self.crash(now_s)
@@ -283,7 +285,7 @@ row(
     "dies-of-silence",
     "3/29",
     "The controller crashes when a partial frame times out.",
-    crashes_on_skipped(lambda item: item.why is SkipReason.TRUNCATED),
+    crashes_on_skipped(lambda item: item.reason is SkipReason.TRUNCATED),
 )
 
 
@@ -292,5 +294,7 @@ class IgnoresFourthPartialFrame(ControllerCore):
     """While three clients are in the middle of a frame, bytes of the others are ignored."""
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
-        partial = [n for n, s in self.sessions.items() if s.framer.held_bytes and n != connection]
+        partial = [
+            n for n, s in self.sessions.items() if s.framer.buffered_bytes and n != connection
+        ]
         return [] if len(partial) >= 3 else super().receive(connection, data, now_s)

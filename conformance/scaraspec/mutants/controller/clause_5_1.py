@@ -296,9 +296,9 @@ class _StoresBuffers(Receiver):
 
 
 class _StripsLastBuffer(Receiver):
-    def take(self, data: bytes, now_s: float) -> bool | None:
+    def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
         chunk = FILE_DATA.decode(data).value
-        taken = super().take(data, now_s)
+        taken = super().receive_chunk(data, now_s)
         if taken and chunk is not None and chunk.last:
             self._pieces[chunk.position] = chunk.buffer.rstrip(b"\0") or chunk.data
         return taken

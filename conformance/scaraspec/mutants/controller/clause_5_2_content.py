@@ -137,9 +137,9 @@ class _SharedBuffer(Receiver):
     def content(self) -> bytes:
         return b"".join(self.buffer[position] for position in sorted(self._pieces))
 
-    def take(self, data: bytes, now_s: float) -> bool | None:
+    def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
         position = self.received_bytes
-        taken = super().take(data, now_s)
+        taken = super().receive_chunk(data, now_s)
         if taken:
             self.buffer[position] = self._pieces[position]
         return taken
@@ -167,9 +167,9 @@ class _Overwrites(Receiver):
         again = chunk.legal and chunk.position < self.received_bytes
         return "" if again else super()._problem(chunk)
 
-    def take(self, data: bytes, now_s: float) -> bool | None:
+    def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
         before = self.received_bytes
-        taken = super().take(data, now_s)
+        taken = super().receive_chunk(data, now_s)
         if taken:
             self.received_bytes = max(before, *(p + len(d) for p, d in self._pieces.items()))
             self.state = (

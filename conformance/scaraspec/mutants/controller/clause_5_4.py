@@ -168,9 +168,9 @@ row(
 
 
 class _ExpiresAfterBegin(Receiver):
-    def take(self, data: bytes, now_s: float) -> bool | None:
+    def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
         last_frame_s = self._last_frame_s
-        taken = super().take(data, now_s)
+        taken = super().receive_chunk(data, now_s)
         self._last_frame_s = last_frame_s
         return taken
 

@@ -29,8 +29,8 @@ def judging(
                 return ""
             return "refused" if refuses(self, chunk) else super()._problem(chunk)
 
-        def take(self, data: bytes, now_s: float) -> bool | None:
-            taken = super().take(data, now_s)
+        def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
+            taken = super().receive_chunk(data, now_s)
             if taken:
                 chunk = FILE_DATA.decode(data).value
                 self.state = TransferState.DONE if complete(self, chunk) else TransferState.ACTIVE
@@ -43,11 +43,11 @@ def taking(change: Callable[[Chunk], Chunk]) -> type[Receiver]:
     """A receiver that changes chunks before it judges them."""
 
     class Taking(Receiver):
-        def take(self, data: bytes, now_s: float) -> bool | None:
+        def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
             chunk = FILE_DATA.decode(data).value
             if chunk is not None and (changed := change(chunk)) != chunk:
                 data = FILE_DATA.encode(changed)
-            return super().take(data, now_s)
+            return super().receive_chunk(data, now_s)
 
     return Taking
 

@@ -217,12 +217,12 @@ class Connection:
     @property
     def mid_frame(self) -> bool:
         """Whether a frame has been sent in part."""
-        return self._streams[self._ours].held_bytes > 0
+        return self._streams[self._ours].buffered_bytes > 0
 
     @property
     def unfinished(self) -> bool:
         """Whether a frame has come in part, of which the rest may follow."""
-        return self._streams[self._theirs].held_bytes > 0
+        return self._streams[self._theirs].buffered_bytes > 0
 
     @property
     def ended(self) -> bool:

@@ -43,7 +43,7 @@ class Transfers(Base):
         if transfer is None or not isinstance(transfer.end, Receiver):
             return False
         receiver = transfer.end
-        accepted = receiver.take(request.frame.data, request.now_s)
+        accepted = receiver.receive_chunk(request.frame.data, request.now_s)
         if accepted and not self._has_room(transfer.name, self._announced_bytes()):
             receiver.fail("the store is full")
             accepted = False

@@ -132,21 +132,21 @@ class Mute(ClientCore):
 class OnlyFull(Receiver):
     """Rejects a chunk that is truncated after its content (A-5-3)."""
 
-    def take(self, data: bytes, now_s: float) -> bool | None:
+    def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
         if data and len(data) != FILE_DATA_BYTES:
             self.fail("it is cut off")
             return False
-        return super().take(data, now_s)
+        return super().receive_chunk(data, now_s)
 
 
 class LittleOnly(Receiver):
     """Reads only little-endian numbers (A-5-2)."""
 
-    def take(self, data: bytes, now_s: float) -> bool | None:
+    def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
         if int.from_bytes(data[8:12], "little") > FILE_DATA_BYTES:
             self.fail("its length is out of bounds")
             return False
-        return super().take(data, now_s)
+        return super().receive_chunk(data, now_s)
 
 
 class FailsOnOddAnswers(ClientCore):
@@ -168,9 +168,9 @@ class FailsOnOddAnswers(ClientCore):
 class AnswersSignals(Receiver):
     """Answers the error signal with 0, like any invalid chunk (A-5-10)."""
 
-    def take(self, data: bytes, now_s: float) -> bool | None:
+    def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
         active = self.state is TransferState.ACTIVE
-        taken = super().take(data, now_s)
+        taken = super().receive_chunk(data, now_s)
         return False if active and taken is None else taken
 
 

@@ -99,8 +99,8 @@ class IgnoresStrayChunks(ControllerCore):
 class _ContinuesAfterRefusal(Receiver):
     """A refused chunk does not abort the upload (A-5-14)."""
 
-    def take(self, data: bytes, now_s: float) -> bool | None:
-        taken = super().take(data, now_s)
+    def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
+        taken = super().receive_chunk(data, now_s)
         if taken is False:
             self.state = TransferState.ACTIVE
         return taken
@@ -197,9 +197,9 @@ class _AcceptsRepeatedChunks(Receiver):
             return ""
         return super()._problem(chunk)
 
-    def take(self, data: bytes, now_s: float) -> bool | None:
+    def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
         before, pieces = self.received_bytes, dict(self._pieces)
-        taken = super().take(data, now_s)
+        taken = super().receive_chunk(data, now_s)
         chunk = FILE_DATA.decode(data).value
         if taken and chunk is not None and chunk.position < before:
             self._pieces, self.received_bytes = pieces, before

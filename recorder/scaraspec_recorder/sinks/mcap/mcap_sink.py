@@ -198,7 +198,7 @@ class McapSink:
             direction=place.direction.value,
             offset_bytes=place.offset_bytes,
             size_bytes=place.length_bytes,
-            why=item.why.value,
+            why=item.reason.value,
             data=mask_unframed(item.data),
         )
         self._add("/undecodable", data)

@@ -78,8 +78,8 @@ def chunk_taken(change: Callable[[bytes], bytes]) -> type[ClientCore]:
     """The data of a downloaded chunk are changed before they are checked."""
 
     class ChunkTaken(Receiver):
-        def take(self, data: bytes, now_s: float) -> bool | None:
-            return super().take(change(data), now_s)
+        def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
+            return super().receive_chunk(change(data), now_s)
 
     return chunks_checked_by(ChunkTaken)
 
@@ -88,8 +88,8 @@ def ends_with(condition: Callable[[Receiver, Chunk], bool]) -> type[ClientCore]:
     """A download ends with the accepted chunk that satisfies the condition."""
 
     class EndsWith(Receiver):
-        def take(self, data: bytes, now_s: float) -> bool | None:
-            taken = super().take(data, now_s)
+        def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
+            taken = super().receive_chunk(data, now_s)
             if taken and condition(self, FILE_DATA.decode(data).value):
                 self.state = TransferState.DONE
             return taken
@@ -168,8 +168,8 @@ def timeout_restarts(kind: type[FileTransfer]) -> type[ClientCore]:
 class AnyOrder(Receiver):
     """Accepts every chunk within the file; a chunk that reaches its end ends the download."""
 
-    def take(self, data: bytes, now_s: float) -> bool | None:
-        taken = super().take(data, now_s)
+    def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
+        taken = super().receive_chunk(data, now_s)
         last = FILE_DATA.decode(data).value
         if taken and last is not None and last.last:
             self.state = TransferState.DONE

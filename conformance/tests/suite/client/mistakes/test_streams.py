@@ -28,7 +28,7 @@ class LooksForFramesInData(ClientCore):
 
     def feed(self, data: bytes, now_s: float) -> list[Event]:
         events = super().feed(data, now_s)
-        held = data[len(data) - self._framer.held_bytes :]
+        held = data[len(data) - self._framer.buffered_bytes :]
         _, mark, behind = held.partition(b"\xaa\xcc")
         if mark:
             self._framer = Framer(C2A)

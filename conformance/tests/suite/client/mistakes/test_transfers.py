@@ -54,8 +54,8 @@ def test_what_broke_off_begins_anew(tried: Try, name: str) -> None:
 class _EndsEarly(Receiver):
     """Compares the received bytes with the low 16 bits of the size."""
 
-    def take(self, data: bytes, now_s: float) -> bool | None:
-        taken = super().take(data, now_s)
+    def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
+        taken = super().receive_chunk(data, now_s)
         if self.size_bytes and self.received_bytes == self.size_bytes % 2**16:
             self.state = TransferState.DONE
         return taken
@@ -64,12 +64,12 @@ class _EndsEarly(Receiver):
 class _EndsAtTheEnd(Receiver):
     """Checks the position before the length."""
 
-    def take(self, data: bytes, now_s: float) -> bool | None:
+    def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
         head = data[:12]
         if len(head) == 12 and head[:8] == head[:4] * 2 and not any(head[8:]):
             self.state = TransferState.DONE
             return True
-        return super().take(data, now_s)
+        return super().receive_chunk(data, now_s)
 
 
 class TakesSignalsForEnds(ClientCore):

@@ -94,7 +94,7 @@ class AcceptsAnyEndByte(ControllerCore):
 
     def _process_items(self, session: Session, found: list[Any], now_s: float) -> None:
         for index, item in enumerate(found):
-            if isinstance(item, Skipped) and item.why is SkipReason.BAD_END:
+            if isinstance(item, Skipped) and item.reason is SkipReason.BAD_END:
                 found[index] = Frame(A2C, item.data[1], item.data[3:-1])
         super()._process_items(session, found, now_s)
 

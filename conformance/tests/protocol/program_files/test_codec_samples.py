@@ -54,7 +54,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     """Return a function that compiles the witness, once per set of flags."""
     compiler = shutil.which("gcc")  # no other compiler has the storage order
     if compiler is None:
-        pytest.skip("no gcc here; ctypes judges the same files in test_witness.py")
+        pytest.skip("no gcc here; ctypes checks the same files in test_codec_ctypes.py")
     folder = tmp_path_factory.mktemp("witness")
 
     @cache
