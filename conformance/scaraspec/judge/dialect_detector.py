@@ -71,14 +71,16 @@ def _of_prelogin(x: Exchange) -> Iterator[ReadingObservation]:
 
 def _of_two_stage(x: Exchange) -> Iterator[ReadingObservation]:
     refused = x.accepted is False and x.name != "reset"  # whose refusal is drawn (A-4-2)
-    if x.during and refused and x.answer.code:
+    if x.concurrent and refused and x.reply_value.code:
         yield ReadingObservation(C2A, "busy_reply", "state")
-    elif x.during and x.ending is Ending.UNANSWERED:
+    elif x.concurrent and x.ending is Ending.UNANSWERED:
         yield ReadingObservation(C2A, "busy_reply", "silence")
     if x.interrupted_by and x.interrupted_by.name == "emergency_stop":
         here = x.interrupted_by.request.place.connection == x.request.place.connection
         if x.result and here:  # between connections there is no order
-            yield ReadingObservation(C2A, "estop_interrupted", "after" if x.after_stop else "first")
+            yield ReadingObservation(
+                C2A, "estop_interrupted", "after" if x.result_after_stop else "first"
+            )
         elif x.ending is Ending.UNFINISHED:
             yield ReadingObservation(C2A, "estop_interrupted", "none")
 

@@ -236,7 +236,7 @@ def _run(exchange: Exchange) -> RunSeen:
     outcome, code = _outcome(exchange)
     duration_ns = exchange.duration_ns
     return RunSeen(
-        name=show(exchange.asked or b""),
+        name=show(exchange.request_value or b""),
         simulated=exchange.name == "simulate_program",
         begun_ns=exchange.time_ns,
         duration_ms=None if duration_ns is None else duration_ns / 1e6,
@@ -249,7 +249,7 @@ def _outcome(exchange: Exchange) -> tuple[str, str | None]:
     """Return the outcome of a run and its code of table 8-1, if there is one."""
     outcome = exchange.outcome
     if exchange.accepted is False:
-        return "refused", getattr(exchange.answer, "code", None)
+        return "refused", getattr(exchange.reply_value, "code", None)
     if exchange.interrupted_by:
         return "interrupted", outcome.code if outcome else None
     if outcome is None:

@@ -200,19 +200,19 @@ class Dialogue:
             self._pending_requests.expect_late_reply(exchange.name)  # or on its way
             yield from self._end_listing(Ending.ANSWERED)
         yield from self._pending_requests.add(exchange)
-        self._pending_results.asked(exchange)
+        self._pending_results.request_sent(exchange)
         if exchange.name == "login":
             self._login_sent = True
         elif exchange.name == "set_password":
             self.robot.last.pop("login", None)  # which password is right is open again
         elif exchange.name == "delete_program":
-            self.robot.forget(exchange.asked or b"")
+            self.robot.forget(exchange.request_value or b"")
         yield from self._transfers.request(exchange)
 
     def _reply(self, seen: FrameSeen) -> Iterator[TrafficEvent]:
         exchange = self._pending_requests.match(seen)
         if seen.name == "download_chunk":
-            self._transfers.answered(exchange, seen.place.time_ns)
+            self._transfers.chunk_reply_sent(exchange, seen.place.time_ns)
         if exchange is None:
             self._transfers.extra_reply_seen(seen.name)
             if self._listing and seen.name == self._listing.name:
@@ -225,7 +225,7 @@ class Dialogue:
             return
         exchange.reply = seen
         exchange.certain = exchange.certain and self._certain(seen)
-        self._pending_results.answered(exchange)
+        self._pending_results.reply_received(exchange)
         self._last[exchange.name] = exchange
         if exchange.name == "list_programs":
             yield from self._list_part(exchange, seen)
@@ -275,7 +275,7 @@ class Dialogue:
         elif name in ("shutdown", "set_network") and accepted:
             self.logged_in = None  # the link may be dead
             self.robot.version += 1
-        elif name == "get_status" and exchange.answer == "00" and exchange.certain:
+        elif name == "get_status" and exchange.reply_value == "00" and exchange.certain:
             self.robot.results_doubtful = False
 
     def _result(self, seen: FrameSeen) -> Iterator[TrafficEvent]:
@@ -287,10 +287,10 @@ class Dialogue:
 
     def _unsolicited(self, seen: FrameSeen, *, late: bool) -> UnsolicitedReply:
         tagged = seen.frame.tagged
-        waiting = self._pending_requests.asked_by(seen.frame.direction.opposite)
+        waiting = self._pending_requests.open_requests(seen.frame.direction.opposite)
         if not late and not tagged:
             for exchange in waiting:
-                exchange.stray = exchange.stray or seen
+                exchange.unmatched_reply = exchange.unmatched_reply or seen
         certain = self._certain(seen) and not (tagged and self.robot.results_doubtful)
         elsewhere = tagged and self.robot.was_accepted_elsewhere(seen.name, self.connection)
         return UnsolicitedReply(seen, self._last.get(seen.name), waiting, certain, late, elsewhere)

@@ -1,8 +1,8 @@
-"""The nouns of what happened on a link: frames, exchanges, transfers, and what fits neither.
+"""Traffic events: frames, exchanges, transfers, and what belongs to none of them.
 
-A `Dialogue` makes them from wire events, in order of time; rules and sinks take them. An object
-that has been handed out is not changed again. Each says whether it is `certain`: what is not may
-result from a gap in the recording or an injected fault, and is never a failure.
+A `Dialogue` makes them from wire events, in order of time; rules and sinks read them. An event does
+not change after the dialogue has returned it. `certain` is False if a capture gap or an injected
+fault may have affected the event; such an event never causes a failure.
 """
 
 from dataclasses import dataclass, field
@@ -18,14 +18,14 @@ from scaraspec.traffic.wire import WireEvent, WireRange
 
 @dataclass(frozen=True, slots=True)
 class FrameSeen:
-    """A frame, where it was, and what the table reads in it.
+    """A frame, its place on the wire, and its payload as decoded by the command table.
 
     Attributes:
         frame: The frame.
-        place: Where and when it was complete.
-        begun_ns: When its first byte passed.
-        parsed: Its row, part and decoded payload; None for an undefined opcode or tag.
-        certain: It surely was a frame: the stream was in step, no gap can have made it up.
+        place: Where it is, and when it was complete.
+        begun_ns: When its first byte was seen.
+        parsed: Command, part and decoded payload; None for an undefined opcode or tag.
+        certain: It is certainly a frame: the stream was in sync, and no gap can have created it.
     """
 
     frame: Frame
@@ -36,7 +36,7 @@ class FrameSeen:
 
     @property
     def command(self) -> Command | None:
-        """The row of the table, or None."""
+        """The command table's row, or None."""
         return self.parsed.command if self.parsed else None
 
     @property
@@ -46,24 +46,24 @@ class FrameSeen:
 
     @property
     def value(self) -> Any:
-        """The decoded value, None where there is none."""
+        """The decoded value; None without one."""
         return self.parsed.decoded.value if self.parsed else None
 
     @property
     def text(self) -> bytes:
-        """The data of a payload that is text, without the NUL that some end it with (A-T-3)."""
+        """The data of a text payload, without a trailing NUL (A-T-3)."""
         return self.frame.data.rstrip(b"\0")
 
 
 @dataclass(frozen=True, slots=True)
 class InvalidBytes:
-    """Bytes that are no frame, in one run.
+    """A run of consecutive bytes that are not a frame.
 
     Attributes:
-        data: At most the first 4096 of them.
+        data: At most the first 4096 bytes.
         reason: Why they belong to no frame.
-        place: Where they are, their full length, and when the last of them passed.
-        touches_gap: Whether they may be part of a frame that a gap has torn.
+        place: Where they are, their full length, and when the last of them was seen.
+        touches_gap: Whether they may be part of a frame that a capture gap cuts.
     """
 
     data: bytes
@@ -73,7 +73,7 @@ class InvalidBytes:
 
     @property
     def certain(self) -> bool:
-        """They surely were no frame."""
+        """Whether they certainly are not a frame."""
         return not self.touches_gap
 
 
@@ -86,147 +86,168 @@ class LinkChange:
 
 @dataclass(frozen=True, slots=True)
 class CaptureGap:
-    """Bytes passed unseen, or may have: nothing that depends on them can be judged."""
+    """Bytes are missing, or may be: nothing that depends on them can be judged."""
 
     event: WireEvent
 
 
 @dataclass(frozen=True, slots=True)
 class Injected:
-    """A fault was put on the link on purpose: the other side did not get what was sent, as sent."""
+    """A fault was injected on purpose: the receiver did not get the bytes as they were sent."""
 
     event: WireEvent
 
 
 class Ending(Enum):
-    """How an exchange came to its end."""
+    """How an exchange ended. Every exchange leaves `OPEN` once, and then does not change again.
+
+    ========== ========================================================== ===================
+    to         event                                                      set by
+    ========== ========================================================== ===================
+    ANSWERED   the reply, last list part or final result arrived          `Dialogue`
+    UNANSWERED the reply timeout expired                                  `PendingRequests`
+    CUT_OFF    the link, the capture or the transfer ended before         all three
+    HUNG_UP    the peer that owes the reply closed the link               `PendingRequests`
+    UNSEEN     a capture gap may hide the reply, or too many are pending  all three
+    UNFINISHED idle, or the next command, without a final result          `PendingResults`
+    ========== ========================================================== ===================
+    """
 
     OPEN = "open"
-    ANSWERED = "answered"  # everything due has come
-    UNANSWERED = "unanswered"  # no first reply in the reply time
-    UNFINISHED = "unfinished"  # accepted and ended, but the final result never came
-    CUT_OFF = "cut off"  # the link, the capture or its transfer ended first
-    HUNG_UP = "hung up"  # the one who was asked ended the link instead of answering
-    UNSEEN = "unseen"  # a gap, or more requests than are followed, may hide the answer
+    ANSWERED = "answered"
+    UNANSWERED = "unanswered"
+    UNFINISHED = "unfinished"
+    CUT_OFF = "cut off"
+    HUNG_UP = "hung up"
+    UNSEEN = "unseen"
 
 
 @dataclass(eq=False, slots=True)
 class Exchange:
-    """A request and all that answered it.
+    """A request and everything that answers it.
 
-    Attributes:
-        request: The request.
-        command: Its row of the table; None for an undefined opcode.
-        name: The command's name, or the undefined opcode.
-        reply: The first reply; for a list in parts, the first part.
-        result: The final result of a two-stage command.
-        parts: All messages of a program list up to this exchange.
-        malformed: Bytes that took the place of the reply or the result but are no frame.
-        ending: How it ended.
-        logged_in: Whether the connection had logged in when it asked; None where the capture
-            does not show.
-        login_sent_before: Whether a login had been sent before it on its connection.
-        refused_login: The reply that had refused the last login, where none had succeeded.
-        certain: No gap could have touched it.
-        during: The two-stage commands that were executing when this was asked and, where it was
-            answered, still were then. Of a two-stage command: as they stood when it was accepted.
-        unsettled: That is not sure, or something changed between the two.
-        state_version: The scene's when it was asked.
-        doubled: A request of the same opcode was unanswered when this one was sent.
-        pipelined: A request of any opcode was, in an earlier segment, and still had time for its
-            answer.
-        later_answered: While it was unanswered a later request was answered.
-        overdue: So it was, and its own answer came after the reply time.
-        stray: A reply that belonged to no request, and came while this one was unanswered.
-        idle: For a two-stage command: the first status 00 that came while it executed.
-        stop_asked: An emergency stop was asked for while it executed, or its client hung up.
-        interrupted_by: This stop as it stood when it was accepted; for a jog also the next jog.
-        after_stop: Its final result came after the stop's.
-        transfer: The file transfer that it begins or belongs to.
-        transfer_before: For a chunk outside a transfer: the last one of its kind on this
-            connection, refused ones included.
-        late: It is a chunk after a silence in which its transfer may have been given up (A-5-13).
-        chunk: For a chunk: the structure as its transfer's byte order reads it.
-        expected_position: For a chunk: where the chunks before it had got to.
+    The fields are grouped by the class that sets them. `certain` is the only field that several
+    classes set: each may only change it to False.
     """
 
+    # The request; set by `Dialogue` when it arrives.
     request: FrameSeen
     command: Command | None
-    name: str = field(init=False)  # kept, for every rule asks for it
+    """The command table's row; None for an undefined opcode."""
+    name: str = field(init=False)
+    """The command's name, or the undefined opcode. Stored because every rule reads it."""
+
+    # What answers it; set by `Dialogue`, the result by `PendingResults`.
     reply: FrameSeen | None = None
+    """The first reply; for a list in parts, the first part."""
     result: FrameSeen | None = None
+    """The final result of a two-stage command."""
     parts: list[FrameSeen] = field(default_factory=list)
+    """All parts of a program list up to this exchange."""
     malformed: InvalidBytes | None = None
+    """Invalid bytes in the place of the reply or of the final result."""
+    unmatched_reply: FrameSeen | None = None
+    """The first reply without a request that arrived while this exchange was unanswered."""
     ending: Ending = Ending.OPEN
-    logged_in: bool | None = None
-    login_sent_before: bool = False
-    refused_login: FrameSeen | None = None
     certain: bool = True
-    during: tuple["Exchange", ...] = ()
-    unsettled: bool = False
-    state_version: int = 0
-    doubled: bool = False
+    """Whether no capture gap and no injected fault can have affected it."""
+
+    # Access; set by `Dialogue` when the request arrives.
+    logged_in: bool | None = None
+    """Whether the connection had logged in; None if the capture does not show it."""
+    login_sent_before: bool = False
+    """Whether a login had been sent before on the connection."""
+    refused_login: FrameSeen | None = None
+    """The refusal of the last login, if no login had succeeded."""
+
+    # Overlap with other requests; set by `PendingRequests`.
+    same_opcode_pending: bool = False
+    """A request with the same opcode was unanswered when this one was sent."""
     pipelined: bool = False
-    later_answered: bool = False
+    """An earlier request, sent in another segment, was within its reply timeout."""
+    overtaken: bool = False
+    """A later request was answered while this one was unanswered."""
     overdue: bool = False
-    stray: FrameSeen | None = None
-    idle: FrameSeen | None = None
-    stop_asked: bool = False
+    """It was overtaken, and its own reply arrived after the reply timeout."""
+
+    # Execution; set by `PendingResults`.
+    concurrent: tuple["Exchange", ...] = ()
+    """The two-stage commands that executed from the request to the reply (until the reply: at the
+    request). In a two-stage command these are copies, made when it was accepted."""
+    concurrent_uncertain: bool = False
+    """Whether `concurrent` may be wrong, or changed between request and reply."""
+    state_version: int = 0
+    """`RobotState.version` at the request."""
+    idle_status: FrameSeen | None = None
+    """The first status 00 that arrived while this two-stage command executed."""
+    stop_requested: bool = False
+    """An emergency stop was requested, or its client hung up, while it executed."""
     interrupted_by: "Exchange | None" = None
-    after_stop: bool = False
+    """A copy of the accepted stop that interrupted it; for a jog also the next jog."""
+    result_after_stop: bool = False
+    """Its final result arrived after that of the stop."""
+
+    # File transfer; set by `TransferTracker`.
     transfer: "Transfer | None" = None
-    transfer_before: "Transfer | None" = None
-    late: bool = False
+    """The transfer that it begins or belongs to."""
+    previous_transfer: "Transfer | None" = None
+    """For a chunk outside a transfer: the last transfer in this direction on the connection.
+
+    It may be one whose name was refused."""
+    after_silence: bool = False
+    """A chunk after a silence in which the transfer may have timed out (A-5-13)."""
     chunk: Chunk | None = None
+    """The structure, decoded in the byte order of its transfer."""
     expected_position: int = 0
+    """For a chunk: the position that follows the chunks before it."""
 
     def __post_init__(self) -> None:
         self.name = self.request.name
 
     @property
-    def asked(self) -> Any:
+    def request_value(self) -> Any:
         """The decoded value of the request."""
         return self.request.value
 
     @property
-    def answer(self) -> Any:
-        """The decoded value of the first reply."""
+    def reply_value(self) -> Any:
+        """The decoded value of the first reply; None without a reply."""
         return self.reply.value if self.reply else None
 
     @property
     def accepted(self) -> bool | None:
-        """Whether the first reply says yes; None where there is none or it says neither."""
-        answer = self.answer
-        if isinstance(answer, Acceptance):
-            return answer.accepted
-        return answer if isinstance(answer, bool) else None
+        """Whether the first reply accepts the request; None if there is none or it has no flag."""
+        value = self.reply_value
+        if isinstance(value, Acceptance):
+            return value.accepted
+        return value if isinstance(value, bool) else None
 
     @property
     def outcome(self) -> Outcome | None:
-        """What the final result says."""
+        """The decoded final result."""
         value = self.result.value if self.result else None
         return value if isinstance(value, Outcome) else None
 
     @property
     def error_signal(self) -> bool:
-        """Of a chunk: whether its length is 0, or it has no data; the sender gives up (L787)."""
+        """Whether this chunk has length 0 or no data: the sender gives up (L787)."""
         return not self.request.frame.data or (self.chunk is not None and not self.chunk.length)
 
     @property
     def latency_ns(self) -> int | None:
-        """From the request's last byte to the reply's first."""
+        """Time from the request's last byte to the reply's first byte."""
         return self.reply.begun_ns - self.request.place.time_ns if self.reply else None
 
     @property
     def duration_ns(self) -> int | None:
-        """From the first reply to the final result: how long it executed."""
+        """Execution time: from the first reply to the final result."""
         if not self.reply or not self.result:
             return None
         return self.result.begun_ns - self.reply.place.time_ns
 
     @property
     def time_ns(self) -> int:
-        """When it was asked."""
+        """When the request was complete."""
         return self.request.place.time_ns
 
     @property
@@ -238,27 +259,32 @@ class Exchange:
 
 @dataclass(eq=False, slots=True)
 class Transfer:
-    """One file on its way: an upload (0x50, 0x52) or a download (0x54, 0x56).
+    """One file transfer: an upload (0x50, 0x52) or a download (0x54, 0x56).
+
+    `TransferTracker` sets all fields.
 
     Attributes:
-        upload: Whether it goes to the controller.
-        name: The file's name, as sent.
-        opening: The exchange that named it; None where the capture came too late for it.
-        size_bytes: fileSize of its first chunk, -1 before that.
-        order: The byte order that its sender's chunks prove: "little", "big", or "" where none did.
-        chunks: How many were sent.
-        content: The file from its start, as far as acknowledged chunks follow each other;
-            cut at the limit that the dialogue was given.
-        received_bytes: How many bytes that is, also beyond the limit.
-        whole_content: Whether `content` holds all of `received_bytes`.
-        resumed: Its sender went on after a chunk had been refused (A-5-14).
-        overanswered: An answer was sent that no chunk awaited: the next may go on for it.
-        differs_at: For a download of what is known to be stored: the first byte that came
-            otherwise, -1 where none did.
-        differs_in: The chunk that brought it.
-        state: How it ended.
-        reason: Why it failed, or why it is not known.
-        certain: No gap could have touched it.
+        upload: Whether the file goes to the controller.
+        name: The file name, as sent.
+        begun_ns: When the name was sent, and from its acceptance on, when it was accepted.
+        opening: The exchange with the name; None if the capture began later.
+        size_bytes: fileSize of the first chunk; -1 before it.
+        order: The byte order that the chunks prove: "little", "big", or "" if none does.
+        chunks: Number of chunks that were sent.
+        content: The file from its start, as far as acknowledged chunks are contiguous; cut at a
+            limit.
+        received_bytes: Number of these bytes, also beyond the limit.
+        whole_content: Whether `content` contains all `received_bytes`.
+        resumed: The sender continued after a chunk had been refused (A-5-14).
+        extra_reply_seen: A reply was sent without a pending chunk: the sender may take it for the
+            reply to its next chunk.
+        first_difference: For a download of a file whose content is known: position of the first
+            byte that differs; -1 if none does.
+        differing_chunk: The chunk with this byte.
+        state: Whether it is active, complete or failed.
+        reason: Why it failed, or why its end is not known.
+        ended_ns: When it ended.
+        certain: Whether no capture gap can have affected it.
     """
 
     upload: bool
@@ -273,8 +299,8 @@ class Transfer:
     whole_content: bool = True
     resumed: bool = False
     extra_reply_seen: bool = False
-    differs_at: int = -1
-    differs_in: FrameSeen | None = None
+    first_difference: int = -1
+    differing_chunk: FrameSeen | None = None
     state: TransferState = TransferState.ACTIVE
     reason: str = ""
     ended_ns: int = 0
@@ -283,15 +309,15 @@ class Transfer:
 
 @dataclass(frozen=True, slots=True)
 class UnsolicitedReply:
-    """A reply or a final result that answers nothing that is open.
+    """A reply or a final result without a pending request or command.
 
     Attributes:
         seen: The frame.
-        after: The last answered exchange of that command on the connection, where there was one.
-        waiting: Requests that were unanswered at that time.
-        certain: No gap could hide what it answers.
-        late: It may answer a request that was given up, or that could not be read.
-        elsewhere: A final result whose command another connection had asked for (A-2-9).
+        after: The last answered exchange of that command on the connection, if there was one.
+        waiting: The requests that were unanswered at that time.
+        certain: Whether no capture gap can hide the request that it answers.
+        late: It may answer a request that timed out or could not be decoded.
+        elsewhere: A final result whose command was requested on another connection (A-2-9).
     """
 
     seen: FrameSeen

@@ -24,9 +24,9 @@ class ExchangeHistory:
     def __init__(self) -> None:
         self.recent: dict[str, list[Exchange]] = {}
         """The last answered exchanges of each command, the latest answer last."""
-        self.asked: dict[str, FrameSeen] = {}
+        self.last_requests: dict[str, FrameSeen] = {}
         """The last request of each command, answered or not."""
-        self.asked_before: dict[str, FrameSeen] = {}
+        self.previous_requests: dict[str, FrameSeen] = {}
         """The one before it."""
         self.accepted: deque[Exchange] = deque(maxlen=KEPT_EXCHANGES)
         """The last two-stage commands that were accepted, the latest last."""
@@ -51,7 +51,7 @@ class ExchangeHistory:
 
     def awaits(self, name: str, since_ns: int) -> bool:
         """Whether the last request of a command was sent after this time and is not answered."""
-        asked, last = self.asked.get(name), self.last(name)
+        asked, last = self.last_requests.get(name), self.last(name)
         if asked is None or asked.place.time_ns < since_ns:
             return False
         return last is None or last.request is not asked
@@ -77,7 +77,7 @@ class ExchangeHistory:
             if traffic_event.parsed and traffic_event.parsed.part == "request":
                 self._ask(traffic_event)
         elif isinstance(traffic_event, Exchange) and traffic_event.reply and traffic_event.certain:
-            if traffic_event.transfer or traffic_event.transfer_before:  # they hold files
+            if traffic_event.transfer or traffic_event.previous_transfer:  # they hold files
                 return
             recent = self.recent.setdefault(traffic_event.name, [])
             insort(recent, traffic_event, key=answered_ns)
@@ -85,7 +85,7 @@ class ExchangeHistory:
             self._learn(traffic_event, busy=busy)
 
     def _ask(self, request: FrameSeen) -> None:
-        name, before = request.name, self.asked.get(request.name)
+        name, before = request.name, self.last_requests.get(request.name)
         if name == "upload_name":
             self.deleted.pop(request.text, None)
         elif name == "set_password" and before:
@@ -93,8 +93,8 @@ class ExchangeHistory:
             if answered is None or answered.request is not before:
                 self.passwords.clear()  # whether the previous one was set is unknown
         if before:
-            self.asked_before[name] = before
-        self.asked[name] = request
+            self.previous_requests[name] = before
+        self.last_requests[name] = request
 
     def connection_closed(self, time_ns: int) -> None:
         """The controller has ended the last of its connections; what survives is open (A-4-6)."""
@@ -110,14 +110,14 @@ class ExchangeHistory:
             if len(self.passwords) < 2:  # noqa: PLR2004 - two contradict each other, more say no more
                 self.passwords.add(x.request.text)
         elif x.name == "set_password":
-            self.passwords = {x.asked.new} if x.asked else set()
+            self.passwords = {x.request_value.new} if x.request_value else set()
         elif x.name == "delete_program":
             self.deleted[x.request.text] = x
             if len(self.deleted) > _KEPT_NAMES:
                 self.deleted.popitem(last=False)
 
     def _status(self, x: Exchange, *, busy: bool) -> None:
-        code = lookup(x.answer) if x.answer else None
+        code = lookup(x.reply_value) if x.reply_value else None
         if code is None or code.kind is not Kind.IDLE:
             self.idle_since_ns = None
         elif not busy:

@@ -42,7 +42,7 @@ class PendingRequests:
         self._open: list[_Open] = []
         self._late_replies_expected: Counter[str] = Counter()
 
-    def asked_by(self, direction: Direction) -> tuple[Exchange, ...]:
+    def open_requests(self, direction: Direction) -> tuple[Exchange, ...]:
         """The open requests of one side."""
         open_ = (entry.exchange for entry in self._open)
         return tuple(x for x in open_ if x.request.frame.direction is direction)
@@ -51,7 +51,7 @@ class PendingRequests:
         """A request was sent; give those that are no longer waited for."""
         time_ns, request, name = exchange.time_ns, exchange.request, exchange.name
         limit_ns = self._chunk_ns if name in _CHUNKS else self.reply_ns
-        open_ = self.asked_by(request.frame.direction)
+        open_ = self.open_requests(request.frame.direction)
         exchange.pipelined = any(0 < time_ns - older.time_ns <= self.reply_ns for older in open_)
         for older in [e for e in self._open if e.name == name]:
             if request.certain and not older.exchange.request.certain:
@@ -61,7 +61,7 @@ class PendingRequests:
             elif older.due_ns < time_ns:  # asked again: the next answer may be to either
                 older.repeated = True
             elif older.exchange.request.frame.opcode == request.frame.opcode:
-                exchange.doubled = True
+                exchange.same_opcode_pending = True
         if len(self._open) >= _MOST:
             yield self._drop(self._open[0], Ending.UNSEEN)
         due_ns = time_ns + limit_ns
@@ -79,7 +79,7 @@ class PendingRequests:
             rank = 4 * (entry.name != name) + 2 * (request.frame.opcode != opcode)
             if rank > 4:  # noqa: PLR2004 - neither the name nor the opcode agrees
                 continue
-            rank += entry.repeated or entry.exchange.later_answered
+            rank += entry.repeated or entry.exchange.overtaken
             if rank < best_rank:
                 best, best_rank = entry, rank
         if best is None:
@@ -98,19 +98,19 @@ class PendingRequests:
 
     def _answer(self, answered: _Open, time_ns: int) -> None:
         exchange = answered.exchange
-        exchange.overdue = exchange.later_answered and time_ns > answered.due_ns
+        exchange.overdue = exchange.overtaken and time_ns > answered.due_ns
         for older in self._open:
             if older is answered:
                 break
             overtaken, direction = older.exchange, exchange.request.frame.direction
-            if overtaken.request.frame.direction is direction and not overtaken.later_answered:
-                overtaken.later_answered = True
+            if overtaken.request.frame.direction is direction and not overtaken.overtaken:
+                overtaken.overtaken = True
                 older.give_up_ns = max(older.give_up_ns, time_ns + self.reply_ns)
         self._open.remove(answered)
 
     def overdue(self, now_ns: int) -> list[Exchange]:
         """Give up what was waited for long enough while a later request was answered."""
-        late = [e for e in self._open if e.give_up_ns < now_ns and e.exchange.later_answered]
+        late = [e for e in self._open if e.give_up_ns < now_ns and e.exchange.overtaken]
         return [self._drop(entry, Ending.UNANSWERED) for entry in late]
 
     def mark_uncertain(self) -> None:

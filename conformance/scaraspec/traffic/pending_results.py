@@ -33,33 +33,35 @@ class PendingResults:
     def _mine(self) -> list[Exchange]:
         return [x for x in self._robot.executing if x.request.place.connection == self._connection]
 
-    def asked(self, exchange: Exchange) -> None:
+    def request_sent(self, exchange: Exchange) -> None:
         """A request was sent: note what executes at that time."""
         robot = self._robot
         exchange.state_version = robot.version
         if robot.executing:
-            exchange.during = tuple(x for x in robot.executing if not x.interrupted_by)
-            exchange.unsettled = robot.unsettled
+            exchange.concurrent = tuple(x for x in robot.executing if not x.interrupted_by)
+            exchange.concurrent_uncertain = robot.executing_uncertain
             if exchange.name == _STOP:
                 for other in robot.executing:
-                    other.stop_asked = True
+                    other.stop_requested = True
 
-    def answered(self, exchange: Exchange) -> None:
+    def reply_received(self, exchange: Exchange) -> None:
         """A first reply came: what executed at its request may have ended since."""
         robot = self._robot
-        if exchange.during:
-            exchange.during = tuple(x for x in exchange.during if x in robot.executing)
+        if exchange.concurrent:
+            exchange.concurrent = tuple(x for x in exchange.concurrent if x in robot.executing)
         changed = exchange.state_version != robot.version
-        unsettled = exchange.name != _STOP and robot.unsettled  # it unsettles the others itself
-        exchange.unsettled = exchange.unsettled or changed or unsettled
-        if exchange.name == "get_status" and exchange.answer == "00" and exchange.certain:
+        unsettled = (
+            exchange.name != _STOP and robot.executing_uncertain
+        )  # it unsettles the others itself
+        exchange.concurrent_uncertain = exchange.concurrent_uncertain or changed or unsettled
+        if exchange.name == "get_status" and exchange.reply_value == "00" and exchange.certain:
             self._idle(exchange)
 
     def _idle(self, status: Exchange) -> None:
         """The robot says that nothing executes; the release of joints has no state (A-4-5)."""
-        for x in status.during:
-            if x.name != "release_joints" and not x.stop_asked and not x.idle:
-                x.idle = status.reply
+        for x in status.concurrent:
+            if x.name != "release_joints" and not x.stop_requested and not x.idle_status:
+                x.idle_status = status.reply
 
     def accept(self, exchange: Exchange) -> Iterator[Exchange]:
         """A two-stage command executes from now on; give those that it proves to have ended.
@@ -68,18 +70,18 @@ class PendingResults:
         """
         robot = self._robot
         for older in self._mine() if exchange.name != _STOP else ():
-            if older.interrupted_by or older.idle or not older.certain:
+            if older.interrupted_by or older.idle_status or not older.certain:
                 yield self._end(older, Ending.UNFINISHED if older.certain else Ending.UNSEEN)
         if len(robot.executing) >= _MOST:
             yield self._end(robot.executing[0], Ending.UNSEEN)
         # Snapshots, so that no chain of exchanges grows where commands overlap forever.
-        executing = (x for x in exchange.during if x in robot.executing)
-        exchange.during = tuple(replace(x, during=()) for x in executing)
+        executing = (x for x in exchange.concurrent if x in robot.executing)
+        exchange.concurrent = tuple(replace(x, concurrent=()) for x in executing)
         if exchange.name in (_STOP, "jog"):  # a jog may replace another one (A-4.28-5)
-            stop = replace(exchange, during=())
+            stop = replace(exchange, concurrent=())
             for older in robot.executing:
                 if exchange.name == _STOP or older.name == "jog":
-                    older.stop_asked, older.interrupted_by = True, stop
+                    older.stop_requested, older.interrupted_by = True, stop
         robot.begin(exchange)
 
     def match(self, result: FrameSeen) -> Exchange | None:
@@ -90,7 +92,7 @@ class PendingResults:
         exchange = min(mine, key=lambda x: x.interrupted_by is not None)
         exchange.result = result
         exchange.certain = exchange.certain and result.certain
-        exchange.after_stop = not any(x.name == _STOP for x in self._robot.executing)
+        exchange.result_after_stop = not any(x.name == _STOP for x in self._robot.executing)
         self._robot.end(exchange)
         return exchange
 
@@ -113,7 +115,7 @@ class PendingResults:
     def abandon(self) -> None:
         """One side has hung up: what executes may be stopped for it (A-2-8)."""
         for exchange in self._mine():
-            exchange.stop_asked = True
+            exchange.stop_requested = True
 
     def close(self, ending: Ending, idle_before_ns: int) -> Iterator[Exchange]:
         """Nothing more will be seen of them.
@@ -123,7 +125,7 @@ class PendingResults:
             idle_before_ns: Where the robot had been idle by then, the result never came.
         """
         for exchange in self._mine():
-            missing = exchange.idle and exchange.idle.place.time_ns < idle_before_ns
+            missing = exchange.idle_status and exchange.idle_status.place.time_ns < idle_before_ns
             yield self._end(exchange, Ending.UNFINISHED if missing else ending)
 
     def _end(self, exchange: Exchange, ending: Ending) -> Exchange:

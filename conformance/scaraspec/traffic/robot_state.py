@@ -43,9 +43,11 @@ class RobotState:
         self._initiator_connections: dict[str, str] = {}
 
     @property
-    def unsettled(self) -> bool:
+    def executing_uncertain(self) -> bool:
         """Whether it is not sure that all of `executing` still execute."""
-        return bool(self.executing) and any(x.stop_asked or not x.certain for x in self.executing)
+        return bool(self.executing) and any(
+            x.stop_requested or not x.certain for x in self.executing
+        )
 
     @property
     def busy(self) -> bool:

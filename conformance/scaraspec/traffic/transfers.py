@@ -88,12 +88,12 @@ class TransferTracker:
         """A name or a chunk was sent: place it."""
         upload = exchange.name.startswith("upload")
         if exchange.name in NAMES:
-            name = exchange.asked if isinstance(exchange.asked, bytes) else b""
+            name = exchange.request_value if isinstance(exchange.request_value, bytes) else b""
             transfer = Transfer(upload, name, exchange.time_ns, exchange, certain=exchange.certain)
             self._opened[upload] = _TransferProgress(transfer)
         elif exchange.name in CHUNKS:
             silence_ns = exchange.time_ns - self._last_activity_ns
-            exchange.late = self._active is not None and silence_ns > self._survived_ns
+            exchange.after_silence = self._active is not None and silence_ns > self._survived_ns
             self._last_activity_ns = exchange.time_ns
             yield from self._place(exchange, upload)
 
@@ -104,7 +104,7 @@ class TransferTracker:
         if course is None and before and chunk and _is_resumption(before, chunk):
             course = self._active = _resume_transfer(before)
         if course is None:
-            exchange.transfer_before = before.transfer if before else None
+            exchange.previous_transfer = before.transfer if before else None
             return
         transfer = exchange.transfer = course.transfer
         transfer.order = transfer.order or self._byte_orders.get(upload, "")
@@ -140,11 +140,11 @@ class TransferTracker:
             if not exchange.accepted:
                 yield from self.end(REFUSED_CHUNK, time_ns)
             elif exchange.chunk:
-                if not active.transfer.upload and not active.transfer.differs_in:
+                if not active.transfer.upload and not active.transfer.differing_chunk:
                     self._compare(active.transfer, exchange.request, exchange.chunk)
                 yield from self._acknowledged(active.transfer, exchange.chunk, time_ns)
 
-    def answered(self, exchange: Exchange | None, time_ns: int) -> None:
+    def chunk_reply_sent(self, exchange: Exchange | None, time_ns: int) -> None:
         """An answer to this chunk was sent, or one to none."""
         if exchange is None or time_ns - exchange.time_ns > self._survived_ns:
             self._strays += 1
@@ -168,8 +168,10 @@ class TransferTracker:
         sent = bytes(stored.content[at : at + len(data)])
         if sent != data:
             same = (a == b for a, b in zip(sent, data, strict=False))
-            transfer.differs_at = at + next((i for i, s in enumerate(same) if not s), len(sent))
-            transfer.differs_in = seen
+            transfer.first_difference = at + next(
+                (i for i, s in enumerate(same) if not s), len(sent)
+            )
+            transfer.differing_chunk = seen
 
     def _named_answered(self, exchange: Exchange, time_ns: int) -> Iterator[Transfer]:
         upload = exchange.name == "upload_name"

@@ -238,7 +238,7 @@ def _untimed(what: TrafficEvent) -> tuple[Any, ...]:
                 what.ending,
                 what.logged_in,
                 what.certain,
-                [x.name for x in what.during],
+                [x.name for x in what.concurrent],
                 what.expected_position,
             )
         case Transfer():

@@ -35,7 +35,7 @@ def test_an_exchange_has_its_frames_and_times(judged: Judged) -> None:
     """Request, reply, result; latency to the reply's first byte, duration to the result's."""
     record = judged("login\n> reset\n+0.5\n< reset 1\n+2\n<90 reset 00|12")
     x = record.exchange("reset")
-    assert (x.asked, x.answer) == (None, Acceptance(accepted=True))
+    assert (x.request_value, x.reply_value) == (None, Acceptance(accepted=True))
     assert x.outcome == Outcome(done=False, code="12")
     assert (x.latency_ns, x.duration_ns) == (501_000_000, 2_001_000_000)
     assert x.frames == (x.request, x.reply, x.result)
@@ -48,16 +48,16 @@ def test_the_same_request_twice_is_answered_in_order(judged: Judged) -> None:
     """No number tells the replies apart: the first is the older request's."""
     record = judged("login\n> get_status\n> get_status\n< get_status 01\n< get_status 02")
     first, second = (x for x in record.exchanges if x.name == "get_status")
-    assert (first.answer, second.answer) == ("01", "02")
+    assert (first.reply_value, second.reply_value) == ("01", "02")
     assert first.request.place.offset_bytes < second.request.place.offset_bytes
-    assert (first.doubled, second.doubled) == (False, True)
+    assert (first.same_opcode_pending, second.same_opcode_pending) == (False, True)
 
 
 def test_mixed_requests_are_told_by_their_opcodes(judged: Judged) -> None:
     """In any order; the one that was overtaken knows."""
     record = judged(f"login\n> get_status\n> get_time\n< get_time {TIME}\n< get_status 00")
     assert [x.name for x in record.exchanges] == ["login", "get_time", "get_status"]
-    assert [x.later_answered for x in record.exchanges] == [False, False, True]
+    assert [x.overtaken for x in record.exchanges] == [False, False, True]
 
 
 def test_silence_then_a_late_reply(judged: Judged) -> None:
@@ -98,7 +98,7 @@ def test_both_opcodes_of_the_default_program(judged: Judged, opcode: str) -> Non
     """0x0D or 0x13 in the request, either in the reply: one command."""
     for reply in ("0D", "13"):
         x = judged(f"login\n> {opcode}\n< {reply} a.rob").exchange("get_default_program")
-        assert x.answer == b"a.rob"
+        assert x.reply_value == b"a.rob"
 
 
 def test_silence_to_0x0d_then_0x13(judged: Judged) -> None:
@@ -115,8 +115,8 @@ def test_temperatures_under_0x0e_while_a_default_is_set(judged: Judged) -> None:
     asked = "login\n> set_default_program a.rob\n> get_motor_temperatures\n"
     for replies in ("< 0E 20|38|34|22\n< 0E 1", "< 0E 1\n< 0E 20|38|34|22"):
         record = judged(asked + replies)
-        assert record.exchange("get_motor_temperatures").answer == (20, 38, 34, 22)
-        assert record.exchange("set_default_program").answer is True
+        assert record.exchange("get_motor_temperatures").reply_value == (20, 38, 34, 22)
+        assert record.exchange("set_default_program").reply_value is True
 
 
 def test_a_reply_of_another_opcode_belongs_to_nobody(judged: Judged) -> None:
@@ -124,7 +124,7 @@ def test_a_reply_of_another_opcode_belongs_to_nobody(judged: Judged) -> None:
     record = judged(f"login\n> get_status\n< get_time {TIME}\n< get_status 00")
     (unsolicited,) = record.unsolicited
     assert [x.name for x in unsolicited.waiting] == ["get_status"]
-    assert record.exchange("get_status").stray is unsolicited.seen
+    assert record.exchange("get_status").unmatched_reply is unsolicited.seen
 
 
 def test_an_undefined_opcode_is_an_exchange_without_a_command(judged: Judged) -> None:
@@ -142,7 +142,7 @@ def test_a_malformed_reply_takes_the_place_of_the_reply(judged: Judged) -> None:
     first, second = (x for x in record.exchanges if x.name == "get_status")
     assert first.malformed is record.undecodable[0]
     assert first.reply is None
-    assert second.answer == "00"
+    assert second.reply_value == "00"
     assert first.ending is second.ending is ANSWERED
 
 
@@ -247,7 +247,7 @@ def test_a_stopped_command_ends_in_three_ways(
     record = judged(JOG_AND_STOP + order)
     x = record.exchange("jog")
     assert x.interrupted_by.name == "emergency_stop"
-    assert (x.ending, x.after_stop) == (ending, after_stop)
+    assert (x.ending, x.result_after_stop) == (ending, after_stop)
     assert record.exchange("emergency_stop").ending is ANSWERED
     assert not record.failed
     assert not record.unsolicited
@@ -278,10 +278,10 @@ def test_what_executes_is_known_to_every_exchange(judged: Judged) -> None:
         "< reset 1\n2> get_status\n2< get_status 03\n> get_time\n<90 reset 11\n"
         f"< get_time {TIME}\n> get_network\n< get_network 1.1.1.1|1.1.1.1|1.1.1.1"
     )
-    during = {x.name: [y.name for y in x.during] for x in record.exchanges}
+    during = {x.name: [y.name for y in x.concurrent] for x in record.exchanges}
     assert during["get_version"] == during["get_time"] == during["get_network"] == []
     assert during["get_status"] == ["reset"]
-    unsettled = {x.name for x in record.exchanges if x.unsettled}
+    unsettled = {x.name for x in record.exchanges if x.concurrent_uncertain}
     assert unsettled == {"get_time"}
 
 
@@ -292,7 +292,7 @@ def test_overlapping_commands_have_their_own_results(judged: Judged) -> None:
         "<90 lock_joints 11"
     )
     assert endings(record) == [("reset", ANSWERED), ("lock_joints", ANSWERED)]
-    assert [y.name for y in record.exchange("lock_joints").during] == ["reset"]
+    assert [y.name for y in record.exchange("lock_joints").concurrent] == ["reset"]
 
 
 # The link
@@ -324,7 +324,7 @@ def test_a_connection_opened_again_is_a_fresh_one(judged: Judged, line: str) -> 
     x = record.exchange("get_status")
     assert x.logged_in is False
     assert x.request.place.offset_bytes == 0
-    assert x.during == ()
+    assert x.concurrent == ()
     assert record.exchange("reset").ending is Ending.CUT_OFF
 
 

@@ -43,7 +43,7 @@ def test_no_file_is_kept(memory_of: Callable[[str], ExchangeHistory]) -> None:
     """Exchanges of transfers hold their content; the scene keeps files, in bounds of its own."""
     history = memory_of("> upload_name a\n< upload_name 1\n> chunk 0/9\n< upload_chunk 1\n")
     assert set(history.recent) == {"login"}
-    assert set(history.asked) == {"login", "upload_name", "upload_chunk"}
+    assert set(history.last_requests) == {"login", "upload_name", "upload_chunk"}
 
 
 def test_a_gap_empties_it(memory_of: Callable[[str], ExchangeHistory]) -> None:

@@ -38,7 +38,7 @@ def test_the_last_exchange_of_each_command_is_kept(judged: Judged) -> None:
         "login\n2> login password\n2< login 1\n> get_status\n< get_status 00\n"
         "2> get_status\n2< get_status 01\n> get_status"
     )
-    assert record.robot.last["get_status"].answer == "01"
+    assert record.robot.last["get_status"].reply_value == "01"
     assert record.robot.last["get_status"].request.place.connection == "2"
 
 

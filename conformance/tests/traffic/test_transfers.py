@@ -111,7 +111,7 @@ def test_a_refused_name_begins_nothing(judged: Judged) -> None:
     record = judged("login\n> upload_name a\n< upload_name 0\n> chunk 0/300\n< upload_chunk 0")
     x = record.exchange("upload_chunk")
     assert x.transfer is None
-    assert (x.transfer_before.name, x.transfer_before.reason) == (b"a", "its name was refused")
+    assert (x.previous_transfer.name, x.previous_transfer.reason) == (b"a", "its name was refused")
     assert not record.transfers
 
 
@@ -162,7 +162,7 @@ def test_a_gap_ends_the_transfer_in_doubt(judged: Judged, gap: str) -> None:
     assert "missing" in transfer.reason
     behind = [x for x in record.exchanges if x.chunk][-1]
     assert behind.transfer is None
-    assert not behind.transfer_before.certain
+    assert not behind.previous_transfer.certain
     assert not record.failed
 
 

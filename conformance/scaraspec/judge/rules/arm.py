@@ -40,14 +40,14 @@ def reading_before(motion: Exchange, name: str, robot: RobotState) -> Exchange |
     """The last reading before a two-stage command, after the end of the previous one."""
     earlier = [y for y in robot.history.accepted if y.time_ns < motion.time_ns]
     found = robot.history.last(name, before_ns=motion.time_ns)
-    if found is None or not found.answer or motion.time_ns - found.time_ns > _SOON_NS:
+    if found is None or not found.reply_value or motion.time_ns - found.time_ns > _SOON_NS:
         return None
     return found if all(0 < ended_ns(y) < found.time_ns for y in earlier) else None
 
 
 def gripper_set_since(time_ns: int, robot: RobotState) -> bool:
     """Whether the gripper centre may have changed, which may be part of the pose (A-4.23-1)."""
-    asked = robot.history.asked.get("set_gripper_center")
+    asked = robot.history.last_requests.get("set_gripper_center")
     return asked is not None and asked.place.time_ns > time_ns
 
 

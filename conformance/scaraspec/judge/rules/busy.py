@@ -36,13 +36,13 @@ _SWAPPED_NS: Final = 50_000_000
 
 
 def surely_executes(y: Exchange, x: Exchange, robot: RobotState) -> bool:
-    """Whether a command of `x.during` executed when `x` was answered, not only by its place.
+    """Whether a command of `x.concurrent` executed when `x` was answered, not only by its place.
 
     On one connection the order of frames is sure; on two the end must come clearly later, and one
     that has not come when `x` is over so soon may be on its way. If a status 00 came in between,
     it has ended or that status is wrong, which is reported separately.
     """
-    if y.idle:
+    if y.idle_status:
         return False
     if y.request.place.connection == x.request.place.connection:
         return True
@@ -58,7 +58,7 @@ def surely_executes(y: Exchange, x: Exchange, robot: RobotState) -> bool:
 
 def _not_accepted(x: Exchange, robot: RobotState, during: Iterable[Exchange]) -> RuleResult | None:
     executing = [y for y in during if surely_executes(y, x, robot)]
-    if not executing or x.unsettled:
+    if not executing or x.concurrent_uncertain:
         return None
     if x.accepted is False:
         return PASSED
@@ -84,48 +84,48 @@ def _not_accepted(x: Exchange, robot: RobotState, during: Iterable[Exchange]) ->
 @rule("4/6", on=Exchange, names=NOT_STOP)
 def no_second_command(x: Exchange, robot: RobotState) -> RuleResult | None:
     """While one two-stage command executes no other is answered "1" (L399; A-4-2)."""
-    return _not_accepted(x, robot, x.during)
+    return _not_accepted(x, robot, x.concurrent)
 
 
 @rule("4.15/8", on=Exchange, names=("run_program",))
 def no_second_run(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A second run during a run is not answered "1" (L1018)."""
-    return _not_accepted(x, robot, (y for y in x.during if y.name == "run_program"))
+    return _not_accepted(x, robot, (y for y in x.concurrent if y.name == "run_program"))
 
 
 @rule("4.25/5", on=Exchange, names=("release_joints",))
 def no_release_in_motion(x: Exchange, robot: RobotState) -> RuleResult | None:
     """Release is not answered "1" while a program or a move executes (A-4.25-1)."""
-    return _not_accepted(x, robot, (y for y in x.during if y.name in STATE_OF))
+    return _not_accepted(x, robot, (y for y in x.concurrent if y.name in STATE_OF))
 
 
 @rule("4.18/2", on=Exchange, names=("reset",))
 @rule("4.35/4", on=Exchange, names=("shutdown",))
 def refused_during_a_program(x: Exchange, robot: RobotState) -> RuleResult | None:
     """While a program runs the refusal is "0|01" (L394-399, L706); a fault may win (A-4.8-2)."""
-    if [y.name for y in x.during] != ["run_program"] or x.unsettled or not x.reply:
+    if [y.name for y in x.concurrent] != ["run_program"] or x.concurrent_uncertain or not x.reply:
         return None
     said = x.reply.text
-    code = errors.lookup(x.answer.code) if x.answer and x.answer.code else None
+    code = errors.lookup(x.reply_value.code) if x.reply_value and x.reply_value.code else None
     if said == b"0|01" or (code and code.kind is errors.Kind.FAULT):
         return PASSED
-    if not surely_executes(x.during[0], x, robot):
+    if not surely_executes(x.concurrent[0], x, robot):
         return None
     return failed(
         UserMessage("{x} was not refused with 01 while a program ran", x=x.name),
         expected="0|01",
         observed=show(said),
-        at=(x.during[0].request.place, *places_of(x)),
+        at=(x.concurrent[0].request.place, *places_of(x)),
     )
 
 
 @rule("4/15", on=Exchange, names=(*NOT_STOP, "shutdown"))
 def busy_code_is_the_state(x: Exchange, robot: RobotState) -> RuleResult | None:
     """The code of a busy refusal is the state that 0x09 reports then (A-4-2)."""
-    code = x.answer.code if x.accepted is False else None
-    if code not in BUSY or len(x.during) != 1 or x.unsettled:
+    code = x.reply_value.code if x.accepted is False else None
+    if code not in BUSY or len(x.concurrent) != 1 or x.concurrent_uncertain:
         return None
-    executing = x.during[0]
+    executing = x.concurrent[0]
     expected = STATE_OF.get(executing.name)
     if code == expected:
         return PASSED
@@ -148,20 +148,20 @@ def busy_code_is_the_state(x: Exchange, robot: RobotState) -> RuleResult | None:
 def idle_robot_is_not_busy(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A robot whose status is 00 before and after is not refused as busy between (L1017-1021)."""
     begin_ns = robot.history.idle_seen_ns
-    idle = robot.history.idle_since_ns is not None and not robot.busy and x.answer == "00"
+    idle = robot.history.idle_since_ns is not None and not robot.busy and x.reply_value == "00"
     if not idle or x.time_ns - begin_ns > _SECOND_NS:
         return None
     for name in (*NOT_STOP, "shutdown"):
         for y in robot.history.between(name, begin_ns, x.time_ns):
-            if y.accepted is False and y.answer.code in BUSY:
+            if y.accepted is False and y.reply_value.code in BUSY:
                 return failed(
                     UserMessage(
                         "{name} was refused with {code} although the robot was idle",
                         name=name,
-                        code=y.answer.code,
+                        code=y.reply_value.code,
                     ),
                     expected="1, or another code",
-                    observed=f"0|{y.answer.code}",
+                    observed=f"0|{y.reply_value.code}",
                     at=(*places_of(y), *places_of(x)),
                 )
     return None
@@ -173,22 +173,22 @@ def idle_robot_is_not_busy(x: Exchange, robot: RobotState) -> RuleResult | None:
 @rule("4/8", on=Exchange, names=_STATUS)
 def busy_while_executing(x: Exchange, _: RobotState) -> RuleResult | None:
     """Between first reply and final result the status is not 00 (L318)."""
-    return PASSED if x.during and not x.unsettled and x.answer in BUSY else None
+    return PASSED if x.concurrent and not x.concurrent_uncertain and x.reply_value in BUSY else None
 
 
 @rule("4/8", on=Exchange, names=STATE_OF)
 def never_idle_while_executing(x: Exchange, _: RobotState) -> RuleResult | None:
     """A status 00 that came before the final result contradicts it (L318)."""
-    if not x.idle or not x.result:
+    if not x.idle_status or not x.result:
         return None
-    same = x.idle.place.connection == x.request.place.connection
-    if not same and x.result.begun_ns - x.idle.place.time_ns < _SECOND_NS:
+    same = x.idle_status.place.connection == x.request.place.connection
+    if not same and x.result.begun_ns - x.idle_status.place.time_ns < _SECOND_NS:
         return None
     return failed(
         UserMessage("the status is 00 (idle) while {x} executes", x=x.name),
         expected=STATE_OF[x.name],
         observed="00",
-        at=(x.request.place, x.idle.place, x.result.place),
+        at=(x.request.place, x.idle_status.place, x.result.place),
     )
 
 
@@ -204,23 +204,23 @@ def idle_after_success(x: Exchange, robot: RobotState) -> RuleResult | None:
     if ended is None or not ended.result or not ended.outcome or not ended.outcome.done:
         return None
     since_ns = x.time_ns - ended.result.place.time_ns
-    if robot.executing or x.unsettled or not 0 < since_ns <= _SECOND_NS:
+    if robot.executing or x.concurrent_uncertain or not 0 < since_ns <= _SECOND_NS:
         return None
-    if x.answer == "00":
+    if x.reply_value == "00":
         return PASSED
     if since_ns < _MOMENT_NS:
         return None
     begun = any(robot.history.awaits(name, x.time_ns - _REPLY_NS) for name in STATE_OF)
-    if begun or x.answer not in BUSY:
+    if begun or x.reply_value not in BUSY:
         return None
     return failed(
         UserMessage(
             "the status is still {answer} although {ended} has ended",
-            answer=x.answer,
+            answer=x.reply_value,
             ended=ended.name,
         ),
         expected="00",
-        observed=x.answer,
+        observed=x.reply_value,
         at=(*places_of(ended), *places_of(x)),
     )
 
@@ -229,8 +229,8 @@ def idle_after_success(x: Exchange, robot: RobotState) -> RuleResult | None:
 def reset_from_error(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A robot in error can be reset (A-4.18-2)."""
     status = robot.history.last("get_status", before_ns=x.time_ns)
-    code = errors.lookup(status.answer) if status and status.answer else None
-    if code is None or code.kind is not errors.Kind.FAULT or x.accepted is None or x.during:
+    code = errors.lookup(status.reply_value) if status and status.reply_value else None
+    if code is None or code.kind is not errors.Kind.FAULT or x.accepted is None or x.concurrent:
         return None
     if x.accepted:
         return PASSED

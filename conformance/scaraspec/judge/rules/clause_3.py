@@ -195,14 +195,14 @@ def reply_has_its_opcode(x: Exchange, _: RobotState) -> RuleResult | None:
     """
     if x.reply:
         return PASSED
-    given_up = x.ending is Ending.UNANSWERED or x.later_answered
-    if not x.stray or not given_up or not _due(x):
+    given_up = x.ending is Ending.UNANSWERED or x.overtaken
+    if not x.unmatched_reply or not given_up or not _due(x):
         return None
     return failed(
         UserMessage("{x} was answered with another opcode", x=x.name),
         expected=f"{x.request.frame.opcode:02X}",
-        observed=f"{x.stray.frame.opcode:02X}",
-        at=(x.request.place, x.stray.place),
+        observed=f"{x.unmatched_reply.frame.opcode:02X}",
+        at=(x.request.place, x.unmatched_reply.place),
     )
 
 
@@ -234,7 +234,7 @@ def replies_in_order(x: Exchange, _: RobotState) -> RuleResult | None:
     """First replies come in request order (A-3-14)."""
     if not x.reply or x.overdue:
         return None
-    if not x.later_answered:
+    if not x.overtaken:
         return PASSED
     return tolerated(
         "pipelining",
@@ -246,7 +246,7 @@ def replies_in_order(x: Exchange, _: RobotState) -> RuleResult | None:
 @rule("3/25", on=Exchange, sender=A2C)
 def one_open_request(x: Exchange, _: RobotState) -> RuleResult | None:
     """The client has at most one unanswered request per opcode (A-3-14)."""
-    if not x.doubled:
+    if not x.same_opcode_pending:
         return PASSED
     return tolerated(
         "A-3-14",
@@ -259,7 +259,7 @@ def _due(x: Exchange) -> bool:
     """Whether an answer is due: to a valid request, after a login, in its place."""
     valid = x.request.parsed is not None and not x.request.parsed.decoded.issues
     served = x.logged_in or x.name == "login"
-    out_of_place = x.name == "upload_chunk" and (x.transfer is None or x.late)  # A-5-16
+    out_of_place = x.name == "upload_chunk" and (x.transfer is None or x.after_silence)  # A-5-16
     error_signal = x.chunk is not None and x.chunk.length == 0
     return valid and bool(served) and not out_of_place and not error_signal
 
@@ -272,7 +272,7 @@ def answered(x: Exchange, robot: RobotState) -> RuleResult | None:
     if x.malformed or (x.reply and not x.overdue):
         return PASSED
     if x.reply:
-        if x.during or x.unsettled:
+        if x.concurrent or x.concurrent_uncertain:
             return tolerated(
                 "A-4-3", "not served", UserMessage("{x} waited for the busy robot", x=x.name)
             )
@@ -287,7 +287,7 @@ def answered(x: Exchange, robot: RobotState) -> RuleResult | None:
         return inconclusive(
             UserMessage("the answer to {x} may be in a gap of the recording", x=x.name)
         )
-    if x.ending is not Ending.UNANSWERED or x.stray:
+    if x.ending is not Ending.UNANSWERED or x.unmatched_reply:
         return None
     return _silence(x, robot) or failed(
         UserMessage("{x} was never answered, though a later request was", x=x.name),
@@ -302,7 +302,7 @@ def _silence(x: Exchange, robot: RobotState) -> RuleResult | None:
         return inconclusive(
             UserMessage("the answer to {x} may be in a gap of the recording", x=x.name)
         )
-    if x.during or _may_be_busy(x, robot):
+    if x.concurrent or _may_be_busy(x, robot):
         two_stage = x.command is not None and x.command.two_stage
         reading = ("busy_reply", "silence") if two_stage else ("A-4-3", "not served")
         return tolerated(*reading, f"{x.name} was not answered by the busy robot")
@@ -322,7 +322,7 @@ def _silence(x: Exchange, robot: RobotState) -> RuleResult | None:
         return tolerated("jog_byte", option, message)
     if x.name == "set_digital_output" and x.request.value.port > OUTPUTS:
         return tolerated("A-3-9", "ignored", "the request to set a port above 16 was not answered")
-    if not x.later_answered:
+    if not x.overtaken:
         return inconclusive(
             UserMessage("no replies from {x} on; the connection may have been lost", x=x.name)
         )
@@ -356,7 +356,7 @@ def _may_be_busy(x: Exchange, robot: RobotState) -> bool:
     """
     statuses = robot.history.between("get_status", x.time_ns, x.time_ns + _SOON_NS)
     for y in (robot.history.last("get_status", before_ns=x.time_ns), *statuses):
-        if y and y.answer in BUSY and not y.during:
+        if y and y.reply_value in BUSY and not y.concurrent:
             return True
     accepted = reversed(robot.history.accepted)
     last = next((y for y in accepted if y.time_ns < x.time_ns), None)
@@ -384,7 +384,7 @@ def _misplaced(unsolicited: UnsolicitedReply) -> bool:
 
 def _requested_elsewhere(unsolicited: UnsolicitedReply, robot: RobotState) -> bool:
     """Whether another connection has asked for it, be it that its reply is still on the way."""
-    asked = robot.history.asked.get(unsolicited.seen.name)
+    asked = robot.history.last_requests.get(unsolicited.seen.name)
     here = unsolicited.seen.place.connection
     return unsolicited.elsewhere or (asked is not None and asked.place.connection != here)
 
@@ -473,7 +473,7 @@ def one_result(x: Exchange, _: RobotState) -> RuleResult | None:
         ),
         expected="one final result",
         observed="none",
-        at=(*(f.place for f in x.frames), *((x.idle.place,) if x.idle else ())),
+        at=(*(f.place for f in x.frames), *((x.idle_status.place,) if x.idle_status else ())),
     )
 
 

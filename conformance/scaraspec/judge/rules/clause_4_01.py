@@ -29,7 +29,7 @@ def _right_before(x: Exchange, robot: RobotState) -> bool | None:
         return None
     if before.request.frame.data == x.request.frame.data:
         return True
-    return None if before.asked == x.asked else False
+    return None if before.request_value == x.request_value else False
 
 
 @rule("4.1/2", on=Exchange, names=_LOGIN)

@@ -32,7 +32,7 @@ def one_code(x: Exchange, _: RobotState) -> RuleResult | None:
     """The reply is exactly one two-character code of table 8-1 (L214-217)."""
     if not x.reply:
         return None
-    if x.answer is not None:
+    if x.reply_value is not None:
         return PASSED
     text = show(x.reply.frame.data)
     return failed("the status is not a code of table 8-1", expected="two characters", observed=text)
@@ -41,7 +41,7 @@ def one_code(x: Exchange, _: RobotState) -> RuleResult | None:
 @rule("4.8/3", on=Exchange, names=_STATUS)
 def idle(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A robot that does nothing reports 00 (L1017); a capture shows only what was asked of it."""
-    return PASSED if x.answer == "00" and not robot.executing else None
+    return PASSED if x.reply_value == "00" and not robot.executing else None
 
 
 def _state(x: Exchange, _: RobotState, *, name: str) -> RuleResult | None:
@@ -49,9 +49,13 @@ def _state(x: Exchange, _: RobotState, *, name: str) -> RuleResult | None:
 
     Of 00 the end of the command decides: without a final result it may be true.
     """
-    if x.unsettled or [y.name for y in x.during] != [name] or x.answer in (None, "00"):
+    if (
+        x.concurrent_uncertain
+        or [y.name for y in x.concurrent] != [name]
+        or x.reply_value in (None, "00")
+    ):
         return None
-    executing, expected, code = x.during[0], STATE_OF[name], errors.TABLE_8_1[x.answer]
+    executing, expected, code = x.concurrent[0], STATE_OF[name], errors.TABLE_8_1[x.reply_value]
     if code.text == expected or code.kind is errors.Kind.FAULT:
         return PASSED
     if executing.request.place.connection != x.request.place.connection:
@@ -78,14 +82,14 @@ for _name, _code in STATE_OF.items():
 @rule("4.8/8", on=Exchange, names=_STATUS)
 def fault_code(x: Exchange, _: RobotState) -> RuleResult | None:
     """With a fault present the status is the fault's code (L1022-1043)."""
-    code = errors.lookup(x.answer) if x.answer else None
+    code = errors.lookup(x.reply_value) if x.reply_value else None
     return PASSED if code and code.kind is errors.Kind.FAULT else None
 
 
 @rule("4.8/9", on=Exchange, names=_STATUS)
 def a_state(x: Exchange, _: RobotState) -> RuleResult | None:
     """Reserved codes and 20 are no states (L1024-1028; A-8-3)."""
-    code = errors.lookup(x.answer) if x.answer else None
+    code = errors.lookup(x.reply_value) if x.reply_value else None
     if code is None or code in errors.STATES:
         return PASSED if code else None
     return tolerated(
@@ -98,12 +102,12 @@ def a_state(x: Exchange, _: RobotState) -> RuleResult | None:
 @rule("4.8/10", on=Exchange, names=_STATUS)
 def served_while_executing(x: Exchange, _: RobotState) -> RuleResult | None:
     """The status is answered while a two-stage command executes (A-4-3)."""
-    if not x.during:
+    if not x.concurrent:
         return None
     if x.reply:
         return PASSED
     if x.ending is not Ending.UNANSWERED:
         return None
-    if not x.certain or not x.later_answered:
+    if not x.certain or not x.overtaken:
         return inconclusive("the status was not answered while the robot was busy, or is in a gap")
     return tolerated("A-4-3", "not served", "the status was not answered while the robot was busy")

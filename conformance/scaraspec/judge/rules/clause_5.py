@@ -173,11 +173,11 @@ def name_first(x: Exchange, _: RobotState) -> RuleResult | None:
     """The file name is sent before any content (L712)."""
     if x.transfer:
         return PASSED
-    if x.transfer_before is None:
+    if x.previous_transfer is None:
         return failed(
             "content without a file name before it", observed=x.name, at=(x.request.place,)
         )
-    if not x.transfer_before.certain:
+    if not x.previous_transfer.certain:
         return inconclusive("the name may be in a gap of the recording")
     return None
 
@@ -218,14 +218,15 @@ rule("5.3/5", on=Exchange, names=_DOWNLOAD_CHUNK)(one_flag)
 @rule("5.1/10", "5.2/3", "5.4/2", on=Exchange, names=("upload_name",))
 def existing_file_refused(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A name that exists is answered "0" (L739, L748, L791)."""
-    stored = robot.files.get(x.asked) if isinstance(x.asked, bytes) else None
+    stored = robot.files.get(x.request_value) if isinstance(x.request_value, bytes) else None
     if stored is None or x.accepted is None:
         return None
     if not x.accepted:
         return PASSED
     return failed(
         UserMessage(
-            "the upload of {asked} was accepted although the file exists", asked=show(x.asked)
+            "the upload of {asked} was accepted although the file exists",
+            asked=show(x.request_value),
         ),
         expected="0",
         observed="1",
@@ -235,7 +236,7 @@ def existing_file_refused(x: Exchange, robot: RobotState) -> RuleResult | None:
 @rule("5.4/1", on=Exchange, names=("upload_name",))
 def absent_file_created(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A name that does not exist is answered "1" (L791); a refusal may have other reasons."""
-    return PASSED if x.accepted and x.asked not in robot.files else None
+    return PASSED if x.accepted and x.request_value not in robot.files else None
 
 
 # 5.2 and 5.3: the course of a transfer
@@ -247,7 +248,7 @@ def no_content_after_refusal(x: Exchange, _: RobotState) -> RuleResult | None:
     """No content is sent after 0x50 or 0x54 was answered "0" (L748, L772)."""
     if x.transfer:
         return PASSED
-    before = x.transfer_before
+    before = x.previous_transfer
     if before is None or before.reason != REFUSED_NAME:
         return None
     return failed(
@@ -267,7 +268,7 @@ def stop_and_wait(x: Exchange, _: RobotState) -> RuleResult | None:
 
     A client that gets an extra reply may take it for the reply: replies have no number.
     """
-    if not x.doubled:
+    if not x.same_opcode_pending:
         return PASSED
     if x.error_signal or (x.transfer and x.transfer.extra_reply_seen):
         return None
@@ -296,7 +297,7 @@ def stops_after_refusal(x: Exchange, _: RobotState) -> RuleResult | None:
     """After 0x52 "0" the client stops the transfer (A-5-14)."""
     if x.transfer and not x.transfer.resumed:
         return PASSED
-    before = x.transfer or x.transfer_before
+    before = x.transfer or x.previous_transfer
     goes_on = before is not None and (before.resumed or before.reason == REFUSED_CHUNK)
     if not goes_on or x.error_signal:
         return None
@@ -308,7 +309,7 @@ def nothing_after_the_end(x: Exchange, _: RobotState) -> RuleResult | None:
     """Nothing is exchanged after the answer to the last chunk (L737; A-5-15)."""
     if x.transfer:
         return PASSED
-    before = x.transfer_before
+    before = x.previous_transfer
     if before is None or before.state is not TransferState.DONE:
         return None
     return failed(
@@ -352,12 +353,12 @@ def reads_back(transfer: Transfer, robot: RobotState) -> RuleResult | None:
     stored = robot.files.get(transfer.name)
     if transfer.upload or transfer.state is not TransferState.DONE or stored is None:
         return None
-    first, size, due = transfer.differs_at, transfer.received_bytes, stored.received_bytes
+    first, size, due = transfer.first_difference, transfer.received_bytes, stored.received_bytes
     if first < 0 and size == due:
         return PASSED
     first = first if first >= 0 else min(size, due)
     sent, got = (bytes(t.content[first : first + 8]).hex(" ") for t in (stored, transfer))
-    chunk = (transfer.differs_in.place,) if transfer.differs_in else ()
+    chunk = (transfer.differing_chunk.place,) if transfer.differing_chunk else ()
     return failed(
         UserMessage(
             "{transfer} was downloaded otherwise than it was uploaded, from byte {first} on",

@@ -72,15 +72,15 @@ def contradicted(
 def clock_as_set(x: Exchange, robot: RobotState) -> RuleResult | None:
     """After "1" 0x07 gives the set time and what has passed since, within 2 s (L169, L186)."""
     setting = in_force("set_time", x, robot)
-    if setting is None or x.answer is None or x.time_ns - setting.time_ns > _SOON_NS:
+    if setting is None or x.reply_value is None or x.time_ns - setting.time_ns > _SOON_NS:
         return None
-    advance_s = (x.answer - setting.asked).total_seconds()
+    advance_s = (x.reply_value - setting.request_value).total_seconds()
     if not off_by_s(advance_s, setting, x):
         return PASSED
     return failed(
         "the clock does not give the time that was set, and what has passed since",
-        expected=f"{setting.asked} and {elapsed_s(setting, x)[0]:.0f} s",
-        observed=str(x.answer),
+        expected=f"{setting.request_value} and {elapsed_s(setting, x)[0]:.0f} s",
+        observed=str(x.reply_value),
         at=(*places_of(setting), *places_of(x)),
     )
 
@@ -89,9 +89,9 @@ def clock_as_set(x: Exchange, robot: RobotState) -> RuleResult | None:
 def clock_runs(x: Exchange, robot: RobotState) -> RuleResult | None:
     """Readings on one connection do not go back and gain a second a second (L186)."""
     earlier = [y for y in robot.history.recent.get("get_time", ()) if _comparable(y, x, robot)]
-    if not earlier or x.answer is None:
+    if not earlier or x.reply_value is None:
         return None
-    found = contradicted(earlier, x, lambda y, z: (z.answer - y.answer).total_seconds())
+    found = contradicted(earlier, x, lambda y, z: (z.reply_value - y.reply_value).total_seconds())
     if found is None:
         return PASSED
     y, step = found
@@ -100,7 +100,7 @@ def clock_runs(x: Exchange, robot: RobotState) -> RuleResult | None:
         return tolerated("A-4.5-1", "local time", message)
     if step:
         return inconclusive("the robot's clock or the recording's was set between two readings")
-    advance_s = (x.answer - y.answer).total_seconds()
+    advance_s = (x.reply_value - y.reply_value).total_seconds()
     if advance_s < 0:
         wrong = "went back"
     else:
@@ -108,7 +108,7 @@ def clock_runs(x: Exchange, robot: RobotState) -> RuleResult | None:
     least_s, most_s = elapsed_s(y, x)
     return failed(
         UserMessage("the clock {wrong}", wrong=wrong),
-        expected=f"{least_s:.1f} to {most_s:.1f} s later than {y.answer}",
+        expected=f"{least_s:.1f} to {most_s:.1f} s later than {y.reply_value}",
         observed=f"{advance_s:.0f} s",
         at=(*places_of(y), *places_of(x)),
     )
@@ -119,19 +119,19 @@ def _is_summer_time(y: Exchange, x: Exchange) -> bool:
 
     Local time does so, and whether it is that or UTC is open (A-4.5-1).
     """
-    advance_s = (x.answer - y.answer).total_seconds()
+    advance_s = (x.reply_value - y.reply_value).total_seconds()
     if all(off_by_s(advance_s + hour_s, y, x) for hour_s in (-3600, 3600)):
         return False
-    midnight = x.answer.replace(hour=0, minute=0, second=0)
+    midnight = x.reply_value.replace(hour=0, minute=0, second=0)
     night_ends = timedelta(days=-((midnight.weekday() + 1) % 7)) + _NIGHT
-    return bool(y.answer - midnight < night_ends)  # a sum could leave the calendar
+    return bool(y.reply_value - midnight < night_ends)  # a sum could leave the calendar
 
 
 def _comparable(y: Exchange, x: Exchange, robot: RobotState) -> bool:
     """Whether the clock must have run from one reading to the other."""
-    changes = (robot.history.asked.get(name) for name in ("set_time", "shutdown"))
+    changes = (robot.history.last_requests.get(name) for name in ("set_time", "shutdown"))
     return (
-        y.answer is not None
+        y.reply_value is not None
         and y.request.place.connection == x.request.place.connection
         and answered_ns(y) < x.time_ns
         and all(c is None or c.place.time_ns < y.time_ns for c in changes)

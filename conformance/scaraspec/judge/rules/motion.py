@@ -52,14 +52,14 @@ _BEYOND_ALL_REACH_MM: Final = 1_000_000
 def pose_is_reached(x: Exchange, robot: RobotState) -> RuleResult | None:
     """After "11" 0x38 gives the commanded pose within 1 mm and 1 degree (L504, L476)."""
     move = last_motion(x, robot)
-    if move is None or move.name != MOVE or not move.asked or not x.answer:
+    if move is None or move.name != MOVE or not move.request_value or not x.reply_value:
         return None
     if x.time_ns - ended_ns(move) > MOMENT_NS or gripper_set_since(move.time_ns, robot):
         return None
-    target = move.asked[1:5]
+    target = move.request_value[1:5]
     if max(abs(value) for value in target[:3]) >= _BEYOND_ALL_REACH_MM:
         return None  # 4.24/9 says it
-    if max_deviation(target, x.answer[:4]) <= _REACHED:
+    if max_deviation(target, x.reply_value[:4]) <= _REACHED:
         return PASSED
     gripper = _gripper(x, robot)
     if gripper is None or any(gripper):
@@ -81,9 +81,9 @@ def _gripper(x: Exchange, robot: RobotState) -> Sequence[float] | None:
     setting = in_force("set_gripper_center", x, robot)
     read = robot.history.last("get_gripper_center", before_ns=x.time_ns)
     if setting:
-        known, value = setting, setting.asked
+        known, value = setting, setting.request_value
     elif read and not gripper_set_since(read.time_ns, robot):
-        known, value = read, read.answer
+        known, value = read, read.reply_value
     else:
         return None
     return None if executed_since(known.time_ns, robot, PROGRAMS) else value
@@ -92,9 +92,12 @@ def _gripper(x: Exchange, robot: RobotState) -> Sequence[float] | None:
 @rule("4.24/9", on=Exchange, names=(MOVE,))
 def out_of_reach(x: Exchange, _: RobotState) -> RuleResult | None:
     """A target 1,000,000 mm away is refused or fails, with 05 or 06 (L1022-1023; A-4.24-5)."""
-    if not x.asked or max(abs(value) for value in x.asked[1:4]) < _BEYOND_ALL_REACH_MM:
+    if (
+        not x.request_value
+        or max(abs(value) for value in x.request_value[1:4]) < _BEYOND_ALL_REACH_MM
+    ):
         return None
-    said = x.answer if x.accepted is False else x.outcome
+    said = x.reply_value if x.accepted is False else x.outcome
     if said and said.code in ("05", "06"):
         return PASSED
     if not x.outcome or not x.outcome.done:
@@ -128,9 +131,9 @@ def _consistent(motion: Exchange, x: Exchange, robot: RobotState) -> RuleResult 
     if pair is None:
         return None
     joints, poses = pair
-    if max_deviation(poses[0].answer[:4], poses[1].answer[:4]) <= _VISIBLE:
+    if max_deviation(poses[0].reply_value[:4], poses[1].reply_value[:4]) <= _VISIBLE:
         return None
-    if max_deviation(joints[0].answer, joints[1].answer) > 0:
+    if max_deviation(joints[0].reply_value, joints[1].reply_value) > 0:
         return PASSED
     return changed(joints[0], joints[1], "the pose changed but the joint angles did not")
 
@@ -145,7 +148,7 @@ def _around(motion: Exchange, x: Exchange, robot: RobotState) -> tuple[_Two, _Tw
     other = POSE if x.name == JOINTS else JOINTS
     then = next(robot.history.between(other, ended_ns(motion), x.time_ns), None)
     before, other_before = (reading_before(motion, name, robot) for name in (x.name, other))
-    if not then or not then.answer or not x.answer or not before or not other_before:
+    if not then or not then.reply_value or not x.reply_value or not before or not other_before:
         return None
     first_ns = min(before.time_ns, other_before.time_ns)
     apart_ns = max(before.time_ns, other_before.time_ns) - first_ns
@@ -166,18 +169,22 @@ def jog_direction(x: Exchange, robot: RobotState) -> RuleResult | None:
     motions = [y for y in robot.history.accepted if y.name != STOP]
     jog = motions[-1] if motions else None
     pair = _around(jog, x, robot) if jog and jog.name == JOG and jog.result else None
-    if jog is None or pair is None or jog.asked not in _AXES:
+    if jog is None or pair is None or jog.request_value not in _AXES:
         return None
     (joints, joints_then), (pose, pose_then) = pair
-    if not all(abs(joints_then.answer[i] - joints.answer[i]) > STANDSTILL for i in (0, 1)):
+    if not all(
+        abs(joints_then.reply_value[i] - joints.reply_value[i]) > STANDSTILL for i in (0, 1)
+    ):
         return None
-    axis, sign = _AXES[jog.asked]
-    along = (pose_then.answer[axis] - pose.answer[axis]) * sign
-    across = abs(pose_then.answer[1 - axis] - pose.answer[1 - axis])
+    axis, sign = _AXES[jog.request_value]
+    along = (pose_then.reply_value[axis] - pose.reply_value[axis]) * sign
+    across = abs(pose_then.reply_value[1 - axis] - pose.reply_value[1 - axis])
     if max(abs(along), across) < _REACHED or along > across:
         return PASSED if along > across else None
     return changed(
-        pose, pose_then, f"a jog in direction {jog.asked} moved the arm in another direction"
+        pose,
+        pose_then,
+        f"a jog in direction {jog.request_value} moved the arm in another direction",
     )
 
 
@@ -190,7 +197,7 @@ def jog_ends(x: Exchange, _: RobotState) -> RuleResult | None:
 @rule("4.28/8", on=Exchange, names=("get_status",))
 def jog_goes_on(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A robot that still moves after a successful stop was not stopped."""
-    if len(robot.history.accepted) < 2 or x.answer != STATE_OF[JOG]:  # noqa: PLR2004 - jog and stop
+    if len(robot.history.accepted) < 2 or x.reply_value != STATE_OF[JOG]:  # noqa: PLR2004 - jog and stop
         return None
     jog, stop = list(robot.history.accepted)[-2:]
     stopped = stop.name == STOP and stop.outcome is not None and stop.outcome.done

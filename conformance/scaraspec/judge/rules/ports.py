@@ -51,14 +51,14 @@ def only_outputs(seen: FrameSeen, _: RobotState) -> RuleResult | None:
 def _setting(x: Exchange, robot: RobotState) -> Exchange | None:
     """The setting of an output that 0x49 must show, where that is sure."""
     setting = in_force(_SET, x, robot)
-    if setting is None or x.answer is None or setting.asked.port > OUTPUTS:
+    if setting is None or x.reply_value is None or setting.request_value.port > OUTPUTS:
         return None
     return None if _may_be_off(setting.time_ns, robot) else setting
 
 
 def _may_be_off(since_ns: int, robot: RobotState) -> bool:
     """Whether outputs may have been switched off since then; a stop that is refused may do so."""
-    stop = robot.history.asked.get("emergency_stop")
+    stop = robot.history.last_requests.get("emergency_stop")
     stopped = stop is not None and stop.place.time_ns >= since_ns
     return stopped or executed_since(since_ns, robot, _CHANGERS)
 
@@ -72,7 +72,7 @@ def _with(bits: str, port: int, value: int) -> str:
 def _before(x: Exchange, robot: RobotState) -> Exchange | None:
     """The reading before this one, where only settings can have changed the outputs since."""
     before = robot.history.last(x.name, before_ns=x.time_ns)
-    if before is None or before.answer is None or x.time_ns - before.time_ns > UNSEEN_NS:
+    if before is None or before.reply_value is None or x.time_ns - before.time_ns > UNSEEN_NS:
         return None
     if switched_off_since(before, robot):
         return None
@@ -89,12 +89,12 @@ def _due(x: Exchange, robot: RobotState) -> str | None:
         return None
     if any(_overlap(setting, y) for setting in robot.history.recent[_SET] for y in (before, x)):
         return None
-    due: str = before.answer
+    due: str = before.reply_value
     for setting in settings:
-        if setting.accepted is None or setting.asked is None:
+        if setting.accepted is None or setting.request_value is None:
             return None
-        if setting.accepted and 1 <= setting.asked.port <= OUTPUTS:
-            due = _with(due, *setting.asked)
+        if setting.accepted and 1 <= setting.request_value.port <= OUTPUTS:
+            due = _with(due, *setting.request_value)
     return due
 
 
@@ -105,12 +105,12 @@ def _overlap(x: Exchange, y: Exchange) -> bool:
 
 def _shows_mirrored(x: Exchange, setting: Exchange, robot: RobotState) -> bool:
     """Whether what was set shows as if the leftmost digit were port 1."""
-    before, (port, value) = _before(x, robot), setting.asked
+    before, (port, value) = _before(x, robot), setting.request_value
     mirrored = OUTPUTS + 1 - port
     if before is None:
-        return bool(value == 1 and x.answer[-mirrored] == "1")
-    changed = x.answer != before.answer
-    return changed and bool(x.answer == _with(before.answer, mirrored, value))
+        return bool(value == 1 and x.reply_value[-mirrored] == "1")
+    changed = x.reply_value != before.reply_value
+    return changed and bool(x.reply_value == _with(before.reply_value, mirrored, value))
 
 
 @rule("4.32/6", on=Exchange, names=_GET)
@@ -119,20 +119,20 @@ def output_shows(x: Exchange, robot: RobotState) -> RuleResult | None:
     setting = _setting(x, robot)
     if setting is None:
         return None
-    port, value = setting.asked
+    port, value = setting.request_value
     expected = _due(x, robot)
-    if x.answer[-port] != str(value):
+    if x.reply_value[-port] != str(value):
         if _shows_mirrored(x, setting, robot):
             return None  # 4.34/3 says it
         wrong = f"output {port} does not show the value that was set"
-    elif expected not in (None, x.answer):
+    elif expected not in (None, x.reply_value):
         wrong = "an output changed that was not set"
     else:
         return PASSED
     return failed(
         wrong,
         expected=expected or f"{value} at port {port}",
-        observed=x.answer,
+        observed=x.reply_value,
         at=(*places_of(setting), *places_of(x)),
     )
 
@@ -143,9 +143,9 @@ def high_port_first(x: Exchange, robot: RobotState) -> RuleResult | None:
     setting = _setting(x, robot)
     if setting is None:
         return None
-    port, value = setting.asked
-    if x.answer[-port] == str(value):
-        return PASSED if x.answer[port - 1] != str(value) else None
+    port, value = setting.request_value
+    if x.reply_value[-port] == str(value):
+        return PASSED if x.reply_value[port - 1] != str(value) else None
     if not _shows_mirrored(x, setting, robot):
         return None
     return failed(
@@ -155,6 +155,6 @@ def high_port_first(x: Exchange, robot: RobotState) -> RuleResult | None:
             outputs=OUTPUTS + 1 - port,
         ),
         expected=_due(x, robot) or f"{value} at port {port}",
-        observed=x.answer,
+        observed=x.reply_value,
         at=(*places_of(setting), *places_of(x)),
     )

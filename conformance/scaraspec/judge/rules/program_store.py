@@ -47,9 +47,9 @@ def _was_due(x: Exchange) -> bool:
 
 def _is_sure(x: Exchange, robot: RobotState) -> bool:
     """Whether its parts are its own: lists that are asked for at the same time may mix."""
-    last = robot.history.asked.get(x.name, x.request)
+    last = robot.history.last_requests.get(x.name, x.request)
     elsewhere = last.place.connection != x.request.place.connection
-    return not x.doubled and (last is x.request or elsewhere)
+    return not x.same_opcode_pending and (last is x.request or elsewhere)
 
 
 def _is_complete(x: Exchange, robot: RobotState) -> bool:
@@ -111,7 +111,7 @@ def no_divided_name(x: Exchange, robot: RobotState) -> RuleResult | None:
 def _is_known(name: bytes, robot: RobotState) -> bool:
     """Whether a program of this name was uploaded, run, or made the default one."""
     accepted = (y for kind in _NAMING for y in robot.history.recent.get(kind, ()) if y.accepted)
-    return name in robot.files or any(y.asked == name for y in accepted)
+    return name in robot.files or any(y.request_value == name for y in accepted)
 
 
 @rule("4.10/7", on=Exchange, names=_LIST)
@@ -230,15 +230,15 @@ def deleted_is_gone(x: Exchange, robot: RobotState) -> RuleResult | None:
 @rule("4.11/5", on=Exchange, names=("delete_program",))
 def running_is_not_deleted(x: Exchange, _: RobotState) -> RuleResult | None:
     """The running program is not deleted (A-4.11-1)."""
-    running = any(y.name in _RUNS and y.asked == x.asked for y in x.during)
-    if not running or x.unsettled or x.accepted is None:
+    running = any(y.name in _RUNS and y.request_value == x.request_value for y in x.concurrent)
+    if not running or x.concurrent_uncertain or x.accepted is None:
         return None
     if not x.accepted:
         return PASSED
     return tolerated(
         "delete_guard",
         "allow",
-        UserMessage("{value} was deleted while it ran", value=show(x.asked or b"")),
+        UserMessage("{value} was deleted while it ran", value=show(x.request_value or b"")),
     )
 
 
@@ -248,7 +248,7 @@ def running_is_not_deleted(x: Exchange, _: RobotState) -> RuleResult | None:
 @rule("8/5", on=Exchange, names=(*TWO_STAGE, "shutdown"))
 def code_20(x: Exchange, robot: RobotState) -> RuleResult | None:
     """Code 20 means that the program file does not exist (L1044)."""
-    said = x.answer if x.accepted is False else x.outcome
+    said = x.reply_value if x.accepted is False else x.outcome
     if said is None or said.code != _MISSING:
         return None
     if x.name not in _RUNS:
@@ -284,7 +284,7 @@ def code_20(x: Exchange, robot: RobotState) -> RuleResult | None:
 def _is_listed(name: bytes, x: Exchange, robot: RobotState) -> bool:
     """Whether the last list had it, and nothing was deleted since."""
     programs = robot.history.last("list_programs", before_ns=x.time_ns)
-    deletion = robot.history.asked.get("delete_program")
+    deletion = robot.history.last_requests.get("delete_program")
     if programs is None or (deletion and deletion.place.time_ns >= programs.time_ns):
         return False
     return name in _names(programs)

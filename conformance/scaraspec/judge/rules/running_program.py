@@ -28,10 +28,14 @@ _SECOND_NS: Final = 1_000_000_000
 
 def _program(x: Exchange) -> Exchange | None:
     """The program that surely ran, alone, when `x` was answered on the same connection."""
-    if x.unsettled or len(x.during) != 1 or x.during[0].name not in (_RUN, _SIMULATE):
+    if (
+        x.concurrent_uncertain
+        or len(x.concurrent) != 1
+        or x.concurrent[0].name not in (_RUN, _SIMULATE)
+    ):
         return None
-    same = x.during[0].request.place.connection == x.request.place.connection
-    return x.during[0] if same else None
+    same = x.concurrent[0].request.place.connection == x.request.place.connection
+    return x.concurrent[0] if same else None
 
 
 def _says_none(x: Exchange) -> bool:
@@ -53,7 +57,7 @@ def program_is_reported(x: Exchange, _: RobotState) -> RuleResult | None:
         return failed(
             UserMessage(
                 "the reply reports no running program while {value} runs",
-                value=show(program.asked or b""),
+                value=show(program.request_value or b""),
             ),
             expected="1|name|DDHHMMSS",
             observed=observed(x.reply),
@@ -62,23 +66,26 @@ def program_is_reported(x: Exchange, _: RobotState) -> RuleResult | None:
     for complaint in x.reply.parsed.decoded.issues:
         if complaint.defect in (Defect.FLAG, Defect.FIELD_COUNT, Defect.SPACE_FOR_BAR):
             return failed(complaint.text, expected="1|name|DDHHMMSS", observed=observed(x.reply))
-    return PASSED if x.answer else None
+    return PASSED if x.reply_value else None
 
 
 @rule("4.9/4", on=Exchange, names=_INFO)
 def name_of_the_program(x: Exchange, _: RobotState) -> RuleResult | None:
     """The name is the one that was asked to run or to be simulated (L226)."""
     program = _program(x)
-    if program is None or x.answer is None or not isinstance(program.asked, bytes):
+    if program is None or x.reply_value is None or not isinstance(program.request_value, bytes):
         return None
-    if x.answer.name == program.asked:
+    if x.reply_value.name == program.request_value:
         return PASSED
-    if len(program.asked) > NAME_MAX_BYTES and x.answer.name == program.asked[:NAME_MAX_BYTES]:
+    if (
+        len(program.request_value) > NAME_MAX_BYTES
+        and x.reply_value.name == program.request_value[:NAME_MAX_BYTES]
+    ):
         return tolerated("A-4.9-5", "cut", "the name of the running program is cut to 30 bytes")
     return failed(
         "the reply names a program that is not the running one",
-        expected=show(program.asked),
-        observed=show(x.answer.name),
+        expected=show(program.request_value),
+        observed=show(x.reply_value.name),
         at=(program.request.place, *places_of(x)),
     )
 
@@ -87,16 +94,18 @@ def name_of_the_program(x: Exchange, _: RobotState) -> RuleResult | None:
 def run_time_runs(x: Exchange, robot: RobotState) -> RuleResult | None:
     """The run time gains a second a second (L226); a simulation may have a time of its own."""
     program = _program(x)
-    if program is None or program.name != _RUN or x.answer is None:
+    if program is None or program.name != _RUN or x.reply_value is None:
         return None
     earlier = [
         y
         for y in robot.history.recent.get(x.name, ())
-        if y.answer and y.during == x.during and answered_ns(y) < x.time_ns
+        if y.reply_value and y.concurrent == x.concurrent and answered_ns(y) < x.time_ns
     ]
     if not earlier:
         return None
-    found = contradicted(earlier, x, lambda y, z: float(z.answer.run_time_s - y.answer.run_time_s))
+    found = contradicted(
+        earlier, x, lambda y, z: float(z.reply_value.run_time_s - y.reply_value.run_time_s)
+    )
     if found is None:
         return PASSED
     y, step = found
@@ -104,8 +113,8 @@ def run_time_runs(x: Exchange, robot: RobotState) -> RuleResult | None:
         return inconclusive("the run time or the recording's clock was set between two readings")
     return failed(
         "the run time does not gain one second a second",
-        expected=f"{(x.time_ns - y.time_ns) / 1e9:.1f} s more than {y.answer.run_time_s} s",
-        observed=f"{x.answer.run_time_s} s",
+        expected=f"{(x.time_ns - y.time_ns) / 1e9:.1f} s more than {y.reply_value.run_time_s} s",
+        observed=f"{x.reply_value.run_time_s} s",
         at=(*places_of(y), *places_of(x)),
     )
 
@@ -126,15 +135,15 @@ def nothing_behind_none(x: Exchange, robot: RobotState) -> RuleResult | None:
 def no_program_when_idle(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A robot that was idle before and after has reported no program in between."""
     begin_ns = robot.history.idle_seen_ns
-    idle = robot.history.idle_since_ns is not None and not robot.busy and x.answer == "00"
+    idle = robot.history.idle_since_ns is not None and not robot.busy and x.reply_value == "00"
     if not idle or x.time_ns - begin_ns > _SECOND_NS:
         return None
     for y in robot.history.between("get_running_program", begin_ns, x.time_ns):
-        if y.answer:
+        if y.reply_value:
             return failed(
                 UserMessage(
                     "the reply reports {answer} as running although the robot is idle",
-                    answer=show(y.answer.name),
+                    answer=show(y.reply_value.name),
                 ),
                 expected="0",
                 observed=observed(y.reply) if y.reply else "",
@@ -159,14 +168,16 @@ def none_in_one_character(seen: FrameSeen, _: RobotState) -> RuleResult | None:
 @rule("4.9/8", on=Exchange, names=_INFO)
 def short_name(x: Exchange, _: RobotState) -> RuleResult | None:
     """The program name has at most 30 bytes (L226; A-4.9-5)."""
-    if not x.answer:
+    if not x.reply_value:
         return None
-    if len(x.answer.name) <= NAME_MAX_BYTES:
+    if len(x.reply_value.name) <= NAME_MAX_BYTES:
         return PASSED
     return tolerated(
         "A-4.9-5",
         "longer",
-        UserMessage("the program's name has {answer_count} bytes", answer_count=len(x.answer.name)),
+        UserMessage(
+            "the program's name has {answer_count} bytes", answer_count=len(x.reply_value.name)
+        ),
     )
 
 
@@ -178,16 +189,21 @@ def flag_agrees_with_status(x: Exchange, robot: RobotState) -> RuleResult | None
     """
     before = robot.history.last("get_status", before_ns=x.time_ns)
     near = before is not None and x.time_ns - before.time_ns <= _SECOND_NS
-    if before is None or not near or before.answer != x.answer or x.answer not in ("01", "02"):
+    if (
+        before is None
+        or not near
+        or before.reply_value != x.reply_value
+        or x.reply_value not in ("01", "02")
+    ):
         return None
     if any(answered_ns(y) > before.time_ns for y in robot.history.accepted):
         return None
     for y in robot.history.between("get_running_program", answered_ns(before), x.time_ns):
-        if y.answer:
+        if y.reply_value:
             return PASSED
         if not _says_none(y) or _program(y):  # of a program on record 4.9/2 says it
             continue
-        if x.answer == "02":
+        if x.reply_value == "02":
             return tolerated(
                 "A-4.9-4", "no", "the reply does not report a simulated program as running"
             )

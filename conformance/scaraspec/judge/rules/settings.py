@@ -31,7 +31,11 @@ def in_force(setter: str, x: Exchange, robot: RobotState) -> Exchange | None:
     was not switched off since: what survives that is open (A-4-6).
     """
     found = robot.history.last(setter, before_ns=x.time_ns)
-    if found is None or not found.accepted or robot.history.asked.get(setter) is not found.request:
+    if (
+        found is None
+        or not found.accepted
+        or robot.history.last_requests.get(setter) is not found.request
+    ):
         return None
     if found.request.parsed and found.request.parsed.decoded.issues:
         return None
@@ -46,7 +50,7 @@ def switched_off_since(x: Exchange, robot: RobotState) -> bool:
 
     A new address ends the connections, too (A-4.4-1).
     """
-    shutdown = robot.history.asked.get("shutdown")
+    shutdown = robot.history.last_requests.get("shutdown")
     if shutdown and shutdown.place.time_ns > x.time_ns:
         return True
     return x.name != "set_network" and robot.history.hung_up_ns > x.time_ns
@@ -73,9 +77,9 @@ def _read_back(
     setter: str, x: Exchange, robot: RobotState, same: Callable[[Exchange, Any], bool]
 ) -> RuleResult | None:
     setting = in_force(setter, x, robot)
-    if setting is None or x.answer is None:
+    if setting is None or x.reply_value is None:
         return None
-    return PASSED if same(setting, x.answer) else _other_value(setting, x)
+    return PASSED if same(setting, x.reply_value) else _other_value(setting, x)
 
 
 # What was refused
@@ -108,13 +112,13 @@ def refused_position(x: Exchange, robot: RobotState) -> RuleResult | None:
 def _unchanged(setter: str, x: Exchange, robot: RobotState, count: int) -> RuleResult | None:
     """A refused value is not reported afterwards, unless it was reported before."""
     refused = robot.history.last(setter, before_ns=x.time_ns)
-    if refused is None or refused.accepted is not False or refused.asked is None:
+    if refused is None or refused.accepted is not False or refused.request_value is None:
         return None
     before = robot.history.last(x.name, before_ns=refused.time_ns)
-    if before is None or before.answer is None or x.answer is None:
+    if before is None or before.reply_value is None or x.reply_value is None:
         return None
-    since_ns, other = answered_ns(before), robot.history.asked_before.get(setter)
-    if robot.history.asked.get(setter) is not refused.request:
+    since_ns, other = answered_ns(before), robot.history.previous_requests.get(setter)
+    if robot.history.last_requests.get(setter) is not refused.request:
         return None
     if other and other.place.time_ns > before.time_ns:
         return None
@@ -122,7 +126,9 @@ def _unchanged(setter: str, x: Exchange, robot: RobotState, count: int) -> RuleR
         return None
     if executed_since(since_ns, robot, PROGRAMS):
         return None
-    now, former, asked = (_fields(y)[:count] for y in (x.answer, before.answer, refused.asked))
+    now, former, asked = (
+        _fields(y)[:count] for y in (x.reply_value, before.reply_value, refused.request_value)
+    )
     changed = [pair for *pair, was in zip(now, asked, former, strict=True) if pair[0] != was]
     if not changed:
         return PASSED
@@ -149,7 +155,12 @@ def _fields(value: Any) -> tuple[Any, ...]:
 def wrong_old_password(x: Exchange, robot: RobotState) -> RuleResult | None:
     """With a wrong old password the change is answered "0" (L140; A-4.2-1)."""
     known = robot.history.passwords
-    if x.accepted is None or x.asked is None or len(known) != 1 or x.asked.old in known:
+    if (
+        x.accepted is None
+        or x.request_value is None
+        or len(known) != 1
+        or x.request_value.old in known
+    ):
         return None
     if not x.accepted:
         return PASSED
@@ -169,7 +180,9 @@ def reply_before_the_change(x: Exchange, _: RobotState) -> RuleResult | None:
 @rule("4.4/4", on=Exchange, names=("get_network",))
 def network_reads_back(x: Exchange, robot: RobotState) -> RuleResult | None:
     """After "1" 0x04 gives the new values (L157); padding with zeros changes none (A-4.3-2)."""
-    return _read_back("set_network", x, robot, lambda setting, answer: setting.asked == answer)
+    return _read_back(
+        "set_network", x, robot, lambda setting, answer: setting.request_value == answer
+    )
 
 
 # 4.13
@@ -182,7 +195,7 @@ def default_reads_back(x: Exchange, robot: RobotState) -> RuleResult | None:
     Where it was deleted since, there may be none.
     """
     setting = in_force("set_default_program", x, robot)
-    deletion = robot.history.asked.get("delete_program")
+    deletion = robot.history.last_requests.get("delete_program")
     if setting is None or (deletion and deletion.place.time_ns >= setting.time_ns):
         return None
     if _may_be_unknown_opcode(x, robot, since_ns=setting.time_ns):
@@ -192,7 +205,7 @@ def default_reads_back(x: Exchange, robot: RobotState) -> RuleResult | None:
         )
         return tolerated("on_unknown", "0", message)
     return _read_back(
-        "set_default_program", x, robot, lambda setting, answer: setting.asked == answer
+        "set_default_program", x, robot, lambda setting, answer: setting.request_value == answer
     )
 
 
@@ -214,7 +227,7 @@ def _may_be_unknown_opcode(x: Exchange, robot: RobotState, since_ns: int) -> boo
 
 
 def _same_numbers(setting: Exchange, answer: Any, count: int) -> bool:
-    return read_back(answer[:count], setting.asked[:count])
+    return read_back(answer[:count], setting.request_value[:count])
 
 
 @rule("4.20/3", on=Exchange, names=("get_gripper_center",))
@@ -241,15 +254,15 @@ def position_reads_back(x: Exchange, robot: RobotState) -> RuleResult | None:
 def gripper_stays(x: Exchange, robot: RobotState) -> RuleResult | None:
     """Setting the initial position leaves 0x34 as it was."""
     setting = in_force("set_initial_tool_position", x, robot)
-    if setting is None or x.answer is None:
+    if setting is None or x.reply_value is None:
         return None
     before = robot.history.last("get_gripper_center", before_ns=setting.time_ns)
-    changed = robot.history.asked.get("set_gripper_center")
+    changed = robot.history.last_requests.get("set_gripper_center")
     if before is None or (changed and changed.place.time_ns >= before.time_ns):
         return None
     if executed_since(before.time_ns, robot, PROGRAMS) or switched_off_since(before, robot):
         return None
-    if before.answer == x.answer:
+    if before.reply_value == x.reply_value:
         return PASSED
     return failed(
         "setting the initial tool position changed the gripper centre",

@@ -61,14 +61,14 @@ def still_after_a_motion(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 def _still_after(names: Sequence[str], x: Exchange, robot: RobotState) -> RuleResult | None:
     motion = last_motion(x, robot)
-    if motion is None or motion.name not in names or not x.answer:
+    if motion is None or motion.name not in names or not x.reply_value:
         return None
     if answered_ns(x) - ended_ns(motion) > MOMENT_NS:
         return None
     first = next(robot.history.between(x.name, ended_ns(motion), x.time_ns), None)
-    if first is None or not first.answer:
+    if first is None or not first.reply_value:
         return None
-    if max_deviation(first.answer, x.answer) <= STANDSTILL:
+    if max_deviation(first.reply_value, x.reply_value) <= STANDSTILL:
         return PASSED
     if x.name == POSE and gripper_set_since(first.time_ns, robot):
         return None
@@ -89,15 +89,20 @@ def pose_still_when_idle(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 def _still_between_statuses(name: str, x: Exchange, robot: RobotState) -> RuleResult | None:
     before = robot.history.last("get_status", before_ns=x.time_ns)
-    if before is None or before.answer != "00" or x.answer != "00" or locked(robot) is not True:
+    if (
+        before is None
+        or before.reply_value != "00"
+        or x.reply_value != "00"
+        or locked(robot) is not True
+    ):
         return None
     begin_ns = answered_ns(before)
     since_ns = robot.history.idle_since_ns
     if since_ns is None or since_ns > begin_ns or x.time_ns - begin_ns > _BLINK_NS:
         return None
-    readings = [y for y in robot.history.between(name, begin_ns, x.time_ns) if y.answer]
+    readings = [y for y in robot.history.between(name, begin_ns, x.time_ns) if y.reply_value]
     for y in readings[1:]:
-        if max_deviation(readings[0].answer, y.answer) > STANDSTILL:
+        if max_deviation(readings[0].reply_value, y.reply_value) > STANDSTILL:
             if name == POSE and gripper_set_since(before.time_ns, robot):
                 return None
             return changed(readings[0], y, "the values changed although the robot was idle")
@@ -113,7 +118,7 @@ def _moves_nothing(x: Exchange, robot: RobotState, *, setter: str) -> RuleResult
         return None
     before = robot.history.last(JOINTS, before_ns=x.time_ns)
     since_ns = robot.history.idle_since_ns
-    if before is None or not before.answer or not x.answer or since_ns is None:
+    if before is None or not before.reply_value or not x.reply_value or since_ns is None:
         return None
     if since_ns > before.time_ns or answered_ns(x) - before.time_ns > MOMENT_NS:
         return None
@@ -127,7 +132,7 @@ def _moves_nothing(x: Exchange, robot: RobotState, *, setter: str) -> RuleResult
     ]
     if len(settings) != 1 or settings[0].name != setter:
         return None
-    if max_deviation(before.answer, x.answer) <= STANDSTILL:
+    if max_deviation(before.reply_value, x.reply_value) <= STANDSTILL:
         return PASSED
     if setter != "set_gripper_center":
         return tolerated(
@@ -144,15 +149,15 @@ for _setter, (_requirement, _) in _SETTERS.items():
 def simulation_does_nothing(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A simulated run moves no joint and sets no output (A-4.16-1)."""
     simulation = robot.history.accepted[-1] if robot.history.accepted else None
-    if simulation is None or simulation.name != _SIMULATE or not x.answer:
+    if simulation is None or simulation.name != _SIMULATE or not x.reply_value:
         return None
     before = reading_before(simulation, x.name, robot)
-    if before is None or x.unsettled or x.time_ns < answered_ns(simulation):
+    if before is None or x.concurrent_uncertain or x.time_ns < answered_ns(simulation):
         return None
-    asked = robot.history.asked.get("set_digital_output")
+    asked = robot.history.last_requests.get("set_digital_output")
     if x.name == _OUTPUTS and asked and asked.place.time_ns > before.time_ns:
         return None
-    same = x.answer == before.answer or (
-        x.name == JOINTS and max_deviation(before.answer, x.answer) <= STANDSTILL
+    same = x.reply_value == before.reply_value or (
+        x.name == JOINTS and max_deviation(before.reply_value, x.reply_value) <= STANDSTILL
     )
     return PASSED if same else changed(before, x, "the values changed during a simulation")

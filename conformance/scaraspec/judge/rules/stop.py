@@ -31,14 +31,14 @@ def refusal_is_bare(x: Exchange, _: RobotState) -> RuleResult | None:
 @rule("4.17/3", "4.17/6", on=Exchange, names=(_STOP,))
 def stop_is_accepted(x: Exchange, robot: RobotState) -> RuleResult | None:
     """While a command executes the stop is answered "1" (L363-371; A-4.17-1)."""
-    moving = [y for y in x.during if y.name in STATE_OF and surely_executes(y, x, robot)]
+    moving = [y for y in x.concurrent if y.name in STATE_OF and surely_executes(y, x, robot)]
     return PASSED if moving and x.accepted else None
 
 
 @rule("4.17/3", "4.17/6", on=Exchange, names=STATE_OF)
 def stop_was_needed(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A command that ends long after a stop was refused needed it."""
-    if not x.stop_asked or not x.result:
+    if not x.stop_requested or not x.result:
         return None
     for stop in robot.history.between(_STOP, answered_ns(x), x.result.begun_ns - _CLEARLY_NS):
         if stop.accepted is False:
@@ -49,9 +49,9 @@ def stop_was_needed(x: Exchange, robot: RobotState) -> RuleResult | None:
 @rule("4.17/3", "4.17/6", on=Exchange, names=("get_status",))
 def stop_is_still_needed(x: Exchange, robot: RobotState) -> RuleResult | None:
     """The same holds for one that the robot reports after the refused stop."""
-    if x.answer not in BUSY:
+    if x.reply_value not in BUSY:
         return None
-    for y in x.during:
+    for y in x.concurrent:
         for stop in robot.history.between(_STOP, answered_ns(y), x.time_ns):
             if stop.accepted is False and y.name in STATE_OF:
                 return _needed(stop, y)

@@ -75,7 +75,7 @@ def refusal(x: Exchange, _: RobotState) -> RuleResult | None:
     """What cannot be done is answered "0|code" (L314, L490-497, L701-706)."""
     if not x.reply or x.accepted is not False:
         return None
-    if x.answer.code:
+    if x.reply_value.code:
         return PASSED
     return _without_code(x) or failed(
         UserMessage("the refusal of {x} has no code of table 8-1", x=x.name),
@@ -127,9 +127,9 @@ def reply_before_execution(x: Exchange, robot: RobotState) -> RuleResult | None:
     lost on its way. Joints are released and locked at once (A-4.25-2): a late answer, both stages
     in it, says nothing of them.
     """
-    if not x.result or x.latency_ns is None or x.duration_ns is None or x.unsettled:
+    if not x.result or x.latency_ns is None or x.duration_ns is None or x.concurrent_uncertain:
         return None  # what began or ended in between may have delayed it (A-4-2)
-    if robot.history.asked.get(x.name) is not x.request:
+    if robot.history.last_requests.get(x.name) is not x.request:
         return None
     if not _comes_at_its_end(x):
         return PASSED
@@ -217,7 +217,7 @@ def failure(x: Exchange, _: RobotState) -> RuleResult | None:
 @rule("4/4", on=Exchange, names=NOT_STOP)
 def refusal_code(x: Exchange, _: RobotState) -> RuleResult | None:
     """The code of a refusal is one of table 8-1 that can refuse (A-0-7)."""
-    code = errors.lookup(x.answer.code) if x.accepted is False and x.answer.code else None
+    code = errors.lookup(x.reply_value.code) if x.accepted is False and x.reply_value.code else None
     if code is None:
         return None
     if code in errors.REFUSALS:
@@ -240,7 +240,7 @@ def failure_code(x: Exchange, _: RobotState) -> RuleResult | None:
     code = errors.lookup(x.outcome.code) if x.outcome and x.outcome.code else None
     if code is None:
         return None
-    stopped = code.kind is errors.Kind.IDLE and x.stop_asked
+    stopped = code.kind is errors.Kind.IDLE and x.stop_requested
     if code in errors.FAILURES or stopped or code.kind is errors.Kind.MISSING_FILE:
         return PASSED
     return tolerated(
@@ -264,7 +264,7 @@ def not_repeated(x: Exchange, _: RobotState) -> RuleResult | None:
 
     A capture does not tell whether the client or its user asked again.
     """
-    if all(y.name != x.name or y.asked != x.asked for y in x.during):
+    if all(y.name != x.name or y.request_value != x.request_value for y in x.concurrent):
         return PASSED
     return tolerated(
         "A-4-2",

@@ -33,16 +33,16 @@ def dotted_version(seen: FrameSeen, _: RobotState) -> RuleResult | None:
 def constant_version(x: Exchange, robot: RobotState) -> RuleResult | None:
     """The version does not change within a session (L203)."""
     before = robot.history.last(x.name, before_ns=x.time_ns)
-    if before is None or before.answer is None or x.answer is None:
+    if before is None or before.reply_value is None or x.reply_value is None:
         return None
     if before.request.place.connection != x.request.place.connection:
         return None
-    if before.answer == x.answer:
+    if before.reply_value == x.reply_value:
         return PASSED
     return failed(
         "the version changed within a session",
-        expected=before.answer,
-        observed=x.answer,
+        expected=before.reply_value,
+        observed=x.reply_value,
         at=(*places_of(before), *places_of(x)),
     )
 
@@ -98,9 +98,9 @@ def temperatures_have_their_opcode(x: Exchange, _: RobotState) -> RuleResult | N
 @rule("4.14/5", on=Exchange, names=_TEMPERATURES)
 def plausible_temperatures(x: Exchange, _: RobotState) -> RuleResult | None:
     """Values are temperatures in degrees Celsius (L299; A-T-8)."""
-    if not x.answer or not x.reply:
+    if not x.reply_value or not x.reply:
         return None
-    if all(_COLDEST_C <= value <= _HOTTEST_C for value in x.answer):
+    if all(_COLDEST_C <= value <= _HOTTEST_C for value in x.reply_value):
         return PASSED
     return failed(
         "a motor is colder or hotter than any motor in degrees Celsius",

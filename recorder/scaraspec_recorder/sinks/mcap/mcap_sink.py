@@ -207,7 +207,7 @@ class McapSink:
         request, reply, result = exchange.request, exchange.reply, exchange.result
         latency_ns, duration_ns = exchange.latency_ns, exchange.duration_ns
         latency = self._latencies.exchange(exchange)
-        answer = exchange.outcome or exchange.answer
+        answer = exchange.outcome or exchange.reply_value
         code = answer.code if isinstance(answer, Acceptance | Outcome) else None
         data = schemas.encode(
             schemas.Exchange,
@@ -231,7 +231,7 @@ class McapSink:
             recorder_ms=latency.recorder_ns / 1e6 if latency else None,
         )
         self._add("/exchanges", data)
-        answer = exchange.answer
+        answer = exchange.reply_value
         if exchange.name == "get_joint_angles" and isinstance(answer, JointValues):
             self._arm(answer)
         elif exchange.name == "get_tool_coordinates" and isinstance(answer, Pose):

@@ -237,7 +237,7 @@ class RerunSink:
             what = "upload" if exchange.transfer.upload else "download"
             self._state(blueprint.TRANSFER, f"{what} {show(exchange.transfer.name)}")
         drawer = self._DRAWERS.get(exchange.name)
-        if exchange.answer is None and exchange.name != "get_running_program":
+        if exchange.reply_value is None and exchange.name != "get_running_program":
             return  # a refusal; "no program runs" is a state
         if drawer and exchange.reply and not event_text.defect_texts(exchange.reply):
             drawer(self, exchange)
@@ -251,15 +251,15 @@ class RerunSink:
                 self._put(blueprint.PROGRAM_PAGE, rerun_rows.pages, page)
 
     def _status(self, exchange: Exchange) -> None:
-        self._state(blueprint.ROBOT_STATUS, str(exchange.answer).upper())
+        self._state(blueprint.ROBOT_STATUS, str(exchange.reply_value).upper())
 
     def _program(self, exchange: Exchange) -> None:
-        answer = exchange.answer
+        answer = exchange.reply_value
         name = show(answer.name) if isinstance(answer, RunningProgram) else ""
         self._state(blueprint.PROGRAM, name)
 
     def _temperatures(self, exchange: Exchange) -> None:
-        self._series("temperature", exchange.answer)
+        self._series("temperature", exchange.reply_value)
 
     def _series(self, group: str, values: Any) -> None:
         """Draw the fields of a named tuple that have a line in a plot."""
@@ -268,7 +268,7 @@ class RerunSink:
                 self._put(f"{group}/{name}", rerun_rows.scalars, value)
 
     def _joints(self, exchange: Exchange) -> None:
-        joints = exchange.answer
+        joints = exchange.reply_value
         assert isinstance(joints, JointValues)
         self._series("joint", joints)
         if not self._links:
@@ -289,7 +289,7 @@ class RerunSink:
                 self._put(f"{entity}/shape_{number}", columns, shape)
 
     def _tool_pose(self, exchange: Exchange) -> None:
-        pose = exchange.answer
+        pose = exchange.reply_value
         assert isinstance(pose, Pose)
         self._series("tool", pose)
         here = (pose.x, pose.y, pose.z)
@@ -299,21 +299,25 @@ class RerunSink:
         self._tool = here
 
     def _inputs(self, exchange: Exchange) -> None:
-        for port, bit in enumerate(reversed(exchange.answer), start=1):  # leftmost: 8 (L651)
+        for port, bit in enumerate(reversed(exchange.reply_value), start=1):  # leftmost: 8 (L651)
             self._state(blueprint.input_lane(port), bit)
 
     def _outputs(self, exchange: Exchange) -> None:
-        for port, bit in enumerate(reversed(exchange.answer), start=1):  # leftmost: 16 (L684)
+        for port, bit in enumerate(reversed(exchange.reply_value), start=1):  # leftmost: 16 (L684)
             self._state(blueprint.output_lane(port), bit)
 
     def _output(self, exchange: Exchange) -> None:
-        output = exchange.asked
+        output = exchange.request_value
         if exchange.accepted and isinstance(output, PortValue) and output.port in _PORTS:
             self._state(blueprint.output_lane(output.port), str(output.value))
 
     def _analog(self, exchange: Exchange) -> None:
-        if exchange.asked in _PORTS:
-            self._put(blueprint.analog_series(exchange.asked), rerun_rows.scalars, exchange.answer)
+        if exchange.request_value in _PORTS:
+            self._put(
+                blueprint.analog_series(exchange.request_value),
+                rerun_rows.scalars,
+                exchange.reply_value,
+            )
 
     # Functions, not bound methods: those would create a reference cycle.
     _DRAWERS: Final[Mapping[str, Callable[["RerunSink", Exchange], None]]] = {
