@@ -29,62 +29,62 @@ _GROUP: Final = 10
 
 
 class _Act(NamedTuple):
-    """What can be done: the hazards that have to be allowed for it, and the commands it uses."""
+    """A kind of step: the hazards that must be allowed, and the commands that it uses."""
 
     hazards: frozenset[Hazard]
     commands: tuple[str, ...] = ()
 
 
-_ASKS: Final[frozenset[Hazard]] = frozenset()
-_SETS: Final = frozenset({Hazard.STATE})
-_OPENS: Final = _SETS | {Hazard.DESTRUCTIVE}
-_MOVES: Final = _SETS | {Hazard.MOTION}
+_READ_ONLY: Final[frozenset[Hazard]] = frozenset()
+_STATE: Final = frozenset({Hazard.STATE})
+_DESTRUCTIVE: Final = _STATE | {Hazard.DESTRUCTIVE}
+_MOTION: Final = _STATE | {Hazard.MOTION}
 _ACTS: Final[Mapping[str, _Act]] = {
-    "look": _Act(_ASKS, ("get_running_program",)),
-    "query": _Act(_ASKS),
-    "reconnect": _Act(_ASKS),
-    "log_in": _Act(_SETS),
-    "log_in_wrongly": _Act(_SETS),
-    "upload": _Act(_SETS),
-    "download": _Act(_SETS),
-    "delete": _Act(_SETS),
-    "list_programs": _Act(_SETS, ("list_programs",)),
-    "set_default": _Act(_SETS, ("get_default_program", "set_default_program")),
-    "get_default": _Act(_SETS, ("get_default_program", "set_default_program")),
-    "set_centre": _Act(_SETS, ("get_gripper_center", "set_gripper_center")),
-    "set_initial": _Act(_SETS, ("get_initial_tool_position", "set_initial_tool_position")),
-    "get_poses": _Act(_SETS, ("get_gripper_center", "get_initial_tool_position")),
-    "set_clock": _Act(_SETS, ("get_time", "set_time")),
-    "get_clock": _Act(_ASKS, ("get_time",)),
-    "set_password": _Act(_OPENS, ("set_password",)),
-    "mistake_password": _Act(_OPENS, ("set_password",)),
-    "set_output": _Act(_MOVES, ("get_digital_outputs", "set_digital_output")),
-    "get_outputs": _Act(_MOVES, ("get_digital_outputs", "set_digital_output")),
-    "run": _Act(_MOVES, (RUN, STOP)),
-    "simulate": _Act(_MOVES, (SIMULATE, STOP)),
-    "interrupt": _Act(_MOVES, (RUN, SIMULATE, STOP)),
-    "move": _Act(_MOVES, (MOVE,)),
-    "stop": _Act(_MOVES, (STOP,)),
+    "look": _Act(_READ_ONLY, ("get_running_program",)),
+    "query": _Act(_READ_ONLY),
+    "reconnect": _Act(_READ_ONLY),
+    "log_in": _Act(_STATE),
+    "log_in_wrongly": _Act(_STATE),
+    "upload": _Act(_STATE),
+    "download": _Act(_STATE),
+    "delete": _Act(_STATE),
+    "list_programs": _Act(_STATE, ("list_programs",)),
+    "set_default": _Act(_STATE, ("get_default_program", "set_default_program")),
+    "get_default": _Act(_STATE, ("get_default_program", "set_default_program")),
+    "set_centre": _Act(_STATE, ("get_gripper_center", "set_gripper_center")),
+    "set_initial": _Act(_STATE, ("get_initial_tool_position", "set_initial_tool_position")),
+    "get_poses": _Act(_STATE, ("get_gripper_center", "get_initial_tool_position")),
+    "set_clock": _Act(_STATE, ("get_time", "set_time")),
+    "get_clock": _Act(_READ_ONLY, ("get_time",)),
+    "set_password": _Act(_DESTRUCTIVE, ("set_password",)),
+    "mistake_password": _Act(_DESTRUCTIVE, ("set_password",)),
+    "set_output": _Act(_MOTION, ("get_digital_outputs", "set_digital_output")),
+    "get_outputs": _Act(_MOTION, ("get_digital_outputs", "set_digital_output")),
+    "run": _Act(_MOTION, (RUN, STOP)),
+    "simulate": _Act(_MOTION, (SIMULATE, STOP)),
+    "interrupt": _Act(_MOTION, (RUN, SIMULATE, STOP)),
+    "move": _Act(_MOTION, (MOVE,)),
+    "stop": _Act(_MOTION, (STOP,)),
 }
 
 
 def operations_within(
     subject: ControllerUnderTest, hazards: frozenset[Hazard], only: Sequence[str] = ()
 ) -> list[str]:
-    """What can be done to a subject with no more than these hazards, or what of it is named.
+    """Return the steps that are possible with these hazards, or those of them in `only`.
 
-    What is named several times is drawn as often.
+    A name that occurs several times in `only` is drawn more often.
     """
-    lacks = subject.ics.unsupported
+    unsupported = subject.ics.unsupported
     return [
         name
         for name in only or _ACTS
-        if _ACTS[name].hazards <= hazards and lacks.isdisjoint(_ACTS[name].commands)
+        if _ACTS[name].hazards <= hazards and unsupported.isdisjoint(_ACTS[name].commands)
     ]
 
 
 def sequences(acts: list[str], groups: int) -> st.SearchStrategy[list[Step]]:
-    """Sequences of these acts; the more groups, the longer they may be."""
+    """Return a strategy for sequences of these steps. More groups allow longer sequences."""
     number = st.integers(0, VALUES - 1)
     group = st.lists(
         st.builds(Step, st.sampled_from(acts), number, number, number), max_size=_GROUP
@@ -95,7 +95,7 @@ def sequences(acts: list[str], groups: int) -> st.SearchStrategy[list[Step]]:
 
 
 def endless_sequence(acts: list[str]) -> Iterator[Step]:
-    """A sequence that does not end, always the same."""
+    """Yield a reproducible sequence without end."""
     drawn = random.Random(0)  # noqa: S311 - it must be reproducible
     while True:
         numbers = (drawn.randrange(VALUES) for _ in range(3))
@@ -106,9 +106,12 @@ def endless_sequence(acts: list[str]) -> Iterator[Step]:
 def state_preserved(
     subject: ControllerUnderTest, line: OutgoingConnection, hazards: frozenset[Hazard]
 ) -> Iterator[list[bytes]]:
-    """Put back afterwards whatever sequences may change; the names that they may give to files.
+    """Restore everything that sequences may change when the context ends.
 
-    The connection is closed: sequences have their own.
+    The connection is closed, because sequences open their own.
+
+    Yields:
+        The names that sequences may give to files.
     """
     with ExitStack() as stack:
         if Hazard.STATE in hazards:
@@ -128,10 +131,10 @@ def state_preserved(
 def new_model(
     subject: ControllerUnderTest, acts: list[str], names: Sequence[bytes]
 ) -> Iterator[Model]:
-    """A model to begin with, where no file of these names is stored; all is taken away afterwards.
+    """Yield a new model without files. Check the final state and clean up when the context ends.
 
     Raises:
-        CaseFailed: In the end the subject is not as it has to be.
+        CaseFailed: The final state of the controller differs from the model.
     """
     if "set_password" in acts:
         for _ in range(2):
@@ -155,14 +158,18 @@ def attempt(
     steps: Sequence[Step],
     like: Failure | None = None,
 ) -> Failure | None:
-    """Take all steps of a sequence; how it fails, of the same requirement as another if need be."""
-    taken = 0
+    """Perform all steps of a sequence.
+
+    Returns:
+        How it fails; None if it passes, or if it violates another requirement than `like`.
+    """
+    performed = 0
     try:
         with new_model(subject, acts, names) as model:
             for step in steps:
-                taken += 1
+                performed += 1
                 model.perform(step)
     except CaseFailed as error:
         if like is None or error.requirement == like.error.requirement:
-            return Failure(error, taken)
+            return Failure(error, performed)
     return None

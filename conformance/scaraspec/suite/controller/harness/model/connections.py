@@ -20,7 +20,7 @@ class ConnectionSteps(ModelState):
     def _reconnect(self, step: Step, line: OutgoingConnection) -> str | None:
         line.close()
         self._lines[step.line % len(self._lines)] = self._connection()
-        return f"connect anew ({step.line % len(self._lines)})"
+        return f"reconnect ({step.line % len(self._lines)})"
 
     def _log_in(self, _: Step, line: OutgoingConnection) -> str | None:
         if not self._subject.access.needs_login:
@@ -39,23 +39,23 @@ class ConnectionSteps(ModelState):
         except NoReply:
             silent = other.ending is None
             other.close()
-            if silent and self._serves_a_third():
+            if silent and self._serves_another():
                 raise
-            return None  # it serves no more than two (A-2-2)
+            return None  # it serves no third connection (A-2-2)
         expect(
             answer.accepted is False,
-            "a wrong password opens",
+            "a wrong password was accepted",
             expected="0",
             observed=f"{answer}",
             requirement="4.1/3",
         )
-        with suppress(NoReply):  # it may end the connection; two in a row may lock us out
+        with suppress(NoReply):  # two failures in a row may lock the suite out
             other.ask("login", self._password)
         other.close()
-        return "log in wrongly elsewhere"
+        return "log in with a wrong password elsewhere"
 
-    def _serves_a_third(self) -> bool:
-        """Whether one more connection is answered: some are let in when another one leaves."""
+    def _serves_another(self) -> bool:
+        """Whether another connection is served; it may be served after one was closed."""
         third = self._subject.open(login=False)
         try:
             return third.ask("login", self._password).accepted is True
@@ -72,7 +72,7 @@ class ConnectionSteps(ModelState):
         if not expect_password_changed(line, self._password, new):
             return f"set the password {show(new)}, refused"
         self._password = new
-        self._all_anew("4.2/4", "the new password does not open the next login")
+        self._reconnect_all("4.2/4", "the next login with the new password was refused")
         return f"set the password {show(new)}"
 
     def _mistake_password(self, _: Step, line: OutgoingConnection) -> str | None:
@@ -86,11 +86,11 @@ class ConnectionSteps(ModelState):
             observed=f"{answer}",
             requirement="4.2/3",
         )
-        self._all_anew("4.2/5", "the password does not open the next login")
-        return "mistake the old password"
+        self._reconnect_all("4.2/5", "the next login with the password was refused")
+        return "change the password with a wrong old one"
 
-    def _all_anew(self, requirement: str, message: str) -> None:
-        """Connect again: the login may be lost (A-4.2-2)."""
+    def _reconnect_all(self, requirement: str, message: str) -> None:
+        """Open all connections again: the login may be lost (A-4.2-2)."""
         for line in self._lines:
             line.close()
         try:

@@ -47,44 +47,44 @@ class ExecutionSteps(FileSteps):
     """Starts and stops commands, and sets outputs."""
 
     def _look(self, _: Step, line: OutgoingConnection) -> str | None:
-        if self._deaf:
+        if self._unresponsive:
             return None
         self._expect_executing(line)
         return "look"
 
     def _expect_executing(self, line: OutgoingConnection) -> None:
-        """The status and the reported program are those of what executes."""
-        if self._is_over(within_s=0):
+        """Require that the status and the running program are those of the executing command."""
+        if self._simulation_ended(within_s=0):
             return
         command, name = self._running[:2] if self._running else ("", b"")
         status = line.ask("get_status") if command else status_after_result(line)
-        told = line.ask("get_running_program")
-        due = STATES[command] if command else IDLE
-        if status.value != due and self._is_over(within_s=SILENCE_S):
+        reply = line.ask("get_running_program")
+        expected = STATES[command] if command else IDLE
+        if status.value != expected and self._simulation_ended(within_s=SILENCE_S):
             return
         expect(
-            status.value == due,
+            status.value == expected,
             UserMessage(
-                "the status is {status_value} while {value} executes",
-                status_value=status.value,
-                value=command or "nothing",
+                "the status is {status} while {command} executes",
+                status=status.value,
+                command=command or "nothing",
             ),
-            expected=due,
+            expected=expected,
             observed=f"{status}",
             requirement={RUN: "4.8/4", SIMULATE: "4.8/5"}.get(command, "4.8/3"),
         )
-        running = told.value if isinstance(told.value, RunningProgram) else None
-        if command == RUN or (running and command):  # a simulation need not be told (A-4.9-4)
+        running = reply.value if isinstance(reply.value, RunningProgram) else None
+        if command == RUN or (running and command):  # a simulation may be unreported (A-4.9-4)
             expect(
                 running is not None and running.name == name,
-                "another program is told than the one that runs",
+                "the reported program is not the one that runs",
                 expected=show(name),
-                observed=f"{told}",
+                observed=f"{reply}",
                 requirement="4.9/4" if running else "4.9/2",
             )
         elif running:
-            message = "a program is told although none runs"
-            raise CaseFailed(message, expected="0", observed=f"{told}", requirement="4.9/6")
+            message = "a running program is reported although none runs"
+            raise CaseFailed(message, expected="0", observed=f"{reply}", requirement="4.9/6")
 
     def _set_output(self, step: Step, line: OutgoingConnection) -> str | None:
         port, on = self._ports[step.which % len(self._ports)], bool(step.value % 2)
@@ -92,9 +92,9 @@ class ExecutionSteps(FileSteps):
         expect(
             answer.accepted,
             UserMessage(
-                "output {port}, which could be set before, cannot be set to {on:d}",
+                "output {port} could be set before and cannot be set to {value:d}",
                 port=port,
-                on=on,
+                value=on,
             ),
             expected="1",
             observed=f"{answer}",
@@ -104,19 +104,19 @@ class ExecutionSteps(FileSteps):
         return f"set output {port} to {on:d}"
 
     def _get_outputs(self, _: Step, line: OutgoingConnection) -> str | None:
-        if self._deaf:
+        if self._unresponsive:
             return None
-        shown, as_set = outputs(line), self._outputs[frozenset()]
-        if shown != as_set and shown in self._outputs.values():
-            told = "a program that begins, or is stopped, switches the outputs off"
-            self._subject.tolerate("4.32/6", "A-4.32-3", "off", told)
+        reported, as_set = outputs(line), self._outputs[frozenset()]
+        if reported != as_set and reported in self._outputs.values():
+            message = "the outputs are switched off when a program starts or is stopped"
+            self._subject.tolerate("4.32/6", "A-4.32-3", "off", message)
         else:
-            message = "the outputs are others than were set"
-            expect_equal(digits(shown), digits(as_set), message, requirement="4.32/6")
-        self._outputs = dict.fromkeys(SWITCHED_OFF_BY, shown)
-        return "ask for the outputs"
+            message = "the outputs differ from what was set"
+            expect_equal(digits(reported), digits(as_set), message, requirement="4.32/6")
+        self._outputs = dict.fromkeys(SWITCHED_OFF_BY, reported)
+        return "query the outputs"
 
-    def _may_switch_off(self, event: str) -> None:
+    def _note_switch_off(self, event: str) -> None:
         for by in self._outputs:
             if event in by:
                 self._outputs[by] = _ALL_OFF
@@ -128,20 +128,20 @@ class ExecutionSteps(FileSteps):
         return self._begin(SIMULATE, self._name(step), line)
 
     def _interrupt(self, step: Step, line: OutgoingConnection) -> str | None:
-        """Begin what does not end, be refused another command perhaps, and stop it."""
+        """Start a program that does not end, perhaps try another command, and stop it."""
         uploaded = ""
-        if not self._endless:
+        if not self._endless_programs:
             uploaded = f"{self._upload(step._replace(value=ENDLESS), line)}; "
-            if not self._endless:  # the name was taken
+            if not self._endless_programs:  # the name was in use
                 return uploaded.rstrip("; ")
         command, other = (RUN, SIMULATE) if step.value % 2 else (SIMULATE, RUN)
-        begun = self._begin(command, self._endless[0], line)
+        begun = self._begin(command, self._endless_programs[0], line)
         refused = self._expect_busy(other, self._name(step), line) if step.value > 1 else None
         self._stop(step, line)
         return uploaded + "; ".join(filter(None, (begun, refused, "stop")))
 
     def _begin(self, command: str, name: bytes, line: OutgoingConnection) -> str | None:
-        if self._running and not self._is_over(within_s=0):
+        if self._running and not self._simulation_ended(within_s=0):
             return self._expect_busy(command, name, line)
         self._subject.moved = True
         answer = line.ask(command, name)
@@ -149,43 +149,43 @@ class ExecutionSteps(FileSteps):
             if answer.accepted:  # it may fail late (A-4.15-1)
                 result = line.result(command)
                 message = UserMessage(
-                    "{command} of a program that is not stored ends as done", command=command
+                    "{command} of a program that is not stored succeeds", command=command
                 )
                 expect(not result.done, message, observed=f"{result}", requirement="4.15/7")
-            return f"{command} {show(name)}, which is not there"
+            return f"{command} {show(name)}, which is not stored"
         expect_accepted(command, answer)
-        self._centre = self._initial = None  # a program brings its own, perhaps (A-6.3-3)
-        self._may_switch_off(command)
-        if name in self._endless:
+        self._center = self._initial = None  # a program may set its own (A-6.3-3)
+        self._note_switch_off(command)
+        if name in self._endless_programs:
             self._running = command, name, line
             return f"{command} {show(name)}, which does not end"
         expect_success(self._subject, line, command)
         return f"{command} {show(name)}"
 
     def _expect_busy(self, command: str, name: bytes, line: OutgoingConnection) -> str | None:
-        if self._deaf or self._subject.dialect["busy_reply"] == "queue":
+        if self._unresponsive or self._subject.dialect["busy_reply"] == "queue":
             return None
         answer = try_request(line, command, name)
-        if answer is not None and answer.accepted and self._is_over(within_s=0):
+        if answer is not None and answer.accepted and self._simulation_ended(within_s=0):
             stop_motion(self._subject, line)
-            return f"{command} {show(name)} behind the end of a simulation"
+            return f"{command} {show(name)} after the end of a simulation"
         expect(
             answer is None or not answer.accepted,
             UserMessage(
-                "{command} is accepted while {value} executes",
+                "{command} is accepted while {executing} executes",
                 command=command,
-                value=self._running[0] if self._running else "",
+                executing=self._running[0] if self._running else "",
             ),
             expected="0|01 or 0|02",
             observed=f"{answer}",
             requirement="4/6",
         )
         self._expect_executing(line)
-        return f"{command} {show(name)} meanwhile"
+        return f"{command} {show(name)} while it executes"
 
     def _move(self, _: Step, line: OutgoingConnection) -> str | None:
-        """To where the arm stands; 0x39 may mean the gripper's centre (A-4.23-1)."""
-        if self._recentred:
+        """Move to the current pose; 0x39 may refer to the gripper center (A-4.23-1)."""
+        if self._center_was_set:
             return None
         self._subject.moved = True
         answer = line.ask(MOVE, move_target(self._here, self._subject.ics.motion.speed_percent))
@@ -194,7 +194,7 @@ class ExecutionSteps(FileSteps):
         at = pose_of(line)
         expect(
             pose_deviation(at, self._here) <= REACHED,
-            "behind a move the arm is not where it was to go",
+            "after a move the arm is not at its target",
             expected=f"{self._here[:4]}",
             observed=f"{at[:4]}",
             requirement="4.24/8",
@@ -202,16 +202,16 @@ class ExecutionSteps(FileSteps):
         return "move"
 
     def _stop(self, _step: Step, line: OutgoingConnection) -> str | None:
-        """On the connection that began it: the others get no result."""
-        self._may_switch_off(STOP if self._running else IDLE_STOP)
+        """Stop on the connection that started the command: the others get no result."""
+        self._note_switch_off(STOP if self._running else IDLE_STOP)
         if not self._running:
             stop_while_idle(self._subject, line)
             return IDLE_STOP
-        if self._is_over(within_s=0):
+        if self._simulation_ended(within_s=0):
             return None
         command, _name, owner = self._running
         answer = stop(self._subject, owner)
-        if not answer.accepted and self._is_over(within_s=SILENCE_S):
+        if not answer.accepted and self._simulation_ended(within_s=SILENCE_S):
             return None
         expect(
             answer.accepted,

@@ -19,7 +19,7 @@ class FileSteps(ModelState):
     """Transfers, lists and deletes files."""
 
     def _content(self, line: OutgoingConnection, value: int) -> bytes:
-        """Programs that do nothing, of several sizes, and one that does not end."""
+        """Return a program that does nothing, in several sizes, or one that does not end."""
         dialect, layout = self._subject.dialect, layout_in_use(self._subject)
         base = configured(self._subject, line)
         if value >= ENDLESS:
@@ -29,42 +29,45 @@ class FileSteps(ModelState):
     def _upload(self, step: Step, line: OutgoingConnection) -> str | None:
         name, content = self._names[step.which % len(self._names)], self._content(line, step.value)
         self._settle_transfer(line)
-        answer, there = line.ask("upload_name", data=name), name in self._files
+        answer, exists = line.ask("upload_name", data=name), name in self._files
         expect(
-            answer.accepted is not there,
+            answer.accepted is not exists,
             UserMessage(
-                "{name} was {value} although there is {value_2}",
+                "the upload of {name} was {action} although the file {state}",
                 name=show(name),
-                value="accepted" if there else "refused",
-                value_2="one" if there else "none",
+                action="accepted" if exists else "refused",
+                state="exists" if exists else "does not exist",
             ),
-            expected="0" if there else "1",
+            expected="0" if exists else "1",
             observed=f"{answer}",
-            requirement="5.2/3" if there else "5.2/2",
+            requirement="5.2/3" if exists else "5.2/2",
         )
-        if there:
+        if exists:
             return f"upload {show(name)} again"
         for chunk in chunks_of(content):
             send_chunk(line, chunk)
         self._files[name] = content
         if step.value >= ENDLESS:
-            self._endless.append(name)
+            self._endless_programs.append(name)
         return f"upload {show(name)} of {len(content)} bytes"
 
     def _download(self, step: Step, line: OutgoingConnection) -> str | None:
         name = self._name(step)
         self._settle_transfer(line)
-        got, due = download(line, name), self._files.get(name)
-        self._fetching = line
-        if due is None:
-            message = UserMessage("{name} is not there and was promised", name=show(name))
-            expect(got is None, message, expected="0", observed="1", requirement="5.3/3")
+        received, expected = download(line, name), self._files.get(name)
+        self._downloading_line = line
+        if expected is None:
+            message = UserMessage(
+                "the download of {name} was accepted although the file does not exist",
+                name=show(name),
+            )
+            expect(received is None, message, expected="0", observed="1", requirement="5.3/3")
         else:
             expect(
-                got == due,
-                UserMessage("{name} is not what was uploaded", name=show(name)),
-                expected=f"{len(due)} bytes",
-                observed="0" if got is None else f"{len(got)} bytes",
+                received == expected,
+                UserMessage("the content of {name} differs from the upload", name=show(name)),
+                expected=f"{len(expected)} bytes",
+                observed="0" if received is None else f"{len(received)} bytes",
                 requirement="5.2/12",
             )
         return f"download {show(name)}"
@@ -72,44 +75,44 @@ class FileSteps(ModelState):
     def _delete(self, step: Step, line: OutgoingConnection) -> str | None:
         name = self._name(step)
         self._settle_transfer(line)
-        answer, there = line.ask("delete_program", data=name), name in self._files
-        if there and not answer.accepted and self._is_default(name, line):  # A-4.11-1
+        answer, exists = line.ask("delete_program", data=name), name in self._files
+        if exists and not answer.accepted and self._is_default(name, line):  # A-4.11-1
             return f"delete {show(name)}, refused"
         expect(
-            answer.accepted is there,
+            answer.accepted is exists,
             UserMessage(
-                "{name} was {value}deleted although there is {value_2}",
+                "the deletion of {name} was {action} although the file {state}",
                 name=show(name),
-                value="not " if there else "",
-                value_2="one" if there else "none",
+                action="refused" if exists else "accepted",
+                state="exists" if exists else "does not exist",
             ),
-            expected="1" if there else "0",
+            expected="1" if exists else "0",
             observed=f"{answer}",
-            requirement="4.11/2" if there else "4.11/4",
+            requirement="4.11/2" if exists else "4.11/4",
         )
         self._files.pop(name, None)
-        self._endless = [each for each in self._endless if each != name]
-        if there and name == self._named:
-            self._named = self._default = None
+        self._endless_programs = [each for each in self._endless_programs if each != name]
+        if exists and name == self._accepted_default:
+            self._accepted_default = self._default = None
         return f"delete {show(name)}"
 
     def _is_default(self, name: bytes, line: OutgoingConnection) -> bool:
-        """Whether this is the default program, perhaps since an earlier sequence (A-4.13-1)."""
-        if name == self._named:
+        """Whether this is the default program, possibly set by an earlier sequence (A-4.13-1)."""
+        if name == self._accepted_default:
             return True
         with suppress(CaseFailed):  # without a default program there may be no reply (A-4.12-2)
             return bool(line.ask("get_default_program").value == name)
         return False
 
     def _settle_transfer(self, line: OutgoingConnection) -> None:
-        """Let a download be over for the subject, too, before another connection is used for files.
+        """Wait until a download has ended before another connection transfers a file.
 
-        The answer to the last chunk has no reply; a file in transfer may be kept (A-4.11-1), and
-        there may be one transfer at a time (A-5-17).
+        The answer to the last chunk has no reply. The controller may refuse to delete a file in
+        transfer (A-4.11-1), and may serve one transfer at a time (A-5-17).
         """
-        fetching, self._fetching = self._fetching, None
-        if fetching not in (None, line) and not fetching.closed and fetching.ending is None:
-            fetching.sync()
+        previous, self._downloading_line = self._downloading_line, None
+        if previous not in (None, line) and not previous.closed and previous.ending is None:
+            previous.sync()
 
     def _list_programs(self, _: Step, line: OutgoingConnection) -> str | None:
         listed = [name for name in program_names(self._subject, line) if name in self._names]
@@ -117,9 +120,9 @@ class FileSteps(ModelState):
             if (name in listed) is not (name in self._files):
                 raise CaseFailed(
                     UserMessage(
-                        "{name} is {value}listed",
+                        "{name} is {state}",
                         name=show(name),
-                        value="" if name in listed else "not ",
+                        state="listed" if name in listed else "not listed",
                     ),
                     expected=" ".join(map(show, sorted(self._files))) or "none",
                     observed=" ".join(map(show, listed)) or "none",
@@ -141,14 +144,14 @@ class FileSteps(ModelState):
                 requirement="4.13/2",
             )
             self._default = name
-        elif answer.accepted:  # which is only warned of (A-4.13-1)
+        elif answer.accepted:  # this causes only a warning (A-4.13-1)
             self._default = None
         if answer.accepted:
-            self._named = name
+            self._accepted_default = name
         return f"make {show(name)} the default"
 
     def _get_default(self, _: Step, line: OutgoingConnection) -> str | None:
-        if self._default is None:  # there may be none, and no answer (A-4.12-2)
+        if self._default is None:  # there may be no reply (A-4.12-2)
             return None
         expect_default(self._subject, line, self._default, "4.13/3")
-        return "ask for the default"
+        return "query the default program"

@@ -34,42 +34,42 @@ if TYPE_CHECKING:
 
 _CONSTANT: Final = ("get_version", "get_network")
 
-_TOLD: Final = 8
-"""How many of the last steps of a failing sequence the message has."""
+_REPORTED_STEPS: Final = 8
+"""How many of the last steps of a failing sequence the message names."""
 
-_MEANWHILE: Final = frozenset(
+_WHILE_EXECUTING: Final = frozenset(
     {"look", "query", "get_clock", "get_outputs", "run", "simulate", "stop"}
 )
-"""What is done while a program executes; before all else it is stopped."""
+"""Steps that run while a program executes; every other step stops the program first."""
 
 
 class Model(ConnectionSteps, SettingSteps, ExecutionSteps):
     """Performs the steps of a sequence and checks what follows from them; see `ModelState`."""
 
     def perform(self, step: Step) -> None:
-        """Do a step, and check what follows from it.
+        """Perform a step and check its result.
 
         Raises:
-            CaseFailed: The subject is not as it has to be; the message has the steps before.
+            CaseFailed: The controller differs from the model; the message names the earlier steps.
         """
-        act: Callable[[Step, OutgoingConnection], str | None] = getattr(self, f"_{step.act}")
+        perform: Callable[[Step, OutgoingConnection], str | None] = getattr(self, f"_{step.act}")
         line = self._lines[step.line % len(self._lines)]
         try:
-            if self._running and step.act not in _MEANWHILE:
+            if self._running and step.act not in _WHILE_EXECUTING:
                 self._stop(step, line)
                 self.history.append("stop")
-            said = act(step, line)
+            description = perform(step, line)
         except CaseFailed as error:
-            self._tell(error, step.act)
+            self._add_history(error, step.act)
             raise
-        if said:
-            self.history.append(said)
+        if description:
+            self.history.append(description)
 
     def check(self) -> None:
-        """Look at all that is known.
+        """Compare the whole state of the controller with the model.
 
         Raises:
-            CaseFailed: The subject is not as it has to be; the message has the steps before.
+            CaseFailed: The controller differs from the model; the message names the earlier steps.
         """
         for act in dict.fromkeys(self._acts):
             if act == "download":
@@ -79,10 +79,10 @@ class Model(ConnectionSteps, SettingSteps, ExecutionSteps):
                 self.perform(Step(act, 0, 0, 0))
 
     def clean_up(self) -> None:
-        """Stop what executes, take away all files, and end the connections.
+        """Stop the robot, delete all files and close the connections.
 
         Raises:
-            CaseFailed: The subject does not obey.
+            CaseFailed: The controller refuses.
         """
         try:
             line = self._lines[0] = ensure_open(self._subject, self._lines[0])
@@ -90,8 +90,11 @@ class Model(ConnectionSteps, SettingSteps, ExecutionSteps):
                 stop_motion(self._subject, line)
             self._settle_transfer(line)
             for name in self._files:
-                if not line.ask("delete_program", data=name).accepted and name == self._named:
-                    self._let_go(name, line)
+                if (
+                    not line.ask("delete_program", data=name).accepted
+                    and name == self._accepted_default
+                ):
+                    self._delete_default(name, line)
             if "set_output" in self._acts:
                 for port in self._ports:
                     if any(
@@ -103,24 +106,28 @@ class Model(ConnectionSteps, SettingSteps, ExecutionSteps):
         finally:
             self._subject.close_lines()
 
-    def _let_go(self, name: bytes, line: OutgoingConnection) -> None:
-        """Delete a program that had to stay as long as it was the default one (A-4.11-1)."""
+    def _delete_default(self, name: bytes, line: OutgoingConnection) -> None:
+        """Delete a program that cannot be deleted while it is the default program (A-4.11-1)."""
         line.ask("set_default_program", store_program(self._subject, line))
         line.ask("delete_program", data=name)
 
-    def _tell(self, error: CaseFailed, act: str) -> None:
-        behind = "; ".join(self.history[-_TOLD:]) or "nothing"
-        more = f"… {len(self.history) - _TOLD} steps; " if len(self.history) > _TOLD else ""
-        error.args = (f"{error}, in {act} after: {more}{behind}",)
+    def _add_history(self, error: CaseFailed, act: str) -> None:
+        steps = "; ".join(self.history[-_REPORTED_STEPS:]) or "nothing"
+        omitted = len(self.history) - _REPORTED_STEPS
+        if omitted > 0:
+            steps = f"… {omitted} steps; {steps}"
+        error.args = (
+            UserMessage("{error}, in {step} after: {steps}", error=error, step=act, steps=steps),
+        )
         if isinstance(error, NoReply):
             error.requirement = error.requirement or error.owed
 
     def _query(self, step: Step, line: OutgoingConnection) -> str | None:
         queries = supported_queries(self._subject)
         query = queries[(step.which * VALUES + step.value) % len(queries)]
-        if self._deaf:
+        if self._unresponsive:
             return None
-        if query.name == "list_programs":  # the whole of it: the rest would be the next one's
+        if query.name == "list_programs":  # all parts: the next list would begin with the rest
             program_names(self._subject, line)
             return query.name
         data = line.ask(*query).frame.data
@@ -128,7 +135,7 @@ class Model(ConnectionSteps, SettingSteps, ExecutionSteps):
             expect_equal(
                 show(data),
                 show(self._constant.setdefault(query.name, data)),
-                UserMessage("{query} is answered otherwise than before", query=query.name),
+                UserMessage("the reply to {query} differs from the reply before", query=query.name),
                 requirement="4.7/4" if query.name == "get_version" else "4.3/2",
             )
         return query.name

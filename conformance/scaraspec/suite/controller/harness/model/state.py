@@ -31,11 +31,11 @@ if TYPE_CHECKING:
     )
 
 VALUES: Final = 4
-"""How many values each number of a step may have."""
+"""How many values each number of a step can have."""
 
 _LINES: Final = 2
 
-ENDLESS: Final = 2  # the value from which on a program does not end
+ENDLESS: Final = 2  # from this value on, a program does not end
 
 IDLE_STOP: Final = "stop nothing"
 
@@ -44,17 +44,17 @@ SWITCHED_OFF_BY: Final = [
     for count in range(5)
     for chosen in itertools.combinations((RUN, SIMULATE, STOP, IDLE_STOP), count)
 ]
-"""What switches all outputs off: each controller does it at some of these events (A-4.32-3)."""
+"""The sets of events at which a controller may switch all outputs off (A-4.32-3)."""
 
 
 class Step(NamedTuple):
-    """One step; which numbers it heeds is its own affair.
+    """One step. A step may ignore some of its numbers.
 
     Attributes:
-        act: What is done: a method of `Model`.
-        which: Of the names.
-        value: Of what is set.
-        line: Of the connections.
+        act: The name of the step; `Model` has a method for each.
+        which: Selects a file or a port.
+        value: Selects the value to set.
+        line: Selects the connection.
     """
 
     act: str
@@ -86,18 +86,20 @@ class ModelState:
             self._lines += [self._connection() for _ in range(_LINES - 1)]
         self._constant: dict[str, bytes] = {}
         self._files: dict[bytes, bytes] = {}
-        self._endless: list[bytes] = []
-        self._fetching: OutgoingConnection | None = None
+        self._endless_programs: list[bytes] = []
+        self._downloading_line: OutgoingConnection | None = None
         self._default: bytes | None = None
-        self._named: bytes | None = None  # the last that was taken for the default, stored or not
-        self._centre: Point | None = None
-        self._recentred = False
+        self._accepted_default: bytes | None = (
+            None  # the last accepted default program, stored or not
+        )
+        self._center: Point | None = None
+        self._center_was_set = False
         self._initial: Pose | None = None
         self._clock: ClockSample | None = None
         self._running: tuple[str, bytes, OutgoingConnection] | None = None
         if {"set_initial", "move"} & set(acts):
             self._here = pose_of(self._lines[0])
-        self._outputs: dict[frozenset[str], Bits] = {}  # by what switches all off
+        self._outputs: dict[frozenset[str], Bits] = {}  # by the events that switch all outputs off
         if "set_output" in acts:
             self._ports = settable_outputs(self._lines[0])
             self._before = outputs(self._lines[0])
@@ -111,18 +113,18 @@ class ModelState:
         return line
 
     def _name(self, step: Step) -> bytes:
-        """A file, or for the last of the numbers a name that is perhaps none."""
+        """Return the name of a stored file; for the last number a name that may not be stored."""
         if self._files and step.which < VALUES - 1:
             return list(self._files)[step.which % len(self._files)]
         return self._names[step.value % len(self._names)]
 
     @property
-    def _deaf(self) -> bool:
-        """Whether a command executes and the robot answers nothing until it ends (A-4-3)."""
+    def _unresponsive(self) -> bool:
+        """Whether a command executes and the robot answers no query until it ends (A-4-3)."""
         return self._running is not None and not is_responsive(self._subject, self._running[2])
 
-    def _is_over(self, *, within_s: float) -> bool:
-        """Whether a simulation has ended by itself: a simulation may take any time."""
+    def _simulation_ended(self, *, within_s: float) -> bool:
+        """Whether the executing simulation has ended by itself, which may happen at any time."""
         if not self._running or self._running[0] != SIMULATE:
             return False
         try:

@@ -1,8 +1,8 @@
-"""Arm: where the subject's arm is, and the points by which its programs go there.
+"""Arm: the position of the arm, and the points with which programs move it.
 
-Nothing is known of its geometry. A step goes from where the arm reports to be, along one of four
-values, and back; what the values of a point are is found out (A-6.5-2). What a program should do
-with points is for the cases to say.
+The suite knows nothing about the geometry of the arm. A step goes from the reported position along
+one of four values, and back. The suite determines what the values of a point are (A-6.5-2). The
+cases judge what programs do with points.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,16 +23,15 @@ from scaraspec.suite.program_files.writing import Values, straight
 from scaraspec.user_message import UserMessage
 
 REACHED: Final = 0.2
-"""mm or degrees by which what is shown may differ from what was to be reached: both may be rounded
-to one decimal (A-T-5)."""
+"""The tolerance of a reached position, in mm or degrees: values may have one decimal (A-T-5)."""
 
 _KEY: Final = "point_meaning"
 _POLL_S: Final = 0.02
-_IMPOSSIBLE: Final = ("05", "06")  # a coordinate or an angle that cannot be (table 8-1)
+_IMPOSSIBLE: Final = ("05", "06")  # an impossible coordinate or angle (table 8-1)
 _FULL_STEP_MM: Final = 5.0
 _SLOWER: Final = 5
-_GRIPPER: Final = 3  # the value that turns it, whatever the others are
-_LITTLE: Final = 0.5  # of a step
+_GRIPPER: Final = 3  # the index of the value that turns the gripper
+_SHARE: Final = 0.5  # of a step
 _FAR_DEG: Final = 5.0
 
 
@@ -40,16 +39,19 @@ _STEPS: Final = {
     PointMeaning.JOINTS: (0.5, 0.5, 2.0, 2.0),
     PointMeaning.POSE: (2.0, 2.0, 2.0, 2.0),
 }
-"""How far a step goes in each value where 5 mm are allowed: the ends of arms go farther."""
+"""The length of a step in each value if 5 mm are allowed; the end of the arm moves farther."""
 
 
 @dataclass(frozen=True, slots=True)
 class Arm:
-    """The subject's arm; made by `arm`.
+    """The arm of the subject; created by `arm`.
 
     Attributes:
+        subject: The controller under test.
+        line: The connection.
+        robot: Runs programs.
         meaning: What the values of a point are.
-        home: Where it stood at first, and stands again afterwards.
+        home: Its position at the start, to which it returns.
     """
 
     subject: ControllerUnderTest
@@ -60,40 +62,43 @@ class Arm:
 
     @property
     def speed_percent(self) -> int:
-        """How fast it may go."""
+        """The speed that the ICS permits."""
         return self.subject.ics.motion.speed_percent
 
     @property
     def slow_percent(self) -> int:
-        """The speed at which it can be observed on its way."""
+        """A speed at which the suite can observe the arm on its way."""
         return max(1, self.speed_percent // _SLOWER)
 
     def place(self) -> Values:
-        """Where it is, in the values of a point."""
+        """Return its position in the values of a point."""
         return _place(self.line, self.meaning)
 
     def step(self, start: Values, index: int, share: float = 1.0) -> Values:
-        """A place that differs from another by a step, or a share of one, in one value."""
+        """Return a position that differs by a step, or a share of it, in one value."""
         scale = min(1.0, self.subject.ics.motion.step_mm / _FULL_STEP_MM)
         length = share * scale * _STEPS[self.meaning][index]
         a, b, c, d = (value + (length if at == index else 0) for at, value in enumerate(start))
         return a, b, c, d
 
     def goes(self, nodes: Sequence[Node]) -> bool:
-        """Run a program that moves; False where the arm cannot go that way.
+        """Run a program that moves the arm. Return False if the arm cannot reach its points.
 
         Raises:
-            CaseFailed: It does not end, or fails for another reason.
+            CaseFailed: The program does not end, or fails for another reason.
         """
         return self.watched(nodes) is not None
 
     def watched(self, nodes: Sequence[Node]) -> list[Values] | None:
-        """Run a program that moves, and return the places seen on the way; None as for `goes`.
+        """Run a program that moves the arm, and observe the arm.
 
-        The status is asked for, too: the judge knows what it has to be.
+        The status is queried, too, because the judge checks it.
+
+        Returns:
+            The observed positions; None if the arm cannot reach the points.
 
         Raises:
-            CaseFailed: It does not end, or fails for another reason.
+            CaseFailed: The program does not end, or fails for another reason.
         """
         answer = self.robot.ask(self.robot.store(self.robot.file(nodes)))
         if not answer.accepted and answer.code in _IMPOSSIBLE:
@@ -101,14 +106,14 @@ class Arm:
         if not answer.accepted:
             raise CaseFailed("a valid program is refused", expected="1", observed=f"{answer}")
         seen: list[Values] = []
-        left_s = self.subject.longest_s
+        remaining_s = self.subject.longest_s
         while (result := self.robot.ended()) is None:
             seen.append(self.place())
             self.line.ask("get_status")
-            if left_s <= 0:
+            if remaining_s <= 0:
                 raise CaseFailed("a move does not end", expected="11", observed="no result")
             self.line.wait(_POLL_S)
-            left_s -= _POLL_S
+            remaining_s -= _POLL_S
         if result.done:
             return seen
         if result.code in _IMPOSSIBLE:
@@ -117,17 +122,18 @@ class Arm:
 
 
 def near(a: Values, b: Values) -> bool:
-    """Whether two places are the same, as far as can be told."""
+    """Whether two positions are equal within `REACHED`."""
     return max_deviation(a, b) <= REACHED
 
 
 @contextmanager
 def arm(subject: ControllerUnderTest, line: OutgoingConnection, robot: Bench) -> Iterator[Arm]:
-    """The arm, which goes back afterwards to where it stood.
+    """Yield the arm, and move it back to its start position when the context ends.
 
     Raises:
-        CaseFailed: It cannot even go to where it stands (6.5/27).
-        CaseInconclusive: It could not when it was tried before, or does not tell where it is.
+        CaseFailed: No program can move the arm, not even to its current position (6.5/27).
+        CaseInconclusive: An earlier case has failed for this reason, or the subject does not report
+            the position of the arm.
     """
     with _gripper_at_screw(line):
         meaning = _meaning(subject, line, robot)
@@ -135,9 +141,7 @@ def arm(subject: ControllerUnderTest, line: OutgoingConnection, robot: Bench) ->
         try:
             yield made
         finally:
-            with suppress(
-                CaseFailed, CaseInconclusive
-            ):  # an arm that does not obey is left where it is
+            with suppress(CaseFailed, CaseInconclusive):  # otherwise the arm stays where it is
                 robot.stop()
                 if not near(made.place(), made.home):
                     made.goes(straight(made.speed_percent, [made.home]))
@@ -145,7 +149,7 @@ def arm(subject: ControllerUnderTest, line: OutgoingConnection, robot: Bench) ->
 
 @contextmanager
 def _gripper_at_screw(line: OutgoingConnection) -> Iterator[None]:
-    """Have the gripper's point at the screw's end, so that both have one pose (A-4.23-1)."""
+    """Set the gripper center to zero, so that gripper and screw have the same pose (A-4.23-1)."""
     before = line.ask("get_gripper_center").value
     if not before or not any(before):
         yield
@@ -162,27 +166,33 @@ def _place(line: OutgoingConnection, meaning: PointMeaning) -> Values:
     name = "get_joint_angles" if meaning is PointMeaning.JOINTS else "get_tool_coordinates"
     value = line.ask(name).value
     if value is None:
-        raise CaseInconclusive(UserMessage("{name} does not tell where the arm is", name=name))
+        raise CaseInconclusive(
+            UserMessage("{command} does not report the position of the arm", command=name)
+        )
     a, b, c, d, *_ = value
     try:
         straight(1, [(a, b, c, d)])
     except ValueError as error:
         raise CaseInconclusive(
-            UserMessage("no program can carry what {name} tells: {error}", name=name, error=error)
+            UserMessage(
+                "a program cannot contain the values of {command}: {error}",
+                command=name,
+                error=error,
+            )
         ) from None
     return a, b, c, d
 
 
 def _meaning(subject: ControllerUnderTest, line: OutgoingConnection, robot: Bench) -> PointMeaning:
-    """What the values of a point are, found out once in a run by turning the gripper a little."""
+    """Return what the values of a point are; determined once by turning the gripper a little."""
     traits = subject.traits
     if not traits.point_meaning_tried:
-        require_responsive(subject, line)  # who cannot watch it does not move what is not known
+        require_responsive(subject, line)  # without observation the arm must not move
         traits.point_meaning_tried = True
         claimed = subject.dialect[_KEY]
         for meaning in sorted(PointMeaning, key=lambda each: each != claimed):
             made = Arm(subject, line, robot, meaning, _place(line, meaning))
-            if any(_turns(made, share) for share in (_LITTLE, -_LITTLE)):
+            if any(_turns(made, share) for share in (_SHARE, -_SHARE)):
                 traits.point_meaning = meaning
                 subject.set_reading(_KEY, str(meaning))
                 break
@@ -199,9 +209,9 @@ def _meaning(subject: ControllerUnderTest, line: OutgoingConnection, robot: Benc
 
 
 def _turns(made: Arm, share: float) -> bool:
-    """Whether a program that is to turn the gripper a little, and back, does that.
+    """Whether a program that turns the gripper a little, and back, does only this.
 
-    It is simulated first, then run and watched: when anything else moves, it is stopped.
+    The program is simulated first, then run and observed. It is stopped if anything else moves.
     """
     line, robot = made.line, made.robot
     *still, gripper_before = _place(line, PointMeaning.JOINTS)
@@ -211,16 +221,16 @@ def _turns(made: Arm, share: float) -> bool:
         for command in ("simulate_program", "run_program"):
             if not robot.ask(name, command).accepted:
                 return False
-            left_s = made.subject.longest_s
+            remaining_s = made.subject.longest_s
             while (result := robot.ended(command)) is None:
                 *others, gripper = _place(line, PointMeaning.JOINTS)
                 moved = max(abs(a - b) for a, b in zip(still, others, strict=True))
                 far = abs(angle_difference(gripper, gripper_before)) > _FAR_DEG
-                if left_s <= 0 or moved > REACHED or far:
+                if remaining_s <= 0 or moved > REACHED or far:
                     robot.stop()
                     return False
                 line.wait(_POLL_S)
-                left_s -= _POLL_S
+                remaining_s -= _POLL_S
             if not result.done:
                 return False
         if not near(made.place(), *way):

@@ -50,10 +50,10 @@ LASTS_S: Final = 5
 """The wait of a program that will be interrupted, in seconds of our clock."""
 
 BRIEFLY_S: Final = 0.5
-"""As long as one whose end is awaited: a second, unless the robot's are shorter than ours."""
+"""The wait of a program whose end a case awaits, in seconds of our clock."""
 
-_ASKED: Final = 20
-"""How many consecutive requests such a program outlasts."""
+_REQUESTS: Final = 20
+"""How many consecutive requests a program outlasts that will be interrupted."""
 
 _NS: Final = 1e9
 
@@ -87,7 +87,7 @@ def begin_or_skip(
     answer = line.ask(command, value)
     if not answer.accepted:
         raise CaseSkipped(
-            UserMessage("{command} was refused: {answer}", command=command, answer=answer)
+            UserMessage("{command} was refused: {reply}", command=command, reply=answer)
         )
 
 
@@ -129,15 +129,22 @@ def upload_wait_program(
     seconds: float | None = None,
     name: bytes = b"",
 ) -> bytes:
-    """Upload a program that waits for at least so many seconds, by our clock; its name.
+    """Upload a program that waits.
 
-    Without a number it outlasts all requests, however slow the replies are;
-    without a name it gets a new one.
+    Args:
+        subject: The controller under test.
+        line: The connection.
+        seconds: The minimum wait, in seconds of our clock; None for longer than all requests of a
+            case, however slow the replies are.
+        name: The name of the program; empty for a new name.
+
+    Returns:
+        The name of the program.
     """
     if seconds is None:
-        asked_s = subject.now_ns / _NS
-        reply_s = line.ask("get_status").time_s - asked_s
-        seconds = max(LASTS_S, int(_ASKED * reply_s))
+        requested_s = subject.now_ns / _NS
+        reply_s = line.ask("get_status").time_s - requested_s
+        seconds = max(LASTS_S, int(_REQUESTS * reply_s))
     name = name or subject.new_name()
     scaled = math.ceil(seconds * subject.ics.time_scale)
     _upload_wait(subject, line, name, scaled)
@@ -147,7 +154,7 @@ def upload_wait_program(
 def upload_short_program(
     subject: ControllerUnderTest, line: OutgoingConnection, name: bytes
 ) -> bytes:
-    """Upload a program that ends at once under a name of one's own."""
+    """Upload a program that ends at once, under this name."""
     _upload_wait(subject, line, name, 0)
     return name
 
@@ -160,7 +167,7 @@ def _upload_wait(
 
 
 class Started(NamedTuple):
-    """A program that was begun: its name, and the first reply."""
+    """The name of a started program, and the first reply."""
 
     program: bytes
     answer: ReceivedFrame
@@ -180,12 +187,12 @@ def start_program(
         seconds: How long the program waits; None for long enough to be interrupted.
 
     Raises:
-        CaseFailed: It is refused.
+        CaseFailed: The subject refuses the command.
     """
     require_command(subject, name)
     subject.moved = True
     if RUN not in subject.ics.unsupported:
-        with suppress(CaseFailed, CaseInconclusive):  # it is for the cases about layouts to say so
+        with suppress(CaseFailed, CaseInconclusive):  # the cases about layouts report this
             find_layout(subject, line)
     release_latch(subject, line)
     program = upload_wait_program(subject, line, seconds)
@@ -195,19 +202,21 @@ def start_program(
 def try_request(
     line: OutgoingConnection, name: str, value: Any = None, *, data: bytes | None = None
 ) -> ReceivedFrame | None:
-    """Ask for what may be refused or not answered (A-4-2, A-3-9); None where silence follows.
+    """Send a request that may be refused or not answered (A-4-2, A-3-9).
 
-    So it is where the connection ends. Everything else that comes before the reply to a query
-    stays to be taken. What was granted may execute, and a robot that does may answer no query
-    (A-4-3).
+    A status query shows that no reply comes. All other frames that arrive before its reply stay in
+    the inbox. After an accepted two-stage command the robot may answer no query (A-4-3).
+
+    Returns:
+        The first reply; None if there is none, or if the connection ends.
     """
     line.send(name, value, data=data)
     try:
         line.inbox[:0] = line.sync()
     except NoReply:
         replies = [s for s in line.inbox if s.name == name and not s.frame.tagged]
-        granted = name in TWO_STAGE and any(ReceivedFrame(s, s.value).accepted for s in replies)
-        if line.ending is None and not granted:
+        accepted = name in TWO_STAGE and any(ReceivedFrame(s, s.value).accepted for s in replies)
+        if line.ending is None and not accepted:
             raise
     with suppress(NoReply):
         return line.reply(name, within_s=0.0)
@@ -215,7 +224,7 @@ def try_request(
 
 
 def harmless_requests(subject: ControllerUnderTest, line: OutgoingConnection) -> Mapping[str, Any]:
-    """For every two-stage command but the stop, a request that does next to nothing."""
+    """Return the value of a request with little effect for each two-stage command but the stop."""
     program = upload_wait_program(subject, line, 0)
     values: dict[str, Any] = {
         RUN: program,

@@ -24,20 +24,20 @@ from scaraspec.user_message import UserMessage
 
 _IDLE: Final = "00"
 _RUNNING: Final = ("01", "02")  # L1018-1019
-_LAG_S: Final = 0.1  # how long after the status of the end a result may come
-_REST_S: Final = 1.0  # within which the status has to follow a result
+_LAG_S: Final = 0.1  # the final result may come this much later than the idle status
+_REST_S: Final = 1.0  # the status must be idle within this time after a final result
 
 
 def store_wait_program(
     subject: ControllerUnderTest, line: OutgoingConnection, seconds: int, name: bytes = b""
 ) -> bytes:
-    """Upload a program that waits for so many seconds, under a new name if none is given.
+    """Upload a program that waits for a time, in seconds; without a name under a new name.
 
     Returns:
-        Its name.
+        The name of the program.
 
     Raises:
-        CaseFailed: The subject runs no programs, or takes no file.
+        CaseFailed: The subject runs no programs, or refuses the upload.
     """
     layout, base = find_layout(subject, line), configured(subject, line)
     name = name or subject.new_name()
@@ -78,20 +78,20 @@ def skip_if_other_program_runs(
 
 
 def _program_of_others(subject: ControllerUnderTest, line: OutgoingConnection) -> bytes:
-    status, told = line.ask("get_status").value, line.ask("get_running_program").value
-    if status not in _RUNNING or not isinstance(told, RunningProgram):
+    status, running = line.ask("get_status").value, line.ask("get_running_program").value
+    if status not in _RUNNING or not isinstance(running, RunningProgram):
         return b""
-    return b"" if told.name.startswith(subject.files.prefix) else told.name
+    return b"" if running.name.startswith(subject.files.prefix) else running.name
 
 
 def ask_while_executing(
     subject: ControllerUnderTest, line: OutgoingConnection, query: str, command: str
 ) -> ReceivedFrame:
-    """Ask something while a command executes.
+    """Send a query while a command executes.
 
     Raises:
-        NoReply: It is not answered, nor is what was sent before it.
-        CaseSkipped: It is put off until the command has ended (A-4-3).
+        NoReply: Neither the query nor the command before it is answered.
+        CaseSkipped: The query is answered only after the command has ended (A-4-3).
     """
     try:
         return line.ask(query)
@@ -121,42 +121,45 @@ def expect_status(
     subject: ControllerUnderTest,
     line: OutgoingConnection,
     command: str,
-    wanted: str,
+    expected: str,
     requirement: str,
 ) -> bool:
-    """Ask for the status while a command executes; whether it still does.
+    """Require a status while a command executes.
+
+    Returns:
+        Whether the command still executes.
 
     Raises:
         CaseFailed: The status is another one.
-        CaseSkipped: It is not reported during execution.
-        CaseInconclusive: It reports a fault.
+        CaseSkipped: The status is not reported while a command executes.
+        CaseInconclusive: The status reports a fault.
     """
     answer = ask_while_executing(subject, line, "get_status", command)
-    if answer.value == wanted:
+    if answer.value == expected:
         return True
     if answer.value == _IDLE and poll_result(line, command, _LAG_S) is not None:
         return False
     require_no_fault(answer)
     message = UserMessage(
-        "the status is {answer_value} while {command} executes",
-        answer_value=answer.value,
+        "the status is {status} while {command} executes",
+        status=answer.value,
         command=command,
     )
-    raise CaseFailed(message, expected=wanted, observed=f"{answer}", requirement=requirement)
+    raise CaseFailed(message, expected=expected, observed=f"{answer}", requirement=requirement)
 
 
 def require_no_fault(status: ReceivedFrame) -> errors.Code | None:
-    """The code of table 8-1 in a status, if it is one.
+    """Return the code of table 8-1 in a status; None if it has none.
 
     Raises:
-        CaseInconclusive: It reports a fault of the robot, which the suite does not judge.
+        CaseInconclusive: The status reports a fault of the robot, which the suite does not judge.
     """
     code = errors.lookup(status.value) if isinstance(status.value, str) else None
     if code is not None and code.kind is errors.Kind.FAULT:
         raise CaseInconclusive(
             UserMessage(
-                "the robot reports the fault {code_text} ({meaning}): clear it and try again",
-                code_text=code.text,
+                "the robot reports the fault {code} ({meaning}): clear it and try again",
+                code=code.text,
                 meaning=code.meaning,
             )
         )
@@ -164,10 +167,10 @@ def require_no_fault(status: ReceivedFrame) -> errors.Code | None:
 
 
 def expect_idle(subject: ControllerUnderTest, line: OutgoingConnection, message: str) -> None:
-    """Fail the subject unless its status soon is 00.
+    """Require that the status becomes 00 within a second.
 
     Raises:
-        CaseFailed: It is not.
+        CaseFailed: It does not.
     """
     try:
         subject.wait_until_idle(line, within_s=_REST_S)
@@ -180,11 +183,11 @@ def expect_idle(subject: ControllerUnderTest, line: OutgoingConnection, message:
 def wait_until_idle(
     subject: ControllerUnderTest, line: OutgoingConnection, command: str, lasts_s: float = 0.0
 ) -> None:
-    """Wait for the end of a command that lasts so many of the subject's seconds.
+    """Wait for the end of a command that takes a time, in seconds of the subject's clock.
 
     Raises:
-        NoReply: It does not end.
-        CaseFailed: It is not at rest then.
+        NoReply: The command does not end.
+        CaseFailed: The robot is not idle afterwards.
     """
     within_s = subject.longest_s + lasts_s / subject.ics.time_scale
     line.result(command, within_s=within_s)

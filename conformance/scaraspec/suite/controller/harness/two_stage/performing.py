@@ -1,6 +1,6 @@
-"""Performing: a two-stage command from its request to its end, with the least that it can do.
+"""Performing: runs a two-stage command with minimal effect from its request to its result.
 
-And after its end, where the arm stays.
+It also checks that the arm stands still afterwards.
 """
 
 from collections.abc import Callable, Mapping
@@ -51,7 +51,7 @@ class Performed(NamedTuple):
 
     Attributes:
         first: The first reply.
-        result: The final result; None where an emergency stop has ended it without one (A-4.17-4).
+        result: The final result; None if an emergency stop ended it without a result (A-4.17-4).
         status: The status after the result.
     """
 
@@ -61,73 +61,73 @@ class Performed(NamedTuple):
 
 
 def perform(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> Performed:
-    """Let an idle robot do the least that a two-stage command can do; the arm comes back.
+    """Run a two-stage command with minimal effect on an idle robot. The arm returns afterwards.
 
     Raises:
-        CaseFailed: It refuses, or a final result that is due does not come.
+        CaseFailed: The subject refuses the command, or sends no final result.
     """
     require_command(subject, name)
     with arm_returned(subject, line) as pose:
-        return _PERFORM.get(name, _simply)(subject, line, name, pose)
+        return _PERFORM.get(name, _perform_without_value)(subject, line, name, pose)
 
 
-def _ended(
+def _finish(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, first: ReceivedFrame
 ) -> Performed:
     return Performed(first, wait_for_result(subject, line, name), _status(subject, line))
 
 
 def _status(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFrame:
-    """The status, which only the cases of 4/7 judge."""
+    """Return the status; only the cases of 4/7 judge it."""
     return status_at_rest(line) if subject.is_case_about("4/7") else line.ask("get_status")
 
 
-def _simply(
+def _perform_without_value(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, _: Pose
 ) -> Performed:
-    return _ended(subject, line, name, begin(subject, line, name))
+    return _finish(subject, line, name, begin(subject, line, name))
 
 
 def _perform_program(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, _: Pose
 ) -> Performed:
-    return _ended(subject, line, name, start_program(subject, line, name, seconds=0).answer)
+    return _finish(subject, line, name, start_program(subject, line, name, seconds=0).answer)
 
 
 def _perform_lock(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, _: Pose
 ) -> Performed:
-    """Joints that are locked may refuse to be locked again (A-4.25-3)."""
+    """Lock the joints. A robot may refuse to lock joints that are locked (A-4.25-3)."""
     first = line.ask(name)
     if first.accepted is False and first.code not in BUSY:
         release_joints(subject, line)
         first = begin(subject, line, name)
-    return _ended(subject, line, name, expect_accepted(name, first))
+    return _finish(subject, line, name, expect_accepted(name, first))
 
 
 def _perform_move(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, pose: Pose
 ) -> Performed:
     first = begin(subject, line, name, move_target(pose, SLOWEST_PERCENT))
-    return _ended(subject, line, name, first)
+    return _finish(subject, line, name, first)
 
 
 def _perform_reset(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, pose: Pose
 ) -> Performed:
     with initial_position_at_pose(subject, line):
-        return _simply(subject, line, name, pose)
+        return _perform_without_value(subject, line, name, pose)
 
 
 def _perform_release(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, _: Pose
 ) -> Performed:
-    """Its result may come at once, or when the joints are locked again (A-4.25-2)."""
+    """Release the joints. The result may come only when they are locked again (A-4.25-2)."""
     with locked_afterwards(subject, line):
         first, result = release_joints(subject, line)
         if result is not None:
             return Performed(first, result, _status(subject, line))
-    return _ended(subject, line, name, first)
+    return _finish(subject, line, name, first)
 
 
 def _perform_jog(
@@ -138,7 +138,7 @@ def _perform_jog(
 ) -> Performed:
     first = jog_somewhere(subject, line)
     expect_accepted(STOP, line.ask(STOP))
-    status = _ended(subject, line, STOP, first).status
+    status = _finish(subject, line, STOP, first).status
     return Performed(first, interrupted_result(line, JOG), status)
 
 
@@ -146,7 +146,7 @@ def _perform_stop(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, _: Pose
 ) -> Performed:
     start_program(subject, line, RUN)
-    return _ended(subject, line, name, expect_accepted(name, line.ask(name)))
+    return _finish(subject, line, name, expect_accepted(name, line.ask(name)))
 
 
 _PERFORM: Final[
@@ -166,19 +166,19 @@ _PERFORM: Final[
 def expect_standstill(
     line: OutgoingConnection, message: str, *, for_s: float, pose: Pose | None = None
 ) -> None:
-    """For so many seconds the tool has to stay: where it is, or where it was before.
+    """Require that the tool does not move.
 
     Args:
-        line: Where it is asked.
-        message: What is wrong where it does not.
-        for_s: When it is looked at again.
-        pose: Where it was before; None for where it is now.
+        line: The connection.
+        message: The message of the failure.
+        for_s: How long to wait before the pose is compared, in seconds.
+        pose: The earlier pose; None for the current pose.
 
     Raises:
-        CaseFailed: It does not.
+        CaseFailed: The tool has moved.
     """
     first = pose or pose_of(line)
     line.wait(for_s)
     now = pose_of(line)
-    stays = max_deviation(first, now) <= STANDSTILL
-    expect(stays, message, expected=f"{tuple(first)}", observed=f"{tuple(now)}")
+    still = max_deviation(first, now) <= STANDSTILL
+    expect(still, message, expected=f"{tuple(first)}", observed=f"{tuple(now)}")

@@ -1,7 +1,7 @@
-"""Refusals: what the first replies and the results of two-stage commands must look like.
+"""Refusals: checks the form of first replies and results of two-stage commands.
 
-What is open is tolerated as the register says: which code is chosen (A-0-7), whether a busy robot
-says anything (A-4-2), and when a program is found to be missing (A-4.15-1).
+Open points are tolerated as in the register: which code is used (A-0-7), whether a busy robot
+replies (A-4-2), and when a missing program is reported (A-4.15-1).
 """
 
 from contextlib import nullcontext
@@ -21,30 +21,30 @@ from scaraspec.suite.engine.expectations import expect
 from scaraspec.user_message import UserMessage
 
 _FAILURES: Final = errors.FAILURES | {errors.TABLE_8_1["00"], errors.TABLE_8_1["20"]}
-"""Of results: an interrupted command's too (A-4.17-4), and that of a missing program (A-4.15-1)."""
+"""Includes the codes of an interrupted command (A-4.17-4) and a missing program (A-4.15-1)."""
 _MISSING: Final = "20"  # L1044
 
 
 def text_of(answer: ReceivedFrame) -> bytes:
-    """Its data, without the NUL that A-T-3 tolerates."""
+    """Return the data of a reply without the trailing NUL that A-T-3 tolerates."""
     return answer.frame.data.rstrip(b"\0")
 
 
 def expect_first_reply(name: str, answer: ReceivedFrame) -> None:
-    """Fail the subject unless this is "1", or "0|code" (4/1).
+    """Require that a first reply is "1" or "0|code" (4/1).
 
     Raises:
         CaseFailed: It is not.
     """
     if name == STOP and text_of(answer)[:1] == b"0":
-        return  # what follows the flag is for 4.17/2
-    complaints = answer.seen.parsed.decoded.issues if answer.seen.parsed else ()
+        return  # 4.17/2 judges the data after the flag
+    issues = answer.seen.parsed.decoded.issues if answer.seen.parsed else ()
     malformed = any(
-        c.defect in (Defect.FLAG, Defect.FIELD_COUNT, Defect.NO_CODE) for c in complaints
+        each.defect in (Defect.FLAG, Defect.FIELD_COUNT, Defect.NO_CODE) for each in issues
     )
     expect(
         answer.accepted is not None and not malformed,
-        UserMessage("the first reply to {name} is neither yes nor no", name=name),
+        UserMessage("the first reply to {command} is neither 1 nor 0|code", command=name),
         expected=BY_NAME[name].reply.form,
         observed=f"{answer}",
         requirement="4/1",
@@ -52,7 +52,7 @@ def expect_first_reply(name: str, answer: ReceivedFrame) -> None:
 
 
 def expect_refusal(subject: ControllerUnderTest, answer: ReceivedFrame) -> None:
-    """Fail the subject unless the code of a refusal is one of table 8-1 (4/4).
+    """Require that the code of a refusal is in table 8-1 (4/4).
 
     Raises:
         CaseFailed: It is not.
@@ -61,7 +61,7 @@ def expect_refusal(subject: ControllerUnderTest, answer: ReceivedFrame) -> None:
 
 
 def expect_failure(subject: ControllerUnderTest, answer: ReceivedFrame) -> None:
-    """Fail the subject unless the code of a failure is one of table 8-1 (4/5).
+    """Require that the code of a failure is in table 8-1 (4/5).
 
     Raises:
         CaseFailed: It is not.
@@ -78,7 +78,7 @@ def _expect_code(
 ) -> None:
     zeros = b"00" if answer.frame.tagged else b"0"
     text = text_of(answer).removeprefix(zeros)[1:]
-    if not text:  # the form is judged elsewhere
+    if not text:  # other checks judge the form
         return
     code = errors.lookup(text.decode("latin-1"))
     expect(
@@ -90,8 +90,8 @@ def _expect_code(
     )
     if code is not None and code not in usual:
         message = UserMessage(
-            "a refusal or a failure bears the code {code_text} ({meaning})",
-            code_text=code.text,
+            "a refusal or a failure has the code {code} ({meaning})",
+            code=code.text,
             meaning=code.meaning,
         )
         subject.tolerate(requirement, entry, code.text, message)
@@ -100,11 +100,11 @@ def _expect_code(
 def expect_busy(
     subject: ControllerUnderTest, line: OutgoingConnection, task: Task, name: str, value: Any = None
 ) -> None:
-    """Fail the subject if it accepts a command while a task executes (4/6, 4/15).
+    """Require that the subject refuses a command while a task executes (4/6, 4/15).
 
     Raises:
-        CaseFailed: It does, or refuses with another state than its own.
-        CaseSkipped: The task was over before the answer.
+        CaseFailed: The subject accepts it, or reports a state other than its own.
+        CaseSkipped: The task ended before the reply.
     """
     answer = try_request(line, name, value)
     if answer is None:
@@ -112,7 +112,7 @@ def expect_busy(
         subject.tolerate("4/6", "busy_reply", "silence", message)
         return
     if answer.accepted and name == task.name == JOG:
-        message = "another jog replaced the one before"
+        message = "a second jog replaced the first one"
         subject.tolerate("4/6", "A-4.28-5", "replace", message)
         return
     if task.finished_before(answer):
@@ -130,8 +130,8 @@ def expect_busy(
         expect(
             answer.code == task.state,
             UserMessage(
-                "{name} was refused with another state than that of the robot, at {task}",
-                name=name,
+                "{command} was refused during {task} with a code other than the state of the robot",
+                command=name,
                 task=task.name,
             ),
             expected=f"0|{task.state}",
@@ -148,21 +148,23 @@ def expect_missing_program(
     program: bytes,
     requirement: str,
 ) -> None:
-    """Fail the subject unless it says, now or later, that it has no such program (A-4.15-1).
+    """Require that the subject reports a missing program, at once or later (A-4.15-1).
 
     Raises:
-        CaseFailed: It says something else.
+        CaseFailed: It reports something else.
     """
     subject.moved = True
     first = line.ask(name, program)
-    told = wait_for_result(subject, line, name) if first.accepted else first
+    last = wait_for_result(subject, line, name) if first.accepted else first
     expect(
-        not told.done and told.code == _MISSING,
-        UserMessage("{name} of a program that is not stored is not told by code 20", name=name),
+        not last.done and last.code == _MISSING,
+        UserMessage(
+            "{command} of a program that is not stored is not answered with code 20", command=name
+        ),
         expected="0|20",
-        observed=f"{first}" if told is first else f"{first}, then {told}",
+        observed=f"{first}" if last is first else f"{first}, then {last}",
         requirement=requirement,
     )
     if first.accepted:
-        message = "the missing program was found after the first reply"
+        message = "the missing program was reported only after the first reply"
         subject.tolerate(requirement, "A-4.15-1", "00|20", message)

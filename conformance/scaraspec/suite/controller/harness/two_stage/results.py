@@ -24,9 +24,9 @@ from scaraspec.user_message import UserMessage
 
 
 def stop_while_idle(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Stop a robot that is idle: that is refused, or done at once (A-4.17-1), and stops nothing.
+    """Send an emergency stop to an idle robot, which may accept or refuse it (A-4.17-1).
 
-    What begins afterwards goes on.
+    The stop does not affect commands that start later.
     """
     subject.moved = True
     if STOP not in subject.ics.unsupported and line.ask(STOP).accepted:
@@ -44,15 +44,14 @@ def wait_for_result(
     """Wait for a final result; see `wait_for_end`.
 
     Raises:
-        NoReply: It does not come.
+        NoReply: No final result arrives.
     """
     answer = wait_for_end(subject, line, name, within_s=within_s)
     if answer is None:
-        longest = "motion.longest_s of the ICS at most"
         message = UserMessage(
-            "no final result of {name} came while the robot was busy ({longest}) or after it",
-            name=name,
-            longest=longest,
+            "no final result of {command} came while the robot was busy (motion.longest_s of the "
+            "ICS at most) or after it",
+            command=name,
         )
         error = line.no_reply_error(message)
         error.expected = f"{C2A.start:02X} 90 {BY_NAME[name].opcode:02X} …"
@@ -64,15 +63,15 @@ def wait_for_result(
 def expect_success(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str
 ) -> ReceivedFrame:
-    """Wait for the successful end of a task.
+    """Wait for a final result that reports success.
 
     Raises:
-        CaseFailed: It has another end, or none.
+        CaseFailed: The result reports a failure, or does not arrive.
     """
     answer = wait_for_result(subject, line, name)
     if answer.frame.data.rstrip(b"\0") != b"11":
         raise CaseFailed(
-            UserMessage("{name} does not end with success", name=name),
+            UserMessage("{command} does not end with success", command=name),
             expected="11",
             observed=f"{answer}",
             requirement=SUCCESS[name],
@@ -83,26 +82,28 @@ def expect_success(
 def release_joints(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> tuple[ReceivedFrame, ReceivedFrame | None]:
-    """Release the joints: the first reply, and the final result.
+    """Release the joints.
 
-    That is None where it only comes when the joints are locked again (A-4.25-2).
+    Returns:
+        The first reply, and the final result; None if it comes only when the joints are locked
+        again (A-4.25-2).
 
     Raises:
-        CaseFailed: The idle robot refuses it.
+        CaseFailed: The idle robot refuses the command.
     """
     first = begin(subject, line, RELEASE)
-    left_s = subject.reply_s
+    remaining_s = subject.reply_s
     while True:
         with suppress(NoReply):
             return first, line.result(RELEASE, within_s=SILENCE_S)
-        left_s -= SILENCE_S
-        if left_s <= 0 or status_of(subject, line) not in (*BUSY, None):
+        remaining_s -= SILENCE_S
+        if remaining_s <= 0 or status_of(subject, line) not in (*BUSY, None):
             return first, None
 
 
 @contextmanager
 def locked_afterwards(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[None]:
-    """Lock the joints afterwards, whatever has happened."""
+    """Lock the joints when the context ends."""
     try:
         yield
     finally:
@@ -112,7 +113,7 @@ def locked_afterwards(subject: ControllerUnderTest, line: OutgoingConnection) ->
 
 
 def interrupted_result(line: OutgoingConnection, name: str) -> ReceivedFrame | None:
-    """The final result of what a stop has ended, where it has one (A-4.17-4)."""
+    """Return the final result of a stopped command; None if it has none (A-4.17-4)."""
     try:
         return line.result(name, within_s=SILENCE_S)
     except NoReply:
@@ -122,7 +123,7 @@ def interrupted_result(line: OutgoingConnection, name: str) -> ReceivedFrame | N
 def poll_result(
     line: OutgoingConnection, command: str, within_s: float = 0.0
 ) -> ReceivedFrame | None:
-    """The final result of a command, if it comes by then."""
+    """Return the final result of a command if it arrives in time; else None."""
     try:
         return line.result(command, within_s=within_s)
     except NoReply:

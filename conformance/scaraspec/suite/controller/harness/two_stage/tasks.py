@@ -1,7 +1,7 @@
-"""Tasks: two-stage commands, begun on an idle robot, asked about while they last, and ended.
+"""Tasks: two-stage commands that execute long enough for a case to send other requests.
 
-A task that lasts is a program that waits, or the slowest step of the arm. Whatever a case does
-with it, afterwards nothing executes and the arm stands where it stood.
+A task is a program that waits, or the slowest step of the arm. After the case, nothing executes
+and the arm is back at its start pose.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -52,18 +52,19 @@ from scaraspec.user_message import UserMessage
 def begin_jog(
     subject: ControllerUnderTest, line: OutgoingConnection, direction: JogDirection
 ) -> ReceivedFrame:
-    """Ask for a jog, in the other notation too where the first is not understood (A-4.28-1).
+    """Start a jog. If the first notation is not understood, try the other one (A-4.28-1).
 
-    The first reply: to the notation that is understood, where one is.
+    Returns:
+        The first reply to the notation that is understood, or else to the first notation.
 
     Raises:
-        NoReply: Neither is answered.
+        NoReply: Neither notation is answered.
     """
     require_command(subject, JOG)
     probe_responsiveness(subject, line)
-    request, spoken = BY_NAME[JOG].request, subject.dialect["jog_byte"]
+    request, current = BY_NAME[JOG].request, subject.dialect["jog_byte"]
     first: ReceivedFrame | None = None
-    for notation in (spoken, "ascii" if spoken == "binary" else "binary"):
+    for notation in (current, "ascii" if current == "binary" else "binary"):
         data = request.encode(direction, subject.dialect.replace(jog_byte=notation))
         subject.moved = True
         try:
@@ -71,7 +72,7 @@ def begin_jog(
         except NoReply:
             continue
         if answer.accepted or answer.code in BUSY:
-            if notation != spoken:
+            if notation != current:
                 subject.set_reading("jog_byte", notation)
             return answer
         first = first or answer
@@ -81,7 +82,7 @@ def begin_jog(
 
 
 def jog_somewhere(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFrame:
-    """Begin a jog, in the first direction in which there is room.
+    """Start a jog in the first direction that the controller accepts.
 
     Raises:
         CaseFailed: Every direction is refused.
@@ -102,7 +103,7 @@ class Task:
 
     Attributes:
         name: The command.
-        state: The status during it.
+        line: The connection that started it.
         program: The program that it runs, if it runs one.
     """
 
@@ -112,25 +113,25 @@ class Task:
 
     @property
     def state(self) -> str:
-        """The status during it."""
+        """The status while it executes."""
         return STATES[self.name]
 
     @property
     def finished(self) -> bool:
-        """Whether its final result is there."""
+        """Whether its final result has arrived."""
         self.line.pump()
-        return any(self._ends(seen) for seen in self.line.inbox)
+        return any(self._is_result(seen) for seen in self.line.inbox)
 
-    def _ends(self, seen: FrameSeen) -> bool:
+    def _is_result(self, seen: FrameSeen) -> bool:
         return seen.frame.tagged and seen.frame.opcode == BY_NAME[self.name].opcode
 
     def finished_before(self, answer: ReceivedFrame) -> bool:
-        """Whether its final result came before an answer, or on another connection about then."""
+        """Whether its final result came before a reply, or at about that time on another line."""
         where = answer.seen.place
         if answer.accepted and where.connection != self.line.name:
             self.line.wait(MOMENT_S)
         return any(
-            self._ends(seen)
+            self._is_result(seen)
             and (
                 seen.place.connection != where.connection
                 or seen.place.offset_bytes < where.offset_bytes
@@ -139,10 +140,10 @@ class Task:
         )
 
     def require_executing(self) -> None:
-        """Go on only while it executes.
+        """Require that it still executes.
 
         Raises:
-            CaseSkipped: It is over: it was too short to find anything out.
+            CaseSkipped: It has ended: it was too short for the case.
         """
         if self.finished:
             raise CaseSkipped(
@@ -154,19 +155,19 @@ class Task:
 def executing_task(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, *, queries: bool = True
 ) -> Iterator[Task]:
-    """Begin a task that goes on for a while, and end it afterwards, if it has not ended.
+    """Start a task, and stop it when the context ends if it has not ended.
 
     Args:
-        subject: The subject.
-        line: The connection that asks for it.
+        subject: The controller under test.
+        line: The connection that starts the task.
         name: The command.
-        queries: Whether the caller sends queries during it.
+        queries: Whether the caller sends queries during the task.
 
     Raises:
-        CaseFailed: The idle robot refuses it.
-        CaseSkipped: The robot answers nothing while it executes (A-4-3), or cannot do it here.
+        CaseFailed: The idle robot refuses the command.
+        CaseSkipped: The robot answers no query while it executes (A-4-3), or has no room to move.
     """
-    if not queries:  # what ends it asks all the same
+    if not queries:  # stopping it needs queries, too
         probe_responsiveness(subject, line)
     with arm_returned(subject, line):
         task = Task(name, line)
@@ -180,7 +181,7 @@ def executing_task(
 
 
 def require_responsive(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Go on only where a robot that executes answers queries.
+    """Require that the robot answers queries while it executes.
 
     Raises:
         CaseSkipped: It does not (A-4-3).
@@ -193,7 +194,10 @@ def require_responsive(subject: ControllerUnderTest, line: OutgoingConnection) -
 
 
 def probe_responsiveness(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Ask once while a program waits, so that no jog goes on while an answer is waited for."""
+    """Determine once whether the robot answers queries, with a program that waits.
+
+    Without this, a jog could continue while the suite waits for a reply.
+    """
     if not responsiveness_known(subject):
         with suppress(CaseFailed, CaseSkipped):
             require_responsive(subject, line)
@@ -220,8 +224,8 @@ def _jog(subject: ControllerUnderTest, line: OutgoingConnection, _: Task) -> Ite
 
 
 @contextmanager
-def _way_home(subject: ControllerUnderTest, line: OutgoingConnection, task: Task) -> Iterator[None]:
-    """A reset that has a step to go, where it goes to the initial tool position (A-4.18-3)."""
+def _reset(subject: ControllerUnderTest, line: OutgoingConnection, task: Task) -> Iterator[None]:
+    """Start a reset that moves the arm by a step to the initial tool position (A-4.18-3)."""
     require_command(subject, task.name)
     with initial_position_at_pose(subject, line):
         _, answer = begin_step_somewhere(subject, line)
@@ -235,12 +239,12 @@ def _way_home(subject: ControllerUnderTest, line: OutgoingConnection, task: Task
 def initial_position_at_pose(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> Iterator[None]:
-    """Make where the arm stands the initial tool position, for a while.
+    """Make the current pose the initial tool position until the context ends.
 
-    So that a reset goes no farther than back to it (A-4.18-3).
+    A reset then moves the arm no farther than back to this pose (A-4.18-3).
 
     Raises:
-        CaseSkipped: The subject does not take it, so that the travel of a reset is unknown.
+        CaseSkipped: The subject refuses the pose, so the travel of a reset is unknown.
     """
     before = line.ask("get_initial_tool_position").value
     if not line.ask("set_initial_tool_position", pose_of(line)).accepted:
@@ -260,7 +264,7 @@ _BEGIN: Final[Mapping[str, _Begin]] = {
     SIMULATE: _program,
     MOVE: _step,
     JOG: _jog,
-    RESET: _way_home,
+    RESET: _reset,
 }
 
 
