@@ -1,7 +1,6 @@
-"""Clock: the subject's calendar clock, compared with the time of this machine (4.5, 4.6).
+"""Clock: the calendar clock of the subject, compared with the clock of this machine (4.5, 4.6).
 
-A reading lies between two moments of ours, when it was asked for and when it was answered: a slow
-link makes no clock wrong.
+A reported time lies between the request and the reply, so a slow link causes no failure.
 """
 
 from datetime import datetime, timedelta
@@ -14,13 +13,13 @@ from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, ex
 from scaraspec.user_message import UserMessage
 
 SLACK_S: Final = 2.0
-"""What a clock may be off (4.5/4)."""
+"""The tolerance of the clock, in seconds (4.5/4)."""
 _DRIFT: Final = 0.01
 _NS: Final = 1e9
 
 
 class ClockSample(NamedTuple):
-    """What the clock showed, and between which moments of ours, in seconds."""
+    """A reported time, and when it was requested and answered, in seconds since the Unix epoch."""
 
     time: datetime
     asked_s: float
@@ -28,15 +27,15 @@ class ClockSample(NamedTuple):
 
 
 def read_clock(subject: ControllerUnderTest, line: OutgoingConnection) -> ClockSample:
-    """Ask for the time.
+    """Query the time.
 
     Raises:
-        CaseFailed: The reply is no time of the calendar.
+        CaseFailed: The reply is not a valid time.
     """
     asked_s = subject.now_ns / _NS
     answer = line.ask("get_time")
     if not isinstance(answer.value, datetime):
-        message = "the reply to 0x07 is no time YYYYMMDDHHMMSS of the calendar"
+        message = "the reply to 0x07 is not a valid time YYYYMMDDHHMMSS"
         requirement = "4.6/3" if _has_form(answer) else "4.6/2"
         raise CaseFailed(
             message, expected="YYYYMMDDHHMMSS", observed=f"{answer}", requirement=requirement
@@ -49,30 +48,30 @@ def _has_form(answer: ReceivedFrame) -> bool:
 
 
 def shifted_time(time: datetime, by: timedelta) -> datetime:
-    """Another time, so much later than the time of a clock.
+    """Return the time of a clock plus a difference.
 
     Raises:
-        CaseInconclusive: The calendar has no such time.
+        CaseInconclusive: The result is outside of the calendar.
     """
     try:
         return time + by
     except OverflowError:
         raise CaseInconclusive(
-            UserMessage("the clock tells {time}, next to an end of the calendar", time=time)
+            UserMessage("the clock shows {time}, too close to an end of the calendar", time=time)
         ) from None
 
 
 def set_clock(
     subject: ControllerUnderTest, line: OutgoingConnection, time: datetime
 ) -> ClockSample:
-    """Set the clock; what it showed then.
+    """Set the clock, and return the set time with the time of the request and the reply.
 
     Raises:
-        CaseFailed: It is refused.
+        CaseFailed: The request is refused.
     """
     asked_s = subject.now_ns / _NS
     answer = line.ask("set_time", time)
-    message = UserMessage("the time {time} was not answered 1", time=time)
+    message = UserMessage("setting the time {time} was not answered with 1", time=time)
     requirement = "4.5/3" if answer.accepted is None else "4.5/6"
     expect(answer.accepted, message, expected="1", observed=f"{answer}", requirement=requirement)
     return ClockSample(time, asked_s, answer.time_s)
@@ -85,20 +84,20 @@ def expect_clock_ran(
     message: str,
     requirement: str = "",
 ) -> None:
-    """Fail the subject unless its clock ran from one reading to the other.
+    """Require that the clock ran correctly between two samples.
 
     Raises:
         CaseFailed: It did not.
     """
     scale = subject.ics.time_scale
-    least_s = max(then.asked_s - first.answered_s, 0.0) * scale
-    most_s = (then.answered_s - first.asked_s) * scale
-    slack_s = SLACK_S + _DRIFT * most_s
+    min_s = max(then.asked_s - first.answered_s, 0.0) * scale
+    max_s = (then.answered_s - first.asked_s) * scale
+    slack_s = SLACK_S + _DRIFT * max_s
     advance_s = (then.time - first.time).total_seconds()
     expect(
-        least_s - slack_s <= advance_s <= most_s + slack_s,
+        min_s - slack_s <= advance_s <= max_s + slack_s,
         message,
-        expected=f"{least_s:.1f} s after {first.time}",
+        expected=f"{min_s:.1f} s after {first.time}",
         observed=f"{then.time}, {advance_s:g} s after it",
         requirement=requirement,
     )

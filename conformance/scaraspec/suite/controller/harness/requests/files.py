@@ -1,7 +1,7 @@
-"""Files: how the suite sends a file and fetches one, chunk by chunk and without mistakes.
+"""Files: how the suite uploads and downloads a file correctly, chunk by chunk.
 
-What is checked on the way names its own requirement, whatever the case is about. Cases about
-transfers that go wrong send their own chunks, with `try_chunk`.
+Each check here names its own requirement, whatever requirement the case has. Cases about failing
+transfers send their own chunks with `try_chunk`.
 """
 
 import re
@@ -27,31 +27,31 @@ from scaraspec.traffic.transfers import refuses_an_answer
 from scaraspec.user_message import UserMessage
 
 CHUNK_S: Final = 30.0
-"""How long a chunk may take to come, or to be answered (A-5-23, L763, L787)."""
+"""The timeout for a chunk or for its answer, in seconds (A-5-23, L763, L787)."""
 
 _PLAIN: Final = re.compile(rb"[A-Za-z0-9]+\.[A-Za-z]+")
 _TRANSFER: Final = range(0x50, 0x57)
 _MOST_BYTES: Final = 2**20
-_MOST_CHUNKS: Final = 2000  # of a file of at most so many bytes
+_MOST_CHUNKS: Final = 2000  # of a file of at most `_MOST_BYTES`
 
 
 class NameRefused(CaseSkipped):
-    """A new name of other characters than letters and digits, which may be refused (A-5-20)."""
+    """The subject refused a new name with characters other than letters and digits (A-5-20)."""
 
 
 # ---------------------------------------------------------------------- upload
 
 
 def begin_upload(line: OutgoingConnection, name: bytes) -> None:
-    """Offer a new file name.
+    """Request the upload of a new file.
 
     Raises:
-        CaseFailed: It is refused.
-        NameRefused: It is, and may be.
+        CaseFailed: The subject refuses the name.
+        NameRefused: The subject refuses the name, and the document permits this.
     """
     answer = line.ask("upload_name", data=name)
     if answer.accepted is False and not _PLAIN.fullmatch(name):
-        raise NameRefused("the subject takes no names but of letters and digits")
+        raise NameRefused("the subject accepts only names of letters and digits")
     expect(
         answer.accepted,
         "a new file name was refused",
@@ -68,7 +68,11 @@ def try_chunk(
     data: bytes | None = None,
     within_s: float | None = None,
 ) -> bool | None:
-    """Send a chunk, or whatever data in its place; whether it is taken, None without an answer."""
+    """Send a chunk, or other data in its place.
+
+    Returns:
+        Whether the subject accepts it; None without an answer.
+    """
     try:
         return line.ask("upload_chunk", chunk, data=data, within_s=within_s).accepted
     except NoReply:
@@ -78,11 +82,17 @@ def try_chunk(
 def send_chunk(
     line: OutgoingConnection, chunk: Chunk, requirement: str = "5.2/6", message: str = ""
 ) -> None:
-    """Send a chunk that has to be taken; the message says what is wrong where it is not.
+    """Send a chunk that the subject must accept.
+
+    Args:
+        line: The connection.
+        chunk: The chunk.
+        requirement: The requirement that a refusal violates.
+        message: The message of the failure; empty for a default.
 
     Raises:
-        CaseFailed: It is not.
-        CaseInconclusive: It came so late that the transfer may have been over.
+        CaseFailed: The subject refuses the chunk.
+        CaseInconclusive: The suite sent the chunk so late that the transfer may have ended.
     """
     answer = line.ask("upload_chunk", chunk, within_s=CHUNK_S)
     if not answer.accepted:
@@ -90,7 +100,11 @@ def send_chunk(
     expect(
         answer.accepted,
         message
-        or f"the chunk at {chunk.position} of a file of {chunk.file_size} bytes was refused",
+        or UserMessage(
+            "the chunk at {position} of a file of {size_bytes} bytes was refused",
+            position=chunk.position,
+            size_bytes=chunk.file_size,
+        ),
         expected="1",
         observed=f"{answer}",
         requirement=requirement,
@@ -100,7 +114,7 @@ def send_chunk(
 def upload(
     line: OutgoingConnection, name: bytes, content: bytes, requirement: str = "5.2/6"
 ) -> None:
-    """Send a whole file (5.2).
+    """Upload a file (5.2).
 
     Raises:
         CaseFailed: The subject refuses the name or a chunk.
@@ -114,11 +128,14 @@ def upload(
 
 
 def download(line: OutgoingConnection, name: bytes) -> bytes | None:
-    """Fetch a whole file (5.3); None where the subject says that it has none.
+    """Download a file (5.3).
+
+    Returns:
+        Its content; None if the subject answers that there is no such file.
 
     Raises:
-        CaseFailed: A chunk is none, is out of bounds, or does not follow on the one before.
-        NoReply: A chunk does not come.
+        CaseFailed: A chunk is invalid, out of bounds, or does not follow the one before.
+        NoReply: A chunk does not arrive.
     """
     if not line.ask("download_name", data=name).accepted:
         return None
@@ -126,25 +143,25 @@ def download(line: OutgoingConnection, name: bytes) -> bytes | None:
 
 
 def receive_chunks(line: OutgoingConnection) -> Iterator[Chunk]:
-    """The chunks of a download, each of which is answered when the next is asked for.
+    """Yield the chunks of a download. Each is answered when the caller requests the next one.
 
     Raises:
-        CaseFailed: A chunk is none, is out of bounds, or does not follow on the one before.
-        NoReply: A chunk does not come.
+        CaseFailed: A chunk is invalid, out of bounds, or does not follow the one before.
+        NoReply: A chunk does not arrive.
     """
-    due, size_bytes = 0, -1
-    while due != size_bytes:
+    position, size_bytes = 0, -1
+    while position != size_bytes:
         chunk = next_chunk(line)
         size_bytes = chunk.file_size if size_bytes < 0 else size_bytes
-        expect_next(chunk, due, size_bytes)
+        expect_next(chunk, position, size_bytes)
         yield chunk
         line.answer_chunk(accepted=True)
-        due += chunk.length
-        if due > _MOST_BYTES:
+        position += chunk.length
+        if position > _MOST_BYTES:
             raise CaseInconclusive(
                 UserMessage(
-                    "a file of more than {most_bytes} bytes is not fetched to its end",
-                    most_bytes=_MOST_BYTES,
+                    "the suite does not download files of more than {max_bytes} bytes completely",
+                    max_bytes=_MOST_BYTES,
                 )
             )
     line.separate_frames()
@@ -153,10 +170,10 @@ def receive_chunks(line: OutgoingConnection) -> Iterator[Chunk]:
 def expect_stored(
     line: OutgoingConnection, name: bytes, content: bytes, requirement: str = "5.2/12"
 ) -> None:
-    """Fetch a file and hold it against what it should be.
+    """Download a file and compare its content.
 
     Raises:
-        CaseFailed: It is not there, or is another one.
+        CaseFailed: The file does not exist, or its content differs.
     """
     got = download(line, name)
     if got is None:
@@ -172,9 +189,9 @@ def expect_stored(
     at = min(len(got), len(content)) if first is None else first
     raise CaseFailed(
         UserMessage(
-            "a file of {content_count} bytes differs from byte {at} on when it is fetched",
-            content_count=len(content),
-            at=at,
+            "a downloaded file of {size_bytes} bytes differs from byte {position} on",
+            size_bytes=len(content),
+            position=at,
         ),
         expected=f"{len(content)} bytes, at {at}: {content[at : at + 8].hex(' ')}",
         observed=f"{len(got)} bytes, at {at}: {got[at : at + 8].hex(' ')}",
@@ -188,10 +205,10 @@ def expect_round_trip(
     content: bytes,
     requirement: str = "5.2/12",
 ) -> None:
-    """Send a file, fetch it, compare, and delete it.
+    """Upload a file, download it, compare the content, and delete the file.
 
     Raises:
-        CaseFailed: It does not come back as it was sent.
+        CaseFailed: The content differs, or a request is refused.
     """
     name = subject.new_name()
     upload(line, name, content, requirement)
@@ -203,23 +220,23 @@ def next_chunk(line: OutgoingConnection) -> Chunk:
     """Wait for the next chunk of a download.
 
     Raises:
-        NoReply: None comes in `CHUNK_S`.
-        CaseFailed: It is no chunk.
-        CaseInconclusive: The one before was answered so late that the transfer may have been over.
+        NoReply: No chunk arrives within `CHUNK_S`.
+        CaseFailed: The frame is not a valid chunk.
+        CaseInconclusive: The suite answered so late that the transfer may have ended.
     """
     return chunk_of(_chunk_frame(line))
 
 
 def download_replies(line: OutgoingConnection, name: bytes) -> list[ReceivedFrame]:
-    """Fetch a file and keep every frame of it, right or wrong, until no more come.
+    """Download a file, and return every chunk frame, valid or not, until no more arrive.
 
     Raises:
-        CaseFailed: The file is refused.
-        CaseInconclusive: A chunk was answered so late that the transfer may have been over.
+        CaseFailed: The subject refuses the download.
+        CaseInconclusive: The suite answered so late that the transfer may have ended.
     """
     expect(
         line.ask("download_name", data=name).accepted,
-        "a file that is there was refused",
+        "the download of an existing file was refused",
         expected="1",
         observed="0",
         requirement="5.3/2",
@@ -253,16 +270,16 @@ def _chunk_frame(line: OutgoingConnection) -> ReceivedFrame:
 def expect_nothing_more(
     line: OutgoingConnection, message: str, requirement: str, *, stray: bool = False
 ) -> None:
-    """Fail the subject if it has sent, or now sends, any frame of a transfer.
+    """Require that the subject sends no further frame of a transfer.
 
     Args:
         line: The connection.
-        message: What is wrong then.
-        requirement: What it violates.
-        stray: Whether an answer to no chunk was sent, which may be answered 0 (A-5-16).
+        message: The message of the failure.
+        requirement: The requirement that such a frame violates.
+        stray: Whether the suite has answered no chunk, which may be answered 0 (A-5-16).
 
     Raises:
-        CaseFailed: It has.
+        CaseFailed: The subject has sent such a frame.
     """
     came = transfer_frames(line, stray=stray)
     expect(
@@ -275,15 +292,15 @@ def expect_nothing_more(
 
 
 def transfer_frames(line: OutgoingConnection, *, stray: bool = False) -> list[FrameSeen]:
-    """Take the frames of clause 5 that came and were not waited for.
+    """Return the received frames of clause 5 that no case has read.
 
-    Where an answer to no chunk was sent, a 0 to it counts for nothing (A-5-16).
+    With `stray`, a 0 in reply to an answer without a chunk is ignored (A-5-16).
     """
     line.separate_frames()
     try:
         came = line.sync() if line.ending is None else line.inbox
     except NoReply:
-        if line.ending is None:  # it may end the link (A-5-26)
+        if line.ending is None:  # the subject may close the connection (A-5-26)
             raise
         came = line.inbox
     came = [seen for seen in came if seen.frame.opcode in _TRANSFER]
@@ -291,14 +308,14 @@ def transfer_frames(line: OutgoingConnection, *, stray: bool = False) -> list[Fr
 
 
 def is_cancelled(seen: FrameSeen | ReceivedFrame) -> bool:
-    """Whether the controller says with it that its download has failed (L787; A-5-10)."""
+    """Whether this is the signal of the controller that a download has failed (L787; A-5-10)."""
     if seen.frame.opcode != BY_NAME["download_chunk"].opcode:
         return False
     return not seen.frame.data or (isinstance(seen.value, Chunk) and not seen.value.length)
 
 
 def delete(line: OutgoingConnection, name: bytes) -> None:
-    """Delete a file of the suite's own.
+    """Delete a file of the suite.
 
     Raises:
         CaseFailed: The subject refuses.
@@ -316,10 +333,10 @@ def delete(line: OutgoingConnection, name: bytes) -> None:
 def upload_some_file(
     subject: ControllerUnderTest, line: OutgoingConnection, content: bytes
 ) -> bytes:
-    """The name of a file to fetch: one of this content, or what is there where none may be sent.
+    """Return the name of a file to download: an uploaded one, or a stored one without permission.
 
     Raises:
-        CaseSkipped: There is none, and none may be sent.
+        CaseSkipped: No file is stored, and an upload is not allowed.
     """
     if Hazard.STATE in subject.allowed:
         name = subject.new_name()
@@ -327,21 +344,24 @@ def upload_some_file(
         return name
     part = line.ask("list_programs").value
     if part is None or not part.names:
-        raise CaseSkipped("no program is stored, and --allow state is needed to send one")
+        raise CaseSkipped("no program is stored, and an upload needs --allow state")
     return bytes(part.names[0])
 
 
 def reconnect(subject: ControllerUnderTest, line: OutgoingConnection) -> OutgoingConnection:
-    """Another connection in place of this one, which ends."""
+    """Close this connection and return a new one."""
     line.close()
     return subject.open()
 
 
 def leftover_content(line: OutgoingConnection, name: bytes) -> bytes | None:
-    """What is stored under a name, of which nothing may be; b"" also where no chunk comes.
+    """Return the content stored under a name under which nothing may be stored.
+
+    Returns:
+        The content; b"" if no chunk arrives; None if the download is refused.
 
     Raises:
-        CaseInconclusive: A chunk was answered so late that the transfer may have been over.
+        CaseInconclusive: The suite answered so late that the transfer may have ended.
     """
     if not line.ask("download_name", data=name).accepted:
         return None

@@ -1,7 +1,7 @@
-"""Motion: small moves around where the arm stands, one axis at a time, and back again.
+"""Motion: small moves around the current pose of the arm, one axis at a time, and back.
 
-Nothing is assumed of the arm: where it stands it says itself, how far it may go from there the
-statement of conformance says. Whether a move was right is for the cases to say.
+The suite assumes nothing about the arm: it reports its pose itself, and the ICS limits the moves.
+The cases judge whether a move was correct.
 """
 
 from collections.abc import Iterator
@@ -23,10 +23,10 @@ from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, Ca
 from scaraspec.user_message import UserMessage
 
 AXES: Final = ("x", "y", "z", "theta_x")
-"""What a move may change, with a meaning (7.1, L1006)."""
+"""The values of a pose that have a meaning (7.1, L1006)."""
 
 REACHED: Final = 1.0
-"""mm or degrees by which a pose that was reached may be off (4.24/8)."""
+"""The tolerance of a reached pose, in mm or degrees (4.24/8)."""
 SLOWEST_PERCENT: Final = 1
 
 BUSY: Final = ("01", "02", "03", "04")
@@ -35,11 +35,13 @@ IDLE: Final = "00"
 
 _POLL_S: Final = 0.05
 _SLICE_S: Final = 0.5
-_PUT_OFF_S: Final = 0.2  # what is answered so late, and as by an idle robot, had to wait for it …
-_TIMES_LATER: Final = 3  # … where an idle robot is that much quicker
+_PUT_OFF_S: Final = (
+    0.2  # a reply this late with the idle status was delayed until the command ended …
+)
+_TIMES_LATER: Final = 3  # … if an idle robot replies this many times faster
 _NS: Final = 1e9
-_READINGS: Final = 3
-_STOPS: Final = 2  # what was queued may begin once the first has ended (A-4-2)
+_POSES: Final = 3
+_STOPS: Final = 2  # a queued command may start when the first one has ended (A-4-2)
 _MOVE, _RESET, _LOCK = "set_tool_coordinates", "reset", "lock_joints"
 
 
@@ -47,22 +49,22 @@ _MOVE, _RESET, _LOCK = "set_tool_coordinates", "reset", "lock_joints"
 
 
 def pose_of(line: OutgoingConnection) -> Pose:
-    """Where the tool stands (0x38); see `numbers_of`."""
+    """Query the pose of the tool (0x38); see `numbers_of`."""
     return numbers_of(line, "get_tool_coordinates", Pose, "4.23/2")
 
 
 def joints_of(line: OutgoingConnection) -> JointValues:
-    """How the joints stand (0x3C); see `numbers_of`."""
+    """Query the joint angles (0x3C); see `numbers_of`."""
     return numbers_of(line, "get_joint_angles", JointValues, "4.27/2")
 
 
-def pose_deviation(pose: Pose, wanted: Pose) -> float:
-    """By how many mm or degrees a pose misses another, as far as it has a meaning."""
-    return max_deviation(pose[:4], wanted[:4])
+def pose_deviation(pose: Pose, expected: Pose) -> float:
+    """Return the largest difference of two poses, in mm or degrees, of the values in `AXES`."""
+    return max_deviation(pose[:4], expected[:4])
 
 
 def same_place(a: Pose, b: Pose) -> bool:
-    """Whether the tool has not moved between the two."""
+    """Whether two poses are equal within the standstill tolerance."""
     return pose_deviation(a, b) <= STANDSTILL
 
 
@@ -70,21 +72,22 @@ def same_place(a: Pose, b: Pose) -> bool:
 
 
 def move_target(pose: Pose, speed_percent: int) -> MoveTarget:
-    """The request that goes to a pose."""
+    """Return the value of a request that moves the tool to a pose."""
     return MoveTarget(speed_percent, *pose)
 
 
 def neighbours(subject: ControllerUnderTest, pose: Pose, axis: str) -> list[Pose]:
-    """The poses a step away along an axis, one way and the other, as far as they are in the box.
+    """Return the poses one step away along an axis, in both directions, that are in the box.
 
     Raises:
-        CaseSkipped: The arm stands outside of the box in which it may be moved.
+        CaseSkipped: The current pose is outside of the box.
     """
     motion = subject.ics.motion
     if not in_box(subject, pose):
         raise CaseSkipped(
             UserMessage(
-                "the arm stands at {pose}, outside of motion.box_mm: bring it there", pose=pose[:3]
+                "the arm is at {pose}, outside of motion.box_mm: move it into the box",
+                pose=pose[:3],
             )
         )
     value = getattr(pose, axis)
@@ -94,7 +97,7 @@ def neighbours(subject: ControllerUnderTest, pose: Pose, axis: str) -> list[Pose
 
 
 def pose_between(pose: Pose, there: Pose, part: float) -> Pose:
-    """A pose between two poses."""
+    """Return the pose at a fraction of the way between two poses."""
     return Pose(
         *(round(p + way * part, 3) for p, way in zip(pose, differences(there, pose), strict=True))
     )
@@ -124,13 +127,13 @@ def begin_step(
     axis: str,
     speed_percent: int | None = None,
 ) -> tuple[Pose, ReceivedFrame]:
-    """Begin a move by a step along an axis, the other way where one way is out of reach.
+    """Start a step along an axis. If one direction is out of reach, try the other one.
 
     Returns:
-        Where it goes, and the first reply, which is no refusal for being out of reach.
+        The target pose and the first reply.
 
     Raises:
-        CaseSkipped: There is no room along this axis.
+        CaseSkipped: Both directions are out of reach.
     """
     for pose in neighbours(subject, pose_of(line), axis):
         answer = ask_move(subject, line, pose, speed_percent)
@@ -142,20 +145,20 @@ def begin_step(
 def begin_step_somewhere(
     subject: ControllerUnderTest, line: OutgoingConnection, speed_percent: int | None = None
 ) -> tuple[Pose, ReceivedFrame]:
-    """Begin a step along the first axis that has room.
+    """Start a step along the first axis that has room.
 
     Raises:
-        CaseFailed: None has: the arm can go nowhere from where it stands (4.24/5).
+        CaseFailed: No axis has room: the arm cannot move from its current pose (4.24/5).
     """
     for axis in ("y", "x", "z", "theta_x"):
         with suppress(CaseSkipped):
             return begin_step(subject, line, axis, speed_percent)
-    message = "no step from where the arm stands is possible, along no axis and either way"
+    message = "no step from the current pose is possible along any axis"
     raise CaseFailed(message, expected="1", observed="0|05 or 0|06", requirement="4.24/5")
 
 
 def is_out_of_reach(answer: ReceivedFrame) -> bool:
-    """Whether a move is refused for its target, perhaps without saying so (err_bare0)."""
+    """Whether a move is refused because of its target, perhaps without a code (err_bare0)."""
     bare = answer.frame.data.rstrip(b"\0") == b"0"
     return answer.accepted is False and (bare or answer.code in ("05", "06"))
 
@@ -257,9 +260,9 @@ def is_responsive(
 def _timed_status(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> tuple[float, str | None]:
-    asked_ns = subject.now_ns
+    requested_ns = subject.now_ns
     answer = line.ask("get_status")
-    return answer.time_s - asked_ns / _NS, answer.value
+    return answer.time_s - requested_ns / _NS, answer.value
 
 
 def require_known_responsive(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
@@ -291,10 +294,13 @@ def stop(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFram
 
 
 def stop_without_reset(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFrame:
-    """Stop what executes, to the end; the first reply to the stop. The arm stays where it is.
+    """Send an emergency stop and wait for its result, without a reset.
+
+    Returns:
+        The first reply to the stop.
 
     Raises:
-        NoReply: The stop, or its result, is not answered.
+        NoReply: The stop is not answered.
     """
     answer = line.ask("emergency_stop")
     if answer.accepted:
@@ -306,11 +312,11 @@ def stop_without_reset(subject: ControllerUnderTest, line: OutgoingConnection) -
 
 
 def _await_own_result(line: OutgoingConnection) -> None:
-    """Wait for the result of what was stopped, if it comes after the stop's (A-4.17-4)."""
-    left_s = SILENCE_S
-    while left_s > 0 and not any(seen.frame.tagged for seen in line.inbox):
+    """Wait for the result of the stopped command, which may follow that of the stop (A-4.17-4)."""
+    remaining_s = SILENCE_S
+    while remaining_s > 0 and not any(seen.frame.tagged for seen in line.inbox):
         line.wait(_POLL_S)
-        left_s -= _POLL_S
+        remaining_s -= _POLL_S
 
 
 def stop_motion(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
@@ -329,9 +335,9 @@ def stop_motion(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 
 def status_after_result(line: OutgoingConnection) -> ReceivedFrame:
-    """The status after a final result; asked again if it still reports what has ended.
+    """Query the status after a final result; once more if it still reports the ended command.
 
-    It returns to 00 (L318), at what moment is not said: not every robot changes both at once.
+    The document does not define when the status returns to 00 (L318): it may be a moment later.
     """
     status = line.ask("get_status")
     if status.value in BUSY:
@@ -341,20 +347,20 @@ def status_after_result(line: OutgoingConnection) -> ReceivedFrame:
 
 
 def status_at_rest(line: OutgoingConnection) -> ReceivedFrame:
-    """The status shortly after a final result: until then it may be that of what has ended."""
+    """Query the status shortly after a final result, when it must not show the ended command."""
     line.wait(MOMENT_S)
     return line.ask("get_status")
 
 
 def status_of(subject: ControllerUnderTest, line: OutgoingConnection) -> str | None:
-    """The status; None where a robot that executes answers nothing (A-4-3)."""
-    deaf = subject.traits.unresponsive_while_executing
-    if deaf:
+    """Query the status; None if the robot answers no query while it executes (A-4-3)."""
+    unresponsive = subject.traits.unresponsive_while_executing
+    if unresponsive:
         _drop_late_replies(line)
     try:
-        answer = line.ask("get_status", within_s=_POLL_S if deaf else None)
+        answer = line.ask("get_status", within_s=_POLL_S if unresponsive else None)
     except NoReply:
-        if not deaf:
+        if not unresponsive:
             raise
         return None
     status: str | None = answer.value
@@ -362,7 +368,7 @@ def status_of(subject: ControllerUnderTest, line: OutgoingConnection) -> str | N
 
 
 def _drop_late_replies(line: OutgoingConnection) -> None:
-    """Drop what was answered only after the end: it shows the state then, not now."""
+    """Drop status replies that came only after the end of a command: they may be outdated."""
     opcode = BY_NAME["get_status"].opcode
     line.pump()
     line.inbox[:] = [s for s in line.inbox if s.frame.tagged or s.frame.opcode != opcode]
@@ -370,7 +376,7 @@ def _drop_late_replies(line: OutgoingConnection) -> None:
 
 @contextmanager
 def _set_aside(line: OutgoingConnection, name: str) -> Iterator[None]:
-    """Take no final result of an earlier request of this command for that of the next."""
+    """Ignore final results of earlier requests of this command while the context is active."""
     opcode = BY_NAME[name].opcode
     line.pump()
     earlier = [s for s in line.inbox if s.frame.tagged and s.frame.opcode == opcode]
@@ -388,18 +394,23 @@ def wait_for_end(
     *,
     within_s: float | None = None,
 ) -> ReceivedFrame | None:
-    """Wait for a final result until the subject is idle, and a moment longer; None if none came.
+    """Wait for a final result until the robot is idle, and a moment longer.
 
-    At fault it may still be busy: the status shows one of the two (A-4.8-2).
+    A status that reports a fault does not show whether the robot is idle (A-4.8-2).
+
+    Returns:
+        The final result; None if it does not come.
     """
     due = ExpectedReply(name, result=True)
-    left_s = subject.patience.timeout_s(due, subject.longest_s if within_s is None else within_s)
+    remaining_s = subject.patience.timeout_s(
+        due, subject.longest_s if within_s is None else within_s
+    )
     idle = False
-    while not idle and left_s > 0:
+    while not idle and remaining_s > 0:
         with suppress(NoReply):
-            return line.result(name, within_s=min(_SLICE_S, left_s))
-        left_s -= _SLICE_S
-        is_responsive(subject, line)  # a deaf robot is asked otherwise
+            return line.result(name, within_s=min(_SLICE_S, remaining_s))
+        remaining_s -= _SLICE_S
+        is_responsive(subject, line)  # `status_of` depends on this
         idle = status_of(subject, line) == IDLE
     with suppress(NoReply):
         return line.result(name, within_s=SILENCE_S)
@@ -408,25 +419,26 @@ def wait_for_end(
 
 
 def wait_until_at_rest(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Wait until nothing executes; the status may tell of a fault then."""
-    full_s = left_s = subject.patience.rest_timeout_s(subject.longest_s)
-    while (busy := status_of(subject, line) in (*BUSY, None)) and left_s > 0:
+    """Wait until nothing executes. The status may then report a fault."""
+    full_s = remaining_s = subject.patience.rest_timeout_s(subject.longest_s)
+    while (busy := status_of(subject, line) in (*BUSY, None)) and remaining_s > 0:
         line.wait(_POLL_S)
-        left_s -= _POLL_S
-    subject.patience.note_rest(full_s - left_s, rests=not busy)
+        remaining_s -= _POLL_S
+    subject.patience.note_rest(full_s - remaining_s, rests=not busy)
 
 
 def release_latch(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Reset a robot that an emergency stop has latched (A-4.17-2); whether it does is tried once.
+    """Reset a robot that an emergency stop has latched (A-4.17-2).
 
-    It shows in the status, or in that a move to where the arm stands is refused.
+    A latched robot reports it in its status, or refuses a move to its current pose. If the first
+    stop has not latched the robot, later stops are not checked.
     """
     traits = subject.traits
     if not traits.may_be_latched:
         return
     if line.ask("get_status").value == IDLE:
         with _set_aside(line, _MOVE):
-            for _ in range(_READINGS):  # unsteady ones may lie beyond the end of its travel
+            for _ in range(_POSES):  # an unsteady pose may be beyond the end of the travel
                 answer = ask_move(subject, line, pose_of(line), SLOWEST_PERCENT)
                 if answer.accepted:
                     wait_for_end(subject, line, _MOVE)
@@ -436,7 +448,7 @@ def release_latch(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
                 traits.may_be_latched = False
             return
     traits.latches = True
-    for remedy in (_RESET, _LOCK):  # it may have let go of its joints (A-4.25-1)
+    for remedy in (_RESET, _LOCK):  # it may have released its joints (A-4.25-1)
         with _set_aside(line, remedy):
             if remedy not in subject.ics.unsupported and line.ask(remedy).accepted:
                 wait_for_end(subject, line, remedy)

@@ -1,6 +1,6 @@
-"""Ports: reading and setting the digital outputs, and putting them back; reading the inputs.
+"""Ports: reads, sets and restores the digital outputs, and reads the inputs.
 
-Digits are turned round here once and for all: the leftmost is the highest port (L651, L684).
+This module reverses the digits of replies: the leftmost digit is the highest port (L651, L684).
 """
 
 import re
@@ -24,7 +24,7 @@ ALL_INPUTS: Final = range(1, 9)
 _LOOKS, _LOOK_S = 10, 0.1
 
 Bits = tuple[bool, ...]
-"""The states of ports in the order of their numbers, that of port 1 first."""
+"""The states of ports in the order of their numbers, beginning with port 1."""
 
 
 _FORMS: Final = {
@@ -34,21 +34,24 @@ _FORMS: Final = {
 
 
 def expect_form(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
-    """Ask for the states of ports, and hold what comes against its form (L646, L682).
+    """Query the states of ports and check the form of the reply (L646, L682).
 
     Raises:
-        CaseFailed: It is neither one digit a port nor an error, which is tolerated.
+        CaseFailed: The reply has neither one digit per port nor an error, which is tolerated.
     """
     ports, requirement, register = _FORMS[name]
     answer = line.ask(name)
     if answer.seen.text == b"0":
         subject.tolerate(
-            requirement, register, "0", UserMessage("{name} is answered with an error", name=name)
+            requirement,
+            register,
+            "0",
+            UserMessage("{command} is answered with an error", command=name),
         )
         return
     expect(
         re.fullmatch(rb"1\|[01]{%d}" % len(ports), answer.seen.text),
-        UserMessage("{name} is not answered with one digit a port", name=name),
+        UserMessage("the reply to {command} does not have one digit per port", command=name),
         expected=f"1| and {len(ports)} digits, each 0 or 1: {len(ports) + 2} bytes",
         observed=f"{answer}",
         requirement=requirement,
@@ -56,20 +59,20 @@ def expect_form(subject: ControllerUnderTest, line: OutgoingConnection, name: st
 
 
 def outputs(line: OutgoingConnection) -> Bits:
-    """The states of all digital outputs (0x49).
+    """Query the states of all digital outputs (0x49).
 
     Raises:
-        CaseFailed: They are not sixteen digits.
+        CaseFailed: The reply does not have sixteen digits.
         CaseInconclusive: The subject reports an error.
     """
     return _bits(line, "get_digital_outputs", "4.34/2")
 
 
 def inputs(line: OutgoingConnection) -> Bits:
-    """The states of all digital inputs (0x42).
+    """Query the states of all digital inputs (0x42).
 
     Raises:
-        CaseFailed: They are not eight digits.
+        CaseFailed: The reply does not have eight digits.
         CaseInconclusive: The subject reports an error.
     """
     return _bits(line, "get_digital_inputs", "4.31/2")
@@ -78,9 +81,11 @@ def inputs(line: OutgoingConnection) -> Bits:
 def _bits(line: OutgoingConnection, name: str, requirement: str) -> Bits:
     answer = line.ask(name)
     if answer.seen.text == b"0":
-        raise CaseInconclusive(UserMessage("{name} is answered with an error", name=name))
+        raise CaseInconclusive(UserMessage("{command} is answered with an error", command=name))
     if not isinstance(answer.value, str):
-        message = UserMessage("{name} is not answered with one digit a port", name=name)
+        message = UserMessage(
+            "the reply to {command} does not have one digit per port", command=name
+        )
         raise CaseFailed(
             message, expected="1| and digits", observed=f"{answer}", requirement=requirement
         )
@@ -88,40 +93,40 @@ def _bits(line: OutgoingConnection, name: str, requirement: str) -> Bits:
 
 
 def digits(bits: Bits) -> str:
-    """States as they are sent, the highest port first."""
+    """Return the digits of a reply with these states, the highest port first."""
     return "".join("1" if bit else "0" for bit in reversed(bits))
 
 
 def with_port(bits: Bits, port: int, *, on: bool) -> Bits:
-    """These states but for one port."""
+    """Return these states with another state of one port."""
     return (*bits[: port - 1], on, *bits[port:])
 
 
 def set_output(line: OutgoingConnection, port: int, *, on: bool) -> ReceivedFrame:
-    """Set a digital output (0x43), or try to."""
+    """Request to set a digital output (0x43), and return the reply."""
     return line.ask("set_digital_output", PortValue(port, int(on)))
 
 
 def settable_outputs(line: OutgoingConnection) -> list[int]:
-    """The ports of 0x49 that 0x43 takes for outputs; each is set to what it is.
+    """Return the ports that 0x43 accepts; each is set to its current state.
 
     Raises:
-        CaseInconclusive: There are none.
+        CaseInconclusive: 0x43 accepts none of the ports.
     """
     now = outputs(line)
     ports = [port for port in ALL_OUTPUTS if set_output(line, port, on=now[port - 1]).accepted]
     if not ports:
-        raise CaseInconclusive("the subject takes none of its ports for a digital output")
+        raise CaseInconclusive("the subject accepts none of its ports as a digital output")
     return ports
 
 
 def expect_outputs(
     line: OutgoingConnection, expected: Bits, message: str, *, requirement: str = ""
 ) -> None:
-    """Fail the subject unless 0x49 shows these states.
+    """Require that 0x49 returns these states.
 
     Raises:
-        CaseFailed: It does not.
+        CaseFailed: It returns other states.
     """
     expect_equal(digits(outputs(line)), digits(expected), message, requirement=requirement)
 
@@ -129,19 +134,19 @@ def expect_outputs(
 def expect_inputs(
     line: OutgoingConnection, expected: Bits, message: str, *, requirement: str = ""
 ) -> None:
-    """Fail the subject unless 0x42 shows these states.
+    """Require that 0x42 returns these states.
 
     Raises:
-        CaseFailed: It does not.
+        CaseFailed: It returns other states.
     """
     expect_equal(digits(inputs(line)), digits(expected), message, requirement=requirement)
 
 
 @contextmanager
 def outputs_preserved(line: OutgoingConnection) -> Iterator[Bits]:
-    """Give the states of the outputs, and put back afterwards what has changed.
+    """Yield the states of the outputs, and restore them when the context ends.
 
-    What cannot be put back on this connection any more is left to the end of the run.
+    If the connection is lost, the end of the run restores them.
     """
     before = outputs(line)
     try:
@@ -154,7 +159,7 @@ def outputs_preserved(line: OutgoingConnection) -> Iterator[Bits]:
 
 
 def stable_inputs(line: OutgoingConnection, ports: Iterable[int]) -> list[int]:
-    """Those of the inputs that do not change by themselves, as far as a moment shows."""
+    """Return the inputs that do not change during a second."""
     seen = [inputs(line)]
     for _ in range(_LOOKS):
         line.wait(_LOOK_S)
@@ -164,10 +169,10 @@ def stable_inputs(line: OutgoingConnection, ports: Iterable[int]) -> list[int]:
 
 @contextmanager
 def inputs_unchanged(line: OutgoingConnection, ports: Iterable[int] = ALL_INPUTS) -> Iterator[Bits]:
-    """Give the states of the inputs; what fails while these change is not a failure.
+    """Yield the states of the inputs. A failure does not count if one of these inputs changes.
 
     Raises:
-        CaseInconclusive: They have changed in between.
+        CaseInconclusive: An input has changed.
     """
     before = inputs(line)
 
@@ -187,10 +192,10 @@ def inputs_unchanged(line: OutgoingConnection, ports: Iterable[int] = ALL_INPUTS
 
 
 class InputDriver:
-    """Drives the digital inputs by the hook ``set_input``; made by `driven_inputs`.
+    """Sets the digital inputs with the hook ``set_input``; created by `driven_inputs`.
 
     Attributes:
-        now: How they are driven.
+        now: The states that were set.
     """
 
     def __init__(self, subject: ControllerUnderTest, now: Bits) -> None:
@@ -198,7 +203,7 @@ class InputDriver:
         self._subject = subject
 
     def __call__(self, port: int, *, on: bool) -> None:
-        """Drive one input."""
+        """Set one input."""
         if self.now[port - 1] != on:
             self._subject.hook("set_input", port=port, value=int(on))
             self.now = with_port(self.now, port, on=on)
@@ -206,10 +211,10 @@ class InputDriver:
 
 @contextmanager
 def driven_inputs(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[InputDriver]:
-    """Drive the inputs, and afterwards drive them back to what they were.
+    """Yield a driver of the inputs, and restore their states when the context ends.
 
     Raises:
-        CaseSkipped: There is no hook for it.
+        CaseSkipped: The ICS names no hook ``set_input``.
         CaseInconclusive: The hook failed.
     """
     before = inputs(line)

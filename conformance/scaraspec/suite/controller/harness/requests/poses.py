@@ -1,6 +1,6 @@
-"""Poses: values of several numbers, and how they are compared with what was set (4.19-4.22).
+"""Poses: reads values of several numbers and compares them with what was set (4.19-4.22).
 
-Where the arm stands at the moment is a thing of motion.
+`motion` reads the current pose of the arm.
 """
 
 from typing import TypeVar
@@ -17,16 +17,18 @@ _Numbers = TypeVar("_Numbers", JointValues, Point, Pose)
 def numbers_of(
     line: OutgoingConnection, command: str, kind: type[_Numbers], requirement: str
 ) -> _Numbers:
-    """The value of a query with so many numbers.
+    """Send a query whose value is several numbers, and return the value.
 
     Raises:
-        CaseFailed: It reports something else.
+        CaseFailed: The reply has another form.
     """
     answer = line.ask(command)
     if not isinstance(answer.value, kind):
         count = len(kind._fields)
         message = UserMessage(
-            "{command} does not tell {count} numbers between bars", command=command, count=count
+            "the reply to {command} is not {count} numbers separated by bars",
+            command=command,
+            count=count,
         )
         expected = "|".join(kind._fields)
         raise CaseFailed(message, expected=expected, observed=f"{answer}", requirement=requirement)
@@ -34,27 +36,27 @@ def numbers_of(
 
 
 def gripper_of(line: OutgoingConnection) -> Point:
-    """The gripper centre (0x34); see `numbers_of`."""
+    """Query the gripper center (0x34); see `numbers_of`."""
     return numbers_of(line, "get_gripper_center", Point, "4.19/2")
 
 
 def initial_of(line: OutgoingConnection) -> Pose:
-    """The initial tool position (0x37); see `numbers_of`."""
+    """Query the initial tool position (0x37); see `numbers_of`."""
     return numbers_of(line, "get_initial_tool_position", Pose, "4.22/2")
 
 
 def expect_numbers(
-    shown: tuple[float, ...], wanted: tuple[float, ...], message: str, requirement: str
+    reported: tuple[float, ...], expected: tuple[float, ...], message: str, requirement: str
 ) -> None:
-    """Hold what is shown against what was set: exactly where it has one decimal or none.
+    """Compare reported numbers with what was set; exactly, if these have at most one decimal.
 
     Raises:
         CaseFailed: They differ.
     """
     expect(
-        read_back(shown, wanted),
+        read_back(reported, expected),
         message,
-        expected="|".join(f"{value:g}" for value in wanted),
-        observed="|".join(f"{value:g}" for value in shown),
+        expected="|".join(f"{value:g}" for value in expected),
+        observed="|".join(f"{value:g}" for value in reported),
         requirement=requirement,
     )

@@ -1,6 +1,6 @@
-"""Queries: the requests that only read, which any case may send at any time to any subject.
+"""Queries: read-only requests that any case may send at any time.
 
-The question for the default program is none of them: it may remain unanswered (A-4.12-2).
+The query of the default program is not included, because it may remain unanswered (A-4.12-2).
 """
 
 from typing import Any, Final, NamedTuple
@@ -15,13 +15,13 @@ from scaraspec.suite.engine.connection import ReceivedFrame
 
 
 class Query(NamedTuple):
-    """A request that reads, and what it asks for."""
+    """A read-only request and its value."""
 
     name: str
     value: Any = None
 
     def frame(self, line: OutgoingConnection) -> Frame:
-        """Its frame."""
+        """Return its frame."""
         return line.request(self.name, self.value)
 
 
@@ -43,38 +43,38 @@ QUERIES: Final = (
 )
 
 some_queries = st.lists(st.sampled_from(QUERIES), min_size=1, max_size=12)
-"""Some of them, in any order and number."""
+"""Queries in any order and number."""
 
 
 def supported_queries(
     subject: ControllerUnderTest, queries: tuple[Query, ...] | list[Query] = QUERIES
 ) -> list[Query]:
-    """Those that the subject does not say it lacks, and has not always left unanswered.
+    """Return the queries that the ICS does not exclude and that have been answered so far.
 
-    What it never answers fails where it is asked for by itself (3/31), and nothing else.
+    A query that is never answered fails only its own case (3/31).
     """
-    without = subject.ics.unsupported | subject.unanswered
-    return [query for query in queries if query.name not in without]
+    excluded = subject.ics.unsupported | subject.unanswered
+    return [query for query in queries if query.name not in excluded]
 
 
 def ask_all(subject: ControllerUnderTest, line: OutgoingConnection) -> list[ReceivedFrame]:
-    """Ask each of them once.
+    """Send each supported query once, and return the replies.
 
     Raises:
-        NoReply: One was not answered.
+        NoReply: A query was not answered.
     """
     return [line.ask(*query) for query in supported_queries(subject)]
 
 
 def wait_for_replies(line: OutgoingConnection, queries: list[Query]) -> list[ReceivedFrame]:
-    """Wait for the replies to queries that were sent, in whatever order they come.
+    """Wait for the replies to queries that were sent, in any order.
 
     Raises:
-        NoReply: One does not come.
+        NoReply: A reply does not arrive.
     """
     return [line.reply(query.name) for query in queries]
 
 
 def opcodes_of(*names: str) -> frozenset[int]:
-    """Their opcodes."""
+    """Return the opcodes of these commands."""
     return frozenset(BY_NAME[name].opcode for name in names)
