@@ -1,9 +1,9 @@
-"""The pytest plugin: the suite beside a team's own tests, under a pytest that the team runs.
+"""The pytest plugin: runs the suite with a team's own tests, in the team's pytest.
 
     pytest -p scaraspec.suite.plugin --pyargs scaraspec.suite.controller.cases --subject tcp://192.168.1.2
 
-The fixtures `subject` and `line` serve a team's own tests too. The exit status is that of the
-results, as of ``scaraspec certify``.
+The fixtures `subject` and `line` are available to the team's own tests, too. The exit status is
+that of the results, as for ``scaraspec certify``.
 """
 
 import os
@@ -37,24 +37,24 @@ _RUN: Final = pytest.StashKey[Run[ControllerUnderTest]]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """The options of ``scaraspec certify controller`` that a pytest run needs."""
+    """Add the options of ``scaraspec certify controller`` that a pytest run needs."""
     group = parser.getgroup("scaraspec", "certify a controller of the UISR4200S protocol")
     group.addoption("--subject", metavar="URL", help="the controller, as tcp://192.168.1.2")
     group.addoption(
         "--subject-password",
         default=os.environ.get("SCARASPEC_PASSWORD", "password"),
-        help="what to log in with; else SCARASPEC_PASSWORD, else 'password'",
+        help="its password; default: SCARASPEC_PASSWORD, else 'password'",
     )
-    group.addoption("--ics", metavar="FILE", help="its statement of conformance, TOML")
-    group.addoption("--allow", default="", help="hazards beyond reading: state,motion,destructive")
-    group.addoption("--requirements", default="", help="only these clauses or requirements")
+    group.addoption("--ics", metavar="FILE", help="its implementation conformance statement, TOML")
+    group.addoption("--allow", default="", help="allowed hazards: state,motion,destructive")
+    group.addoption("--requirements", default="", help="test only these clauses or requirements")
     group.addoption("--undefined-opcodes", action="store_true", help="send them; never to a robot")
     group.addoption("--patience", type=float, default=10.0, help="seconds that a case may wait")
-    group.addoption("--examples", type=int, default=20, help="values that a drawn case tries")
+    group.addoption("--examples", type=int, default=20, help="how many values a case draws")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Meet the subject, if there is one."""
+    """Connect to the subject if ``--subject`` names one."""
     declare_mark(config)
     url, ics = config.getoption("--subject"), config.getoption("--ics")
     if not url:
@@ -93,7 +93,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Write down what the subject is like."""
+    """Write the state of the subject to the journal."""
     if run := session.config.stash.get(_RUN, None):
         try:
             run.begin()
@@ -138,7 +138,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 
 
 def pytest_terminal_summary(config: pytest.Config) -> None:
-    """Say what the run amounts to."""
+    """Print the results."""
     run = config.stash.get(_RUN, None)
     if run is not None and run.case_runner.cases:
         terminal.show(run.build_results(), Console())

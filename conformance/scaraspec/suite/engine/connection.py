@@ -1,8 +1,8 @@
-"""Wire: one connection to the subject, whichever end of it the suite plays.
+"""Connection: one connection to the subject, in either role of the suite.
 
-Bytes are sent as a case gives them. Received bytes are framed, timed and kept until they are read,
-so that nothing that a subject sends goes unseen; all of it is observed. What a frame means, and
-which is due, is not known here.
+Bytes are sent as a case gives them. Received bytes are framed, timestamped and kept until they are
+read. The observer sees everything. This module does not know the meaning of a frame, and which
+frame is expected.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -24,7 +24,7 @@ from scaraspec.user_message import UserMessage
 _NS: Final = 1_000_000_000
 _FLOOD_BYTES: Final = 2**16
 _FLOOD_RATIO: Final = 64
-"""A subject that sends more than this, and so many times what it was sent last, sends forever."""
+"""A subject floods if it sends more than this plus this multiple of what the suite sent last."""
 
 
 class ConnectionOwner(Protocol):
@@ -34,18 +34,18 @@ class ConnectionOwner(Protocol):
 
     @property
     def now_ns(self) -> int:
-        """The present instant in nanoseconds since the Unix epoch."""
+        """The current time in nanoseconds since the Unix epoch."""
 
-    def pump_others(self, wire: "Connection", /) -> Sequence[Link]:
-        """Take what came elsewhere; give the links on which more may come."""
+    def pump_others(self, line: "Connection", /) -> Sequence[Link]:
+        """Receive on the other connections. Return the links that may receive more."""
 
 
 class ReceivedFrame(NamedTuple):
-    """What a subject sent.
+    """A frame that the subject sent.
 
     Attributes:
-        seen: The frame, and where and when it was.
-        value: Its decoded value; None where it has none.
+        seen: The frame, with its position and time.
+        value: Its decoded value; None if it has none.
     """
 
     seen: FrameSeen
@@ -58,24 +58,24 @@ class ReceivedFrame(NamedTuple):
 
     @property
     def time_s(self) -> float:
-        """When its first byte came, in seconds since the Unix epoch."""
+        """When its first byte arrived, in seconds since the Unix epoch."""
         return self.seen.begun_ns / _NS
 
     @property
     def accepted(self) -> bool | None:
-        """Whether it says yes; None where it says neither."""
+        """Whether it accepts the request; None if it is not such a reply."""
         if isinstance(self.value, Acceptance):
             return self.value.accepted
         return self.value if isinstance(self.value, bool) else None
 
     @property
     def code(self) -> str | None:
-        """The code of table 8-1 that it bears, if any."""
+        """Its code of table 8-1, if any."""
         return self.value.code if isinstance(self.value, Acceptance | Outcome) else None
 
     @property
     def done(self) -> bool | None:
-        """Of a final result: whether it says done."""
+        """Whether a final result reports success; None for another frame."""
         return self.value.done if isinstance(self.value, Outcome) else None
 
     def __str__(self) -> str:
@@ -87,33 +87,33 @@ class Connection:
 
     Args:
         name: Its name in the recording.
-        link: What carries it.
-        holder: Its owner.
-        ours: The direction in which the suite sends.
-        judged: Whether the judge watches it.
+        link: The byte link.
+        owner: The owner of all connections of the run.
+        sends: The direction in which the suite sends.
+        judged: Whether the judge watches the connection.
 
     Attributes:
         inbox: Received frames that were not read yet, in order.
-        invalid_bytes: What came and was no frame.
-        ending: How the subject ended it; None while it is open.
-        closed: It was ended by the suite.
-        closed_ns: When.
+        invalid_bytes: Received bytes that are not part of a frame.
+        ending: How the subject ended the connection; None while it is open.
+        closed: The suite has closed the connection.
+        closed_ns: When the suite closed it, in nanoseconds since the Unix epoch.
     """
 
     def __init__(
-        self, name: str, link: Link, holder: ConnectionOwner, ours: Direction, *, judged: bool
+        self, name: str, link: Link, owner: ConnectionOwner, sends: Direction, *, judged: bool
     ) -> None:
         self.name = name
         self.inbox: list[FrameSeen] = []
         self.invalid_bytes: list[InvalidBytes] = []
         self.ending: Ending | None = None
         self.closed, self.closed_ns = False, 0
-        self._due_bytes = _FLOOD_BYTES
-        self.link, self._holder, self._judged = link, holder, judged
-        self._ours, self._theirs = ours, ours.opposite
+        self._flood_limit_bytes = _FLOOD_BYTES
+        self.link, self._owner, self._judged = link, owner, judged
+        self._sends, self._receives = sends, sends.opposite
         self._streams = {direction: Stream(name, direction) for direction in Direction}
         self._offsets_bytes = dict.fromkeys(Direction, 0)
-        self._event(A2C, Kind.OPENED, holder.now_ns)
+        self._event(A2C, Kind.OPENED, owner.now_ns)
 
     # ------------------------------------------------------------------ sending
 
@@ -125,16 +125,16 @@ class Connection:
         """
         if not data:
             return
-        self.pump()  # what has come so far came before this
+        self.pump()  # bytes received so far precede these
         try:
-            with self._holder.observer.interruption:
+            with self._owner.observer.interruption:
                 time_ns = self.link.send(data)
-                self._due_bytes = _FLOOD_BYTES + _FLOOD_RATIO * len(data)
-                self._event(self._ours, Kind.BYTES, time_ns, data)
+                self._flood_limit_bytes = _FLOOD_BYTES + _FLOOD_RATIO * len(data)
+                self._event(self._sends, Kind.BYTES, time_ns, data)
         except LinkError as error:
             self.pump()
             raise NoReply(
-                UserMessage("the subject does not take what is sent: {error}", error=error)
+                UserMessage("the subject does not receive what is sent: {error}", error=error)
             ) from None
 
     def send_frame(self, frame: Frame) -> None:
@@ -142,35 +142,40 @@ class Connection:
         self.send_bytes(frame.encode())
 
     def wait(self, for_s: float) -> None:
-        """Let time pass, listening; it ends early only with the connection."""
+        """Receive for a time, in seconds; return early if the connection ends."""
         deadline_s = self.link.now_s + for_s
         while self._more(deadline_s) and self.link.now_s <= deadline_s:
             pass
 
     def ends(self, *, within_s: float) -> Ending | None:
-        """Wait for the subject to end the connection; None if it does not."""
+        """Wait for the subject to end the connection; return None if it does not."""
         self.wait(within_s)
         if self.ending is None:
-            self._holder.observer.report_late(self.name)
+            self._owner.observer.report_late(self.name)
         return self.ending
 
     def wait_for_frame(
-        self, wanted: Callable[[FrameSeen], bool], within_s: float, message: str
+        self, is_expected: Callable[[FrameSeen], bool], within_s: float, message: str
     ) -> ReceivedFrame:
-        """Wait for a frame, and take it.
+        """Wait for a frame, and remove it from the inbox.
+
+        Args:
+            is_expected: Whether a frame is the expected one.
+            within_s: The timeout in seconds.
+            message: The message of the failure.
 
         Raises:
-            NoReply: None came; the message says what was due.
+            NoReply: No such frame arrived in time.
         """
         deadline_s = self.link.now_s + within_s
         while True:
             for seen in self.inbox:
-                if wanted(seen):
+                if is_expected(seen):
                     self.inbox.remove(seen)
                     return ReceivedFrame(seen, seen.value)
             if self.link.now_s > deadline_s or not self._more(deadline_s):
-                when = "" if self.ending else f" in {within_s:g} s"
-                raise self.no_reply_error(f"{message}{when}")
+                timeout = "" if self.ending else f" in {within_s:g} s"
+                raise self.no_reply_error(f"{message}{timeout}")
 
     def wait_for_any(self, within_s: float) -> bool:
         """Wait for a frame and leave it in the inbox; return whether one is there."""
@@ -181,7 +186,7 @@ class Connection:
 
     def no_reply_error(self, message: str) -> NoReply:
         """Return what to raise if a message that was due has not arrived."""
-        self._holder.observer.report_late(self.name)
+        self._owner.observer.report_late(self.name)
         came = [f"{seen.frame}" for seen in self.inbox]
         came += [f"no frame: {show(noise.data)}" for noise in self.invalid_bytes]
         if self.ending:
@@ -191,86 +196,86 @@ class Connection:
     # ------------------------------------------------------------------ listening
 
     def pump(self) -> None:
-        """Take what is there already, without waiting."""
+        """Receive what has already arrived, without waiting."""
         while self._receive(self.link.now_s):
             pass
 
     def flush(self) -> None:
-        """Take for noise what has come and begins no frame, whatever may follow it."""
-        self._take(self._theirs, self._streams[self._theirs].flush())
+        """Classify received bytes as invalid if no frame can begin with them."""
+        self._take(self._receives, self._streams[self._receives].flush())
 
     def finish(self) -> None:
-        """Take for noise an unfinished frame, too, because the rest of it does not come."""
-        self._take(self._theirs, self._streams[self._theirs].finish())
+        """Classify an unfinished frame as invalid, too, because the rest of it does not follow."""
+        self._take(self._receives, self._streams[self._receives].finish())
 
     def _more(self, deadline_s: float) -> bool:
-        """Wait for anything to come; False once the time is up or the connection has ended."""
+        """Receive one arrival; return False after the deadline or the end of the connection."""
         while True:
             if self.ended:
                 return False
-            others = self._holder.pump_others(self)
+            others = self._owner.pump_others(self)
             if self._receive(min(deadline_s, self.link.now_s + self.link.step_s), others):
                 return True
             if self.link.now_s >= deadline_s:
-                return self._receive(deadline_s)  # it may have come while this machine stood still
+                return self._receive(deadline_s)  # it may have arrived while this machine stalled
 
     @property
     def mid_frame(self) -> bool:
-        """Whether a frame has been sent in part."""
-        return self._streams[self._ours].buffered_bytes > 0
+        """Whether the suite has sent a part of a frame."""
+        return self._streams[self._sends].buffered_bytes > 0
 
     @property
     def unfinished(self) -> bool:
-        """Whether a frame has come in part, of which the rest may follow."""
-        return self._streams[self._theirs].buffered_bytes > 0
+        """Whether the subject has sent a part of a frame."""
+        return self._streams[self._receives].buffered_bytes > 0
 
     @property
     def ended(self) -> bool:
-        """Whether it has been ended, by whomever."""
+        """Whether the suite or the subject has ended the connection."""
         return self.closed or self.ending is not None
 
     def _receive(self, deadline_s: float, others: Sequence[Link] = ()) -> bool:
-        """Take one arrival; whether there was one before anything came elsewhere."""
+        """Receive one arrival; return False if something arrived on another link first."""
         if self.ended:
             return False
-        with self._holder.observer.interruption:
+        with self._owner.observer.interruption:
             try:
                 arrival = self.link.receive(deadline_s, others)
             except LinkError:
-                arrival = Arrival(self._holder.now_ns, Ending.RESET)
+                arrival = Arrival(self._owner.now_ns, Ending.RESET)
             if arrival is None:
                 return False
             if isinstance(arrival.content, Ending):
                 self.ending = arrival.content
                 kind = Kind.RESET if arrival.content is Ending.RESET else Kind.CLOSED
-                self._take(self._theirs, self._streams[self._theirs].finish())
-                self._event(self._theirs, kind, arrival.time_ns)
+                self._take(self._receives, self._streams[self._receives].finish())
+                self._event(self._receives, kind, arrival.time_ns)
             else:
-                self._event(self._theirs, Kind.BYTES, arrival.time_ns, arrival.content)
+                self._event(self._receives, Kind.BYTES, arrival.time_ns, arrival.content)
                 self._check_flood(len(arrival.content))
             return True
 
     def _check_flood(self, size_bytes: int) -> None:
-        self._due_bytes -= size_bytes
-        if self._due_bytes < 0:
-            self._over(self.link.reset, Kind.RESET)
-            message = "the subject goes on sending what nobody has asked for"
+        self._flood_limit_bytes -= size_bytes
+        if self._flood_limit_bytes < 0:
+            self._finish_close(self.link.reset, Kind.RESET)
+            message = "the subject keeps sending frames that no request asked for"
             raise CaseFailed(message, expected="silence", observed="a flood", requirement="3/32")
 
     def _event(self, direction: Direction, kind: Kind, time_ns: int, data: bytes = b"") -> None:
         offset_bytes = self._offsets_bytes[direction]
         event = WireEvent(time_ns, self.name, direction, kind, data, offset_bytes)
         self._offsets_bytes[direction] += len(data)
-        with self._holder.observer.interruption:
-            self._holder.observer.event(event, judged=self._judged)
+        with self._owner.observer.interruption:
+            self._owner.observer.event(event, judged=self._judged)
             if data:
                 self._take(direction.opposite, self._streams[direction.opposite].settle())
                 self._take(direction, self._streams[direction].feed(event))
 
-    def _take(self, direction: Direction, found: "Iterator[FrameSeen | InvalidBytes]") -> None:
-        for item in found:
-            self._holder.observer.frame(item)
-            if direction is self._ours:
+    def _take(self, direction: Direction, items: "Iterator[FrameSeen | InvalidBytes]") -> None:
+        for item in items:
+            self._owner.observer.frame(item)
+            if direction is self._sends:
                 if isinstance(item, FrameSeen):
                     self._sent(item)
             elif isinstance(item, FrameSeen):
@@ -280,54 +285,54 @@ class Connection:
                 self.invalid_bytes.append(item)
 
     def _sent(self, seen: FrameSeen) -> None:
-        """A sent frame is complete; automatic responders override this."""
+        """Handle a frame that was sent completely; subclasses override this."""
 
     def _received(self, seen: FrameSeen) -> None:
-        """A frame of the subject is whole."""
+        """Handle a complete frame of the subject; subclasses override this."""
 
     # ------------------------------------------------------------------ ending
 
     def half_close(self) -> None:
-        """Send no more, but listen on.
+        """Close the sending direction and keep receiving.
 
         Raises:
-            CaseInconclusive: This carrier cannot.
+            CaseInconclusive: The link does not support this.
         """
         try:
             self.link.half_close()
         except LinkError as error:
             raise CaseInconclusive(
-                UserMessage("this link cannot do that: {error}", error=error)
+                UserMessage("this link cannot be closed in one direction: {error}", error=error)
             ) from None
-        self._event(self._ours, Kind.HALF_CLOSED, self._holder.now_ns)
+        self._event(self._sends, Kind.HALF_CLOSED, self._owner.now_ns)
 
     def close(self) -> None:
-        """End the connection in order."""
+        """Close the connection."""
         self._end(self.link.close, Kind.CLOSED)
 
     def reset(self) -> None:
-        """Cut the connection off."""
+        """Reset the connection."""
         self._end(self.link.reset, Kind.RESET)
 
     def _end(self, end: Callable[[], None], kind: Kind) -> None:
-        with suppress(CaseFailed):  # a flood ends it by itself
+        with suppress(CaseFailed):  # a flood has reset it
             self.pump()
         if not self.closed:
-            self._over(end, kind)
+            self._finish_close(end, kind)
 
-    def _over(self, end: Callable[[], None], kind: Kind) -> None:
-        self.closed, self.closed_ns = True, self._holder.now_ns
+    def _finish_close(self, end: Callable[[], None], kind: Kind) -> None:
+        self.closed, self.closed_ns = True, self._owner.now_ns
         end()
         if self.ending is None:
-            self._event(self._ours, kind, self._holder.now_ns)
+            self._event(self._sends, kind, self._owner.now_ns)
 
 
-def pump_all(wires: Iterable[Connection], besides: Connection) -> list[Link]:
-    """Take what is there on all wires but one; give the links of those that are still open."""
+def pump_all(lines: Iterable[Connection], excluded: Connection) -> list[Link]:
+    """Receive on all connections but one. Return the links of those that are still open."""
     links = []
-    for wire in wires:
-        if wire is not besides and not wire.ended:
-            wire.pump()
-            if not wire.ended:
-                links.append(wire.link)
+    for line in lines:
+        if line is not excluded and not line.ended:
+            line.pump()
+            if not line.ended:
+                links.append(line.link)
     return links

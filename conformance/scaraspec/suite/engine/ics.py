@@ -1,7 +1,7 @@
-"""Statement: what a subject claims to be (the ICS of ISO/IEC 9646), read from TOML.
+"""ICS: the implementation conformance statement of a subject (ISO/IEC 9646), read from TOML.
 
-Claims are verified by probing, so that a wrong one is a failure of its own; what a hook does stands
-in `hooks`. A key that is not known here is an error: a misspelt claim must not be lost.
+Probes verify the claims, and a wrong claim is a failure. `hooks` describes the hooks. An unknown
+key is an error, so that a misspelt claim is not ignored.
 """
 
 import tomllib
@@ -17,19 +17,19 @@ from scaraspec.user_message import UserMessage
 
 
 class IcsError(ValueError):
-    """A statement of conformance that says nothing usable; one sentence for the user."""
+    """The ICS is invalid or cannot be read; the message is one sentence."""
 
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Where and how far the arm may be moved; nothing is assumed of its geometry.
+    """How far the arm may be moved. The suite assumes nothing about its geometry.
 
     Attributes:
-        step_mm: How far a move goes from where the arm stands, along one axis.
-        speed_percent: At which speed.
-        box_mm: For x, y and z the least and the greatest value; empty where none was named.
-        jog_s: For how long a jog may last, in seconds.
-        longest_s: How long any move, reset or program may take, in seconds.
+        step_mm: The length of a move from the current pose, along one axis.
+        speed_percent: The speed of a move.
+        box_mm: The minimum and maximum of x, y and z; empty for no limits.
+        jog_s: The maximum duration of a jog, in seconds.
+        longest_s: The maximum duration of any move, reset or program, in seconds.
     """
 
     step_mm: float = 4.5
@@ -41,19 +41,20 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Ics:
-    """What a subject claims.
+    """The claims of a subject.
 
     Attributes:
-        name: What it is called.
+        name: Its name.
         version: Its version.
-        url: Its link, where the command line names none.
-        unsupported: Commands that it does not have.
-        dialect: The readings that it follows: its claims, elsewhere the defaults.
-        claimed: The keys that it claims.
+        url: Its link; used if the command line names none.
+        unsupported: The commands that it does not support.
+        dialect: The readings that it follows: its claims, and the defaults for all other keys.
+        claimed: The keys of the readings that it claims.
         network_applies: When 0x05 takes effect: ``at-once`` or ``after-restart``.
-        time_scale: How many seconds of the subject pass in one of ours; a simulator may be faster.
-        motion: Where the arm may be moved.
-        hooks: Commands that handle the subject, by name.
+        time_scale: How many seconds of the subject's clock pass in one second; a simulator may be
+            faster than real time.
+        motion: How far the arm may be moved.
+        hooks: The hooks by name.
     """
 
     name: str = ""
@@ -69,7 +70,7 @@ class Ics:
 
     @property
     def reply_s(self) -> float:
-        """For how long a reply is waited for."""
+        """The reply timeout in seconds."""
         return self.dialect.seconds("reply_timeout") or 5.0
 
     @property
@@ -83,34 +84,37 @@ class Ics:
 
     @property
     def transfer_s(self) -> float:
-        """After what silence a transfer is abandoned (5.4, L795)."""
+        """The silence after which the subject aborts a transfer, in seconds (5.4, L795)."""
         return self.dialect.seconds("xfer_timeout") or 30.0
 
     @property
     def undecidable_requirements(self) -> frozenset[str]:
-        """What the judge cannot decide, who knows neither when 0x05 applies nor how time runs."""
+        """The requirements that the judge cannot decide for this subject.
+
+        The judge does not know when 0x05 takes effect and how fast the subject's clock runs.
+        """
         network = _ON_NETWORK if self.network_applies == "after-restart" else frozenset()
         return network | (_ON_TIME if self.time_scale != 1 else frozenset())
 
     @property
     def summary(self) -> dict[str, str]:
-        """Its claims beside name, version and link, in the words of its file; hooks by name."""
-        told = {f"readings.{key}": self.dialect[key] for key in sorted(self.claimed)}
-        told |= {f"hooks.{name}": "given" for name in sorted(self.hooks)}
+        """The claims as in the file, without name, version and link; of hooks only the names."""
+        claims = {f"readings.{key}": self.dialect[key] for key in sorted(self.claimed)}
+        claims |= {f"hooks.{name}": "given" for name in sorted(self.hooks)}
         if self.unsupported:
-            told["lacks"] = ", ".join(sorted(self.unsupported))
+            claims["lacks"] = ", ".join(sorted(self.unsupported))
         if self.network_applies != _NETWORK_APPLIES[0]:
-            told["network_applies"] = self.network_applies
+            claims["network_applies"] = self.network_applies
         if self.time_scale != 1:
-            told["time_scale"] = f"{self.time_scale:g}"
-        usual = Motion()
+            claims["time_scale"] = f"{self.time_scale:g}"
+        default = Motion()
         for each in fields(Motion):
-            if (value := getattr(self.motion, each.name)) != getattr(usual, each.name):
-                told[f"motion.{each.name}"] = f"{value}"
-        return told
+            if (value := getattr(self.motion, each.name)) != getattr(default, each.name):
+                claims[f"motion.{each.name}"] = f"{value}"
+        return claims
 
     def with_claims(self, **choices: str) -> Self:
-        """This statement with further claims.
+        """Return this ICS with further claims.
 
         Raises:
             ReadingError: A reading does not exist.
@@ -120,63 +124,63 @@ class Ics:
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Read a statement.
+        """Read an ICS from a file.
 
         Raises:
-            IcsError: The file cannot be read, or says something that is not known.
+            IcsError: The file cannot be read, or is not a valid ICS.
         """
         try:
             with path.open("rb") as file:
-                said = tomllib.load(file)
+                document = tomllib.load(file)
         except OSError as error:
             raise IcsError(
                 UserMessage("{path} cannot be read: {strerror}", path=path, strerror=error.strerror)
             ) from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise IcsError(
-                UserMessage("{path} is no TOML: {error}", path=path, error=error)
+                UserMessage("{path} is not valid TOML: {error}", path=path, error=error)
             ) from None
         try:
-            return cls.of(said)
+            return cls.of(document)
         except (IcsError, ReadingError) as error:
             raise IcsError(UserMessage("{path}: {error}", path=path, error=error)) from None
 
     @classmethod
-    def of(cls, said: Mapping[str, Any]) -> Self:
-        """Make a statement of what a TOML document says.
+    def of(cls, document: Mapping[str, Any]) -> Self:
+        """Build an ICS from a TOML document.
 
         Raises:
-            IcsError: It says something that is not known, or not of that type.
-            ReadingError: It claims a reading that does not exist.
+            IcsError: A key is unknown, or a value is invalid.
+            ReadingError: A claimed reading does not exist.
         """
-        _known("", said, ("subject", "readings", "motion", "hooks"))
-        subject = _table(said, "subject")
-        _known("subject.", subject, _SUBJECT)
+        _require_known_keys("", document, ("subject", "readings", "motion", "hooks"))
+        subject = _table(document, "subject")
+        _require_known_keys("subject.", subject, _SUBJECT)
         for key, value in subject.items():
-            _typed(f"subject.{key}", value, _SUBJECT[key])
-        lacks = frozenset(map(str, subject.get("lacks", ())))
-        if unknown := lacks - BY_NAME.keys():
+            _require_type(f"subject.{key}", value, _SUBJECT[key])
+        unsupported = frozenset(map(str, subject.get("lacks", ())))
+        if unknown := unsupported - BY_NAME.keys():
             raise IcsError(
                 UserMessage(
-                    "subject.lacks names {unknown!r}, which is no command", unknown=min(unknown)
+                    "subject.lacks names {command!r}, which is not a command", command=min(unknown)
                 )
             )
         if subject.get("network_applies", "at-once") not in _NETWORK_APPLIES:
             raise IcsError(
                 UserMessage(
-                    "subject.network_applies is one of {network_applies}",
-                    network_applies=", ".join(_NETWORK_APPLIES),
+                    "subject.network_applies must be one of {options}",
+                    options=", ".join(_NETWORK_APPLIES),
                 )
             )
-        _within("subject.time_scale", subject.get("time_scale", 1.0), _FASTEST)
-        readings = {k: str(v) for k, v in _table(said, "readings").items()}
+        _require_positive("subject.time_scale", subject.get("time_scale", 1.0), _MAX_TIME_SCALE)
+        readings = {k: str(v) for k, v in _table(document, "readings").items()}
         return cls(
             **{key: value for key, value in subject.items() if key != "lacks"},
-            unsupported=lacks,
+            unsupported=unsupported,
             dialect=Dialect(readings),
             claimed=frozenset(readings),
-            motion=_motion(_table(said, "motion")),
-            hooks=_hooks(_table(said, "hooks")),
+            motion=_motion(_table(document, "motion")),
+            hooks=_hooks(_table(document, "hooks")),
         )
 
 
@@ -191,77 +195,81 @@ _SUBJECT: Final[Mapping[str, type | tuple[type, ...]]] = {
 _ON_NETWORK: Final = frozenset({"4.4/4"})
 _ON_TIME: Final = frozenset({"4.5/4", "4.6/4", "4.9/5"})
 _NETWORK_APPLIES: Final = ("at-once", "after-restart")
-_FASTEST: Final = 1e4
-_HOOK_S: Final = 30.0
-_LONGEST_S: Final = 1e6
+_MAX_TIME_SCALE: Final = 1e4
+_HOOK_TIMEOUT_S: Final = 30.0
+_MAX_S: Final = 1e6
 _AXES: Final = 3
-_MOST: Final = {"step_mm": 1000.0, "speed_percent": 100.0, "jog_s": 60.0, "longest_s": _LONGEST_S}
+_MAXIMA: Final = {"step_mm": 1000.0, "speed_percent": 100.0, "jog_s": 60.0, "longest_s": _MAX_S}
 
 
-def _table(said: Mapping[str, Any], name: str) -> dict[str, Any]:
-    table = said.get(name, {})
+def _table(document: Mapping[str, Any], name: str) -> dict[str, Any]:
+    table = document.get(name, {})
     if not isinstance(table, dict):
-        raise IcsError(UserMessage("[{name}] is a table", name=name))
+        raise IcsError(UserMessage("[{name}] must be a table", name=name))
     return table
 
 
-def _known(where: str, said: Mapping[str, Any], keys: Any) -> None:
-    for key in said:
+def _require_known_keys(prefix: str, table: Mapping[str, Any], keys: Any) -> None:
+    for key in table:
         if key not in keys:
             raise IcsError(
                 UserMessage(
-                    "{where}{key} is not known: there are {keys}",
-                    where=where,
+                    "{prefix}{key} is not known: choose from {keys}",
+                    prefix=prefix,
                     key=key,
                     keys=", ".join(keys),
                 )
             )
 
 
-def _typed(name: str, value: Any, wanted: type | tuple[type, ...]) -> None:
-    if not isinstance(value, wanted) or isinstance(value, bool):
-        kinds = wanted if isinstance(wanted, tuple) else (wanted,)
+def _require_type(name: str, value: Any, types: type | tuple[type, ...]) -> None:
+    if not isinstance(value, types) or isinstance(value, bool):
+        each = types if isinstance(types, tuple) else (types,)
         raise IcsError(
             UserMessage(
-                "{name} is {name__}", name=name, name__=" or ".join(k.__name__ for k in kinds)
+                "{name} must be {type}", name=name, type=" or ".join(k.__name__ for k in each)
             )
         )
 
 
-def _within(name: str, value: Any, most: float) -> None:
-    _typed(name, value, (int, float))
-    if not 0 < value <= most:  # nor is NaN
-        raise IcsError(UserMessage("{name} is above 0 and at most {most:g}", name=name, most=most))
+def _require_positive(name: str, value: Any, maximum: float) -> None:
+    _require_type(name, value, (int, float))
+    if not 0 < value <= maximum:  # this rejects NaN, too
+        raise IcsError(
+            UserMessage(
+                "{name} must be above 0 and at most {maximum:g}", name=name, maximum=maximum
+            )
+        )
 
 
-def _motion(said: Mapping[str, Any]) -> Motion:
-    _known("motion.", said, [f.name for f in fields(Motion)])
-    for key, most in _MOST.items():
-        if key in said:
-            _within(f"motion.{key}", said[key], most)
-    if "speed_percent" in said:
-        _typed("motion.speed_percent", said["speed_percent"], int)
-    box = said.get("box_mm", [])
-    _typed("motion.box_mm", box, list)
+def _motion(table: Mapping[str, Any]) -> Motion:
+    _require_known_keys("motion.", table, [f.name for f in fields(Motion)])
+    for key, maximum in _MAXIMA.items():
+        if key in table:
+            _require_positive(f"motion.{key}", table[key], maximum)
+    if "speed_percent" in table:
+        _require_type("motion.speed_percent", table["speed_percent"], int)
+    box = table.get("box_mm", [])
+    _require_type("motion.box_mm", box, list)
     if box and not (len(box) == _AXES and all(map(_is_range, box))):
-        raise IcsError("motion.box_mm is three pairs: of x, y and z the least and the most")
-    return Motion(**{**said, "box_mm": tuple((float(a), float(b)) for a, b in box)})
+        raise IcsError("motion.box_mm must be three pairs: the minimum and maximum of x, y and z")
+    return Motion(**{**table, "box_mm": tuple((float(a), float(b)) for a, b in box)})
 
 
 def _is_range(pair: object) -> bool:
     match pair:
         case [float() | int() as low, float() | int() as high]:
-            return low <= high  # which NaN is not
+            return low <= high  # this rejects NaN, too
     return False
 
 
-def _hooks(said: Mapping[str, Any]) -> dict[str, CommandHook]:
-    timeout_s = said.get("timeout_s", _HOOK_S)
-    _within("hooks.timeout_s", timeout_s, _LONGEST_S)
-    commands = {name: command for name, command in said.items() if name != "timeout_s"}
-    _known("hooks.", commands, HOOKS)
+def _hooks(table: Mapping[str, Any]) -> dict[str, CommandHook]:
+    timeout_s = table.get("timeout_s", _HOOK_TIMEOUT_S)
+    _require_positive("hooks.timeout_s", timeout_s, _MAX_S)
+    commands = {name: command for name, command in table.items() if name != "timeout_s"}
+    _require_known_keys("hooks.", commands, HOOKS)
     for name, command in commands.items():
-        _typed(f"hooks.{name}", command, str)
+        _require_type(f"hooks.{name}", command, str)
     return {
         name: CommandHook(name, command, float(timeout_s)) for name, command in commands.items()
     }

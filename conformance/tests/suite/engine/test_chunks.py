@@ -1,4 +1,4 @@
-"""What is told of a chunk that stands elsewhere."""
+"""The check of the position of a chunk."""
 
 import pytest
 
@@ -10,8 +10,8 @@ _FILE = b"abcdabce"
 
 
 @pytest.mark.parametrize(("position", "data"), [(0, b"abcd"), (4, b"abc"), (7, b"e")])
-def test_a_chunk_may_recur(position: int, data: bytes) -> None:
-    """What stands at several places may be told of each."""
+def test_repeated_data_is_accepted_at_each_position(position: int, data: bytes) -> None:
+    """Data that occurs several times in the file is valid at each of these positions."""
     expect_chunk_position(Chunk(len(_FILE), position, len(data), data), _FILE)
 
 
@@ -23,8 +23,8 @@ def test_a_chunk_may_recur(position: int, data: bytes) -> None:
         (8, b"", "data of the file", "8, with data that is not in the file"),
     ],
 )
-def test_the_right_place_is_told(position: int, data: bytes, expected: str, observed: str) -> None:
-    """No place is named where there is none."""
+def test_wrong_position(position: int, data: bytes, expected: str, observed: str) -> None:
+    """The failure names the correct position if the data is in the file."""
     with pytest.raises(CaseFailed) as caught:
         expect_chunk_position(Chunk(len(_FILE), position, len(data), data), _FILE)
     assert (caught.value.expected, caught.value.observed) == (expected, observed)

@@ -60,7 +60,7 @@ def test_hooks_run_without_a_shell(tmp_path: Path) -> None:
 def test_a_hook_that_hangs_is_ended(tmp_path: Path) -> None:
     """Its time limit holds."""
     hook = read(WHOLE.replace("timeout_s = 5", "timeout_s = 0.2"), tmp_path).hooks["restart"]
-    with pytest.raises(HookError, match=r"restart did not end in 0\.2 s"):
+    with pytest.raises(HookError, match=r"restart did not end within 0\.2 s"):
         hook.run()
 
 
@@ -68,8 +68,8 @@ def test_a_hook_that_hangs_is_ended(tmp_path: Path) -> None:
     ("text", "says"),
     [
         ("[subject]\nnmae = 'x'", "subject.nmae is not known"),
-        ("[subject]\nname = 3", "subject.name is str"),
-        ("[subject]\nlacks = ['fly']", "'fly', which is no command"),
+        ("[subject]\nname = 3", "subject.name must be str"),
+        ("[subject]\nlacks = ['fly']", "'fly', which is not a command"),
         ("[subject]\nnetwork_applies = 'never'", "network_applies"),
         ("[subject]\ntime_scale = 0", "time_scale"),
         ("[readings]\nop_get_default = '0x99'", "op_get_default"),
@@ -79,17 +79,17 @@ def test_a_hook_that_hangs_is_ended(tmp_path: Path) -> None:
         ("[motion]\nbox_mm = [[1, 2], [3, 4], ['5', 6]]", "three pairs"),
         ("[motion]\nbox_mm = [[2, 1], [3, 4], [5, 6]]", "three pairs"),
         ("[motion]\nbox_mm = [[nan, 1], [3, 4], [5, 6]]", "three pairs"),
-        ("[motion]\nstep_mm = nan", "step_mm is above 0"),
-        ("[motion]\nstep_mm = -5", "step_mm is above 0"),
-        ("[motion]\nspeed_percent = 101", "speed_percent is above 0 and at most 100"),
-        ("[motion]\nspeed_percent = 5.5", "speed_percent is int"),
-        ("[motion]\njog_s = -1", "jog_s is above 0"),
-        ("[motion]\nlongest_s = nan", "longest_s is above 0"),
-        ("[hooks]\ntimeout_s = 0", "timeout_s is above 0"),
+        ("[motion]\nstep_mm = nan", "step_mm must be above 0"),
+        ("[motion]\nstep_mm = -5", "step_mm must be above 0"),
+        ("[motion]\nspeed_percent = 101", "speed_percent must be above 0 and at most 100"),
+        ("[motion]\nspeed_percent = 5.5", "speed_percent must be int"),
+        ("[motion]\njog_s = -1", "jog_s must be above 0"),
+        ("[motion]\nlongest_s = nan", "longest_s must be above 0"),
+        ("[hooks]\ntimeout_s = 0", "timeout_s must be above 0"),
         ("[hooks]\nexplode = 'true'", "hooks.explode is not known"),
-        ("[hooks]\nrestart = 3", "hooks.restart is str"),
-        ("readings = 3", "[readings] is a table"),
-        ("[subject\n", "is no TOML"),
+        ("[hooks]\nrestart = 3", "hooks.restart must be str"),
+        ("readings = 3", "[readings] must be a table"),
+        ("[subject\n", "is not valid TOML"),
         ("[more]\n", "more is not known"),
     ],
 )

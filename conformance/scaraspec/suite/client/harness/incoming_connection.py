@@ -136,7 +136,7 @@ class IncomingConnection(Connection):
         received = super()._receive(deadline_s, others)
         self._answer_polls()
         if self.ending is not None and not (self.closed or self.inbox):
-            self._over(self.link.close, Kind.CLOSED)
+            self._finish_close(self.link.close, Kind.CLOSED)
         return received
 
     def _answer_polls(self) -> None:
