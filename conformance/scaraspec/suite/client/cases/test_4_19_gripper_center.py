@@ -7,6 +7,7 @@ from hypothesis import example
 from scaraspec.protocol.commands import BY_NAME, Point
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
+from scaraspec.suite.client.harness.operations import expect_reported
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
 from scaraspec.suite.engine.strategies import payload_values
@@ -17,9 +18,7 @@ _REPLY: Final = BY_NAME["get_gripper_center"].reply
 @client_case("4.19/1", attended=True)
 def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The client reads the gripper center without data and reports it."""
-    call = subject.begin("get_gripper_center")
-    line.serve(call, Point(200, 300, 456), sent=b"")
-    subject.expect_result(call, {"x": 200, "y": 300, "z": 456})
+    expect_reported(subject, line, "get_gripper_center", _REPLY.encode(Point(200, 300, 456)))
 
 
 @client_case("4.19/1", "T/9", name="values")
@@ -30,9 +29,9 @@ def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
     @example(Point(0.001, -9999.9, 9999.9))
     @given(payload_values(_REPLY))
     def each(reported: Point) -> None:
-        call = subject.begin("get_gripper_center")
-        line.serve(call, data=_REPLY.encode(reported), sent=b"")
-        subject.expect_result(call, reported._asdict(), requirement="T/9")
+        expect_reported(
+            subject, line, "get_gripper_center", _REPLY.encode(reported), requirement="T/9"
+        )
 
     call = subject.begin("set_gripper_center", x=1.5, y=-2.5, z=100)
     line.serve(call)

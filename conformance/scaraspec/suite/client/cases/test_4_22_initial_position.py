@@ -7,7 +7,7 @@ from hypothesis import example
 from scaraspec.protocol.commands import BY_NAME, Pose
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
-from scaraspec.suite.client.harness.poses import expect_pose_reported
+from scaraspec.suite.client.harness.operations import expect_reported
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
 from scaraspec.suite.engine.strategies import payload_values
@@ -31,9 +31,9 @@ def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
     @example(Pose(-0.5, 0, 1234.125, -179.9, 34.5, -12))
     @given(payload_values(_REPLY))
     def each(reported: Pose) -> None:
-        call = subject.begin("get_initial_tool_position")
-        line.serve(call, data=_REPLY.encode(reported), sent=b"")
-        expect_pose_reported(subject, call, reported, requirement="T/9")
+        expect_reported(
+            subject, line, "get_initial_tool_position", _REPLY.encode(reported), requirement="T/9"
+        )
 
     call = subject.begin("set_initial_tool_position", **Pose(190, 280, 317, 6, 5, 4)._asdict())
     line.serve(call)

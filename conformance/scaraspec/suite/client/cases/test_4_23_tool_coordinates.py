@@ -7,6 +7,7 @@ from hypothesis import example
 from scaraspec.protocol.commands import BY_NAME, Pose
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
+from scaraspec.suite.client.harness.operations import expect_reported
 from scaraspec.suite.client.harness.poses import expect_pose_reported
 from scaraspec.suite.client.harness.two_stage import MOVE, begin_and_accept, expect_finished
 from scaraspec.suite.engine.case import client_case
@@ -32,9 +33,9 @@ def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
     @example(Pose(-0.5, 0, 1234.125, -179.9, 0, 0))
     @given(payload_values(_REPLY))
     def each(reported: Pose) -> None:
-        call = subject.begin("get_tool_coordinates")
-        line.serve(call, data=_REPLY.encode(reported), sent=b"")
-        expect_pose_reported(subject, call, reported, requirement="T/9")
+        expect_reported(
+            subject, line, "get_tool_coordinates", _REPLY.encode(reported), requirement="T/9"
+        )
 
     call = begin_and_accept(subject, line, MOVE)
     line.result(MOVE.name)

@@ -7,6 +7,7 @@ from hypothesis import example
 from scaraspec.protocol.commands import BY_NAME, JointValues
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
+from scaraspec.suite.client.harness.operations import expect_reported
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
 from scaraspec.suite.engine.strategies import payload_values
@@ -17,9 +18,8 @@ _REPLY: Final = BY_NAME["get_joint_angles"].reply
 @client_case("4.27/1", attended=True)
 def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The client reads the joint angles without data and reports them."""
-    call = subject.begin("get_joint_angles")
-    line.serve(call, JointValues(20.4, 30.5, 38, 0), sent=b"")
-    subject.expect_result(call, {"inner_arm": 20.4, "outer_arm": 30.5, "wrist": 38, "rotation": 0})
+    data = _REPLY.encode(JointValues(20.4, 30.5, 38, 0))
+    expect_reported(subject, line, "get_joint_angles", data)
 
 
 @client_case("4.27/1", "T/9", name="values")
@@ -30,8 +30,8 @@ def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
     @example(JointValues(-0.5, 0.5, -360, 360))
     @given(payload_values(_REPLY))
     def each(reported: JointValues) -> None:
-        call = subject.begin("get_joint_angles")
-        line.serve(call, data=_REPLY.encode(reported), sent=b"")
-        subject.expect_result(call, reported._asdict(), requirement="T/9")
+        expect_reported(
+            subject, line, "get_joint_angles", _REPLY.encode(reported), requirement="T/9"
+        )
 
     each()
