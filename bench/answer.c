@@ -1,4 +1,4 @@
-/* answer PORT: as little of a controller as a load needs: it accepts any login, and is always idle.
+/* answer PORT: a minimal controller for the load: it accepts any login, and is always idle.
  *
  * Whoever asks waits for the answer, so that one read is one request; anything else ends it. A
  * connection that begins with a piece of a file is a bulk stream: what comes is counted alone, and
@@ -6,7 +6,7 @@
 #include "exchange.h"
 #include "loopback.h"
 
-static uint64_t bulk_bytes[MOST_SOCKETS]; /* how many are still to come */
+static uint64_t bulk_bytes[MOST_SOCKETS]; /* number of expected bytes */
 
 static void answer(int epoll, int fd)
 {

@@ -1,4 +1,4 @@
-/* bulk TIMES PIECES PORT...: sends pieces of files as fast as they are taken, and tells how fast.
+/* bulk TIMES PIECES PORT...: sends pieces of files as fast as possible, and prints the rate.
  *
  * TIMES over, the ports have their turns: a new connection, so many pieces, and the answer that
  * comes when all of them have arrived. Prints a JSON array of each port's bytes a second. */

@@ -1,4 +1,4 @@
-/* The clock of the programs that measure. */
+/* The clock of the measuring programs. */
 #ifndef CLOCK_H
 #define CLOCK_H
 

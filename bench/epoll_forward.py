@@ -1,4 +1,4 @@
-"""epoll_forward PORT TARGET: a forwarder without any event loop, the limit for Python itself.
+"""epoll_forward PORT TARGET: a forwarder without an event loop, the limit for Python itself.
 
 Per message one epoll_wait, one read, one write, as `forward.c`; it records nothing. Ends when its
 standard input closes.

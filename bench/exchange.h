@@ -1,4 +1,4 @@
-/* What the forwarding benchmark sends: a login, the status that clients poll, and pieces of files. */
+/* Data of the forwarding benchmark: a login, the polled status, and pieces of files. */
 #ifndef EXCHANGE_H
 #define EXCHANGE_H
 
@@ -15,7 +15,7 @@ static const struct exchange
     LOGIN = EXCHANGE("\xAA\x01\x08" "password" "\xCC", "\xCC\x01\x01" "1" "\xAA"),
     STATUS = EXCHANGE("\xAA\x09\x00\xCC", "\xCC\x09\x02" "00" "\xAA");
 
-/* The largest frame there is, AA 52 FF and 255 bytes and CC: many of them are a bulk stream. */
+/* The largest frame, AA 52 FF, 255 bytes and CC; a bulk stream consists of them. */
 enum { PIECE_BYTES = 259, PIECE_OPCODE = 0x52 };
 
 #endif

@@ -1,4 +1,4 @@
-"""Forwarding: what the recorder costs the link, beside its peers and the limit that C sets.
+"""Forwarding: the cost of the recorder for the link, compared with peers and with a C forwarder.
 
 A peer and the C forwarder take turns in slices of a tenth of a second, so that whatever else the
 machine does meets both. Prints ratios with their spread over the rounds, and what was reached of
@@ -48,7 +48,7 @@ def measure(options: argparse.Namespace) -> None:
         RuntimeError: A forwarder does not come up.
         subprocess.SubprocessError: A program fails; it has said why.
     """
-    rest = _leave_processors()
+    rest = _reserve_processor()
     with tempfile.TemporaryDirectory(prefix="forwarding-") as name:
         folder = Path(name)
         peers.compile_programs(folder)
@@ -56,44 +56,44 @@ def measure(options: argparse.Namespace) -> None:
         stage = Stage(folder, target, rest)
         with peers.running([str(folder / "answer"), str(target)], target, folder / "answer.log"):
             if options.profile:
-                ladder.tell(stage, options.rounds, options.turn)
+                ladder.print_steps(stage, options.rounds, options.turn)
             else:
                 compare(stage, options)
 
 
 def compare(stage: Stage, options: argparse.Namespace) -> None:
-    """Measure the recorder beside its peers, and print what was reached of the goals."""
+    """Compare the recorder with its peers, and print which goals are reached."""
     others = [peers.uvloop_forwarder(), peers.recorder(), peers.recorder(kernel_time=True)]
     if socat := peers.socat():
         others.append(socat)
     else:
-        print("socat is not installed and stays out")
+        print("socat is not installed and is skipped")
     if options.mitmproxy:
         others.append(peers.mitmproxy(stage.folder / "mitmproxy"))
-    one = take_turns(stage, others, 1, options.rounds, options.turn)
-    tell("one connection", one)
-    many = take_turns(stage, others, options.connections, options.rounds, options.turn)
-    tell(f"{options.connections} connections", many)
-    tell_bulk(take_bulk(stage, others, options.rounds))
-    judge(one, many, stage.sustain(options.connections, options.seconds))
+    one = measure_turns(stage, others, 1, options.rounds, options.turn)
+    print_turns("one connection", one)
+    many = measure_turns(stage, others, options.connections, options.rounds, options.turn)
+    print_turns(f"{options.connections} connections", many)
+    print_bulk(measure_bulk(stage, others, options.rounds))
+    print_goals(one, many, stage.sustain(options.connections, options.seconds))
 
 
-def take_turns(
+def measure_turns(
     stage: Stage, others: Sequence[Peer], connections: int, rounds: int, seconds: float
 ) -> Turns:
-    """Measure round trips of all, through so many connections."""
+    """Measure round trips of all forwarders through this number of connections."""
     return stage.beside_c(others, rounds, partial(stage.turn, connections, seconds))
 
 
-def take_bulk(stage: Stage, others: Sequence[Peer], rounds: int) -> dict[str, list[float]]:
-    """Measure a bulk stream through all."""
+def measure_bulk(stage: Stage, others: Sequence[Peer], rounds: int) -> dict[str, list[float]]:
+    """Measure a bulk stream through all forwarders."""
     return stage.beside_c(others, rounds, partial(stage.bulk, BULK_TIMES, BULK_PIECES))
 
 
-def tell(what: str, turns: Turns) -> None:
+def print_turns(what: str, turns: Turns) -> None:
     """Print a table of ratios to the C forwarder."""
     rounds = len(turns[DIRECT])
-    print(f"{what}, {rounds} rounds: times the C forwarder's, median (from least to most)")
+    print(f"{what}, {rounds} rounds: ratio to the C forwarder, median (minimum to maximum)")
     print(f"  {'':18}{'p50':24}{'p99':24}{'exchanges/s':24}p50 in µs")
     for name, rows in turns.items():
         cells = (spread([getattr(row, key) for row in rows]) for key in ("p50", "p99", "rate"))
@@ -101,48 +101,48 @@ def tell(what: str, turns: Turns) -> None:
         print(f"  {name:18}" + "".join(f"{cell:24}" for cell in cells) + f"{p50_us:6.1f}")
 
 
-def tell_bulk(taken: dict[str, list[float]]) -> None:
+def print_bulk(taken: dict[str, list[float]]) -> None:
     """Print a table of ratios to the C forwarder."""
     size_mb = BULK_TIMES * BULK_PIECES * PIECE_BYTES / 1e6
-    print(f"a bulk stream, {size_mb:.0f} MB a round: bytes/s, times the C forwarder's")
+    print(f"a bulk stream, {size_mb:.0f} MB per round: bytes/s, ratio to the C forwarder")
     for name, ratios in taken.items():
         print(f"  {name:18}{spread(ratios)}")
 
 
-def judge(one: Turns, many: Turns, long: Sustained) -> None:
-    """Print the goals, and what was reached."""
+def print_goals(one: Turns, many: Turns, long: Sustained) -> None:
+    """Print the goals and the measured values."""
     ours, socat, mitmproxy = "scaraspec record", "socat", "mitmproxy"
     print(f"goals of {ours}, which records and decodes")
-    _goal("p50 to the C forwarder's", [turn.p50 for turn in one[ours]], at_most=1.06)
-    _goal("p99 to the C forwarder's", [turn.p99 for turn in one[ours]], at_most=1.25)
+    _goal("p50, ratio to the C forwarder", [turn.p50 for turn in one[ours]], at_most=1.06)
+    _goal("p99, ratio to the C forwarder", [turn.p99 for turn in one[ours]], at_most=1.25)
     _goal("p99, many connections", [turn.p99 for turn in many[ours]], at_most=1.3)
     if socat in one:
-        _goal("p50 to socat's", _quotients(one, ours, socat), at_most=1)
+        _goal("p50, ratio to socat", _p50_ratios(one, ours, socat), at_most=1)
     if mitmproxy in one:
-        _goal("mitmproxy's p50 to ours", _quotients(one, mitmproxy, ours), at_least=9)
-    _goal("exchanges to uvloop's, for long", [long.rate], at_least=0.9)
+        _goal("p50 of mitmproxy, ratio to ours", _p50_ratios(one, mitmproxy, ours), at_least=9)
+    _goal("long run, ratio to uvloop", [long.rate], at_least=0.9)
     _goal("gaps", [long.gaps], at_most=0)
-    _goal("of the exchanges decoded", [long.decoded / long.exchanges], at_least=1)
-    _goal("decoded so many s after the end", [long.drained_s], at_most=5)
-    behind = long.exchanges / (long.lasted_s + long.drained_s)
-    print(f"  ({long.exchanges} exchanges in the long turn, written at {behind:.0f} a second)")
+    _goal("share of decoded exchanges", [long.decoded / long.exchanges], at_least=1)
+    _goal("seconds until all is decoded", [long.drained_s], at_most=5)
+    written_per_s = long.exchanges / (long.lasted_s + long.drained_s)
+    print(f"  ({long.exchanges} exchanges in the long run, {written_per_s:.0f} written per second)")
 
 
 def _goal(
     what: str, reached: Sequence[float], *, at_most: float = float("inf"), at_least: float = 0
 ) -> None:
     good = at_least <= statistics.median(reached) <= at_most
-    wanted = f"at least {at_least:g}" if at_least else f"at most {at_most:g}"
-    print(f"  {'reached' if good else 'MISSED':8} {what:32} {wanted:14} {spread(reached)}")
+    goal = f"at least {at_least:g}" if at_least else f"at most {at_most:g}"
+    print(f"  {'reached' if good else 'MISSED':8} {what:32} {goal:14} {spread(reached)}")
 
 
-def _quotients(turns: Turns, one: str, other: str) -> list[float]:
-    """The p50 of one peer to that of another, round by round."""
+def _p50_ratios(turns: Turns, one: str, other: str) -> list[float]:
+    """Return the ratio of the p50 of two peers, for each round."""
     return [a.p50 / b.p50 for a, b in zip(turns[one], turns[other], strict=True)]
 
 
-def _leave_processors() -> set[int]:
-    """Take one processor for the link, which is what starts here; return those that are left."""
+def _reserve_processor() -> set[int]:
+    """Reserve one processor for the link; return the other processors."""
     processors = os.sched_getaffinity(0)
     link = {min(processors)}
     os.sched_setaffinity(0, link)
@@ -151,30 +151,35 @@ def _leave_processors() -> set[int]:
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
-        prog="forwarding", description="What the recorder costs the link, beside its peers."
+        prog="forwarding",
+        description="Measure the cost of the recorder for the link, compared with peers.",
     )
     rounds, connections, seconds = _up_to(100, int), _up_to(256, int), _up_to(600, float)
     parser.add_argument("--rounds", type=rounds, default=5, help="turns of each peer [5]")
-    parser.add_argument("--turn", type=seconds, default=1.0, help="their length in s [1]")
+    parser.add_argument("--turn", type=seconds, default=1.0, help="length of a turn in s [1]")
     parser.add_argument(
-        "--connections", type=connections, default=16, help="how many are many [16]"
+        "--connections", type=connections, default=16, help="number of connections [16]"
     )
-    parser.add_argument("--seconds", type=seconds, default=10.0, help="the long turn's length [10]")
-    parser.add_argument("--mitmproxy", action="store_true", help="install it, and measure it too")
     parser.add_argument(
-        "--profile", action="store_true", help="say instead what a round trip consists of"
+        "--seconds", type=seconds, default=10.0, help="length of the long run in s [10]"
+    )
+    parser.add_argument(
+        "--mitmproxy", action="store_true", help="also install and measure mitmproxy"
+    )
+    parser.add_argument(
+        "--profile", action="store_true", help="print the parts of a round trip instead"
     )
     return parser.parse_args()
 
 
 def _up_to(most: int, number: type[int] | type[float]) -> Callable[[str], float]:
-    """Return what reads a positive number that is not more than that."""
+    """Return a parser of positive numbers up to `most`."""
 
     def read(text: str) -> float:
         with contextlib.suppress(ValueError):
             if 0 < (value := number(text)) <= most:
                 return value
-        raise argparse.ArgumentTypeError(f"{text} is no number from above 0 to {most}")
+        raise argparse.ArgumentTypeError(f"{text} is not a number above 0 and up to {most}")
 
     return read
 

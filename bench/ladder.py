@@ -1,4 +1,4 @@
-"""Ladder: why a round trip through the recorder takes as long as it does.
+"""Ladder: the parts of the time of a round trip through the recorder.
 
 Each forwarder does one thing more than the previous one, from the one in C to the recorder. This
 module measures the cost of each: as a ratio, in processor time, and in system calls. `stage`
@@ -28,64 +28,66 @@ from scaraspec_recorder.spool.records import stream_number
 CHUNKS: Final = 200_000
 CHUNK: Final = b"\xaa\x09\x00\xcc"  # as the load asks
 HOPS: Final = 2
-"""How many chunks an exchange is."""
+"""Number of chunks of an exchange."""
 
 _TICKS: Final = os.sysconf("SC_CLK_TCK")
 _TRACED_S: Final = 1.0
 _TRACED_BY_NONE: Final = "TracerPid:\t0\n"
-_RARE: Final = 0.01  # an exchange; the rest is how a connection begins and ends
+_RARE: Final = 0.01  # per exchange; rarer calls belong to opening and closing
 _CALL: Final = re.compile(r"^ *[\d.]+ +[\d.]+ +\d+ +(\d+) +(?:\d+ +)?(\w+)$", re.MULTILINE)
 
 
-class Rung(NamedTuple):
-    """A forwarder's turn, and what its process spent on it, in seconds of the processor."""
+class Step(NamedTuple):
+    """A turn of a forwarder, and the processor time of its process in seconds."""
 
     turn: Turn
     user_s: float
     system_s: float
 
 
-def tell(stage: Stage, rounds: int, seconds: float) -> None:
-    """Measure so many turns of so many seconds of each forwarder, and print what they cost."""
+def print_steps(stage: Stage, rounds: int, seconds: float) -> None:
+    """Measure each forwarder, and print the times."""
     dropping, taking = peers.tap(taken=False), peers.tap(taken=True)
     others = (peers.epoll_forwarder(), peers.uvloop_forwarder(), dropping, taking, peers.recorder())
 
-    def climb(playing: Playing, limit: int) -> Rung:
+    def measure(playing: Playing, limit: int) -> Step:
         before_s = _spent_s(playing)
         turn = stage.turn(1, seconds, playing, limit)
         user_s, system_s = (b - a for a, b in zip(before_s, _spent_s(playing), strict=True))
-        return Rung(turn, user_s, system_s)
+        return Step(turn, user_s, system_s)
 
-    rungs = stage.beside_c(others, rounds, climb)
-    print(f"one connection, {rounds} rounds: times the C forwarder's, median (from least to most);")
-    print("and of the process that forwards the processor time, in µs an exchange")
+    steps = stage.beside_c(others, rounds, measure)
+    print(
+        f"one connection, {rounds} rounds: ratio to the C forwarder, median (minimum to maximum);"
+    )
+    print("and processor time of the forwarding process, in µs per exchange")
     print(f"  {'':22}{'p50':22}{'p99':22}{'exchanges/s':22}{'user':>6}{'system':>8}")
-    for name, climbed in rungs.items():
-        turns = [rung.turn for rung in climbed]
+    for name, measured in steps.items():
+        turns = [step.turn for step in measured]
         cells = (spread([getattr(turn, key) for turn in turns]) for key in ("p50", "p99", "rate"))
-        user_us, system_us = _spent_us(climbed)
+        user_us, system_us = _spent_us(measured)
         times = "" if name == DIRECT else f"{user_us:6.2f}{system_us:8.2f}"
         print(f"  {name:22}" + "".join(f"{cell:22}" for cell in cells) + times)
-    pairs = zip(rungs[taking.name], rungs[dropping.name], strict=True)
+    pairs = zip(steps[taking.name], steps[dropping.name], strict=True)
     in_place_ns = [1000 / HOPS * (sum(_spent_us([a])) - sum(_spent_us([b]))) for a, b in pairs]
-    print("taking a record, in ns of the processor a chunk")
-    print(f"  by itself: {spread(_append_ns(rounds), 0)}; in the tap: {spread(in_place_ns, 0)}")
-    _tell_calls(stage, (peers.c_forwarder(stage.folder), *others))
+    print("cost of recording, in ns of processor time per chunk")
+    print(f"  alone: {spread(_append_ns(rounds), 0)}; in the tap: {spread(in_place_ns, 0)}")
+    _print_calls(stage, (peers.c_forwarder(stage.folder), *others))
 
 
-def _tell_calls(stage: Stage, everyone: Sequence[Peer]) -> None:
+def _print_calls(stage: Stage, everyone: Sequence[Peer]) -> None:
     """Print the system calls of each forwarder, in a turn that is not timed."""
     strace = shutil.which("strace")
     if not strace:
-        print("system calls an exchange: strace is not installed")
+        print("system calls per exchange: strace is not installed")
         return
-    print(f"system calls an exchange of {HOPS} chunks; those below {_RARE} are left out")
+    print(f"system calls per exchange of {HOPS} chunks, without those below {_RARE}")
     for peer in everyone:
         print(f"  {peer.name:22}{_calls(stage, peer, strace)}")
 
 
 def _calls(stage: Stage, peer: Peer, strace: str) -> str:
-    """How often which is made, in words."""
+    """Return the system calls per exchange as text."""
     with stage.playing(peer) as playing:
         table, status = playing.folder / "calls", Path(f"/proc/{playing.pid}/status")
         command = (strace, "-c", "-f", "-o", str(table), "-p", str(playing.pid))
@@ -96,7 +98,7 @@ def _calls(stage: Stage, peer: Peer, strace: str) -> str:
                     lambda: "strace does not begin",
                 )
                 if tracing.poll() is not None:
-                    return "strace may not trace it"
+                    return "strace has no permission"
                 (load,) = stage.load(1, _TRACED_S, playing.port)
             finally:
                 tracing.terminate()
@@ -107,22 +109,22 @@ def _calls(stage: Stage, peer: Peer, strace: str) -> str:
 
 
 def _spent_s(playing: Playing) -> tuple[float, float]:
-    """The processor time of a forwarder's process so far, its own and the system's for it."""
+    """Return the processor time of the process of a forwarder: user and system."""
     if playing.pid is None:
         return 0.0, 0.0
     fields = Path(f"/proc/{playing.pid}/stat").read_text().rpartition(")")[2].split()
     return int(fields[11]) / _TICKS, int(fields[12]) / _TICKS  # utime and stime of proc(5)
 
 
-def _spent_us(climbed: Sequence[Rung]) -> tuple[float, float]:
-    """The same an exchange, of these turns together, for the system counts in hundredths."""
-    exchanges = sum(rung.turn.exchanges for rung in climbed)
-    user_s, system_s = sum(r.user_s for r in climbed), sum(r.system_s for r in climbed)
+def _spent_us(measured: Sequence[Step]) -> tuple[float, float]:
+    """Return the processor time per exchange over all turns: user and system."""
+    exchanges = sum(step.turn.exchanges for step in measured)
+    user_s, system_s = sum(r.user_s for r in measured), sum(r.system_s for r in measured)
     return 1e6 * user_s / exchanges, 1e6 * system_s / exchanges
 
 
 def _append_ns(rounds: int) -> list[float]:
-    """What taking a chunk costs where nothing else is done, once a round."""
+    """Return the cost of recording a chunk without forwarding, for each round."""
     stream, took = stream_number(1, A2C), []
     with tempfile.TemporaryDirectory(prefix="ladder-") as name:
         append = spool_writer(Path(name), lambda _s, _do: None).append

@@ -1,4 +1,4 @@
-/* load CONNECTIONS SECONDS PORT...: asks as fast as answers come, and tells how long they took.
+/* load CONNECTIONS SECONDS PORT...: sends requests as fast as replies arrive, and prints the times.
  *
  * The ports have their turns in short slices, so that whatever else the machine does meets all of
  * them; each gets SECONDS in all. Each connection logs in, and has one status request under way

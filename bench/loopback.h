@@ -66,7 +66,7 @@ static inline void watch(int epoll, int fd)
     must(!epoll_ctl(epoll, EPOLL_CTL_ADD, fd, &event), "epoll_ctl");
 }
 
-/* Accepts for ever; what an accepted socket sends is the caller's affair. */
+/* Accepts forever; the caller handles the accepted sockets. */
 static inline void serve(const char *port, void (*accepted)(int epoll, int fd),
                          void (*readable)(int epoll, int fd))
 {

@@ -58,25 +58,25 @@ def compile_programs(folder: Path) -> None:
 
 
 def c_forwarder(programs: Path) -> Peer:
-    """Return ours in C, which only forwards."""
+    """Return our C forwarder; it only forwards."""
     program = str(programs / "forward")
     return Peer("C forwarder", lambda port, target, _: [program, str(port), str(target)])
 
 
 def uvloop_forwarder() -> Peer:
-    """Return ours on uvloop, which only forwards."""
+    """Return our uvloop forwarder; it only forwards."""
     start = (sys.executable, str(_HERE / "uvloop_forward.py"))
     return Peer("uvloop forwarder", lambda port, target, _: [*start, str(port), str(target)])
 
 
 def epoll_forwarder() -> Peer:
-    """Return ours in Python without an event loop, which only forwards."""
+    """Return our Python forwarder without an event loop; it only forwards."""
     start = (sys.executable, str(_HERE / "epoll_forward.py"))
     return Peer("epoll in Python", lambda port, target, _: [*start, str(port), str(target)])
 
 
 def tap(*, taken: bool) -> Peer:
-    """Return the recorder's tap by itself: its records are dropped, or taken and not written."""
+    """Return the tap of the recorder alone: records are dropped, or collected and not written."""
 
     def command(port: int, target: int, folder: Path) -> list[str]:
         spool = [str(folder)] if taken else []
@@ -86,7 +86,7 @@ def tap(*, taken: bool) -> Peer:
 
 
 def recorder(*, kernel_time: bool = False) -> Peer:
-    """Return the recorder as it is used, which records and decodes in processes beside the tap."""
+    """Return the recorder, which records and decodes in other processes."""
     name, options = "scaraspec record", ("--timestamps", "user")
     if kernel_time:
         name, options = "… by kernel time", ("--timestamps", "kernel")
@@ -99,7 +99,7 @@ def recorder(*, kernel_time: bool = False) -> Peer:
 
 
 def socat() -> Peer | None:
-    """Return socat, where it is installed."""
+    """Return socat, if it is installed."""
     program = shutil.which("socat")
     if not program:
         return None

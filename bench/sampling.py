@@ -15,7 +15,7 @@ from typing import Final
 
 ELSE: Final = "else"
 LEFT_OUT: Final = ""
-"""The name of places whose time is not counted."""
+"""Label of code whose time is not counted."""
 
 _EVERY_S: Final = 0.005
 _CLOCKS: Final[Mapping[str, tuple[int, int, Callable[[], float]]]] = {
@@ -52,7 +52,7 @@ class Samples:
         self._place = place
 
     def take(self, _signal: int, frame: FrameType | None) -> None:
-        """Count all the time since the last sample: a long call into C lets only one through."""
+        """Count all the time since the last sample: a long call into C delays the signals."""
         passed_s = self._clock() - self._told_s
         found: dict[str, None] = {}
         while frame:
@@ -67,8 +67,8 @@ class Samples:
                 self.inclusive_s[name] += passed_s
         self._told_s = self._clock()
 
-    def tell(self, what: str) -> None:
-        """Print a table, the most first."""
+    def print_table(self, what: str) -> None:
+        """Print a table, the largest first."""
         total_s = sum(self.innermost_s.values())
         print(f"{what}: {total_s:.1f} s")
         print(f"  {'':32}{'innermost':>12}{'':8}{'inclusive':>12}")
@@ -93,4 +93,4 @@ def sampled(places: Mapping[str, str], clock: str = "processor") -> Iterator[Sam
         yield samples
     finally:
         signal.setitimer(timer, 0)
-        signal.signal(number, signal.SIG_IGN)  # a last one may be under way
+        signal.signal(number, signal.SIG_IGN)  # a last signal may be pending

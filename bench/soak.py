@@ -38,8 +38,8 @@ PLACES: Final = {
     "scaraspec_recorder.sinks.mcap.mcap_sink": "mcap_file",
     "scaraspec_recorder.sinks.mcap.chunk_writer": "chunk_writer",
     "scaraspec_recorder.sinks.rerun": "drawing",
-    "scaraspec_recorder.spool": "spool and scribe",
-    "scaraspec_recorder.sinks.sink_runner": "spool and scribe",
+    "scaraspec_recorder.spool": "spool and sink runner",
+    "scaraspec_recorder.sinks.sink_runner": "spool and sink runner",
     "__main__": sampling.LEFT_OUT,
     "bench": sampling.LEFT_OUT,
 }
@@ -47,13 +47,13 @@ PLACES: Final = {
 
 _START_NS: Final = 1_795_215_600 * traffic.SECOND_NS
 _MIB: Final = 1 << 20
-_PASSING_NS: Final = 9_973  # what passing on takes at least; at most twice that
+_PASSING_NS: Final = 9_973  # minimum time of forwarding; the maximum is twice that
 
 _say = partial(print, flush=True)
 
 
 class Soak:
-    """The writing path, on a clock that is set from outside."""
+    """The writing path with a simulated clock."""
 
     def __init__(self, folder: Path, rotate: RotationPolicy) -> None:
         self.out = folder / "out"
@@ -68,7 +68,7 @@ class Soak:
         self._offsets = {A2C: 0, C2A: 0}
 
     def pass_on(self, now_ns: int, frames: Iterable[traffic.Sent]) -> None:
-        """Spool the frames that passed before `now_ns`, and write them."""
+        """Spool the frames up to `now_ns`, and write them."""
         for time_ns, direction, data in frames:
             stream, offset = stream_number(1, direction), self._offsets[direction]
             forwarded_ns = time_ns + _PASSING_NS + time_ns // PER_SECOND % _PASSING_NS
@@ -93,11 +93,11 @@ class Soak:
 
 
 def main() -> None:
-    """Write so many hours of traffic, and print what that took."""
+    """Write hours of traffic, and print memory, sizes and speed."""
     parser = argparse.ArgumentParser(prog="soak", description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--hours", type=float, default=1.25, help="of the robot's time [1.25]")
+    parser.add_argument("--hours", type=float, default=1.25, help="simulated hours [1.25]")
     parser.add_argument("--rotate", type=parse_rotation, default="1h", help="when a file ends [1h]")
-    parser.add_argument("--profile", action="store_true", help="say what the writing consists of")
+    parser.add_argument("--profile", action="store_true", help="print the share of each part")
     options = parser.parse_args()
     exchanges = max(int(options.hours * 3600 * PER_SECOND), POINTS)
     with tempfile.TemporaryDirectory(prefix="soak-") as name:
@@ -106,11 +106,11 @@ def main() -> None:
             return
         with sampling.sampled(PLACES) as samples:
             run(Path(name), exchanges, options.rotate)
-        samples.tell("the writing, in seconds of its processor")
+        samples.print_table("the writing, in seconds of its processor")
 
 
 def run(folder: Path, exchanges: int, rotate: RotationPolicy) -> None:
-    """Write, and print memory on the way, sizes and speed at the end."""
+    """Write; print memory during the run, and sizes and speed at the end."""
     hours = exchanges / PER_SECOND / 3600
     _say(f"{exchanges} exchanges, {hours:g} h at {PER_SECOND}/s")
     soak = Soak(folder, rotate)
@@ -144,7 +144,7 @@ def run(folder: Path, exchanges: int, rotate: RotationPolicy) -> None:
 
 
 def _tick(sent: traffic.Sent) -> int:
-    """The end of the tick in which a frame passed."""
+    """Return the end of the tick in which a frame was sent."""
     return (sent.time_ns // TICK_NS + 1) * TICK_NS
 
 

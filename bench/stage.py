@@ -25,7 +25,7 @@ from mcap.reader import make_reader
 from scaraspec_recorder.spool.locks import spool_folder
 
 DIRECT: Final = "direct"
-"""The name of no forwarder at all."""
+"""Name of the direct connection without a forwarder."""
 
 _EXCHANGES: Final = "/exchanges"
 
@@ -33,7 +33,7 @@ _T = TypeVar("_T")
 
 
 class Playing(NamedTuple):
-    """A peer that runs: where it listens and writes, and which process forwards, if any."""
+    """A running peer: port, folder, and the id of the forwarding process, if any."""
 
     port: int
     folder: Path
@@ -41,7 +41,7 @@ class Playing(NamedTuple):
 
 
 class Load(NamedTuple):
-    """What the load generator saw of a port; `exchanges` counts unmeasured ones too."""
+    """Results of the load generator for a port; `exchanges` includes unmeasured ones."""
 
     exchanges: int
     rate: float
@@ -50,7 +50,7 @@ class Load(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """A peer's turn as ratios to the C forwarder's, its median round trip, and all it passed on."""
+    """A turn of a peer: ratios to the C forwarder, median round trip, and number of exchanges."""
 
     p50: float
     p99: float
@@ -60,19 +60,19 @@ class Turn(NamedTuple):
 
 
 class Sustained(NamedTuple):
-    """A long turn of the recorder."""
+    """A long run of the recorder."""
 
-    rate: float  # to the bare uvloop forwarder's
+    rate: float  # ratio to the uvloop forwarder
     exchanges: int
-    decoded: int  # 0 where the recording was not finished
+    decoded: int  # 0 if the recording was not finished
     gaps: int
-    lasted_s: float  # the turns of both
-    drained_s: float  # from the last answer until the recorder has ended
+    lasted_s: float  # duration of the turns of both
+    drained_s: float  # from the last reply to the end of the recorder
 
 
 @dataclass(frozen=True)
 class Stage:
-    """Where the turns take place.
+    """Runs the turns of the forwarders.
 
     Attributes:
         folder: Holds the programs; takes logs and recordings.
@@ -143,7 +143,7 @@ class Stage:
         return float(peer / bare)
 
     def turn(self, connections: int, seconds: float, playing: Playing, limit: int) -> Turn:
-        """Compare a peer with what listens on `limit`."""
+        """Compare a peer with the forwarder that listens on `limit`."""
         peer, bare = self.load(connections, seconds, playing.port, limit)
         return Turn(
             peer.p50_ns / bare.p50_ns,
@@ -154,14 +154,14 @@ class Stage:
         )
 
     def sustain(self, connections: int, seconds: float) -> Sustained:
-        """Ask the recorder and the uvloop forwarder for long, slice by slice in turn."""
+        """Send requests through the recorder and the uvloop forwarder in alternating slices."""
         with self.playing(peers.uvloop_forwarder()) as (bare, _, _):
             with self.playing(peers.recorder()) as (port, folder, _):
                 here, limit = self.load(connections, seconds, port, bare)
                 ended_s = time.monotonic()
             drained_s = time.monotonic() - ended_s
         told = re.findall(r"recorded \+ \d+ in (\d+) gaps", (folder / "log").read_text())
-        shutil.rmtree(spool_folder(folder))  # it is left where the recording was not finished
+        shutil.rmtree(spool_folder(folder))  # it remains if the recording was not finished
         return Sustained(
             here.rate / limit.rate,
             here.exchanges + peers.PROBES,
@@ -173,13 +173,13 @@ class Stage:
 
 
 def spread(values: Sequence[float], places: int = 2) -> str:
-    """The median, and from the least to the most, with so many decimal places."""
+    """Return median, minimum and maximum as text with this number of decimal places."""
     middle, least, most = (f"{of(values):.{places}f}" for of in (statistics.median, min, max))
     return middle if len(values) == 1 else f"{middle} ({least} to {most})"
 
 
 def _decoded(capture: Path) -> int:
-    """How many exchanges a capture holds; 0 where it has no end."""
+    """Return the number of exchanges in a capture; 0 if the file is not closed."""
     with capture.open("rb") as file:
         try:
             summary = make_reader(file).get_summary()

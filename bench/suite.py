@@ -1,4 +1,4 @@
-"""How fast the suite certifies: in memory, where only it costs time, and over real links.
+"""Speed of the suite: in memory, where only the suite needs time, and over real links.
 
 In memory, the limit is the time in which the virtual controller answers the same number of requests
 without a judge, in the same run. A profile shows where the time of both goes.
@@ -40,7 +40,7 @@ EVERYTHING: Final = ("--allow", "state,motion,destructive", "--undefined-opcodes
 EVERY_CASE: Final = ("--exhaustive",)
 TRANSFER_S: Final = 1
 FAST: Final = 8
-"""How many of its seconds pass in one of ours where a simulator is fast."""
+"""Factor of the clock of the fast simulator."""
 PATIENCE_S: Final = 10 / FAST
 """It is granted as many of its seconds for a case as any other controller is."""
 
@@ -77,9 +77,9 @@ _say = partial(print, flush=True)
 
 
 def main() -> None:
-    """Certify what is ours, in each way that there is; or say where the time goes."""
+    """Certify our controller and client in all ways, or print a profile."""
     parser = argparse.ArgumentParser(prog="suite", description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--profile", action="store_true", help="say where the time goes instead")
+    parser.add_argument("--profile", action="store_true", help="print a profile instead")
     profiled = parser.parse_args().profile
     with TemporaryDirectory(prefix="bench-") as name:
         folder = Path(name)
@@ -94,7 +94,7 @@ def main() -> None:
 
 
 def in_memory(role: Role) -> None:
-    """Print how many cases and requests a second of processor time takes in memory."""
+    """Print cases and requests per second of processor time, in memory."""
     for _ in range(ROUNDS):
         begun_s = time.process_time()
         results = ROLE_SUITES[role].prove(OPTIONS)
@@ -112,7 +112,7 @@ def in_memory(role: Role) -> None:
 
 
 def over_tcp(folder: Path) -> None:
-    """Print how long the virtual controller's certification takes over TCP, and with every case.
+    """Print the duration of certifying the virtual controller over TCP, and with every case.
 
     And how long that of one whose seconds are shorter.
     """
@@ -130,21 +130,21 @@ def over_tcp(folder: Path) -> None:
 
 
 def by_driver(folder: Path) -> None:
-    """Print how long the reference client's certification takes."""
+    """Print the duration of certifying the reference client."""
     driver = shlex.join((*SCARASPEC, "client-driver", *_SOON))
     _certify("client", "--driver", driver, "--out", str(folder / "client"))
 
 
 def profile_in_memory() -> None:
-    """Print which room the processor's time goes to."""
+    """Print the processor time of each package."""
     for role in ROLE_SUITES:
         with sampling.sampled(PACKAGES) as samples:
             ROLE_SUITES[role].prove(OPTIONS)
-        samples.tell(f"{role.value} in memory, in seconds of the processor")
+        samples.print_table(f"{role.value} in memory, in seconds of the processor")
 
 
 def profile_over_tcp(folder: Path) -> None:
-    """Print what the suite waits for while it certifies the virtual controller over TCP."""
+    """Print the waits of the suite while it certifies the virtual controller over TCP."""
     begun_s, status = time.process_time(), None
     with (
         _virtual_controller(folder) as url,
@@ -157,13 +157,13 @@ def profile_over_tcp(folder: Path) -> None:
         except SystemExit as ended:
             status = ended.code
     busy_s = time.process_time() - begun_s
-    samples.tell(f"certify controller over TCP, recorded, exit status {status}")
+    samples.print_table(f"certify controller over TCP, recorded, exit status {status}")
     _say(f"  {busy_s:.1f} s of the processor for the process of the suite")
 
 
 @contextmanager
 def _virtual_controller(folder: Path, time_scale: int = 1) -> Iterator[str]:
-    """Serve one whose time passes so fast; give its URL."""
+    """Run a virtual controller with this speed of time; yield its URL."""
     port = peers.free_port()
     where = f"{peers.HOST}:{port}"
     patient = ("--reading", f"xfer_timeout={TRANSFER_S * time_scale}")
@@ -193,7 +193,7 @@ def _requests(results: Results) -> int:
 
 
 def _unjudged_s(requests: int) -> float:
-    """What so many requests cost the virtual controller alone, in seconds of processor time."""
+    """Return the processor time in seconds that the virtual controller needs for the requests."""
     core = ControllerCore(Plant(datetime(2026, 1, 1), 0.0), Store(), DEFAULT)  # noqa: DTZ001 - as the document
     core.open(1, 0.0, "serial")
     request = Frame(A2C, BY_NAME["get_version"].opcode, b"").encode()

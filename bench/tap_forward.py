@@ -1,4 +1,4 @@
-"""tap_forward PORT TARGET [FOLDER]: the recorder's own tap, of whose records nothing is written.
+"""tap_forward PORT TARGET [FOLDER]: the tap of the recorder, whose records are not written.
 
 They are dropped at once; or, where FOLDER is to hold their spool, they are packed into blocks as
 ever, and those are dropped. Ends when its standard input closes.
@@ -18,12 +18,12 @@ CallLater = Callable[[float, Callable[[], None]], object]
 
 
 def spool_writer(folder: Path, call_later: CallLater) -> SpoolWriter:
-    """Return one that packs what it takes, and writes it nowhere."""
+    """Return a spool writer that packs records and does not write them."""
     return SpoolWriter(folder, call_later, write=lambda _, block: len(block))
 
 
 def drop(*_record: object) -> None:
-    """Take a record, and forget it."""
+    """Drop a record."""
 
 
 async def main(port: int, target: int, *folder: str) -> None:
@@ -32,7 +32,7 @@ async def main(port: int, target: int, *folder: str) -> None:
     append = spool_writer(Path(*folder), loop.call_later).append if folder else drop
     route = Upstream("127.0.0.1", target)
     await tap.Tap(route, append).start(route.listen("127.0.0.1", port))
-    gc.freeze()  # as the recorder does
+    gc.freeze()  # like the recorder
     closed = asyncio.Event()
     loop.add_reader(sys.stdin, closed.set)
     await closed.wait()

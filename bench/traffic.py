@@ -1,4 +1,4 @@
-"""Traffic: what a client that polls its robot sends, and what comes back, for as long as one likes.
+"""Traffic: requests and replies of a client that polls its robot, of any length.
 
 Lives here: the frames and their times, made from the command table. Every value that a robot in
 motion would change does change. Nothing here opens a link, and nothing waits.
@@ -36,11 +36,11 @@ _RARE: Final = (
 _POLLED: Final = tuple(
     name for rare in _RARE for name in (*_PLACE, "get_digital_inputs", *_PLACE, rare)
 )
-"""What is asked in turn: most often where the arm is."""
+"""The requests in turn: mostly positions of the arm."""
 
 
 class Sent(NamedTuple):
-    """One frame: when, by whom, and its bytes."""
+    """One frame: time, sender and bytes."""
 
     time_ns: int
     direction: Direction
@@ -48,7 +48,7 @@ class Sent(NamedTuple):
 
 
 def poll(start_ns: int, exchanges: int, per_second: int) -> Iterator[Sent]:
-    """Give the frames of so many exchanges: a login, then polling, with a move now and then.
+    """Yield the frames of this number of exchanges: a login, then polling with some moves.
 
     Args:
         start_ns: The time of the first, in nanoseconds since the Unix epoch.
@@ -66,7 +66,7 @@ def poll(start_ns: int, exchanges: int, per_second: int) -> Iterator[Sent]:
 
 
 def _question(number: int) -> tuple[str, Any, Any]:
-    """What is asked, with which argument and which answer."""
+    """Return command, argument and reply of an exchange."""
     if not number:
         return "login", b"password", True
     moves, since = divmod(number, _MOVE_EVERY)
@@ -95,12 +95,12 @@ def _answer(name: str, number: int, turn_deg: float, moving: bool) -> Any:  # no
 
 
 def _turn_deg(moves: float) -> float:
-    """How far the arm is turned after so many moves, of which the last may be under way."""
+    """Return the angle of the arm after the moves; the last one may be in progress."""
     return round(60 * math.sin(moves), _PLACES)
 
 
 def _pose(turn_deg: float) -> Pose:
-    """Where the tool is then."""
+    """Return the tool position at this angle."""
     turn = math.radians(turn_deg)
     x = _ARM_MM * (math.cos(turn) + math.cos(turn / 2))
     y = _ARM_MM * (math.sin(turn) + math.sin(turn / 2))

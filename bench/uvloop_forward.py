@@ -1,4 +1,4 @@
-"""uvloop_forward PORT TARGET: a bare forwarder of uvloop Protocols, the limit for ours in Python.
+"""uvloop_forward PORT TARGET: a bare forwarder with uvloop protocols, the limit for the recorder.
 
 It writes what it reads and does nothing else: it records nothing and knows no back-pressure. Ends
 when its standard input closes.
@@ -12,7 +12,7 @@ import uvloop
 
 
 class End(asyncio.Protocol):
-    """One socket; what is read from it is written to the other one."""
+    """One socket; its received bytes are written to the other one."""
 
     def __init__(self, target: int | None) -> None:
         self.target = target
@@ -21,7 +21,9 @@ class End(asyncio.Protocol):
         self.early: list[bytes] = []
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:  # noqa: D102 - asyncio's
-        self.transport = cast("asyncio.Transport", transport)  # uvloop's is none by inheritance
+        self.transport = cast(
+            "asyncio.Transport", transport
+        )  # uvloop's class does not inherit from it
         if self.target is not None:
             self.dialling = asyncio.get_running_loop().create_task(self.dial(self.target))
 
