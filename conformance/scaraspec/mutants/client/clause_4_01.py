@@ -1,57 +1,44 @@
-"""Faults of 4.1: the login."""
+"""Mutants of clause 4.1: the login."""
 
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import ClientCore, Event
 from scaraspec.client.errors import LinkLost
 from scaraspec.client.pending_operation import Login, PendingOperation
-from scaraspec.mutants.client import mutant
-from scaraspec.mutants.operators.client.messages import AltersReplies, AltersRequests
+from scaraspec.mutants.client import mutant, row
+from scaraspec.mutants.operators.client.messages import reply_data, request_data
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame
 
-# What is sent
+# The request
 
+row(
+    "passwords-in-small-letters",
+    "4.1/1",
+    "Passwords are sent in lower case.",
+    request_data("login", bytes.lower),
+)
+row(
+    "cuts-long-passwords",
+    "4.1/1 T/10",
+    "Passwords are cut to sixteen characters.",
+    request_data("login", lambda data: data[:16]),
+    subtle=True,
+)
+row(
+    "trims-passwords",
+    "4.1/1",
+    "Spaces at the ends of a password are not sent.",
+    request_data("login", lambda data: data.strip() or data),
+    subtle=True,
+)
 
-@mutant("passwords-in-small-letters", "4.1/1")
-class PasswordsInSmallLetters(AltersRequests):
-    """Passwords are sent in small letters."""
-
-    name = "login"
-
-    def altered(self, data: bytes) -> bytes:
-        """Make them so."""
-        return data.lower()
-
-
-@mutant("cuts-long-passwords", "4.1/1", "T/10", subtle=True)
-class CutsLongPasswords(AltersRequests):
-    """Passwords are cut to sixteen characters."""
-
-    name = "login"
-
-    def altered(self, data: bytes) -> bytes:
-        """Cut them."""
-        return data[:16]
-
-
-@mutant("trims-passwords", "4.1/1", subtle=True)
-class TrimsPasswords(AltersRequests):
-    """Blanks at the ends of a password are not sent."""
-
-    name = "login"
-
-    def altered(self, data: bytes) -> bytes:
-        """Trim it."""
-        return data.strip() or data
-
-
-# What is made of the answer
+# The reply
 
 
 @mutant("asks-for-the-status-when-refused", "4.1/5", subtle=True)
-class AsksForTheStatusWhenRefused(ClientCore):
-    """When its login was refused it asks for the status."""
+class RequestsStatusWhenRefused(ClientCore):
+    """After a refused login, the client requests the status."""
 
     def _after_step(self, operation: PendingOperation, now_s: float) -> list[Event]:
         if isinstance(operation, Login) and operation.error:
@@ -60,11 +47,11 @@ class AsksForTheStatusWhenRefused(ClientCore):
 
 
 @mutant("goes-on-when-refused", "4.1/5")
-class GoesOnWhenRefused(AsyncClient):
-    """A refused login is told as such, and does not keep it from anything."""
+class ContinuesWhenRefused(AsyncClient):
+    """A refused login is reported, but the connection can be used."""
 
     class core(ClientCore):  # noqa: N801 - it fills in the attribute
-        """Takes itself for logged in."""
+        """The core is logged in after any reply."""
 
         def _after_step(self, operation: PendingOperation, now_s: float) -> list[Event]:
             events = super()._after_step(operation, now_s)
@@ -77,59 +64,46 @@ class GoesOnWhenRefused(AsyncClient):
 
 
 @mutant("stops-when-refused", "4.1/5", subtle=True)
-class StopsWhenRefused(GoesOnWhenRefused):
-    """After a refused login nothing is sent but the emergency stop."""
+class StopsWhenRefused(ContinuesWhenRefused):
+    """After a refused login, only the emergency stop is sent."""
 
     class core(ClientCore):  # noqa: N801 - it fills in the attribute
-        """Takes itself for logged in where it is to stop."""
+        """The core sends the emergency stop without a login."""
 
         def begin(self, operation: PendingOperation, now_s: float) -> None:
-            """Send it."""
             logged_in = self.logged_in
             self.logged_in = logged_in or operation.command.name == "emergency_stop"
             super().begin(operation, now_s)
             self.logged_in = logged_in
 
 
-@mutant("all-but-no-is-yes", "4.1/8")
-class AllButNoIsYes(AltersReplies):
-    """Every answer to the login but 0 is taken for a yes."""
-
-    name = "login"
-
-    def altered(self, data: bytes) -> bytes:
-        """Take it so."""
-        return data if data == b"0" else b"1"
-
-
-@mutant("looks-at-the-first-character", "4.1/8", subtle=True)
-class LooksAtTheFirstCharacter(AltersReplies):
-    """Of the answer to the login only the first character is looked at."""
-
-    name = "login"
-
-    def altered(self, data: bytes) -> bytes:
-        """Look at it."""
-        return data[:1]
-
-
-@mutant("nothing-is-yes", "4.1/8", subtle=True)
-class NothingIsYes(AltersReplies):
-    """An answer to the login without data is taken for a yes."""
-
-    name = "login"
-
-    def altered(self, data: bytes) -> bytes:
-        """Take it so."""
-        return data or b"1"
+row(
+    "all-but-no-is-yes",
+    "4.1/8",
+    "Every reply to the login other than 0 is taken as 1.",
+    reply_data("login", lambda data: data if data == b"0" else b"1"),
+)
+row(
+    "looks-at-the-first-character",
+    "4.1/8",
+    "Only the first character of the reply to the login is read.",
+    reply_data("login", lambda data: data[:1]),
+    subtle=True,
+)
+row(
+    "nothing-is-yes",
+    "4.1/8",
+    "A reply to the login without data is taken as 1.",
+    reply_data("login", {b"": b"1"}),
+    subtle=True,
+)
 
 
 @mutant("loss-is-yes", "4.1/8", "2/1", subtle=True)
-class LossIsYes(AsyncClient):
-    """A connection that is lost before the login was answered is told as made."""
+class ConnectedAfterLoss(AsyncClient):
+    """A connection that is lost before the reply to the login is reported as established."""
 
     async def connect(self) -> None:
-        """Make it."""
         try:
             await super().connect()
         except LinkLost:

@@ -1,131 +1,116 @@
-"""Faults of 4.5 and 4.6: the time."""
+"""Mutants of clauses 4.5 and 4.6: the time."""
 
+from collections.abc import Callable, Iterable
 from datetime import datetime
 
 from scaraspec.client.aio import AsyncClient
-from scaraspec.mutants.client import mutant
-from scaraspec.mutants.operators.client.messages import AltersRequests
+from scaraspec.client.core import ClientCore
+from scaraspec.mutants.client import row
+from scaraspec.mutants.operators.client.messages import request_data
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.frames import Frame
 
 # 4.5
 
 
-@mutant("short-years", "4.5/1")
-class ShortYears(AltersRequests):
-    """The year is sent with two digits."""
-
-    name = "set_time"
-
-    def altered(self, data: bytes) -> bytes:
-        """Shorten it."""
-        return data[2:]
+def _separated(data: bytes) -> bytes:
+    return b"%b-%b-%b %b:%b:%b" % (data[:4], *(data[i : i + 2] for i in range(4, 14, 2)))
 
 
-@mutant("separated-time", "4.5/1")
-class SeparatedTime(AltersRequests):
-    """The time is sent with marks between its parts."""
-
-    name = "set_time"
-
-    def altered(self, data: bytes) -> bytes:
-        """Put them in."""
-        return b"%b-%b-%b %b:%b:%b" % (data[:4], *(data[i : i + 2] for i in range(4, 14, 2)))
+def _twelve_hours(data: bytes) -> bytes:
+    return data[:8] + b"%02d" % ((int(data[8:10]) + 11) % 12 + 1) + data[10:]
 
 
-@mutant("unpadded-time", "4.5/1", subtle=True)
-class UnpaddedTime(AltersRequests):
-    """Hours below ten are sent with one digit."""
+def _raw_time(
+    change: Callable[[bytes, str], bytes], valid: Callable[[str], str]
+) -> type[AsyncClient]:
+    """The data of a request for a valid time are changed, depending on the text of the caller."""
 
-    name = "set_time"
-
-    def altered(self, data: bytes) -> bytes:
-        """Shorten them."""
-        return data[:8] + b"%d" % int(data[8:10]) + data[10:]
-
-
-@mutant("twelve-hours", "4.5/1", "T/10", subtle=True)
-class TwelveHours(AltersRequests):
-    """The hours are sent as a clock with hands shows them."""
-
-    name = "set_time"
-
-    def altered(self, data: bytes) -> bytes:
-        """Make them so."""
-        return data[:8] + b"%02d" % ((int(data[8:10]) + 11) % 12 + 1) + data[10:]
-
-
-@mutant("december-is-thirteen", "4.5/2", subtle=True)
-class DecemberIsThirteen(AltersRequests):
-    """The months are counted from 1, and then another 1 is added to the last of them."""
-
-    name = "set_time"
-
-    def altered(self, data: bytes) -> bytes:
-        """Add it."""
-        return data[:4] + b"13" + data[6:] if data[4:6] == b"12" else data
-
-
-@mutant("midnight-is-twenty-four", "4.5/2", subtle=True)
-class MidnightIsTwentyFour(AltersRequests):
-    """Midnight is sent as the hour 24."""
-
-    name = "set_time"
-
-    def altered(self, data: bytes) -> bytes:
-        """Make it so."""
-        return data[:8] + b"24" + data[10:] if data[8:10] == b"00" else data
-
-
-@mutant("sends-any-digits", "4.5/2")
-class SendsAnyDigits(AsyncClient):
-    """Whatever has fourteen digits is sent as a time."""
-
-    class core(AltersRequests):  # noqa: N801 - it fills in the attribute
-        """Sends the text that it was given."""
-
-        name = "set_time"
+    class RawTimeCore(ClientCore):
         text = ""
 
-        def altered(self, data: bytes) -> bytes:  # noqa: ARG002 - that it was made of another time
-            """Send it."""
-            return self.text.encode()
+        def _send(self, frames: Iterable[Frame]) -> None:
+            super()._send(map(self._changed, frames))
 
-    async def set_time(self, time: datetime | str) -> None:
-        """Set it."""
-        assert isinstance(self._core, self.core)
-        self._core.text = str(time)
-        await super().set_time(datetime(2000, 1, 1))  # noqa: DTZ001 - the document names no zone
+        def _changed(self, frame: Frame) -> Frame:
+            if frame.opcode != BY_NAME["set_time"].opcode:
+                return frame
+            return frame._replace(data=change(frame.data, self.text))
+
+    class RawTime(AsyncClient):
+        core = RawTimeCore
+
+        async def set_time(self, time: datetime | str) -> None:
+            assert isinstance(self._core, RawTimeCore)
+            self._core.text = str(time)
+            await super().set_time(valid(str(time)))
+
+    return RawTime
 
 
-@mutant("every-year-is-leap", "4.5/2", subtle=True)
-class EveryYearIsLeap(AsyncClient):
-    """The 29th of February is sent in every year."""
-
-    class core(AltersRequests):  # noqa: N801 - it fills in the attribute
-        """Sends the year that it was given."""
-
-        name = "set_time"
-        year = ""
-
-        def altered(self, data: bytes) -> bytes:
-            """Send it."""
-            return self.year.encode() + data[4:]
-
-    async def set_time(self, time: datetime | str) -> None:
-        """Set it, as if it were a leap year."""
-        assert isinstance(self._core, self.core)
-        self._core.year = str(time)[:4]
-        await super().set_time(f"2000{str(time)[4:]}")
-
+row(
+    "short-years",
+    "4.5/1",
+    "The year is sent with two digits.",
+    request_data("set_time", lambda data: data[2:]),
+)
+row(
+    "separated-time",
+    "4.5/1",
+    "The time is sent with separators between its parts.",
+    request_data("set_time", _separated),
+)
+row(
+    "unpadded-time",
+    "4.5/1",
+    "Hours below ten are sent with one digit.",
+    request_data("set_time", lambda data: data[:8] + b"%d" % int(data[8:10]) + data[10:]),
+    subtle=True,
+)
+row(
+    "twelve-hours",
+    "4.5/1 T/10",
+    "The hours are sent from 1 to 12.",
+    request_data("set_time", _twelve_hours),
+    subtle=True,
+)
+row(
+    "december-is-thirteen",
+    "4.5/2",
+    "December is sent as the month 13.",
+    request_data(
+        "set_time", lambda data: data[:4] + b"13" + data[6:] if data[4:6] == b"12" else data
+    ),
+    subtle=True,
+)
+row(
+    "midnight-is-twenty-four",
+    "4.5/2",
+    "Midnight is sent as the hour 24.",
+    request_data(
+        "set_time", lambda data: data[:8] + b"24" + data[10:] if data[8:10] == b"00" else data
+    ),
+    subtle=True,
+)
+row(
+    "sends-any-digits",
+    "4.5/2",
+    "Any text is sent as a time.",
+    _raw_time(lambda _, text: text.encode(), lambda _: "20000101000000"),
+)
+row(
+    "every-year-is-leap",
+    "4.5/2",
+    "29 February is sent in every year.",
+    _raw_time(lambda data, text: text[:4].encode() + data[4:], lambda text: f"2000{text[4:]}"),
+    subtle=True,
+)
 
 # 4.6
 
-
-@mutant("asks-with-its-own-time", "4.6/1")
-class AsksWithItsOwnTime(AltersRequests):
-    """The time is asked for with the client's own."""
-
-    name = "get_time"
-
-    def altered(self, data: bytes) -> bytes:
-        """Append it."""
-        return data + b"20141222143000"
+row(
+    "asks-with-its-own-time",
+    "4.6/1",
+    "The request for the time contains a time.",
+    request_data("get_time", lambda data: data + b"20141222143000"),
+)

@@ -1,10 +1,9 @@
-"""Faults of 4.12 to 4.14: the default program, and the temperatures that bear its opcode."""
+"""Mutants of clauses 4.12 to 4.14: the default program, and temperatures with its opcode."""
 
-from collections.abc import Iterable
-
-from scaraspec.client.core import ClientCore, Event
-from scaraspec.mutants.client import mutant
-from scaraspec.mutants.operators.client.messages import AltersRequests
+from scaraspec.client.pending_operation import PendingOperation
+from scaraspec.mutants.client import row
+from scaraspec.mutants.operators.client.frames import received, received_while, sent
+from scaraspec.mutants.operators.client.messages import request_data
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 
@@ -13,89 +12,83 @@ _SET_DEFAULT = BY_NAME["set_default_program"].opcode
 _TEMPERATURES = BY_NAME["get_motor_temperatures"].opcode
 
 
-@mutant("asks-for-the-default-with-data", "4.12/1")
-class AsksForTheDefaultWithData(AltersRequests):
-    """The default program is asked for with a 0."""
-
-    name = "get_default_program"
-
-    def altered(self, data: bytes) -> bytes:
-        """Append it."""
-        return data + b"0"
+def _under_both_opcodes(frame: Frame) -> list[Frame]:
+    if frame.opcode == _GET_DEFAULT.opcode and _GET_DEFAULT.alternate_opcode:
+        return [frame, frame._replace(opcode=_GET_DEFAULT.alternate_opcode, data=b"pro1.rob")]
+    return [frame]
 
 
-@mutant("asks-for-the-default-under-both", "4.12/1", subtle=True)
-class AsksForTheDefaultUnderBoth(ClientCore):
-    """The default program is asked for under 0D and, with the name of a program, under 13."""
-
-    def _send(self, frames: Iterable[Frame]) -> None:
-        for frame in frames:
-            super()._send([frame])
-            if frame.opcode == _GET_DEFAULT.opcode and _GET_DEFAULT.alternate_opcode:
-                super()._send(
-                    [frame._replace(opcode=_GET_DEFAULT.alternate_opcode, data=b"pro1.rob")]
-                )
+def _temperatures_as_yes(frame: Frame, pending: list[PendingOperation]) -> Frame:
+    setting = any(each.command.opcode == _SET_DEFAULT for each in pending)
+    mistaken = setting and frame.opcode == _SET_DEFAULT and b"|" in frame.data
+    return frame._replace(data=b"1") if mistaken else frame
 
 
-@mutant("sends-the-path", "4.13/1")
-class SendsThePath(AltersRequests):
-    """The name of the default program is sent with the folder that it is in."""
-
-    name = "set_default_program"
-
-    def altered(self, data: bytes) -> bytes:
-        """Put it ahead."""
-        return b"/programs/" + data
+def _yes_as_temperatures(frame: Frame, pending: list[PendingOperation]) -> Frame:
+    expected = any(each.command.opcode == _TEMPERATURES for each in pending)
+    if expected and frame.opcode == _SET_DEFAULT:
+        return frame._replace(opcode=_TEMPERATURES)
+    return frame
 
 
-@mutant("sends-the-first-part-of-names", "4.13/1", subtle=True)
-class SendsTheFirstPartOfNames(AltersRequests):
-    """The name of the default program is sent up to the last point in it, and .rob behind that."""
-
-    name = "set_default_program"
-
-    def altered(self, data: bytes) -> bytes:
-        """Replace what follows it."""
-        return data.rpartition(b".")[0] + b".rob" if data.count(b".") > 1 else data
+def _reversed_temperatures(frame: Frame) -> Frame:
+    if frame.opcode == _SET_DEFAULT and frame.data.count(b"|") > 1:
+        return frame._replace(data=b"|".join(frame.data.split(b"|")[::-1]))
+    return frame
 
 
-@mutant("asks-for-every-motor", "4.14/1")
-class AsksForEveryMotor(AltersRequests):
-    """The temperatures are asked for with the numbers of the motors."""
-
-    name = "get_motor_temperatures"
-
-    def altered(self, data: bytes) -> bytes:
-        """Append them."""
-        return data + b"1|2|3|4"
-
-
-@mutant("takes-temperatures-for-yes", "4.14/4")
-class TakesTemperaturesForYes(ClientCore):
-    """Whatever comes under 0E is taken for the reply to setting the default program."""
-
-    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        setting = any(each.command.opcode == _SET_DEFAULT for each in self._open)
-        mistaken = setting and frame.opcode == _SET_DEFAULT and b"|" in frame.data
-        return super()._dispatch(frame._replace(data=b"1") if mistaken else frame, now_s)
-
-
-@mutant("takes-yes-for-temperatures", "4.14/4", subtle=True)
-class TakesYesForTemperatures(ClientCore):
-    """Whatever comes under 0E while the temperatures are due is taken for these."""
-
-    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        due = any(each.command.opcode == _TEMPERATURES for each in self._open)
-        if due and frame.opcode == _SET_DEFAULT:
-            frame = frame._replace(opcode=_TEMPERATURES)
-        return super()._dispatch(frame, now_s)
-
-
-@mutant("reads-printed-temperatures-backwards", "4.14/4", "T/9", subtle=True)
-class ReadsPrintedTemperaturesBackwards(ClientCore):
-    """Temperatures under 0E are told in the other order."""
-
-    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        if frame.opcode == _SET_DEFAULT and frame.data.count(b"|") > 1:
-            frame = frame._replace(data=b"|".join(frame.data.split(b"|")[::-1]))
-        return super()._dispatch(frame, now_s)
+row(
+    "asks-for-the-default-with-data",
+    "4.12/1",
+    "The request for the default program contains a 0.",
+    request_data("get_default_program", lambda data: data + b"0"),
+)
+row(
+    "asks-for-the-default-under-both",
+    "4.12/1",
+    "The default program is requested with 0D and, with a program name, with 13.",
+    sent(_under_both_opcodes),
+    subtle=True,
+)
+row(
+    "sends-the-path",
+    "4.13/1",
+    "The name of the default program is sent with its folder.",
+    request_data("set_default_program", lambda data: b"/programs/" + data),
+)
+row(
+    "sends-the-first-part-of-names",
+    "4.13/1",
+    "The text after the last of several dots in the name of the default program is sent as rob.",
+    request_data(
+        "set_default_program",
+        lambda data: data.rpartition(b".")[0] + b".rob" if data.count(b".") > 1 else data,
+    ),
+    subtle=True,
+)
+row(
+    "asks-for-every-motor",
+    "4.14/1",
+    "The request for the temperatures contains the numbers of the motors.",
+    request_data("get_motor_temperatures", lambda data: data + b"1|2|3|4"),
+)
+row(
+    "takes-temperatures-for-yes",
+    "4.14/4",
+    "Temperatures with the opcode 0E are taken as acceptance of a new default program.",
+    received_while(_temperatures_as_yes),
+)
+row(
+    "takes-yes-for-temperatures",
+    "4.14/4",
+    "Any reply with the opcode 0E is taken as temperatures if they are expected.",
+    received_while(_yes_as_temperatures),
+    subtle=True,
+)
+row(
+    "reads-printed-temperatures-backwards",
+    "4.14/4 T/9",
+    "Temperatures with the opcode 0E are read in reverse order.",
+    received(_reversed_temperatures),
+    subtle=True,
+)

@@ -1,115 +1,89 @@
-"""Faults of clause 4.20: the gripper centre as it is set."""
+"""Mutants of clause 4.20: setting the gripper center."""
 
-from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, Final
 
 from scaraspec.client.core import ClientCore
 from scaraspec.client.pending_operation import PendingOperation
-from scaraspec.mutants.client import mutant
-from scaraspec.mutants.operators.client.messages import AltersFields, AltersRequests
+from scaraspec.mutants.client import row
+from scaraspec.mutants.operators.client.messages import request_data, request_fields
 from scaraspec.protocol.commands import BY_NAME, Point
 from scaraspec.protocol.frames import Frame
 
 _SET: Final = "set_gripper_center"
 
 
-@mutant("gripper-back-to-front", "4.20/1")
-class GripperBackToFront(AltersFields):
-    """The gripper centre is sent as z, y and x."""
+def _numbers(write: Callable[[float], str]) -> type[ClientCore]:
+    """The numbers of the gripper center are written in another way."""
 
-    name = _SET
+    class Numbers(ClientCore):
+        point: Point | None = None
 
-    def fields(self, fields: list[bytes]) -> list[bytes]:
-        """Turn them round."""
-        return fields[::-1]
+        def command(self, name: str, value: Any = None) -> PendingOperation:
+            self.point = value if name == _SET else None
+            return super().command(name, value)
 
+        def _send(self, frames: Iterable[Frame]) -> None:
+            super()._send(map(self._written, frames))
 
-@mutant("gripper-between-blanks", "4.20/1")
-class GripperBetweenBlanks(AltersRequests):
-    """The numbers of the gripper centre are separated by blanks, as they are printed."""
+        def _written(self, frame: Frame) -> Frame:
+            if self.point is None or frame.opcode != BY_NAME[_SET].opcode:
+                return frame
+            return frame._replace(data="|".join(map(write, self.point)).encode())
 
-    name = _SET
-
-    def altered(self, data: bytes) -> bytes:
-        """Print them."""
-        return data.replace(b"|", b" ")
-
-
-@mutant("gripper-in-brackets", "4.20/1")
-class GripperInBrackets(AltersRequests):
-    """The gripper centre is sent in brackets, as the text writes (x,y,z)."""
-
-    name = _SET
-
-    def altered(self, data: bytes) -> bytes:
-        """Write it so."""
-        return b"(" + data + b")"
+    return Numbers
 
 
-@mutant("gripper-with-decimal-commas", "4.20/1", subtle=True)
-class GripperWithDecimalCommas(AltersRequests):
-    """Decimals of the gripper centre are written with a comma, as the user's country has it."""
-
-    name = _SET
-
-    def altered(self, data: bytes) -> bytes:
-        """Write them so."""
-        return data.replace(b".", b",")
-
-
-class _WritesNumbers(ClientCore, ABC):
-    """The numbers of the gripper centre are written in another way."""
-
-    _ordered: Point | None = None
-
-    @abstractmethod
-    def written(self, number: float) -> bytes:
-        """Write one."""
-
-    def command(self, name: str, value: Any = None) -> PendingOperation:
-        """Remember what was ordered."""
-        self._ordered = value if name == _SET else None
-        return super().command(name, value)
-
-    def _send(self, frames: Iterable[Frame]) -> None:
-        for frame in frames:
-            if self._ordered is not None and frame.opcode == BY_NAME[_SET].opcode:
-                frame = frame._replace(data=b"|".join(map(self.written, self._ordered)))  # noqa: PLW2901 - one of two
-            super()._send([frame])
-
-
-@mutant("large-numbers-with-exponent", "4.20/1", subtle=True)
-class LargeNumbersWithExponent(_WritesNumbers):
-    """Numbers are written by %g: a million is 1e+06."""
-
-    def written(self, number: float) -> bytes:
-        """Write it so."""
-        return b"%g" % number if abs(number) >= 1 else b"%.3f" % number
-
-
-@mutant("small-numbers-with-exponent", "4.20/1", subtle=True)
-class SmallNumbersWithExponent(_WritesNumbers):
-    """Numbers are written as the language prints them: a hundred-thousandth is 1e-05."""
-
-    def written(self, number: float) -> bytes:
-        """Write it so."""
-        return repr(number).encode()
-
-
-@mutant("zeros-are-left-away", "4.20/1", subtle=True)
-class ZerosAreLeftAway(_WritesNumbers):
-    """The number 0 is an empty field."""
-
-    def written(self, number: float) -> bytes:
-        """Write it so."""
-        return b"%.3f" % number if number else b""
-
-
-@mutant("small-negatives-are-positive", "4.20/1", subtle=True)
-class SmallNegativesArePositive(_WritesNumbers):
-    """Numbers between -1 and 0 lose their sign: whole part and fraction are written apart."""
-
-    def written(self, number: float) -> bytes:
-        """Write it so."""
-        return b"%.3f" % (abs(number) if number > -1 else number)
+row(
+    "gripper-back-to-front",
+    "4.20/1",
+    "The gripper center is sent as z, y and x.",
+    request_fields(_SET, lambda fields: fields[::-1]),
+)
+row(
+    "gripper-between-blanks",
+    "4.20/1",
+    "The numbers of the gripper center are separated by spaces, as the document prints them.",
+    request_data(_SET, lambda data: data.replace(b"|", b" ")),
+)
+row(
+    "gripper-in-brackets",
+    "4.20/1",
+    "The gripper center is sent in brackets.",
+    request_data(_SET, lambda data: b"(" + data + b")"),
+)
+row(
+    "gripper-with-decimal-commas",
+    "4.20/1",
+    "The numbers of the gripper center have a decimal comma.",
+    request_data(_SET, lambda data: data.replace(b".", b",")),
+    subtle=True,
+)
+row(
+    "large-numbers-with-exponent",
+    "4.20/1",
+    "Large numbers are sent with an exponent: a million is 1e+06.",
+    _numbers(lambda number: f"{number:g}" if abs(number) >= 1 else f"{number:.3f}"),
+    subtle=True,
+)
+row(
+    "small-numbers-with-exponent",
+    "4.20/1",
+    "Small numbers are sent with an exponent: a hundred-thousandth is 1e-05.",
+    _numbers(repr),
+    subtle=True,
+)
+row(
+    "zeros-are-left-away",
+    "4.20/1",
+    "The number 0 is sent as an empty field.",
+    _numbers(lambda number: f"{number:.3f}" if number else ""),
+    subtle=True,
+)
+row(
+    "small-negatives-are-positive",
+    "4.20/1",
+    "Numbers between -1 and 0 are sent without sign.",
+    _numbers(lambda number: f"{abs(number) if number > -1 else number:.3f}"),
+    subtle=True,
+)
