@@ -1,1 +1,1 @@
-"""Where the suite plays the client, against a controller under test."""
+"""The harness in which the suite acts as the client of a controller under test."""

@@ -1,4 +1,4 @@
-"""Setting: what a run against a controller is about, and how it begins and ends."""
+"""Adapter: how a run against a controller begins and ends."""
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -32,18 +32,18 @@ _NS: Final = 1e9
 
 @dataclass(frozen=True)
 class ControllerAdapter:
-    """A run against a controller; see `run.Setting`.
+    """A run against a controller; see `run.RoleAdapter`.
 
     Attributes:
-        access: The way to the subject.
-        ics: What it claims.
-        password: What opens it.
-        options: What the tester asks for.
-        link: How to call the way to it, in the results.
-        capture: The file in which it is recorded, beside the results; empty for none.
-        replay: The command line that runs the suite again, without ``--only``.
-        journal: Where what the run may change is written down first.
-        draw_token: Makes the token in the names of the run's files.
+        access: The access to the controller.
+        ics: Its implementation conformance statement.
+        password: Its password.
+        options: The options of the user.
+        link: The link, as the results name it.
+        capture: The file name of the recording beside the results; empty if there is none.
+        replay: The reproduction command of the run, without ``--only``.
+        journal: Records what the run may change, before it is changed.
+        draw_token: Creates the token in the names of the run's files.
         say: Shows a sentence to the user at once.
     """
 
@@ -61,7 +61,7 @@ class ControllerAdapter:
 
     @property
     def needs_login(self) -> bool:
-        """Whether a login comes first."""
+        """Whether a login is needed."""
         return self.access.needs_login
 
     @property

@@ -1,8 +1,8 @@
-"""Followed setting: what was asked of one setting of a controller, and what its replies gave.
+"""Followed setting: the requests and the reported values of one setting of a controller.
 
-A reply that gives another value than was set or read last is a deviation. It is suspicious if no
-request of the suite explains the value, or if the value that was expected had been in force: it had
-been read, or it was set a long time before.
+A reported value that differs from the value set or read last is a deviation. It is suspicious if no
+request of the suite explains it, or if the expected value was in force: it was read before, or it
+was set a long time ago.
 """
 
 from typing import Any, Final
@@ -16,21 +16,21 @@ from scaraspec.suite.controller.harness.setting_values import (
 )
 
 _LONG_S: Final = 0.5
-"""Long enough for another client to come between two requests of the suite."""
+"""Within this time, another client may change a setting between two requests of the suite."""
 
 
 class FollowedSetting:
     """One setting.
 
     Args:
-        time_scale: How many seconds of the controller's clock a second lasts.
+        time_scale: How many seconds of the controller's clock pass in one second.
 
     Attributes:
-        expected: What was set or read last; None if that is not known.
-        last_set: What the suite has set last.
-        request: The data of the last request that has set another value than that of the start.
-        foreign: The values that it had and that neither the start nor the suite explains.
-        read: Whether `expected` was read; may be cleared, to see whether a reply gives a value.
+        expected: The value that was set or read last; None if it is unknown.
+        last_set: The value that the suite has set last.
+        request: The data of the last request with a value other than that of the start.
+        foreign: Reported values that neither the start nor a request of the suite explains.
+        read: Whether `expected` was read. A caller may clear it to detect the next reported value.
     """
 
     def __init__(self, time_scale: float) -> None:
@@ -43,16 +43,16 @@ class FollowedSetting:
         self._explained: list[Any] = []
         self._known_s = 0.0
 
-    def asked(self, value: Any, data: bytes, at_s: float, *, accepted: bool) -> None:
-        """A request to set it was answered.
+    def note_request(self, value: Any, data: bytes, at_s: float, *, accepted: bool) -> None:
+        """Note an answered request to set it.
 
         Args:
-            value: The value; None if it is not known what the request asks for.
+            value: The value; None if the resulting value is unknown.
             data: The data of the request.
             at_s: When it was sent, in seconds since the Unix epoch.
-            accepted: Whether the answer was yes.
+            accepted: Whether it was accepted.
         """
-        own = value is not None and not self._is_in(self.foreign, value)  # else it is put back
+        own = value is not None and not self._is_in(self.foreign, value)  # not a restoration
         if own:
             self._explained.append(value)
         if not accepted:
@@ -62,11 +62,11 @@ class FollowedSetting:
         if own and not self.same(self._explained[0], value, slack_s=FAR_S):
             self.request = data
 
-    def told(self, value: Any, at_s: float) -> bool | None:
-        """A reply has given a value.
+    def note_report(self, value: Any, at_s: float) -> bool | None:
+        """Note a reported value.
 
         Returns:
-            Whether that is suspicious; None if it is no deviation.
+            Whether it is suspicious; None if it is no deviation.
         """
         in_force = self.read or at_s - self._known_s > _LONG_S
         expected, self.expected = self.expected, value
@@ -74,18 +74,18 @@ class FollowedSetting:
         if expected is None:
             self._explained.append(value)
             return None
-        if not value and isinstance(value, bytes):  # there is no default program once it is deleted
+        if not value and isinstance(value, bytes):  # the default program was deleted
             return None
         if self.same(expected, value):
             return None
         if self.is_explained(value):
-            return in_force and not self.same(self.last_set, value)  # else it came late
+            return in_force and not self.same(self.last_set, value)  # or it came late
         self.foreign.append(value)
         inexact = isinstance(value, Clock) and self.same(expected, value, slack_s=FAR_S)
         return in_force or not inexact
 
     def is_explained(self, value: Any) -> bool:
-        """Whether it had this value at the start, or the suite has asked for it."""
+        """Whether it had this value at the start, or the suite has set it."""
         return self._is_in(self._explained, value)
 
     def same(
@@ -94,10 +94,10 @@ class FollowedSetting:
         """Whether two values are the same.
 
         Args:
-            first: The earlier one.
-            then: The later one.
-            loose: How many seconds in a second a clock may gain or lose.
-            slack_s: How many seconds it may be off besides.
+            first: The earlier value.
+            then: The later value.
+            loose: How many seconds per second a clock may gain or lose.
+            slack_s: The additional tolerance of a clock, in seconds.
         """
         if not isinstance(first, Clock):
             return are_same(first, then)

@@ -1,10 +1,9 @@
-"""Other clients: whether another program has changed a setting, the clock or a file during a run.
+"""Other clients: detects that another program has changed a setting, the clock or a file.
 
-Every request and reply of the run is followed. A faulty controller gives values that deviate from
-what was set, too, so a deviation alone decides nothing. After a failure two things show that
-another client is the cause: the setting changes while the suite sends nothing but queries
-(`state.watch`), or the deviation is suspicious (`followed_setting`) and the case passes when it is
-repeated.
+The suite follows every request and reply of the run. A faulty controller reports deviating values,
+too, so a deviation alone is no proof. After a failure, another client is the cause if the setting
+changes while the suite sends only queries (`state.watch`), or if the deviation is suspicious
+(`followed_setting`) and the case passes when it is repeated.
 """
 
 from collections.abc import Iterable
@@ -46,7 +45,7 @@ class _Case:
         touched: The settings on which its replies depended.
         deviations: A sentence for each that deviated.
         suspicious: Whether one deviated suspiciously.
-        reason: Why a failure does not count; empty if it does.
+        reason: Why a failure does not count; empty if it counts.
     """
 
     touched: set[str] = field(default_factory=set)
@@ -95,7 +94,7 @@ class OtherClients(Interference):
         if name := SET_BY.get(request.name):
             value = asked(request, self.settings[OUTPUTS].expected)
             at_s = request.place.time_ns / _NS
-            self.settings[name].asked(value, request.frame.data, at_s, accepted=accepted)
+            self.settings[name].note_request(value, request.frame.data, at_s, accepted=accepted)
 
     def received(self, connection: str, seen: FrameSeen) -> None:
         """Record a reply and compare it with the expected value."""
@@ -104,7 +103,7 @@ class OtherClients(Interference):
         if name is None or value is None:
             return
         expected = self.settings[name].expected
-        suspicious = self.settings[name].told(value, seen.place.time_ns / _NS)
+        suspicious = self.settings[name].note_report(value, seen.place.time_ns / _NS)
         if suspicious is None:
             return
         self.deviating[name] = suspicious or self.deviating.get(name, False)
@@ -145,7 +144,7 @@ class OtherClients(Interference):
 
     @property
     def _case(self) -> _Case:
-        """The running case; one for all that is between the cases."""
+        """The running case; all time between the cases is one case."""
         return self._cases.setdefault(self._subject.observer.case, _Case())
 
     @property
@@ -190,7 +189,7 @@ class OtherClients(Interference):
     def reason(self, case: str) -> str:
         """Why a failure of this case does not count; empty if it does."""
         record = self._cases.get(case, _Case())
-        if not case and record.suspicious:  # it cannot be repeated
+        if not case and record.suspicious:  # the time between the cases cannot be repeated
             return f"{REASON}, it seems: {'; '.join(record.deviations.values())}"
         if record.reason or not self._proofs:
             return record.reason

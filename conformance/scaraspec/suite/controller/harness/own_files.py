@@ -16,14 +16,14 @@ from scaraspec.suite.engine.journal import Journal
 from scaraspec.user_message import UserMessage
 
 STEM: Final = "zs"
-"""How the names of all files begin that the suite makes."""
+"""The beginning of the names of all files that the suite creates."""
 
 TOKEN_LETTERS: Final = 4
 _TOKENS: Final = 100
 
 
 def random_token() -> str:
-    """A token for one run."""
+    """Return a random token for one run."""
     return "".join(secrets.choice(string.ascii_lowercase) for _ in range(TOKEN_LETTERS))
 
 
@@ -31,11 +31,11 @@ class OwnFiles:
     """The files of one run.
 
     Args:
-        journal: Where accepted uploads are written down.
-        draw_token: Makes a token for the run.
+        journal: Records accepted uploads.
+        draw_token: Creates a token for the run.
 
     Attributes:
-        prefix: How the names of the run's files begin: the stem and the token.
+        prefix: The beginning of the names of the run's files: the stem and the token.
     """
 
     def __init__(self, journal: Journal, draw_token: Callable[[], str] = random_token) -> None:
@@ -46,13 +46,13 @@ class OwnFiles:
         self.prefix = (STEM + draw_token()).encode()
 
     def begin(self, names: Iterable[bytes]) -> None:
-        """Choose a token that no stored file has.
+        """Choose a token that occurs in no stored file name.
 
         Args:
             names: The names of the stored files.
 
         Raises:
-            CaseSkipped: Every token that was drawn is in use.
+            CaseSkipped: All drawn tokens are in use.
         """
         self._foreign = {_base(name) for name in names} - {b""}
         for _ in range(_TOKENS):
@@ -60,13 +60,13 @@ class OwnFiles:
                 return
             self.prefix = (STEM + self._draw_token()).encode()
         raise CaseSkipped(
-            UserMessage("{tokens} names for new files were all in use", tokens=_TOKENS)
+            UserMessage("{count} drawn names for new files are all in use", count=_TOKENS)
         )
 
     def new_name(self, extension: str, stem: str = "", *, lead: str = "") -> bytes:
-        """A name that no file has: the prefix, `lead`, a number, `stem`, the extension.
+        """Return a new name: the prefix, `lead`, a number, `stem` and the extension.
 
-        The stem is cut where the name would be longer than any client may send (L226).
+        The stem is cut if the name would exceed the maximum length (L226).
         """
         begin = f"{lead}{next(self._numbers)}"
         room = NAME_MAX_BYTES - len(self.prefix) - len(begin) - len(extension)
@@ -76,21 +76,21 @@ class OwnFiles:
 
     @property
     def stored(self) -> list[bytes]:
-        """The names whose upload was accepted and that were not deleted since, oldest first."""
+        """The files of the suite that are stored, the oldest first."""
         return [name.encode("latin-1") for name in self._journal.changes.files]
 
     def is_own(self, name: bytes) -> bool:
-        """Whether the suite has uploaded this file, in this run or in one that it recovers."""
+        """Whether the suite has uploaded this file, in this run or in an interrupted one."""
         return name in self._accepted or name in self.stored
 
     def note_list(self, names: Iterable[bytes]) -> None:
-        """Note the names of a program list: those that the suite did not make are another's."""
+        """Note the names of a program list: files without the prefix belong to the user."""
         self._foreign |= {
             base for name in names if not (base := _base(name)).startswith(self.prefix)
         } - {b""}
 
     def check(self, name: bytes) -> None:
-        """Go on only if this name is not that of a file of the user.
+        """Require that this name is not that of a file of the user.
 
         Raises:
             CaseSkipped: It is.
@@ -99,19 +99,19 @@ class OwnFiles:
             shown = name.decode("utf-8", "backslashreplace")
             raise CaseSkipped(
                 UserMessage(
-                    "{shown} is a file on the controller that the suite did not make", shown=shown
+                    "{name} is a file on the controller that the suite did not create", name=shown
                 )
             )
 
     def note_upload_request(self, name: bytes) -> None:
-        """An upload is about to be requested."""
+        """Record that an upload will be requested."""
         self._journal.write("offered", name=name.decode("latin-1"))
 
     def note_upload_reply(self, name: bytes, *, accepted: bool) -> None:
-        """The request of an upload was answered.
+        """Record the reply to the request of an upload.
 
         Raises:
-            JournalError: That it was accepted cannot be written down: its content must not be sent.
+            JournalError: The acceptance cannot be recorded, so the content must not be sent.
         """
         if not accepted:
             self._journal.confirm("refused", name=name.decode("latin-1"))
@@ -119,19 +119,19 @@ class OwnFiles:
         self.note_stored(name)
         base = name.rstrip(b"\0").replace(b"\\", b"/").rpartition(b"/")[2]
         if base != name and base.startswith(self.prefix):
-            self.note_stored(base)  # it may be stored as this
+            self.note_stored(base)  # it may be stored under this name
         self._journal.flush()
 
     def note_stored(self, name: bytes) -> None:
-        """A file of the suite is stored, or may be."""
+        """Record that a file of the suite may be stored."""
         self._accepted.add(name)
         self._journal.confirm("accepted", name=name.decode("latin-1"))
 
     def note_deleted(self, name: bytes) -> None:
-        """A file is gone, or never came to be."""
+        """Record that a file of the suite is deleted or was never created."""
         self._journal.confirm("deleted", name=name.decode("latin-1"))
 
 
 def _base(name: bytes) -> bytes:
-    """A name as a controller may compare it: without path, NUL and difference of case."""
+    """Return a name as a controller may compare it: lower case, without path and NUL."""
     return name.rstrip(b"\0").replace(b"\\", b"/").rpartition(b"/")[2].lower()

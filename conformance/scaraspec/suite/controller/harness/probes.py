@@ -1,7 +1,7 @@
-"""Probes: finding out which readings a subject follows, before the cases depend on them.
+"""Probes: detect which readings a controller follows, before the cases depend on them.
 
-Only what is safe under the hazards that were allowed is asked. A probe that finds nothing leaves
-the claim, or the default, as it is; what is seen later is reported by the judge.
+A probe sends only what the allowed hazards permit. A probe without a result keeps the claim or the
+default. The judge reports what is observed later.
 """
 
 from collections.abc import Callable
@@ -26,14 +26,14 @@ from scaraspec.suite.program_files.listed import program_names
 from scaraspec.suite.program_files.writing import wait_program
 
 _FURTHER: Final = 6
-"""How many clients more the cases are at once."""
+"""How many more clients the cases connect at the same time."""
 _LISTED: Final = "4.10/11"
 _READ_ONLY, _STATE = Hazard.READ_ONLY, Hazard.STATE
 
 
 @dataclass(frozen=True, slots=True)
 class Probe:
-    """One way to find out about one open point."""
+    """A probe for one open point."""
 
     key: str
     hazard: Hazard
@@ -41,7 +41,7 @@ class Probe:
 
 
 def probe_all(subject: ControllerUnderTest) -> None:
-    """Find out what can be found out safely, and speak to the subject so from then on."""
+    """Run every permitted probe, and use the detected readings from then on."""
     for probe in PROBES:
         if probe.hazard is not _READ_ONLY and probe.hazard not in subject.allowed:
             continue
@@ -54,7 +54,7 @@ def probe_all(subject: ControllerUnderTest) -> None:
 
 
 def _op_get_default(subject: ControllerUnderTest) -> str | None:
-    """Ask with either opcode (A-4.12-1), which may be undefined to it (A-3-9)."""
+    """Query with both opcodes (A-4.12-1), of which one may be undefined (A-3-9)."""
     command = BY_NAME["get_default_program"]
     replies = {}
     for opcode in (command.opcode, command.alternate_opcode):
@@ -68,7 +68,7 @@ def _op_get_default(subject: ControllerUnderTest) -> str | None:
         line.close()
     zeros = [option for option, data in replies.items() if data == b"0"]
     served = [option for option in replies if option not in zeros]
-    if not served:  # no default program, or an opcode that is not known (A-3-9)
+    if not served:  # no default program, or an unknown opcode (A-3-9)
         if len(zeros) > 1 or subject.dialect["on_unknown"] == "0":
             return None
         served = zeros
@@ -76,9 +76,9 @@ def _op_get_default(subject: ControllerUnderTest) -> str | None:
 
 
 def _max_clients(subject: ControllerUnderTest) -> str | None:
-    """Connect twice (A-2-2); it may take a moment until who is displaced is sent away.
+    """Connect twice (A-2-2). A displaced client may be disconnected only after a moment.
 
-    Of several that are served the first may be displaced by a later one, too.
+    A further connection may displace the first of several clients that are served.
     """
     if not subject.access.multiple_connections:
         return None
@@ -91,7 +91,7 @@ def _max_clients(subject: ControllerUnderTest) -> str | None:
     if first.ends(within_s=SILENCE_S) is not None:
         return "newest"
     first.ask("get_status")
-    with suppress(CaseFailed):  # it may not serve so many
+    with suppress(CaseFailed):  # it may serve fewer clients
         for _ in range(_FURTHER):
             subject.open(login=False)
         subject.traits.displaces_first_client = first.ends(within_s=SILENCE_S) is not None
@@ -99,7 +99,7 @@ def _max_clients(subject: ControllerUnderTest) -> str | None:
 
 
 def _prelogin(subject: ControllerUnderTest) -> str | None:
-    """Ask before the login (A-4-4)."""
+    """Query before the login (A-4-4)."""
     if not subject.access.needs_login:
         return None
     line = subject.open(login=False)
@@ -116,41 +116,41 @@ def _prelogin(subject: ControllerUnderTest) -> str | None:
 
 
 def _prog_ext(subject: ControllerUnderTest) -> str | None:
-    """Offer names with either extension (A-0-9)."""
+    """Request uploads with both extensions (A-0-9)."""
     taken = []
     for extension in (".rob", ".txt"):
         subject.dialect = subject.dialect.replace(prog_ext=extension)
-        if _breaks_off(subject):
-            _look_how_long_it_lasts(subject)
+        if _interrupt_upload(subject):
+            _probe_interrupted_upload(subject)
             taken.append(extension)
     subject.dialect = subject.dialect.replace(prog_ext=subject.ics.dialect["prog_ext"])
     return "any" if len(taken) > 1 else next(iter(taken), None)
 
 
-def _breaks_off(subject: ControllerUnderTest) -> bool:
-    """Begin an upload, and break it off with its connection; whether it was granted."""
+def _interrupt_upload(subject: ControllerUnderTest) -> bool:
+    """Begin an upload and close its connection. Return whether the upload was accepted."""
     line = subject.open()
     granted = line.ask("upload_name", subject.new_name()).accepted is True
     line.close()
     return granted
 
 
-def _look_how_long_it_lasts(subject: ControllerUnderTest) -> None:
-    """Begin another upload: one that is broken off so may last until its time-out (A-5-17)."""
+def _probe_interrupted_upload(subject: ControllerUnderTest) -> None:
+    """Begin another upload: an interrupted one may last until its timeout (A-5-17)."""
     traits = subject.traits
     if traits.transfers_outlive_connection is not None:
         return
     traits.transfers_outlive_connection = False
-    if not _breaks_off(subject):
+    if not _interrupt_upload(subject):
         subject.pause(transfer_timeouts_of(subject).must_end_s)
         traits.transfers_outlive_connection = True
-        traits.transfers_outlive_connection = _breaks_off(subject)
+        traits.transfers_outlive_connection = _interrupt_upload(subject)
 
 
 def _endian(subject: ControllerUnderTest) -> str | None:
-    """Send a file of one byte in either order (A-5-2): in the wrong one it is out of bounds.
+    """Send a file of one byte in both byte orders (A-5-2): the wrong one is out of bounds.
 
-    The one that is claimed comes first: a receiver may take both.
+    The claimed order comes first, because a receiver may accept both.
     """
     claimed = subject.ics.dialect["endian"]
     for order in sorted(("little", "big"), key=lambda order: order != claimed):
@@ -166,7 +166,7 @@ def _endian(subject: ControllerUnderTest) -> str | None:
 
 
 def _prog_layout(subject: ControllerUnderTest) -> str | None:
-    """Store a program of each layout until one is listed: others need not be (A-6.1-2)."""
+    """Upload a program in each layout until one is listed; others may be hidden (A-6.1-2)."""
     with subject.observer.ignoring(_LISTED):
         for layout in candidates(subject):
             line, name = subject.open(), subject.new_name()
@@ -186,4 +186,4 @@ PROBES: Final = (
     Probe("endian", _STATE, _endian),
     Probe("prog_layout", _STATE, _prog_layout),
 )
-"""What is looked for before the cases begin."""
+"""The probes that run before the cases."""

@@ -1,7 +1,7 @@
-"""Setting values: what can be set on a controller, and the values that requests and replies give.
+"""Setting values: the settings of a controller, and their values in requests and replies.
 
-Values of one setting can be compared whether they were set or read, before or after one another.
-Who has set them is not known here.
+Values of one setting can be compared, whether they were set or read. This module does not know
+which client has set them.
 """
 
 from datetime import UTC, datetime
@@ -45,7 +45,7 @@ SET_BY: Final = {command: name for name, command in SETTERS.items()}
 DEPENDS_ON: Final = {
     **READ_BY,
     **SET_BY,
-    "get_running_program": CLOCK,  # the run time may be taken from it
+    "get_running_program": CLOCK,  # the run time may be derived from it
     "get_tool_coordinates": GRIPPER_CENTRE,  # A-4.23-1
     "set_tool_coordinates": GRIPPER_CENTRE,
     "reset": INITIAL_POSITION,
@@ -53,33 +53,33 @@ DEPENDS_ON: Final = {
 """The setting on which the replies to a command depend."""
 
 FAR_S: Final = 3600.0
-"""A clock that is farther off shows another time, not one that was set inexactly."""
+"""A clock that deviates more than this was set to another time, in seconds."""
 CLOCK_SLACK_S: Final = 2.0
-"""What a clock may be off (4.5/4)."""
+"""The tolerance of a clock, in seconds (4.5/4)."""
 DRIFT: Final = 0.01
 _CLOSE: Final = 0.06  # mm or degrees: a controller may round (A-T-5)
-_MEANT: Final = 4  # numbers of a position; the others mean nothing (L1006)
+_MEANT: Final = 4  # how many numbers of a position have a meaning (L1006)
 _NS: Final = 1e9
 
 
 class Clock(NamedTuple):
-    """What the clock showed, and when that was, both in seconds since the Unix epoch."""
+    """The time that a clock showed, and when, both in seconds since the Unix epoch."""
 
     shown_s: float
     at_s: float
 
     def off_s(self, then: "Clock", scale: float) -> float:
-        """How far a later reading is off, if a second lasts so many seconds of the clock."""
+        """Return the deviation of a later sample, in seconds, for this time scale."""
         return abs(then.shown_s - self.shown_s - scale * (then.at_s - self.at_s))
 
 
 def clock_of(value: datetime, seen: FrameSeen) -> Clock:
-    """The time that a frame gives."""
+    """Return the clock sample of a frame."""
     return Clock(value.replace(tzinfo=UTC).timestamp(), seen.place.time_ns / _NS)
 
 
 def reported(seen: FrameSeen) -> Any:
-    """The value that a reply gives; None if it gives none. A program list is not read here."""
+    """Return the value of a setting in a reply; None if it has none. Ignores program lists."""
     if isinstance(seen.value, datetime):
         return clock_of(seen.value, seen)
     if seen.name == QUERIES[DEFAULT_PROGRAM]:
@@ -88,11 +88,11 @@ def reported(seen: FrameSeen) -> Any:
 
 
 def asked(request: FrameSeen, outputs: str | None) -> Any:
-    """The value that a request asks for; None if that is not known.
+    """Return the value that a request sets; None if it is unknown.
 
     Args:
         request: The request.
-        outputs: What the outputs were, which it may change in part.
+        outputs: The earlier outputs; the request may change one of them.
     """
     value = request.value
     if not isinstance(value, PortValue):
@@ -117,7 +117,7 @@ def _are_close(first: Any, then: Any) -> bool:
 
 
 def shown(value: Any) -> str:
-    """A value in a sentence."""
+    """Return a value as a sentence shows it."""
     match value:
         case Clock(shown_s):
             return f"{datetime.fromtimestamp(shown_s, UTC):%Y-%m-%d %H:%M:%S}"

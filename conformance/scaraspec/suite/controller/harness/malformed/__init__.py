@@ -1,1 +1,1 @@
-"""Spoiling: what no client sends: bytes that are no frames, values out of order, long silences."""
+"""Malformed traffic: invalid bytes, invalid values, unusual segments and long silences."""

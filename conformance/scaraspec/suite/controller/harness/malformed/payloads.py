@@ -1,8 +1,8 @@
-"""Malformed: payloads that no request should have, class by class, for every command of the table.
+"""Malformed: invalid payloads, class by class, for the request of every command.
 
-Frames around them are good. What is spoilt stays as near as it can to the valid value that the
-case gives, so that a subject which takes it does little. What a subject may make of them is for
-the cases to say; `firm`: no reading of the document permits it to act.
+The frames around them are valid. A malformed payload stays close to the valid value of the case, so
+that a controller that accepts it does little. The cases judge the reaction. `firm` means that no
+reading of the document permits the controller to act.
 """
 
 from collections.abc import Callable, Iterator
@@ -30,9 +30,9 @@ class Malformed(NamedTuple):
     Attributes:
         kind: The name of its class: ``comma-decimal``.
         data: The bytes.
-        field: Which field is spoilt; empty for the payload as a whole.
-        firm: Whether acting upon it is wrong under every reading. Elsewhere a receiver may be
-            lenient, as with an exponent or a trailing NUL (A-T-3 to A-T-5).
+        field: The malformed field; empty for the payload as a whole.
+        firm: Whether every reading forbids to act on it. Otherwise a receiver may be lenient, for
+            example with an exponent or a trailing NUL (A-T-3 to A-T-5).
     """
 
     kind: str
@@ -45,22 +45,22 @@ class Malformed(NamedTuple):
 
 
 def malformed(name: str, value: Any = None, dialect: Dialect = DEFAULT) -> tuple[Malformed, ...]:
-    """Every malformed payload for a request of the table, at most 255 bytes each.
+    """Return every malformed payload for a request, of at most 255 bytes each.
 
     Args:
         name: The command.
-        value: A valid value to begin with; none for requests without data.
-        dialect: How to write it.
+        value: A valid value; None for requests without data.
+        dialect: The readings for encoding.
     """
     return tuple(_payload(BY_NAME[name].request, value, dialect))
 
 
 class MalformedResult(NamedTuple):
-    """What came of a malformed request.
+    """The reaction to a malformed request.
 
     Attributes:
-        answer: The reply; None where the subject stayed silent or ended the connection (A-3-9).
-        line: The connection to go on with.
+        answer: The reply; None if the subject did not reply or closed the connection (A-3-9).
+        line: The connection to continue with.
     """
 
     answer: ReceivedFrame | None
@@ -68,7 +68,7 @@ class MalformedResult(NamedTuple):
 
     @property
     def accepted(self) -> bool:
-        """Whether the subject says that it has acted upon it."""
+        """Whether the subject has accepted it."""
         return self.answer is not None and self.answer.accepted is True
 
     def __str__(self) -> str:
@@ -81,7 +81,7 @@ def send_malformed(
     """Send a malformed request.
 
     Raises:
-        NoReply: The subject answers nothing any more.
+        NoReply: The subject does not answer any more.
     """
     line = ensure_open(subject, line)
     opcode = line.send(name, data=wrong.data).opcode
@@ -95,15 +95,15 @@ def send_malformed(
     for seen in came:
         if seen.frame.opcode == opcode and not seen.frame.tagged:
             return MalformedResult(ReceivedFrame(seen, seen.value), ensure_open(subject, line))
-    return MalformedResult(_late(subject, line, name), ensure_open(subject, line))
+    return MalformedResult(_wait_for_late_reply(subject, line, name), ensure_open(subject, line))
 
 
-def _late(
+def _wait_for_late_reply(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str
 ) -> ReceivedFrame | None:
-    """What comes after the reply to a later request, which may overtake it (3/24).
+    """Return a reply that comes after the reply to a later request (3/24).
 
-    A subject that has once stayed silent is not waited for again.
+    After one missing reply to a command, the suite does not wait for it again.
     """
     if line.ending is None and name not in subject.traits.no_late_reply:
         with suppress(NoReply):
@@ -116,10 +116,10 @@ def _late(
 
 
 class _Class(NamedTuple):
-    """One way to spoil a field: from its text and the bytes that are left in the frame."""
+    """One way to alter a field, from its text and the bytes that are free in the frame."""
 
     kind: str
-    spoil: Callable[[bytes, int], bytes]
+    alter: Callable[[bytes, int], bytes]
     firm: bool = True
 
 
@@ -131,24 +131,24 @@ def _before(more: bytes) -> Callable[[bytes, int], bytes]:
     return lambda text, _room: more + text
 
 
-def _behind(more: bytes) -> Callable[[bytes, int], bytes]:
+def _after(more: bytes) -> Callable[[bytes, int], bytes]:
     return lambda text, _room: text + more
 
 
 def _zeros(text: bytes, room_bytes: int) -> bytes:
-    """As many leading zeros as there is room for."""
+    """Add as many leading zeros as fit."""
     sign = b"-" * text.startswith(b"-")
     return sign + b"0" * room_bytes + text[len(sign) :]
 
 
 def _underscore(text: bytes, _: int) -> bytes:
-    """The same value: who takes it moves nowhere else."""
+    """Return the same value, so that a lenient controller moves nowhere else."""
     sign = b"-" * text.startswith(b"-")
     return sign + b"0_" + text[len(sign) :]
 
 
 def _binary(text: bytes, _: int) -> bytes:
-    """The same whole number, as some languages write it in their programs."""
+    """Return the same integer as a binary literal of some programming languages."""
     sign, digits = text[: text.startswith(b"-")], text.lstrip(b"-").partition(b".")[0]
     return sign + f"{int(digits):#b}".encode()
 
@@ -160,44 +160,44 @@ def _full_width(text: bytes, _: int) -> bytes:
 _NUMBER: Final = (
     _Class("empty", _by(b"")),
     _Class("letters", _by(b"abc")),
-    _Class("letter-behind", _behind(b"x")),
+    _Class("letter-behind", _after(b"x")),
     _Class("comma-decimal", lambda text, _: text.partition(b".")[0] + b",5"),
     _Class("two-points", lambda text, _: text.partition(b".")[0] + b".0.0"),
     _Class("nan", _by(b"nan")),
     _Class("inf", _by(b"inf")),
-    _Class("capital-nan", _by(b"NaN")),  # which languages other than C take for numbers
+    _Class("capital-nan", _by(b"NaN")),  # some languages parse these as numbers
     _Class("infinity", _by(b"Infinity")),
     _Class("null", _by(b"null")),
     _Class("true", _by(b"true")),
     _Class("binary-digits", _binary),
-    _Class("suffix", _behind(b"f")),
+    _Class("suffix", _after(b"f")),
     _Class("underscore", _underscore),
     _Class("two-signs", _before(b"--")),
-    _Class("sign-behind", _behind(b"-")),
-    _Class("below-zero", _before(b"/")),  # the characters on both sides of the digits
-    _Class("above-nine", _behind(b":")),
+    _Class("sign-behind", _after(b"-")),
+    _Class("below-zero", _before(b"/")),  # the characters next to the digits
+    _Class("above-nine", _after(b":")),
     _Class("sign-alone", _by(b"-")),
     _Class("point-alone", _by(b".")),
-    _Class("nul-inside", _behind(b"\x001")),
-    _Class("second-line", _behind(b"\nx")),  # where $ means the end of a line
-    _Class("non-ascii", _behind("°".encode())),
+    _Class("nul-inside", _after(b"\x001")),
+    _Class("second-line", _after(b"\nx")),  # in some regular expressions $ matches here
+    _Class("non-ascii", _after("°".encode())),
     _Class("plus", lambda text, _: b"+" + text.lstrip(b"-"), firm=False),
-    _Class("exponent", _behind(b"e0"), firm=False),
+    _Class("exponent", _after(b"e0"), firm=False),
     _Class("blank-before", _before(b" "), firm=False),
     _Class("full-width", _full_width, firm=False),
     _Class("huge", _by(b"9" * 40), firm=False),
     _Class("over-long", _zeros, firm=False),
 )
-"""A plain decimal number (A-T-5); the further forms of C's strtod are not failures."""
+"""A plain decimal number (A-T-5); the other forms that strtod of C accepts are not failures."""
 
 _INTEGER: Final = (
     *(c for c in _NUMBER if c.kind != "two-points"),
-    _Class("decimal", _behind(b".5"), firm=False),
+    _Class("decimal", _after(b".5"), firm=False),
 )
 _TIME: Final = (
     _Class("empty", _by(b"")),
     _Class("one-short", lambda text, _: text[:-1]),
-    _Class("one-long", _behind(b"0")),
+    _Class("one-long", _after(b"0")),
     _Class("date-alone", lambda text, _: text[:8]),
     _Class("without-seconds", lambda text, _: text[:12]),
     _Class("without-century", lambda text, _: text[2:]),
@@ -209,7 +209,7 @@ _TIME: Final = (
     _Class("behind-nine", lambda text, _: text[:8] + b":" + text[9:]),
     _Class("behind-nine-within", lambda text, _: text[:10] + b"0:" + text[12:]),
     _Class("blank-inside", lambda text, _: text[:8] + b" " + text[9:]),
-    _Class("second-line", _behind(b"\nx")),
+    _Class("second-line", _after(b"\nx")),
     _Class("nul-inside", lambda text, _: text[:8] + b"\0" + text[9:]),
     _Class("separators", _by(b"2024-06-15 120000")),
     _Class("non-ascii", lambda text, _: text[:13] + b"\xb2"),
@@ -230,7 +230,7 @@ _TIME: Final = (
     _Class("second-60", lambda text, _: text[:12] + b"60", firm=False),
     _Class("second-61", lambda text, _: text[:12] + b"61"),
     _Class("year-0000", lambda text, _: b"0000" + text[4:], firm=False),
-    _Class("trailing-nul", _behind(b"\0"), firm=False),
+    _Class("trailing-nul", _after(b"\0"), firm=False),
 )
 """14 digits of a moment that exists (L169); second 60 may be a leap second (A-4.5-2)."""
 
@@ -238,7 +238,7 @@ _ADDRESS: Final = (
     _Class("empty", _by(b"")),
     _Class("letters", _by(b"a.b.c.d")),
     _Class("three-parts", lambda text, _: text.rpartition(b".")[0]),
-    _Class("five-parts", _behind(b".1")),
+    _Class("five-parts", _after(b".1")),
     _Class("empty-part", lambda text, _: text.rpartition(b".")[0] + b"."),
     _Class("part-256", lambda text, _: text.rpartition(b".")[0] + b".256"),
     _Class("part-1000", lambda text, _: text.rpartition(b".")[0] + b".1000"),
@@ -247,12 +247,12 @@ _ADDRESS: Final = (
     _Class("huge", lambda text, _: text.rpartition(b".")[0] + b".4294967297"),
     _Class("hexadecimal", lambda text, _: text.rpartition(b".")[0] + b".0x1"),
     _Class("exponent", lambda text, _: text.rpartition(b".")[0] + b".1e1"),
-    _Class("letter-behind", _behind(b"x")),
-    _Class("point-behind", _behind(b".")),
-    _Class("second-line", _behind(b"\nx")),
+    _Class("letter-behind", _after(b"x")),
+    _Class("point-behind", _after(b".")),
+    _Class("second-line", _after(b"\nx")),
     _Class("commas", lambda text, _: text.replace(b".", b",")),
-    _Class("non-ascii", _behind("。".encode())),
-    _Class("nul-inside", _behind(b"\x001")),
+    _Class("non-ascii", _after("。".encode())),
+    _Class("nul-inside", _after(b"\x001")),
     _Class("over-long", _zeros, firm=False),
     _Class("blank-before", _before(b" "), firm=False),
 )
@@ -262,7 +262,7 @@ _TEXT: Final = (
     _Class("empty", _by(b""), firm=False),
     _Class("over-long", lambda text, room: text + b"x" * room, firm=False),
 )
-"""A password: what it may be is open (A-4.1-3)."""
+"""A password; its valid characters are open (A-4.1-3)."""
 
 _NAME: Final = (
     *_TEXT,
@@ -279,7 +279,7 @@ _NAME: Final = (
     _Class("directory", _before(b"programs/"), firm=False),
     _Class("placeholders", _before(b"%s%n"), firm=False),
 )
-"""A file name; which characters it may have is open (A-5-20), what becomes of such files is not."""
+"""A file name; its valid characters are open (A-5-20), the effect on other files is not."""
 
 
 @singledispatch
@@ -305,7 +305,7 @@ def _payload(payload: Payload, value: Any, dialect: Dialect) -> Iterator[Malform
 
 @_payload.register
 def _(_: NoData, value: None, dialect: Dialect) -> Iterator[Malformed]:  # noqa: ARG001 - as above
-    """Data where none is due may be ignored, or the request with it (A-3-12)."""
+    """Unexpected data may be ignored, or the whole request (A-3-12)."""
     for kind, data in (
         ("one-digit", b"0"),
         ("nul", b"\0"),
@@ -325,14 +325,14 @@ def _(payload: Record, value: Any, dialect: Dialect) -> Iterator[Malformed]:
         yield from _structures(texts)
     for index, part in enumerate(payload.parts):
         room_bytes = MAX_DATA_BYTES - len(b"|".join(texts))
-        for kind, spoil, firm in _classes(part):
-            spoilt = [*texts[:index], spoil(texts[index], room_bytes), *texts[index + 1 :]]
-            if (data := b"|".join(spoilt)) != b"|".join(texts):
+        for kind, alter, firm in _classes(part):
+            altered = [*texts[:index], alter(texts[index], room_bytes), *texts[index + 1 :]]
+            if (data := b"|".join(altered)) != b"|".join(texts):
                 yield Malformed(kind, data, part.name, firm)
 
 
 def _structures(texts: list[bytes]) -> Iterator[Malformed]:
-    """Fields that are missing, or too many, or not separated by single bars (A-0-1)."""
+    """Yield payloads with missing or additional fields, or with other separators (A-0-1)."""
     good = b"|".join(texts)
     yield Malformed("empty-payload", b"")
     yield Malformed("first-missing", b"|".join(texts[1:]))
@@ -384,7 +384,7 @@ def _(_: Jog, value: Any, dialect: Dialect) -> Iterator[Malformed]:  # noqa: ARG
 
 @_payload.register
 def _(_: FileData, value: Any, dialect: Dialect) -> Iterator[Malformed]:
-    """A chunk that is cut or too long; numbers that are out of bounds are for clause 5."""
+    """A chunk that is cut or too long; the cases of clause 5 send numbers out of bounds."""
     whole = FileData().encode(value, dialect)
     for kind, data in (
         ("empty-payload", b""),

@@ -1,1 +1,1 @@
-"""Asking: what a client asks of a robot, subject by subject, and reads out of the answers."""
+"""Requests: functions that send requests and check their replies, one module per topic."""

@@ -1,1 +1,1 @@
-"""State: what the subject is like is written down, made ready, kept by cases and put back."""
+"""State: reads, prepares, watches and restores the state of the controller."""

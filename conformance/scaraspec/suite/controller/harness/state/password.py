@@ -1,4 +1,4 @@
-"""Password: set back to the user's, whichever the suite has left on the controller."""
+"""Password: restores the user's password on the controller."""
 
 from collections.abc import Callable, Iterator
 from typing import Any, Final
@@ -12,7 +12,7 @@ from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, No
 from scaraspec.user_message import UserMessage
 
 MOST_ATTEMPTS: Final = 5
-"""How many passwords are tried: a controller may lock out who tries more (A-4.1-2)."""
+"""How many passwords are tried: a controller may lock the suite out after more (A-4.1-2)."""
 
 _BUFFERS_BYTES: Final = (64, 63, 32, 31, 30, 20, 16, 15, 10, 8)
 
@@ -22,13 +22,13 @@ class PasswordLost(CaseInconclusive):
 
 
 def restore_password(subject: ControllerUnderTest) -> None:
-    """Set the user's password again, if a case or the controller has left another.
+    """Restore the user's password if a case or the controller has left another one.
 
-    What opens a login need not be the password: a faulty controller may look at its beginning
-    alone.
+    A password with which the login succeeds may still be wrong: a faulty controller may compare
+    only its beginning.
 
     Raises:
-        CaseFailed: The controller does not answer, or refuses to.
+        CaseFailed: The controller does not answer, or refuses the change.
         PasswordLost: No known password opens a login.
     """
     if not subject.journal.changes.passwords or not subject.access.needs_login:
@@ -49,10 +49,10 @@ def restore_password(subject: ControllerUnderTest) -> None:
 
 
 def set_back(subject: ControllerUnderTest, password: bytes) -> None:
-    """Set the user's password again in place of this one.
+    """Replace this password by the user's password.
 
     Raises:
-        CaseFailed: The controller does not answer, or refuses to.
+        CaseFailed: The controller does not answer, or refuses the change.
     """
     if password != subject.password:
         line = subject.open(login=False)
@@ -60,16 +60,18 @@ def set_back(subject: ControllerUnderTest, password: bytes) -> None:
         with subject.journal.restoring():
             set_value(line, "set_password", PasswordChange(password, subject.password))
         line.close()
-        expect(_opens(subject, subject.password), "the password that was set back opens no login")
+        expect(
+            _opens(subject, subject.password), "the login with the restored password was refused"
+        )
     subject.journal.confirm("password-restored")
 
 
 def working_password(subject: ControllerUnderTest) -> bytes:
-    """A password that opens a login.
+    """Return a password with which the login succeeds.
 
     Raises:
         CaseFailed: The controller does not answer.
-        PasswordLost: No known password does.
+        PasswordLost: The login fails with every known password.
     """
     for password in _candidates(subject):
         if _opens(subject, password):
@@ -78,9 +80,9 @@ def working_password(subject: ControllerUnderTest) -> bytes:
 
 
 def _candidates(subject: ControllerUnderTest) -> Iterator[bytes]:
-    """The passwords to try: the one that was set last is the first.
+    """Yield the passwords to try, beginning with the one that was set last.
 
-    They are five at most; more only if destructive cases are allowed.
+    These are at most five, or more if destructive cases are allowed.
     """
     passwords = list(dict.fromkeys(_set_last_first(subject)))
     yield from passwords[:MOST_ATTEMPTS]
@@ -90,9 +92,9 @@ def _candidates(subject: ControllerUnderTest) -> Iterator[bytes]:
     more = [*passwords[MOST_ATTEMPTS:], *(each for each in kept_wrongly if each not in passwords)]
     subject.notify(
         UserMessage(
-            "the password is none of the last that the suite has set: {more_count} more are "
-            "tried, as a faulty controller may have kept another one",
-            more_count=len(more),
+            "the login fails with the last passwords that the suite has set: {count} more are "
+            "tried, because a faulty controller may have stored another one",
+            count=len(more),
         )
     )
     yield from more
@@ -102,7 +104,7 @@ def _candidates(subject: ControllerUnderTest) -> Iterator[bytes]:
 
 
 def _set_last_first(subject: ControllerUnderTest) -> Iterator[bytes]:
-    """The passwords of the journal, the last one first, and the user's second at the latest."""
+    """Return the passwords of the journal, the last one first; the user's is first or second."""
     names = subject.journal.changes.passwords[::-1]
     known = [subject.password if name is None else name.encode("latin-1") for name in names]
     return iter((*known[:1], subject.password, *known[1:]))
@@ -112,7 +114,10 @@ def _lost(subject: ControllerUnderTest) -> PasswordLost:
     last = next(_set_last_first(subject))
     named = "the user's own" if last == subject.password else show(last)
     return PasswordLost(
-        f"no known password opens a login; the last one that the suite has set is {named}"
+        UserMessage(
+            "no known password opens a login; the last one that the suite has set is {password}",
+            password=named,
+        )
     )
 
 
@@ -124,7 +129,7 @@ def _opens(subject: ControllerUnderTest, password: bytes) -> bool:
 
 
 def _as_kept_wrongly(passwords: list[bytes]) -> Iterator[bytes]:
-    """What a faulty controller may have made of a new password."""
+    """Yield what a faulty controller may have stored instead of a new password."""
     for password in passwords:
         yield from (password[:size] for size in _BUFFERS_BYTES if size < len(password))
         ways: tuple[Callable[[bytes], bytes], ...] = (
@@ -140,15 +145,15 @@ def _as_kept_wrongly(passwords: list[bytes]) -> Iterator[bytes]:
 def set_value(
     line: OutgoingConnection, name: str, value: Any = None, *, data: bytes | None = None
 ) -> None:
-    """Set something, and fail the subject if it refuses.
+    """Set a value.
 
     Raises:
-        CaseFailed: It does.
+        CaseFailed: The controller refuses it.
     """
     answer = line.ask(name, value, data=data)
     expect(
         answer.accepted,
-        UserMessage("{name} was refused", name=name),
+        UserMessage("{command} was refused", command=name),
         expected="1",
         observed=f"{answer}",
     )

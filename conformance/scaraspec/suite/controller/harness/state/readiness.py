@@ -1,7 +1,6 @@
-"""Readiness: a robot that will not move where it stands is made ready to, and brought back.
+"""Readiness: makes a robot ready that refuses to move from its current pose, and moves it back.
 
-All by small moves, one axis at a time. Faults of the robot during these moves are for the cases to
-find.
+It uses small moves, one axis at a time. The cases report faults of the robot during these moves.
 """
 
 from functools import partial
@@ -22,6 +21,7 @@ from scaraspec.suite.controller.harness.requests.motion import (
     wait_for_end,
 )
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
+from scaraspec.user_message import UserMessage
 
 _MOVE: Final = "set_tool_coordinates"
 _READINGS: Final = 5
@@ -29,13 +29,13 @@ _TRIES: Final = 2  # of two readings in a row one at least may lie within the tr
 
 
 def make_ready(subject: ControllerUnderTest) -> None:
-    """Make an idle robot ready that will not move where it stands (A-4-1, A-4.25-1, A-4.24-5).
+    """Make an idle robot ready that refuses to move (A-4-1, A-4.25-1, A-4.24-5).
 
-    It may have been switched on with its joints loose, or want to be reset before all else. Or it
-    stands at an end of its travel, and what its unsteady readings say lies beyond, now and then.
+    Its joints may be released after power-on, or it may need a reset first. It may also be at an
+    end of its travel, so that some of its unsteady reported poses are beyond the end.
 
     Raises:
-        CaseFailed: It answers something otherwise than it must.
+        CaseFailed: The robot answers incorrectly.
     """
     line = subject.open()
     subject.moved = True
@@ -52,9 +52,9 @@ def make_ready(subject: ControllerUnderTest) -> None:
 
 
 def return_to_start_pose(subject: ControllerUnderTest) -> list[str]:
-    """Bring the arm back to where it stood before it stepped aside.
+    """Move the arm back to the pose at which it was before `make_ready` moved it.
 
-    What it said then may lie beyond an end of its travel, now and then: one reading will do.
+    Some of the poses reported then may be beyond the end of its travel: one of them is enough.
 
     Returns:
         A sentence if it could not be brought back.
@@ -69,7 +69,13 @@ def return_to_start_pose(subject: ControllerUnderTest) -> list[str]:
         why = "the controller refuses the move"
     except (CaseFailed, CaseInconclusive) as error:
         why = str(error)
-    return [f"the arm did not return to its start pose {stood[0][:4]}: {why}"]
+    return [
+        UserMessage(
+            "the arm did not return to its start pose {pose}: {reason}",
+            pose=stood[0][:4],
+            reason=why,
+        )
+    ]
 
 
 def _command(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
@@ -91,7 +97,7 @@ def _goes(
 
 
 def _has_room(subject: ControllerUnderTest, line: OutgoingConnection) -> bool:
-    """Whether it goes as far as readings may differ, along each axis and either way, and back."""
+    """Whether it can move by the standstill tolerance along each axis in both directions."""
     here = pose_of(line)
     for axis in AXES:
         beside = [_beside(here, axis, by) for by in (STANDSTILL, -STANDSTILL)]
@@ -104,7 +110,7 @@ def _has_room(subject: ControllerUnderTest, line: OutgoingConnection) -> bool:
 def _step_aside(
     subject: ControllerUnderTest, line: OutgoingConnection, stood: tuple[Pose, ...]
 ) -> None:
-    """Go a step away from the ends of the travel, along one axis after another."""
+    """Move a step away from the ends of the travel, along one axis after another."""
     subject.traits.start_poses = subject.traits.start_poses or stood
     step_mm = subject.ics.motion.step_mm
     for axis in AXES:
@@ -115,7 +121,7 @@ def _step_aside(
 
 
 def _goes_back(subject: ControllerUnderTest, line: OutgoingConnection, stood: Pose) -> bool:
-    """Whether it goes there, along the same axes the other way round."""
+    """Move to this pose along the axes in reverse order. Return whether this succeeds."""
     there = pose_of(line)
     for axis in reversed(AXES):
         there = there._replace(**{axis: getattr(stood, axis)})

@@ -1,7 +1,7 @@
-"""Restore: the settings and the program list, read before a run and compared and put back after it.
+"""Restore: reads the settings and the program list before a run, and restores them after it.
 
-Only what the suite may have changed is put back. What has changed otherwise is reported and left
-as it is: another client may have changed it on purpose.
+Only values that the suite may have changed are restored. Other changes are reported and kept,
+because another client may have made them on purpose.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,11 +24,11 @@ from scaraspec.user_message import UserMessage
 
 _CLOCK_SLACK_S: Final = 2
 _HALF_S: Final = 0.5
-_COMES_BACK_S: Final = 10
-_ONCE_MORE_S: Final = 1
+_RESTART_S: Final = 10
+_RETRY_S: Final = 1
 _NS: Final = 1_000_000_000
 DEFAULT_PROGRAM: Final = "default program"
-_REFUSED_PERHAPS: Final = (DEFAULT_PROGRAM, "initial tool position")
+_MAYBE_REFUSED: Final = (DEFAULT_PROGRAM, "initial tool position")
 _PROGRAMS: Final = "programs"
 _CLOCK: Final = "clock"
 
@@ -38,11 +38,11 @@ class Item:
     """One thing that a run may change.
 
     Attributes:
-        name: What it is called.
-        hazard: It is only changed, and put back, where this is allowed.
-        read: Asks for it; None where the subject does not say. Gives what JSON can hold.
-        write: Sets it.
-        differs: Whether what it is now, and what it was, are not the same.
+        name: Its name.
+        hazard: The hazard that must be allowed to change and restore it.
+        read: Returns its value as JSON types; None if the controller reports none.
+        write: Sets its value.
+        differs: Whether the current and the earlier value differ.
     """
 
     name: str
@@ -55,9 +55,9 @@ class Item:
 
 
 def snapshot(subject: ControllerUnderTest, line: OutgoingConnection) -> dict[str, Any]:
-    """The settings and the program list, by the names of `ITEMS`; None if there is no value.
+    """Return the settings and the program list, by the names of `ITEMS`; None without a value.
 
-    Outputs are left out where the suite switches none: a program of the user may switch them.
+    Outputs are omitted if the suite switches none, because a program of the user may switch them.
     """
     items = (i for i in ITEMS if i.hazard is not Hazard.MOTION or i.hazard in subject.allowed)
     return {item.name: _read(item, subject, line) for item in items}
@@ -66,14 +66,14 @@ def snapshot(subject: ControllerUnderTest, line: OutgoingConnection) -> dict[str
 def restorable_settings(
     subject: ControllerUnderTest, line: OutgoingConnection, before: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """The settings of a snapshot that the controller takes back.
+    """Return a snapshot without the settings that the controller does not accept.
 
-    It refuses a default program that is not stored, or a position that was never set: no run could
-    put them back.
+    A controller refuses a default program that is not stored, or a position that was never set. No
+    run could restore them.
     """
     state = dict(before)
     for item in ITEMS:
-        if item.name in _REFUSED_PERHAPS and item.hazard in subject.allowed and state[item.name]:
+        if item.name in _MAYBE_REFUSED and item.hazard in subject.allowed and state[item.name]:
             try:
                 item.write(subject, line, state[item.name])
             except JournalError:
@@ -87,8 +87,8 @@ class Differences(NamedTuple):
     """What differs from the start, one sentence each.
 
     Attributes:
-        ours: What the suite has changed and could not put back.
-        others: What the suite has not changed, or has no means to put back.
+        ours: What the suite has changed and could not restore.
+        others: What the suite has not changed or cannot restore.
     """
 
     ours: list[str]
@@ -96,23 +96,23 @@ class Differences(NamedTuple):
 
 
 def restore(subject: ControllerUnderTest) -> Differences:
-    """Bring the controller to rest, put back what the run has changed, and compare with the start.
+    """Bring the robot to rest, restore what the run has changed, and compare with the start.
 
     Returns:
-        What remains.
+        The differences that remain.
     """
     before, changed = subject.journal.changes.settings, subject.journal.changes.changed
     left = Differences([], [])
     with subject.journal.restoring():
         try:
-            line = _reached(subject)
+            line = _connect_at_rest(subject)
         except (CaseFailed, CaseInconclusive) as error:
-            return Differences([f"nothing could be put back: {error}"], [])
+            return Differences([UserMessage("nothing could be restored: {error}", error=error)], [])
         for item in ITEMS:
             if before.get(item.name) is None:
                 continue
             ours = item.name != _PROGRAMS and not {item.name, EVERYTHING}.isdisjoint(changed)
-            if problem := _put_back(item, subject, line, before[item.name], ours=ours):
+            if problem := _restore_item(item, subject, line, before[item.name], ours=ours):
                 (left.ours if ours else left.others).append(problem)
         line.close()
     if not left.ours:
@@ -120,22 +120,24 @@ def restore(subject: ControllerUnderTest) -> Differences:
     return left
 
 
-def _put_back(
+def _restore_item(
     item: Item, subject: ControllerUnderTest, line: OutgoingConnection, wanted: Any, *, ours: bool
 ) -> str:
-    """Put one item back where the suite may have changed it; what is wrong with it then."""
+    """Restore one item if the suite may have changed it. Return the remaining difference."""
     try:
         now = _read(item, subject, line)
         if item.name == _CLOCK and ours and not item.differs(subject, now, wanted):
-            now = _set_once_more(item, subject, line, wanted)
+            now = _set_clock_again(item, subject, line, wanted)
         if not item.differs(subject, now, wanted):
             return ""
         if item.name == _PROGRAMS:
-            return _of_programs(subject, line, now, wanted)
+            return _program_differences(subject, line, now, wanted)
         if not ours:
-            return (
-                f"the {item.name} was {shown(item, wanted)} at the start and is "
-                f"{shown(item, now)}: the suite has not set it"
+            return UserMessage(
+                "the {item} was {before} at the start and is {now}: the suite has not set it",
+                item=item.name,
+                before=shown(item, wanted),
+                now=shown(item, now),
             )
         expect(
             item.hazard in subject.allowed,
@@ -145,48 +147,55 @@ def _put_back(
         now = _read(item, subject, line)
         expect(
             not item.differs(subject, now, wanted),
-            UserMessage("it still is {value}", value=shown(item, now)),
+            UserMessage("it is still {value}", value=shown(item, now)),
         )
     except (CaseFailed, CaseInconclusive) as error:
-        return f"the {item.name} could not be restored to {shown(item, wanted)}: {error}"
+        return UserMessage(
+            "the {item} could not be restored to {before}: {error}",
+            item=item.name,
+            before=shown(item, wanted),
+            error=error,
+        )
     return ""
 
 
-def _set_once_more(
+def _set_clock_again(
     clock: Item, subject: ControllerUnderTest, line: OutgoingConnection, wanted: Any
 ) -> Any:
-    """Set a clock that is about right, as it drifts each time that a case puts it back."""
+    """Set a clock that is within its tolerance: it drifts whenever a case restores it."""
     with suppress(CaseFailed, CaseInconclusive):
         if clock.hazard in subject.allowed:
             clock.write(subject, line, wanted)
     return _read(clock, subject, line)
 
 
-def _of_programs(
+def _program_differences(
     subject: ControllerUnderTest, line: OutgoingConnection, now: list[str] | None, wanted: list[str]
 ) -> str:
-    """What differs in the program list; the suite's own files have been deleted before.
+    """Return the differences of the program list. The files of the suite are deleted before.
 
-    The default program may have to stay (A-4.11-1), where there was none before.
+    A new default program may be undeletable if there was none at the start (A-4.11-1).
     """
     if now is None:
         return "the program list cannot be read, so it was not compared with that of the start"
-    more, less = sorted({*now} - {*wanted}), sorted({*wanted} - {*now})
-    told = []
-    for name in more:
+    added, missing = sorted({*now} - {*wanted}), sorted({*wanted} - {*now})
+    differences = []
+    for name in added:
         if subject.files.is_own(name.encode("latin-1")):
             subject.files.note_stored(name.encode("latin-1"))  # the next run deletes it
-    if more:
+    if added:
         default = _read_default(subject, line)
-        ours = [f"{n} (the default program)" if n == default else n for n in more]
-        told.append(f"{', '.join(ours)} was not listed at the start")
-    if less:
-        told.append(f"{', '.join(less)} is not listed any more")
-    return f"the program list differs: {'; '.join(told)}"
+        listed = [f"{n} (the default program)" if n == default else n for n in added]
+        differences.append(f"{', '.join(listed)} was not listed at the start")
+    if missing:
+        differences.append(f"{', '.join(missing)} is not listed any more")
+    return UserMessage(
+        "the program list differs: {differences}", differences="; ".join(differences)
+    )
 
 
 def shown(item: Item, value: Any) -> str:
-    """A value of an item, as a sentence names it."""
+    """Return the value of an item as a sentence shows it."""
     match value:
         case None:
             return "unknown"
@@ -197,12 +206,12 @@ def shown(item: Item, value: Any) -> str:
     return f"{value}"
 
 
-def _reached(subject: ControllerUnderTest) -> OutgoingConnection:
-    """A connection to the subject at rest; who has just crashed has time to come back.
+def _connect_at_rest(subject: ControllerUnderTest) -> OutgoingConnection:
+    """Return a connection to the robot at rest. A crashed controller has time to restart.
 
     Raises:
-        CaseFailed: It cannot be reached.
-        CaseInconclusive: It does not come to rest.
+        CaseFailed: The controller cannot be reached.
+        CaseInconclusive: The robot does not come to rest.
     """
     begun_ns = subject.now_ns
     while True:
@@ -211,16 +220,16 @@ def _reached(subject: ControllerUnderTest) -> OutgoingConnection:
             subject.settle()
             return subject.open()
         except NoReply:
-            if subject.now_ns - begun_ns > _COMES_BACK_S * _NS:
+            if subject.now_ns - begun_ns > _RESTART_S * _NS:
                 raise
         subject.close_lines()
-        subject.pause(_ONCE_MORE_S)
+        subject.pause(_RETRY_S)
 
 
 def _read(item: Item, subject: ControllerUnderTest, line: OutgoingConnection) -> Any:
     try:
         return item.read(subject, line)
-    except (CaseFailed, CaseInconclusive):  # of that, too, the cases are the judges
+    except (CaseFailed, CaseInconclusive):  # the cases report this
         return None
 
 
@@ -232,21 +241,21 @@ def _read_programs(subject: ControllerUnderTest, line: OutgoingConnection) -> li
 
 
 def _delete_own(subject: ControllerUnderTest, line: OutgoingConnection, _: list[str]) -> None:
-    """Delete what the suite has stored; files of others are not touched."""
+    """Delete the files of the suite."""
     subject.delete_own_files(line)
 
 
 def _read_clock(subject: ControllerUnderTest, line: OutgoingConnection) -> list[float] | None:
-    """How far its clock is ahead of ours, and when that was so, both in seconds."""
+    """Return how far its clock is ahead of ours, and the time of the query, both in seconds."""
     value = line.ask("get_time").value
     if value is None:
         return None
-    ahead_s: float = (value - _ours(subject)).total_seconds()
-    return [ahead_s + _HALF_S, subject.now_ns / _NS]  # it shows whole seconds
+    ahead_s: float = (value - _own_time(subject)).total_seconds()
+    return [ahead_s + _HALF_S, subject.now_ns / _NS]  # the reply has whole seconds
 
 
 def _ahead_s(subject: ControllerUnderTest, before: list[float]) -> float:
-    """How far a clock must be ahead now; that of a fast simulator gains all the time."""
+    """Return how far the clock must be ahead now; the clock of a fast simulator keeps gaining."""
     ahead_s, at_s = before
     return ahead_s + (subject.ics.time_scale - 1) * (subject.now_ns / _NS - at_s)
 
@@ -264,11 +273,11 @@ def _write_clock(
     subject: ControllerUnderTest, line: OutgoingConnection, before: list[float]
 ) -> None:
     ahead_s = _ahead_s(subject, before)
-    time = shifted_time(_ours(subject), timedelta(seconds=ahead_s + _HALF_S))
+    time = shifted_time(_own_time(subject), timedelta(seconds=ahead_s + _HALF_S))
     set_value(line, "set_time", time.replace(microsecond=0))
 
 
-def _ours(subject: ControllerUnderTest) -> datetime:
+def _own_time(subject: ControllerUnderTest) -> datetime:
     return datetime.fromtimestamp(subject.now_ns / _NS, UTC).replace(tzinfo=None)
 
 
@@ -278,7 +287,7 @@ def _read_default(_: ControllerUnderTest, line: OutgoingConnection) -> str | Non
 
 
 def write_default(_: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
-    """Set it by the reported bytes, whether they are a name or not."""
+    """Set the default program to the bytes that were reported."""
     set_value(line, "set_default_program", data=name.encode("latin-1"))
 
 
@@ -337,4 +346,4 @@ ITEMS: Final = (
         _write_tuple("set_network", Network),
     ),
 )
-"""Everything that a run may change, but for the password."""
+"""Everything that a run may change except the password."""

@@ -1,10 +1,10 @@
-"""Watch: after a failure, whether settings change while the suite sends nothing but queries.
+"""Watch: checks after a failure whether settings change while the suite sends only queries.
 
-A fault of the controller must not be taken for another client. A change counts only if the setting
-does not vary all the time. A change to a value that no request of the suite explains is proof. A
-value that the suite has set, or that was there at the start, may also come back because the
-controller forgets what was set. It forgets after a fixed time, and a client comes at any time:
-proof is a change that comes sooner than the time for which a value has stayed.
+A fault of the controller must not be mistaken for another client. A change counts only if the
+setting does not vary all the time. A change to a value that no request of the suite explains is
+proof. A value of the start or of the suite may also come back because the controller forgets the
+last value. A controller forgets after a fixed time, a client acts at any time: a change that comes
+sooner than a value has lasted before is proof.
 """
 
 import itertools
@@ -35,37 +35,37 @@ from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, No
 from scaraspec.suite.program_files.listed import program_names, store_program
 
 _SET_AGAIN: Final = (CLOCK, GRIPPER_CENTRE, INITIAL_POSITION)
-"""What is set to another value in turn, so that a client shows that sets the old one."""
+"""Settings that are set to another value, to detect a client that sets the old one."""
 _NOON: Final = b"20240615120000"
-"""The clock is set to a time after which nothing but seconds and minutes rolls over."""
+"""The clock is set to this time, after which only seconds and minutes roll over."""
 
 _TURNS: Final = 10
-"""In how many turns all is looked at, or one setting is set again."""
+"""The number of turns. In each, all settings are read, or one is set again."""
 _PAUSES: Final = 4
-"""How many pauses there are in a turn at first."""
+"""The initial number of pauses in a turn."""
 _SHORTER: Final = 0.5
 _LONGER: Final = 1.5
 _SHORTEST_S: Final = 0.002
-"""The pause after a setting was set again gets shorter after a change and else longer: so a client
-that comes every so often leaves alone one value and not another."""
+"""The pause after a setting gets shorter after a change and longer otherwise. So some values last
+longer than the period of a client that acts periodically, and others do not."""
 _LONGER_ROUNDS: Final = 3
 _TWICE: Final = 2
 _OFTEN: Final = 12
-"""How often a setting must give a value in a row: before it has changed, and after that."""
-_LOOSE: Final = 2.0
-"""A clock that stands still, or runs three times as fast, is a fault and no client."""
+"""How often in a row a setting must report a value: before a change, and after it."""
+_CLOCK_TOLERANCE: Final = 2.0
+"""A clock that stops or runs three times as fast is a fault, not another client."""
 _NEVER_S: Final = float("inf")
 _NS: Final = 1e9
 
 
 def watch(subject: ControllerUnderTest, for_s: float) -> None:
-    """Read again what the failed case depended on, and watch what has deviated.
+    """Read the settings that the failed case depends on again, and watch those that deviated.
 
-    What is found is in `subject.others` afterwards.
+    The result is in `subject.others`.
 
     Args:
         subject: The controller, at rest.
-        for_s: How long to watch.
+        for_s: How long to watch, in seconds.
     """
     others = subject.others
     with suppress(CaseFailed, CaseInconclusive):
@@ -83,9 +83,9 @@ def watch(subject: ControllerUnderTest, for_s: float) -> None:
 def _set_again(
     subject: ControllerUnderTest, line: OutgoingConnection, names: Collection[str]
 ) -> Iterator[dict[str, bytes]]:
-    """What to set in turn, by name; afterwards all is set to what it is now.
+    """Yield the requests to set in turn, by name. Restore the current values afterwards.
 
-    So the judge compares with this, too, and no longer with what was set before.
+    After this, the judge compares with the current values and no longer with earlier ones.
     """
     settings = subject.others.settings
     harmless = [n for n in names if n in _SET_AGAIN and Hazard.STATE in subject.allowed]
@@ -99,11 +99,11 @@ def _set_again(
         yield requests
 
 
-class _Reading(NamedTuple):
-    """A value, and when it was asked for and answered, in seconds."""
+class _Sample(NamedTuple):
+    """A value, and when it was requested and answered, in seconds."""
 
     value: Any
-    asked_s: float
+    requested_s: float
     answered_s: float
 
 
@@ -113,9 +113,9 @@ class _Lasting:
 
     Attributes:
         pause_s: How long to wait in the next round.
-        stayed_s: The longest time for which a value has stayed.
-        changed_s: The shortest time within which one has changed.
-        change: What it changed from and to.
+        stayed_s: The longest time for which a value has lasted.
+        changed_s: The shortest time within which a value has changed.
+        change: The value before and after this change.
     """
 
     pause_s: float
@@ -125,13 +125,13 @@ class _Lasting:
 
 
 class _Watch:
-    """One time of watching.
+    """Watches the settings once.
 
     Args:
         subject: The controller.
         line: A connection.
-        names: What to watch.
-        requests: What to set in turn, by name.
+        names: The settings to watch.
+        requests: The requests to set in turn, by name.
     """
 
     def __init__(
@@ -145,7 +145,7 @@ class _Watch:
         self._names, self._requests = names, requests
 
     def run(self, for_s: float) -> None:
-        """Watch until another client is proved, for about so many seconds at most.
+        """Watch until another client is proved, for about `for_s` seconds at most.
 
         Raises:
             CaseFailed: The controller does not answer.
@@ -177,37 +177,37 @@ class _Watch:
                 self._has_changed(name, was.value, now.value)
 
     def _set_and_look(self, name: str, lasting: _Lasting) -> None:
-        """Set a setting again, read it, wait, and read it again."""
+        """Set a setting, read it, wait, and read it again."""
         setting = self._subject.others.settings[name]
         was = self._read(name, self._requests[name])
         self._line.wait(lasting.pause_s)
         now = self._read(name)
         if was is None or now is None or not setting.same(setting.last_set, was.value):
             return
-        if setting.same(was.value, now.value, loose=_LOOSE):
-            lasting.stayed_s = max(lasting.stayed_s, now.asked_s - was.answered_s)
+        if setting.same(was.value, now.value, loose=_CLOCK_TOLERANCE):
+            lasting.stayed_s = max(lasting.stayed_s, now.requested_s - was.answered_s)
             lasting.pause_s *= _LONGER
         elif self._has_changed(name, was.value, now.value):
             lasting.pause_s = max(_SHORTER * lasting.pause_s, _SHORTEST_S)
-            if now.answered_s - was.asked_s < lasting.changed_s:
-                lasting.changed_s = now.answered_s - was.asked_s
+            if now.answered_s - was.requested_s < lasting.changed_s:
+                lasting.changed_s = now.answered_s - was.requested_s
                 lasting.change = was.value, now.value
         if lasting.changed_s <= lasting.stayed_s:
             self._subject.others.prove(name, *lasting.change)
 
     def _has_changed(self, name: str, was: Any, now: Any) -> bool:
-        """Whether a setting has another value and keeps it: proof if that is not explained."""
+        """Whether a setting has a new, stable value. An unexplained value proves another client."""
         setting = self._subject.others.settings[name]
-        if setting.same(was, now, loose=_LOOSE) or self._read(name, times=_OFTEN) is None:
+        if setting.same(was, now, loose=_CLOCK_TOLERANCE) or self._read(name, times=_OFTEN) is None:
             return False
         if not setting.is_explained(now):
             self._subject.others.prove(name, was, now)
         return True
 
-    def _read(self, name: str, data: bytes | None = None, times: int = _TWICE) -> _Reading | None:
-        asked_s = self._subject.now_ns / _NS
+    def _read(self, name: str, data: bytes | None = None, times: int = _TWICE) -> _Sample | None:
+        requested_s = self._subject.now_ns / _NS
         value = _read(self._subject, self._line, name, data, times)
-        return None if value is None else _Reading(value, asked_s, self._subject.now_ns / _NS)
+        return None if value is None else _Sample(value, requested_s, self._subject.now_ns / _NS)
 
 
 def _read(
@@ -219,10 +219,11 @@ def _read(
 ) -> Any:
     """Set a setting if there is data, and read it several times in a row.
 
-    All is sent together if the controller takes that, so that no other client comes in between.
+    All requests are sent together if the controller permits it, so that no other client acts in
+    between.
 
     Returns:
-        The value; None if it varies, or if the controller does not tell it.
+        The value; None if it varies or is not reported.
     """
     query, setting = QUERIES[name], subject.others.settings[name]
     if query in subject.ics.unsupported | subject.unanswered:
@@ -244,7 +245,7 @@ def _read(
 def _answers(
     subject: ControllerUnderTest, line: OutgoingConnection, requests: list[Frame]
 ) -> list[ReceivedFrame]:
-    """Send requests together, or one after another if the controller takes only one at a time."""
+    """Send requests together, or one by one if the controller serves only one at a time."""
     if subject.dialect["pipelining"] != "one":
         line.send_bytes(b"".join(frame.encode() for frame in requests))
         return [line.reply(BY_OPCODE[frame.opcode].name) for frame in requests]
