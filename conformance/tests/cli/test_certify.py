@@ -321,16 +321,16 @@ def test_two_signals_at_once_are_one(monkeypatch: pytest.MonkeyPatch) -> None:
         signal.raise_signal(signal.SIGINT)
 
 
-def test_the_plugin_by_itself(processes: Any, tmp_path: Path) -> None:
-    """The suite beside a team's own tests, under their own pytest."""
-    host, port = processes.controller("--mutant", "status-of-one-digit")
+def _run_plugin(tmp_path: Path, address: tuple[str, int], test: str) -> Any:
+    """Run the cases of 4.8 beside a test of a team, as the team runs them."""
     own = tmp_path / "test_own.py"
-    own.write_text("def test_own(line):\n    assert line.ask('get_version').value\n", "utf-8")
-    done = subprocess.run(
+    own.write_text(test, "utf-8")
+    return subprocess.run(
         [
             *(sys.executable, "-m", "pytest", "-c", os.devnull, "--rootdir", str(tmp_path)),
             *("-p", "scaraspec.suite.plugin", "-p", "no:cacheprovider", str(own), "--pyargs"),
-            *("scaraspec.suite", "--requirements", "4.8", "--subject", f"tcp://{host}:{port}"),
+            *("scaraspec.suite", "--requirements", "4.8"),
+            *("--subject", "tcp://{}:{}".format(*address)),
             *("-W", "error"),  # as a team may run its own
         ],
         capture_output=True,
@@ -339,6 +339,53 @@ def test_the_plugin_by_itself(processes: Any, tmp_path: Path) -> None:
         check=False,
         cwd=tmp_path,
     )
+
+
+def test_the_plugin_fails_for_the_controller(processes: Any, tmp_path: Path) -> None:
+    """The suite runs beside a team's own tests, under their own pytest."""
+    test = "def test_own(line):\n    assert line.ask('get_version').value\n"
+    done = _run_plugin(tmp_path, processes.controller("--mutant", "status-of-one-digit"), test)
     assert done.returncode == 1, done.stdout + done.stderr
     assert "nonconformant" in done.stdout
     assert "test_own.py ." in done.stdout
+
+
+def test_the_plugin_keeps_the_failure_of_a_team(processes: Any, tmp_path: Path) -> None:
+    """A failed test of the team gives exit status 1, although the suite finds no violation."""
+    done = _run_plugin(tmp_path, processes.controller(), "def test_own():\n    assert False\n")
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "no violation found" in done.stdout
+
+
+def test_coverage_can_be_required(processes: Any) -> None:
+    """Without it, a run that judged a part of its scope has exit status 0, and says so."""
+    host, port = processes.controller()
+    command = ("certify", "controller", f"tcp://{host}:{port}", "--only", "4.7/2,4.35/5")
+    done = processes.run(*command)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "no violation found (1 of 2 requirements judged)" in done.stdout
+    assert "1 not judged: it has a hazard that is not allowed: --allow" in done.stdout
+    assert processes.run(*command, "--require", "4.7/2").returncode == 0
+    required = processes.run(*command, "--require", "4.35/5")
+    assert required.returncode == 3, required.stdout + required.stderr
+    assert "required, but not judged: 4.35/5" in required.stdout
+    assert processes.run(*command, "--require-coverage", "50%").returncode == 0
+    assert processes.run(*command, "--require-coverage", "95%").returncode == 3
+
+
+def test_the_reproduction_command_repeats_the_failure(processes: Any, tmp_path: Path) -> None:
+    """It names the case and every option, and gives the same fingerprint."""
+    host, port = processes.controller("--mutant", "status-of-one-digit")
+    url, out = f"tcp://{host}:{port}", tmp_path / "out"
+    options = ("--patience", "2", "--examples", "5", "--allow", "state")
+    processes.run("certify", "controller", url, "--only", "4.8", *options, "--out", str(out))
+    failed = [c for c in Results.read(out / "results.json").cases if c.verdict.value == "fail"]
+    words = failed[0].replay.split()
+    assert words[:4] == ["scaraspec", "certify", "controller", url]
+    for name, value in zip(options[::2], options[1::2], strict=True):
+        assert words[words.index(name) + 1].removesuffix(".0") == value
+    assert words[-2:] == ["--only", failed[0].id.partition(".seen-")[0]]
+    again = tmp_path / "again"
+    processes.run(*words[1:], "--out", str(again))
+    fingerprints = {case.fingerprint for case in Results.read(again / "results.json").cases}
+    assert failed[0].fingerprint in fingerprints

@@ -282,16 +282,16 @@ class Run(Generic[P]):
             for requirement in each.requirements:
                 by_requirement[requirement].append(each)
         adapter = self.adapter
-        scope = adapter.options.only
+        verdicts = {i: worst(c.verdict for c in cases) for i, cases in by_requirement.items()}
+        scope = self._scope()
         requirements = tuple(
             RequirementResult(
                 entry.id,
-                worst(c.verdict for c in by_requirement[entry.id]),
-                tuple(c.id for c in by_requirement[entry.id]),
+                verdicts.get(entry.id, Verdict.NONE),
+                tuple(case.id for case in by_requirement[entry.id]),
             )
             for entry in REQUIREMENTS.values()
-            if entry.id in by_requirement
-            or (METHODS[adapter.role] in entry.testable and (scope is None or entry.id in scope))
+            if entry.id in scope or verdicts.get(entry.id) in _SHOWN_OUT_OF_SCOPE
         )
         if shortfall := _shortfall(requirements, adapter.options):
             made = (*made, self._case(_set_up("coverage", shortfall, Reason.COVERAGE)))
@@ -324,6 +324,14 @@ class Run(Generic[P]):
                 {**adapter.options.summary, **adapter.ics.timing_summary},
             ),
         )
+
+    def _scope(self) -> frozenset[str]:
+        """The requirements that this run is about: all of the role, or those of `only`."""
+        options, method = self.adapter.options, METHODS[self.adapter.role]
+        if options.only is None:
+            return frozenset(e.id for e in REQUIREMENTS.values() if method in e.testable)
+        chosen = [case for case in self.case_runner.cases if case.id in options.cases]
+        return options.only.union(*(case.requirements for case in chosen))
 
     def _dialect(self) -> dict[str, ReadingSeen]:
         """What was found out at the open points: what was seen, and else what a case tolerated."""
@@ -470,6 +478,7 @@ class Run(Generic[P]):
 
 
 _SHOWN: Final = 12
+_SHOWN_OUT_OF_SCOPE: Final = (Verdict.INCONCLUSIVE, Verdict.FAIL, Verdict.ERROR)
 _NUMBERED: Final = re.compile(r"\b[a-z]+\d+\b")  # as each of the suite's files is named
 
 
