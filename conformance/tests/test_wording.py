@@ -10,6 +10,8 @@ import pytest
 from wording import AVOIDED, ROOT, counts
 
 from scaraspec.cli.main import COMMANDS, group
+from scaraspec.mutants import client as client_mutants
+from scaraspec.mutants import controller as controller_mutants
 
 PAGES = sorted(
     file
@@ -89,3 +91,10 @@ def _takes_f_string(call: ast.Call) -> bool:
         for position in positions
         if position < len(call.args)
     )
+
+
+def test_sentences_of_mutants() -> None:
+    """The sentences that `prove --list` prints avoid the listed words."""
+    for package in (controller_mutants, client_mutants):
+        for mutant in package.mutants().values():
+            assert not AVOIDED.findall(mutant.sentence), mutant.name

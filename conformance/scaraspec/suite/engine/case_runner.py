@@ -254,21 +254,27 @@ class CaseRunner:
         return None
 
     def _run(self, case: Case, item: pytest.Item, nextitem: pytest.Item | None) -> Outcome:
-        """Run a case, and repeat it as `attempts` requires."""
+        """Run a case, and repeat it as `attempts` requires.
+
+        The first failure is checked at once for another client that may have caused it.
+        """
         self._callbacks.announce(case)
         attempts: list[Attempt] = []
-        since = len(self.subject.observer.findings)
         again = partial(self._attempt, case, item, nextitem)
+        checked = False
         while True:
             restore_knowledge = self.subject.checkpoint()
             attempts.append(again())
-            repeatable = self._is_repeatable(case, attempts[-1].outcome)
+            last = attempts[-1]
+            repeatable = self._is_repeatable(case, last.outcome)
             self.subject.observer.attempt.repeatable = repeatable
+            if last.valid and (last.failed or last.violated) and not checked:
+                checked = True
+                if reason := self._disturbance(last, again):
+                    return unless_disturbed(settle(attempts, repeatable=False), reason)
             if not (repeatable and needs_another(attempts)):
-                break
+                return settle(attempts, repeatable=repeatable)
             restore_knowledge()
-        outcome = settle(attempts, repeatable=repeatable)
-        return self._unless_disturbed(outcome, since, again)
 
     def _is_repeatable(self, case: Case, outcome: Outcome) -> bool:
         """Whether a case may be repeated after this outcome.
@@ -285,30 +291,26 @@ class CaseRunner:
             or outcome.requirement.startswith("4.17/")
         )
 
-    def _unless_disturbed(
-        self, outcome: Outcome, since: int, again: Callable[[], Attempt]
-    ) -> Outcome:
-        """The outcome of a case; inconclusive if another client may have caused its failure.
+    def _disturbance(self, attempt: Attempt, again: Callable[[], Attempt]) -> str:
+        """Return why a failure does not count because of another client; empty if it counts.
 
         Args:
-            outcome: The outcome.
-            since: The number of findings of the judge before the case.
+            attempt: The attempt that failed, or in which the judge found a violation.
             again: Repeats the case.
         """
-        case, others = outcome.case, self.subject.others
-        found = self._found(since)
-        if self._dead or case.last or not (outcome.verdict is Verdict.FAIL or found):
-            return outcome
+        case, others = attempt.outcome.case, self.subject.others
+        if self._dead or case.last:
+            return ""
         once = Hazard.DESTRUCTIVE in case.hazards
-        for_s = max(_WATCH_S, _TIMES * outcome.duration_s)
+        for_s = max(_WATCH_S, _TIMES * attempt.outcome.duration_s)
         for_s = _WATCH_MOST_S if once else min(for_s, _WATCH_MOST_S)
         self._callbacks.watch(for_s)
         if others.suspected and not others.reason(case.id) and not once:
             self._repeat(again, for_s)
         reason = others.reason(case.id)
         if not reason:
-            self._sighted |= found
-        return unless_disturbed(outcome, reason)
+            self._sighted |= attempt.violated
+        return reason
 
     def _repeat(self, again: Callable[[], Attempt], watched_s: float) -> None:
         """Repeat a failed case: if it passes now, another client may have caused the failure.
