@@ -1,1 +1,1 @@
-"""User programs (clause 6): written, put on the subject, run, and compared with a model."""
+"""User programs (clause 6): builds, uploads and runs them, and compares them with a model."""

@@ -1,7 +1,7 @@
-"""Bench: user programs are put on the subject, started, watched and stopped.
+"""Bench: uploads, starts, observes and stops user programs.
 
-Whatever happens on it, afterwards no program runs and the outputs are as they were. What a program
-should do is known to the cases and to `program_model`.
+At the end no program runs, and the outputs are restored. The cases and `model` know what a program
+must do.
 """
 
 import math
@@ -40,30 +40,30 @@ from scaraspec.suite.program_files.writing import program_file, wait
 from scaraspec.user_message import UserMessage
 
 PROGRAMS: Final = (Hazard.STATE, Hazard.MOTION)
-"""What a case with programs may do: it stores them and runs them."""
+"""The hazards of a case that stores and runs programs."""
 
 EARLY_S: Final = 0.01
-"""What two clocks may differ in over a few seconds."""
+"""The tolerance between two clocks over a few seconds, in seconds."""
 
 _POLL_S: Final = 0.05
 _RUNS_S: Final = 5
-_SETTINGS: Final = ("tool ", "port ")  # how lines of a listing begin that are about no step of it
-_MOST_LETTERS: Final = 1200
+_SETTINGS: Final = ("tool ", "port ")  # the beginning of the lines of a listing that are not steps
+_MAX_CHARACTERS: Final = 1200
 _NS: Final = 1e9
 
 
 class ProgramRefused(CaseFailed):
-    """A valid program is not run."""
+    """The controller refuses to run a valid program."""
 
 
 class Bench:
-    """A place to run programs at; made by `bench`.
+    """Runs programs; created by `bench`.
 
     Attributes:
-        layout: Of the files that are made.
-        before: The outputs as they were at first.
-        started_s: When the latest program was asked for, in seconds since the Unix epoch.
-        replied_s: When it was granted.
+        layout: The layout of the program files.
+        before: The outputs at the start.
+        started_s: When the last program was requested, in seconds since the Unix epoch.
+        replied_s: When this request was answered.
     """
 
     def __init__(
@@ -83,15 +83,15 @@ class Bench:
     # ------------------------------------------------------------------ running
 
     def file(self, nodes: Iterable[Node], variables: Iterable[Variable] = ()) -> bytes:
-        """A program in the subject's layout."""
+        """Return a program file in the layout of the subject."""
         return program_file(
             self._subject.dialect, nodes, variables, layout=self.layout, base=self._base
         )
 
     def store(self, content: bytes) -> bytes:
-        """Upload a file in place of the one before, under its name; its name.
+        """Upload a file in place of the one before, under the same name. Return the name.
 
-        Nothing of the one before may be left; there may be room for few, too (A-5-21).
+        The file before is deleted, so that nothing of it remains and space suffices (A-5-21).
         """
         self._content = content
         if not self._stored or not self._line.ask("delete_program", self._stored).accepted:
@@ -100,7 +100,7 @@ class Bench:
         return self._stored
 
     def ask(self, name: bytes, command: str = "run_program") -> ReceivedFrame:
-        """Ask for the run of a stored program, or for its simulation."""
+        """Request to run or simulate a stored program, and return the first reply."""
         self._subject.moved = True
         self.started_s = self._subject.now_ns / _NS
         answer = self._line.ask(command, name)
@@ -108,11 +108,11 @@ class Bench:
         return answer
 
     def accepts(self, content: bytes) -> bool:
-        """Store a file and ask for its run; whether that is granted."""
+        """Upload a file and request to run it. Return whether this is accepted."""
         return self.ask(self.store(content)).accepted is True
 
     def start(self, nodes: Iterable[Node], variables: Iterable[Variable] = ()) -> bytes:
-        """Begin a program; its name.
+        """Start a program, and return its name.
 
         Raises:
             CaseFailed: It is refused.
@@ -122,7 +122,7 @@ class Bench:
         return name
 
     def restart(self, name: bytes) -> None:
-        """Begin a stored program.
+        """Start a stored program.
 
         Raises:
             ProgramRefused: It is refused.
@@ -133,7 +133,10 @@ class Bench:
             raise ProgramRefused(message, expected="1", observed=f"{answer}")
 
     def finish(self, *, lasts_s: float = 0.0) -> ReceivedFrame:
-        """Wait for the good end of a program that lasts so many seconds by its waits.
+        """Wait for the successful end of a program.
+
+        Args:
+            lasts_s: The sum of its waits, in seconds of the subject's clock.
 
         Raises:
             CaseFailed: It fails, or does not end.
@@ -151,12 +154,12 @@ class Bench:
     def run(
         self, nodes: Iterable[Node], variables: Iterable[Variable] = (), *, lasts_s: float = 0.0
     ) -> ReceivedFrame:
-        """Run a program to its good end.
+        """Run a program to its successful end.
 
         Raises:
             CaseFailed: It is refused, fails, or does not end.
         """
-        with self._told():
+        with self._with_listing():
             self.start(nodes, variables)
             return self.finish(lasts_s=lasts_s)
 
@@ -168,16 +171,16 @@ class Bench:
         inputs: Bits = (),
         large: bool = False,
     ) -> None:
-        """Run a program, and compare the outputs with what its statements should make of them.
+        """Run a program, and compare the outputs with the result of its statements.
 
         Args:
             block: Its statements.
             variables: The variables by key.
-            inputs: The digital inputs, where it reads any.
-            large: It may be refused for its size, which nothing bounds (A-5-21).
+            inputs: The digital inputs, if it reads any.
+            large: It may be refused because of its size, whose limit is open (A-5-21).
 
         Raises:
-            CaseFailed: It does not run to its good end, or the outputs are others.
+            CaseFailed: It does not end successfully, or the outputs differ.
         """
         initial = outputs(self._line)
         state = State(initial, inputs, dict(variables))
@@ -188,82 +191,93 @@ class Bench:
         except ProgramRefused:
             if not large:
                 raise
-            told = UserMessage(
-                "a program of {nodes_count} nodes and {records_count} variables is refused",
-                nodes_count=len(nodes),
-                records_count=len(records),
+            message = UserMessage(
+                "a program of {node_count} nodes and {variable_count} variables is refused",
+                node_count=len(nodes),
+                variable_count=len(records),
             )
-            self._subject.tolerate("6.5/26", "A-5-21", "limit", told)
+            self._subject.tolerate("6.5/26", "A-5-21", "limit", message)
             return
-        message = "the outputs after a program are not those that its statements make"
-        with self._told():
-            self.has_left(state.outputs, state.written, message)
+        with self._with_listing():
+            mismatch = "the outputs after a program differ from the result of its statements"
+            self.expect_outputs(state.outputs, state.written, mismatch)
 
-    def has_left(
-        self, due: Bits, written: Container[int], message: str, *, shown: Bits | None = None
+    def expect_outputs(
+        self, expected: Bits, written: Container[int], message: str, *, reported: Bits | None = None
     ) -> None:
-        """Fail the subject unless the outputs are those that a program makes of them.
+        """Require that the outputs are the result of a program.
 
-        Where it configures the ports as it begins, what it does not set may be off (A-4.32-3).
+        A robot that configures the ports at the start of a program may switch off the outputs that
+        the program does not set (A-4.32-3).
 
         Args:
-            due: The outputs.
-            written: Those that it has set.
-            message: What is wrong with others.
-            shown: What they are; by default what they are now.
+            expected: The expected outputs.
+            written: The ports that the program has set.
+            message: The message of the failure.
+            reported: The reported outputs; by default the current ones.
 
         Raises:
-            CaseFailed: They are others.
+            CaseFailed: The outputs differ.
         """
-        shown = outputs(self._line) if shown is None else shown
-        if shown != due and shown == tuple(on and n in written for n, on in enumerate(due, 1)):
-            told = "a program switches off the outputs that it does not set"
-            self._subject.tolerate("4.32/6", "A-4.32-3", "off", told)
+        reported = outputs(self._line) if reported is None else reported
+        unset_off = tuple(on and port in written for port, on in enumerate(expected, 1))
+        if reported != expected and reported == unset_off:
+            warning = "a program switches off the outputs that it does not set"
+            self._subject.tolerate("4.32/6", "A-4.32-3", "off", warning)
         else:
-            expect_equal(digits(shown), digits(due), message)
+            expect_equal(digits(reported), digits(expected), message)
 
     @contextmanager
-    def _told(self) -> Iterator[None]:
-        """Add a listing of the program to a failure, because its bytes are not readable."""
+    def _with_listing(self) -> Iterator[None]:
+        """Add a listing of the program to a failure."""
         try:
             yield
         except CaseFailed as error:
             lines = listing(parse(self._content)).splitlines()
-            told = (" ".join(line.split()) for line in lines if not line.startswith(_SETTINGS))
-            error.observed = f"{error.observed} of this program: {'; '.join(told)}"[:_MOST_LETTERS]
+            steps = (" ".join(line.split()) for line in lines if not line.startswith(_SETTINGS))
+            observed = f"{error.observed} of this program: {'; '.join(steps)}"
+            error.observed = observed[:_MAX_CHARACTERS]
             raise
 
     def ours_s(self, seconds: float) -> float:
-        """How long so many seconds of the subject are for us."""
+        """Convert seconds of the subject's clock to seconds of our clock."""
         return seconds / self._subject.ics.time_scale
 
     def theirs_s(self, seconds: float) -> int:
-        """How many whole seconds of the subject last for at least so many of ours."""
+        """Return the whole seconds of the subject's clock that last at least this long for us."""
         return math.ceil(seconds * max(1.0, self._subject.ics.time_scale))
 
     # ------------------------------------------------------------------ watching
 
     @property
     def is_responsive(self) -> bool:
-        """Whether queries are answered while a program runs (A-4-3); asked while one does."""
+        """Whether queries are answered while a program runs (A-4-3). Use this while one runs."""
         return is_responsive(self._subject, self._line)
 
     def since_s(self) -> float:
-        """How long ago the latest program was asked for, in our seconds."""
+        """Return the time since the last program was requested, in seconds of our clock."""
         return self._subject.now_ns / _NS - self.started_s
 
     def ended(self, command: str = "run_program", *, within_s: float = 0.0) -> ReceivedFrame | None:
-        """The final result, if it is there by then."""
+        """Return the final result if it arrives in time; else None."""
         try:
             return self._line.result(command, within_s=within_s)
         except NoReply:
             return None
 
     def until(self, port: int, *, on: bool, within_s: float) -> bool:
-        """Wait until an output shows a state; whether it does in so many seconds of the subject.
+        """Wait until an output has a state.
+
+        Args:
+            port: The output.
+            on: The state.
+            within_s: The timeout, in seconds of the subject's clock.
+
+        Returns:
+            Whether the output has this state in time.
 
         Raises:
-            CaseSkipped: It shows nothing while it executes (A-4-3).
+            CaseSkipped: The robot answers no query while it executes (A-4-3).
         """
         require_known_responsive(self._subject, self._line)
         left_s = self.ours_s(within_s)
@@ -283,11 +297,11 @@ class Bench:
 
 @contextmanager
 def bench(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[Bench]:
-    """A bench in the subject's layout.
+    """Yield a bench. Stop its program and restore the outputs when the context ends.
 
     Raises:
         CaseFailed: The subject runs no programs.
-        CaseInconclusive: It cannot now.
+        CaseInconclusive: The subject cannot run programs in its current state.
     """
     layout, base = find_layout(subject, line), configured(subject, line)
     with outputs_preserved(line) as before:
@@ -303,12 +317,12 @@ def bench(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[Be
 
 @contextmanager
 def running(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[Bench]:
-    """A bench on which a program runs that waits for a few seconds and does nothing else.
+    """Yield a bench on which a program runs that waits for a few seconds.
 
     Raises:
         CaseFailed: The subject runs no programs.
-        CaseInconclusive: It cannot now.
-        CaseSkipped: It answers nothing during execution (A-4-3).
+        CaseInconclusive: The subject cannot run programs in its current state.
+        CaseSkipped: The subject answers no query while a program runs (A-4-3).
     """
     with bench(subject, line) as robot:
         robot.start(wait(robot.theirs_s(_RUNS_S)))

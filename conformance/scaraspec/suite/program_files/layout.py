@@ -1,8 +1,8 @@
-"""Program layout: how the subject's program files are laid out, found with programs that only wait.
+"""Program layout: determines the layout of program files with programs that only wait.
 
-Their aliases are empty and they wait for three seconds, so that a robot that reads them in another
-layout meets nothing but zeros and the number 3, which as a type of node is a wait again: whatever
-it makes of them, it does not move (A-6.1-2). What programs do is not judged here.
+The programs have empty aliases and wait for three seconds. A robot that reads them in another
+layout finds only zeros and the number 3, which as a node type is also a wait. So the robot does not
+move in any case (A-6.1-2). This module does not judge what programs do.
 """
 
 from contextlib import suppress
@@ -20,23 +20,24 @@ from scaraspec.suite.program_files.writing import EMPTY, layout_of, wait_program
 from scaraspec.user_message import UserMessage
 
 CODE_20: Final = "8/5"
-"""What the judge may find of a file that is damaged, or that is right in another layout only."""
+"""The finding of the judge about a file that is damaged, or valid only in another layout."""
 
 TRIAL_S: Final = 3
-"""For how many of the subject's seconds a program waits by which its layout is found."""
-_DAMAGED: Final = ("05", "20")  # A-4.15-2: what a file is refused with that is no program
+"""How long the programs wait, in seconds of the subject's clock."""
+_DAMAGED: Final = ("05", "20")  # the codes for a file that is no valid program (A-4.15-2)
 _NS: Final = 1e9
 
 
 def find_layout(subject: ControllerUnderTest, line: OutgoingConnection) -> Layout:
-    """The layout in which the subject runs programs, found out once in a run.
+    """Return the layout in which the subject runs programs; determined once per run.
 
-    The layout that is claimed is tried first; the first that waits as it should is taken, else
-    the first that comes to its end.
+    The claimed layout is tried first. The result is the first layout whose program waits correctly,
+    or else the first whose program ends successfully.
 
     Raises:
         CaseFailed: The subject runs a program in no layout (6.5/26).
-        CaseInconclusive: It did not when it was asked before, or its state lets it run none.
+        CaseInconclusive: An earlier case has failed for this reason, or the subject cannot run
+            programs in its current state.
     """
     traits = subject.traits
     if not traits.program_layout_tried:
@@ -55,35 +56,36 @@ def find_layout(subject: ControllerUnderTest, line: OutgoingConnection) -> Layou
 
 
 def trial_of(subject: ControllerUnderTest) -> LayoutTrial:
-    """How the program ran by which the layout was found, which waited for `TRIAL_S` seconds."""
+    """Return when the program ran that determined the layout. It waited for `TRIAL_S` seconds."""
     trial = subject.traits.layout_trial
     assert trial is not None, "`find_layout` was called before"
     return trial
 
 
 def known_layout(subject: ControllerUnderTest) -> Layout | None:
-    """The layout that was found, if one was."""
+    """Return the layout in which the subject runs programs; None if it is unknown."""
     return subject.traits.program_layout
 
 
 def layout_in_use(subject: ControllerUnderTest) -> Layout:
-    """The layout in which the subject was found to run or to list programs, or that it claims."""
+    """Return the layout in which the subject runs programs, else lists them, else the claim."""
     traits = subject.traits
     return traits.program_layout or traits.listed_layout or layout_of(subject.dialect)
 
 
 def short_program(subject: ControllerUnderTest) -> bytes:
-    """The file of a program that waits for a second."""
+    """Return the file of a program that waits for a second."""
     return wait_program(subject.dialect, 1, layout=layout_in_use(subject))
 
 
 def configured(subject: ControllerUnderTest, line: OutgoingConnection) -> Program:
-    """A program whose configuration says what holds already (A-6.3-3).
+    """Return an empty program whose configuration equals that of the robot (A-6.3-3).
 
-    A run may make it hold, or refuse what cannot be; it is asked for once in a run.
+    A program may set its configuration, or be refused because of it. The configuration is read once
+    per run.
 
     Raises:
-        CaseInconclusive: It is nothing that a program can say.
+        CaseInconclusive: A program cannot contain the reported values.
     """
     traits = subject.traits
     if traits.configured_program is None:
@@ -95,13 +97,13 @@ def configured(subject: ControllerUnderTest, line: OutgoingConnection) -> Progra
             traits.configured_program = replace(EMPTY, tool_position=tool, tool_center=center)
         except ValueError as error:
             raise CaseInconclusive(
-                UserMessage("no program can carry what the subject tells: {error}", error=error)
+                UserMessage("a program cannot contain the reported values: {error}", error=error)
             ) from None
     return traits.configured_program
 
 
 def twin_of(layout: Layout) -> Layout | None:
-    """The layout that differs from this one in nothing but the size of a long, if there is one."""
+    """Return the layout that differs only in the size of a long; None if there is none."""
     return next(
         (
             other
@@ -125,34 +127,35 @@ def _find(subject: ControllerUnderTest, line: OutgoingConnection) -> tuple[Layou
     if ended is not None:
         return ended
     raise CaseFailed(
-        "a program that only waits is run in none of the layouts that the structures can have",
-        expected="1, and after its seconds 11",
+        "a program that only waits does not run in any layout of the structures",
+        expected="1, and 11 after the wait",
         observed="a refusal or a failure in each",
         requirement="6.5/26",
     )
 
 
 def candidates(subject: ControllerUnderTest) -> list[Layout]:
-    """Every layout, the one first that is in use, and then those that are most like it."""
+    """Return every layout: first the one in use, then the most similar ones."""
     likely = layout_in_use(subject)
 
-    def strangeness(layout: Layout) -> tuple[bool, bool, bool]:
+    def difference(layout: Layout) -> tuple[bool, bool, bool]:
         return (
             layout != likely,
             layout.byte_order != likely.byte_order,
             layout.reading != likely.reading,
         )
 
-    return sorted(LAYOUTS.values(), key=strangeness)
+    return sorted(LAYOUTS.values(), key=difference)
 
 
 def _try(
     subject: ControllerUnderTest, line: OutgoingConnection, layout: Layout
 ) -> LayoutTrial | None:
-    """How a waiting program of this layout runs; None where it does not end well.
+    """Run a waiting program of this layout.
 
-    Where its result does not come that it has ended shows in the status, though not when: it may
-    have been at once.
+    Returns:
+        When it ran; None if it does not end successfully. If the final result is missing, an idle
+        status shows that the program has ended, but not when: it may have ended at once.
     """
     name = subject.new_name()
     base = configured(subject, line)

@@ -1,7 +1,7 @@
-"""Program list: putting programs into it, and fetching the whole of it (4.10).
+"""Program list: adds programs, and reads the whole list (4.10).
 
-Parts are pushed, or come one for each request (A-4.10-3); which of the two it is shows with the
-first list that has several.
+The controller pushes the parts of a list, or sends one part per request (A-4.10-3). The first list
+with several parts shows which of the two it does.
 """
 
 from typing import Final
@@ -16,15 +16,15 @@ from scaraspec.suite.program_files.layout import short_program
 from scaraspec.user_message import UserMessage
 
 INHERITED: Final = b"__proto__"
-"""A name that every object of some language has, and that no user gives to a file."""
+"""A name that every JavaScript object has, and that no user gives to a file."""
 _PUSHED_S: Final = 1.0
 _MOST_PARTS: Final = 500
 
 
 def long_name(subject: ControllerUnderTest, size_bytes: int) -> bytes:
-    """A new name of so many bytes, or of one more than the shortest if that is more.
+    """Return a new name of this size, or of the minimum size plus one if that is larger.
 
-    It has capitals, and differs from others of its length at its end alone.
+    It has capital letters, and differs from other names of its size only at its end.
     """
     padding = size_bytes - len(subject.new_name())
     name = subject.new_name(lead=("nN" * size_bytes)[: max(padding, 1)])
@@ -36,10 +36,13 @@ def long_name(subject: ControllerUnderTest, size_bytes: int) -> bytes:
 def store_program(
     subject: ControllerUnderTest, line: OutgoingConnection, name: bytes = b""
 ) -> bytes:
-    """Upload a program that waits for a second, under a new name if none is given; its name.
+    """Upload a program that waits for a second; without a name under a new name.
+
+    Returns:
+        The name of the program.
 
     Raises:
-        CaseFailed: The subject does not take it.
+        CaseFailed: The subject refuses the upload.
     """
     name = name or subject.new_name()
     upload(line, name, short_program(subject))
@@ -47,28 +50,28 @@ def store_program(
 
 
 def list_parts(subject: ControllerUnderTest, line: OutgoingConnection) -> list[ReceivedFrame]:
-    """Every message of a list.
+    """Query the program list, and return all its parts.
 
     Raises:
-        CaseFailed: One is no part of a list.
-        CaseInconclusive: It does not end.
+        CaseFailed: A reply is not a part of a list.
+        CaseInconclusive: The list does not end.
     """
     for _ in range(_MOST_PARTS):
         if not line.listing:
             break
-        _next(subject, line)  # the rest of a list of which one part was wanted
+        _next(subject, line)  # the rest of an earlier list
     parts = [_part(line.ask("list_programs"))]
     while parts[-1].value.more:
         if len(parts) == _MOST_PARTS:
             raise CaseInconclusive(
                 UserMessage(
-                    "the program list has more than {most_parts} parts", most_parts=_MOST_PARTS
+                    "the program list has more than {max_parts} parts", max_parts=_MOST_PARTS
                 )
             )
         parts.append(_part(_next(subject, line)))
         expect(
             parts[-1].frame.data != parts[0].frame.data,
-            "a list whose last part had announced another begins anew",
+            "a list begins again although its last part announced another part",
             expected="0 in the last part",
             observed=f"{parts[-1]}",
             requirement="4.10/4",
@@ -77,16 +80,16 @@ def list_parts(subject: ControllerUnderTest, line: OutgoingConnection) -> list[R
 
 
 def names_of(parts: list[ReceivedFrame]) -> list[bytes]:
-    """The names in a list, in the order in which they came."""
+    """Return the names in the parts of a list, in their order."""
     return [name for part in parts for name in part.value.names]
 
 
 def program_names(subject: ControllerUnderTest, line: OutgoingConnection) -> list[bytes]:
-    """The names of all programs.
+    """Query the names of all programs.
 
     Raises:
-        CaseFailed: What comes is no list.
-        CaseInconclusive: It does not end.
+        CaseFailed: A reply is not a part of a list.
+        CaseInconclusive: The list does not end.
     """
     return names_of(list_parts(subject, line))
 

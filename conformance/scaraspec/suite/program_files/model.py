@@ -1,8 +1,8 @@
-"""Program model: what a program should do, as statements that are made nodes and that are reckoned.
+"""Program model: statements that are converted to nodes, and whose result is calculated.
 
-It follows the document and nothing else: it knows blocks where a robot has markers, and shares no
-code with any interpreter. Values stay where all readings agree: no overflow, no division that
-leaves a rest below zero, port values of 0 and 1, comparisons whose result is 0 in the file.
+The model follows only the document. It uses blocks instead of markers, and shares no code with an
+interpreter. Its values have the same meaning in all readings: no overflow, no division with a
+negative remainder, port values 0 and 1, comparisons with result 0 in the file.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,13 +16,13 @@ from scaraspec.suite.program_files.writing import Operand
 
 
 class Flip(NamedTuple):
-    """Set an output to what it was not before the program, by an output node (4)."""
+    """Set an output to the inverse of its state before the program, with an output node (4)."""
 
     port: int
 
 
 class Put(NamedTuple):
-    """Set an output to an operand that is 0 or 1, by an operation (L965)."""
+    """Set an output to an operand that is 0 or 1, with an operation (L965)."""
 
     port: int
     value: Operand
@@ -51,7 +51,7 @@ class Wait(NamedTuple):
 
 
 class If(NamedTuple):
-    """One of two blocks (L917-919); None for no ELSE."""
+    """Execute one of two blocks (L917-919); None for no ELSE."""
 
     a: Operand
     opt: Opt
@@ -66,15 +66,15 @@ Block = Sequence[Statement]
 
 @dataclass
 class State:
-    """What a program works upon.
+    """The state of a program.
 
     Attributes:
-        initial: The outputs before it.
+        initial: The outputs before the program.
         inputs: The digital inputs, which do not change.
-        variables: Their values, by key.
-        outputs: The outputs now.
-        written: Those that were set.
-        waited_s: For how long it has waited.
+        variables: The values of the variables, by key.
+        outputs: The current outputs.
+        written: The outputs that were set.
+        waited_s: The sum of the waits, in seconds.
     """
 
     initial: Bits
@@ -88,17 +88,17 @@ class State:
         self.outputs = self.initial
 
     def value(self, operand: Operand) -> int:
-        """What an operand stands for (L967-973)."""
+        """Return the value of an operand (L967-973)."""
         kind, number = operand
         if kind is ValueType.VARIABLE:
             return self.variables[number]
         return int(self.inputs[number - 1]) if kind is ValueType.INPUT_PORT else number
 
     def execute(self, block: Block) -> None:
-        """Do what the statements say, one after the other.
+        """Execute the statements.
 
         Raises:
-            Untold: The document does not settle what they do.
+            UndefinedResultError: The document does not define their result.
         """
         for statement in block:
             match statement:
@@ -121,18 +121,18 @@ class State:
         self.outputs = with_port(self.outputs, port, on=on)
 
 
-class Untold(ValueError):  # noqa: N818 - the document is at fault, not the program
-    """What a program does is not settled by the document (A-6.6a-4)."""
+class UndefinedResultError(ValueError):
+    """The document does not define the result of a program (A-6.6a-4)."""
 
 
 def calculated(opt: Opt, a: int, b: int) -> int:
-    """What a calculation gives (L978-981).
+    """Return the result of a calculation (L978-981).
 
     Raises:
-        Untold: It overflows, divides by zero, or leaves a rest below zero.
+        UndefinedResultError: It overflows, divides by zero, or has a negative remainder.
     """
     if opt is Opt.DIVIDE and (b == 0 or (a % b and (a < 0 or b < 0))):
-        raise Untold(f"{a} / {b}")
+        raise UndefinedResultError(f"{a} / {b}")
     result = {
         Opt.ADD: lambda: a + b,
         Opt.SUBTRACT: lambda: a - b,
@@ -140,7 +140,7 @@ def calculated(opt: Opt, a: int, b: int) -> int:
         Opt.DIVIDE: lambda: a // b,
     }[opt]()
     if not -(2**31) <= result < 2**31:
-        raise Untold(f"{result} is no int32")
+        raise UndefinedResultError(f"{result} is not an int32")
     return result
 
 
@@ -155,17 +155,17 @@ def compared(opt: Opt, a: int, b: int) -> bool:
     }[opt]
 
 
-def is_told(block: Block, variables: Mapping[int, int]) -> bool:
-    """Whether the document settles what a program does that reads no input."""
+def is_defined(block: Block, variables: Mapping[int, int]) -> bool:
+    """Whether the document defines the result of a program that reads no input."""
     try:
         State((False,) * len(ALL_OUTPUTS), (), dict(variables)).execute(block)
-    except Untold:
+    except UndefinedResultError:
         return False
     return True
 
 
 def nodes_of(block: Block, initial: Bits) -> list[Node]:
-    """The nodes of these statements, for outputs that are so before the program."""
+    """Return the nodes of these statements, for these outputs before the program."""
     return [node for statement in block for node in _nodes(statement, initial)]
 
 
@@ -190,7 +190,7 @@ def _nodes(statement: Statement, initial: Bits) -> Iterable[Node]:
 
 
 def variables_of(values: Mapping[int, int]) -> list[Variable]:
-    """The variable records of a program."""
+    """Return the variable records of a program."""
     return [Variable(key, f"v{key}".encode(), value) for key, value in values.items()]
 
 

@@ -1,6 +1,6 @@
-"""Program strategies: programs that hypothesis draws, within what all readings take alike.
+"""Program strategies: programs that hypothesis draws and that mean the same in all readings.
 
-Variables, calculations, comparisons, branches and outputs; nothing that waits or moves.
+They have variables, calculations, comparisons, branches and outputs, but no waits and no moves.
 """
 
 from typing import Final
@@ -21,7 +21,7 @@ from scaraspec.suite.program_files.model import (
 from scaraspec.suite.program_files.writing import OUTPUTS, Operand, number, variable
 
 KEYS: Final = (1, 3, -2, 70000)
-"""Keys of the variables that drawn programs have."""
+"""The keys of the variables of drawn programs."""
 
 _numbers = st.integers(-40, 40)
 _outputs = st.sampled_from(OUTPUTS)

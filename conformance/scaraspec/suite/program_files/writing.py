@@ -1,8 +1,8 @@
-"""Programs: user programs (clause 6) as the suite writes them, as plain as they can be.
+"""Writing: builds simple user programs (clause 6).
 
-Nodes are put together and made a file in the layout, byte order and manner of counting that a
-dialect names; values keep to what every reading takes alike. What a subject makes of a program is
-not known here, and none of these moves the arm: points are the business of the cases about them.
+Nodes become a file in the layout, byte order and counting mode of a dialect. Values are limited to
+those that have the same meaning in every reading. Only the cases about points build programs that
+move the arm.
 """
 
 from collections.abc import Iterable, Sequence
@@ -34,12 +34,12 @@ from scaraspec.protocol.readings import Dialect
 INPUTS: Final = range(1, 7)
 """Digital inputs that programs read."""
 ANALOG: Final = 8
-"""The analog input that they read."""
+"""The analog input that programs read."""
 OUTPUTS: Final = range(10, 17)
-"""Digital outputs that they set; no port is of two kinds, however ports are numbered (A-4.32-2)."""
+"""Digital outputs that programs set; no port has two types in any port numbering (A-4.32-2)."""
 
-LONGEST_WAIT_S: Final = 255  # what a wait node holds (L887)
-_LOOP_BODY: Final = 4  # nodes; a robot that loops as often as it counts goes round as often
+LONGEST_WAIT_S: Final = 255  # the maximum of a wait node (L887)
+_LOOP_BODY: Final = 4  # nodes, so that a robot that repeats `counts` times loops this often
 _LOOP_WAIT_S: Final = 60
 
 PORT_TYPES: Final = (
@@ -48,7 +48,7 @@ PORT_TYPES: Final = (
     *[PortType.DIGITAL_OUTPUT] * (OUTPUTS.stop - OUTPUTS.start + 1),
     *[PortType.UNUSED] * (PORTS - OUTPUTS.stop),
 )
-"""How they are configured; it suits ports counted from 1 and from 0 (A-6.3-2)."""
+"""The port configuration; valid for ports numbered from 1 and from 0 (A-6.3-2)."""
 
 EMPTY: Final = Program(ports=PORT_TYPES)
 """A program without nodes."""
@@ -58,7 +58,7 @@ EMPTY: Final = Program(ports=PORT_TYPES)
 
 
 def layout_of(dialect: Dialect) -> Layout:
-    """The likeliest layout of the reading that a dialect names (A-6.1-2)."""
+    """Return the most likely layout for the readings of a dialect (A-6.1-2)."""
     return next(
         layout
         for layout in LAYOUTS.values()
@@ -74,14 +74,14 @@ def program_file(
     layout: Layout | None = None,
     base: Program = EMPTY,
 ) -> bytes:
-    """The file of a program.
+    """Return the file of a program.
 
     Args:
-        dialect: Names the layout.
-        nodes: Every node.
-        variables: Every variable.
-        layout: The very layout, where more is known than its reading.
-        base: Has its configuration.
+        dialect: The readings.
+        nodes: The nodes.
+        variables: The variables.
+        layout: The layout; None for the most likely one of the dialect.
+        base: The program with the configuration.
     """
     made = replace(base, variables=tuple(variables), nodes=tuple(nodes))
     return build(made, layout or layout_of(dialect))
@@ -90,14 +90,14 @@ def program_file(
 def wait_program(
     dialect: Dialect, seconds: int, *, layout: Layout | None = None, base: Program = EMPTY
 ) -> bytes:
-    """A program that waits for so many seconds and ends."""
+    """Return a program that waits for a time, in seconds, and ends."""
     return program_file(dialect, wait(seconds), layout=layout, base=base)
 
 
 def endless_program(
     dialect: Dialect, *, layout: Layout | None = None, base: Program = EMPTY
 ) -> bytes:
-    """A program that loops until it is stopped; for a quarter of an hour where loops count."""
+    """Return a program that loops until it is stopped; at least 15 minutes if loops are counted."""
     body = wait(_LOOP_WAIT_S) * _LOOP_BODY
     return program_file(dialect, loop(dialect, body), layout=layout, base=base)
 
@@ -105,7 +105,7 @@ def endless_program(
 def outputs_program(
     dialect: Dialect, outputs: Iterable[tuple[int, bool]], *, layout: Layout | None = None
 ) -> bytes:
-    """A program that sets digital outputs, port by port in this order, and ends."""
+    """Return a program that sets digital outputs in this order, and ends."""
     nodes = [set_output(port, on=on) for port, on in outputs]
     return program_file(dialect, nodes, layout=layout)
 
@@ -113,11 +113,11 @@ def outputs_program(
 # ---------------------------------------------------------------------- nodes
 
 Values = tuple[float, float, float, float]
-"""What a point holds: joint angles, or x, y, z and thetaX (A-6.5-2)."""
+"""The values of a point: joint angles, or x, y, z and thetaX (A-6.5-2)."""
 
 
 def wait(seconds: int) -> list[Node]:
-    """Wait for so many seconds, with as many nodes as that takes (L928)."""
+    """Wait for a time, in seconds, with as many nodes as necessary (L928)."""
     whole, rest = divmod(seconds, LONGEST_WAIT_S)
     durations = [LONGEST_WAIT_S] * whole + [rest] * (rest > 0 or not whole)
     return [Node(b"", NodeType.WAIT_SECONDS, data=WaitSeconds(each)) for each in durations]
@@ -130,17 +130,17 @@ def set_output(port: int, *, on: bool) -> Node:
 
 
 def wait_until(epoch_us: int) -> Node:
-    """Wait until an instant, in microseconds since 1970 (L938)."""
+    """Wait until a point in time, in microseconds since 1970 (L938)."""
     return Node(b"", NodeType.WAIT_TIMER, data=WaitTimer(*divmod(epoch_us, SECOND_US)))
 
 
 def straight(speed_percent: int, points: Sequence[Values]) -> list[Node]:
-    """Go straight from point to point (L911)."""
+    """Move in straight lines from point to point (L911)."""
     return _move(NodeType.STRAIGHT_MOVE, speed_percent, points)
 
 
 def curve(speed_percent: int, points: Sequence[Values]) -> list[Node]:
-    """Go along a curve through points (L912)."""
+    """Move along a curve through points (L912)."""
     return _move(NodeType.CURVE_MOVE, speed_percent, points)
 
 
@@ -156,7 +156,7 @@ def wait_input(port: int, condition: Condition, value_hundredths: int) -> Node:
 
 
 def loop(dialect: Dialect, body: Sequence[Node]) -> list[Node]:
-    """Repeat nodes, none of which is itself a loop or a move; counted as the dialect says."""
+    """Repeat nodes that contain no loop and no move; the dialect defines how they are counted."""
     counts = len(body) + (dialect["counts_mode"] == "with-end")
     return [Node(b"", NodeType.LOOP, counts=counts), *body, Node(b"", NodeType.END_LOOP)]
 
@@ -164,7 +164,7 @@ def loop(dialect: Dialect, body: Sequence[Node]) -> list[Node]:
 def branch(
     comparison: Operation, then: Iterable[Node], otherwise: Iterable[Node] | None = None
 ) -> list[Node]:
-    """An IF; None for one without an ELSE (L917-919)."""
+    """Return an IF; without an ELSE if `otherwise` is None (L917-919)."""
     middle = [] if otherwise is None else [Node(b"", NodeType.ELSE), *otherwise]
     return [
         Node(b"", NodeType.IF, data=comparison),
@@ -180,22 +180,22 @@ Operand = tuple[ValueType, int]
 
 
 def number(value: int) -> Operand:
-    """An operand that stands for itself (L971)."""
+    """Return an operand that is a number (L971)."""
     return ValueType.NUMBER, value
 
 
 def variable(key: int) -> Operand:
-    """An operand that stands for a variable (L972)."""
+    """Return an operand that is a variable (L972)."""
     return ValueType.VARIABLE, key
 
 
 def input_port(port: int) -> Operand:
-    """An operand that stands for the state of an input (L973)."""
+    """Return an operand that is the state of an input (L973)."""
     return ValueType.INPUT_PORT, port
 
 
 def compare(a: Operand, opt: int, b: Operand, *, result: int = 0) -> Operation:
-    """A comparison; 0 is the result on which all readings agree (A-6.6a-1)."""
+    """Return a comparison; result 0 has the same meaning in all readings (A-6.6a-1)."""
     return Operation(ResultType.COMPARISON, result, *a, *b, opt)
 
 
@@ -205,7 +205,7 @@ def calculate(key: int, a: Operand, opt: int, b: Operand) -> Node:
 
 
 def assign(key: int, a: Operand) -> Node:
-    """Assign to a variable: A alone, on which all readings agree (L964; A-6.6a-2)."""
+    """Assign operand A to a variable, which all readings permit (L964; A-6.6a-2)."""
     return _compute(Operation(ResultType.ASSIGNMENT, key, *a))
 
 

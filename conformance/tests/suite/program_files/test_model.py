@@ -11,11 +11,11 @@ from scaraspec.suite.program_files.model import (
     If,
     Put,
     State,
-    Untold,
+    UndefinedResultError,
     Wait,
     calculated,
     compared,
-    is_told,
+    is_defined,
     nodes_of,
     variables_of,
 )
@@ -53,10 +53,10 @@ def test_calculations(opt: Opt, a: int, b: int, due: int) -> None:
 )
 def test_what_is_open_is_not_told(opt: Opt, a: int, b: int) -> None:
     """Division by zero, a rest below zero and an overflow have no verdict (A-6.6a-4)."""
-    with pytest.raises(Untold):
+    with pytest.raises(UndefinedResultError):
         calculated(opt, a, b)
-    assert not is_told([Calculate(1, number(a), opt, number(b))], {1: 0})
-    assert is_told([Assign(1, number(a))], {1: 0})
+    assert not is_defined([Calculate(1, number(a), opt, number(b))], {1: 0})
+    assert is_defined([Assign(1, number(a))], {1: 0})
 
 
 def test_comparisons() -> None:

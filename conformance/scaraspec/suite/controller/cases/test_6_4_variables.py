@@ -75,7 +75,7 @@ def test_initial_values_again(subject: ControllerUnderTest, line: OutgoingConnec
         state = State(initial, (), dict(values))
         state.execute(block)
         message = "the second run of a program differs from the first"
-        robot.has_left(state.outputs, state.written, message)
+        robot.expect_outputs(state.outputs, state.written, message)
         _expect_restart(line, robot, block, values)
 
 
@@ -123,7 +123,7 @@ def test_initial_values_after_a_simulation(
         state = State(initial, (), {3: 10})
         state.execute(block)
         message = "a run after a simulation of its program differs"
-        robot.has_left(state.outputs, state.written, message)
+        robot.expect_outputs(state.outputs, state.written, message)
 
 
 @case("6.4/5", name="of-another", hazards=PROGRAMS)

@@ -28,7 +28,7 @@ from scaraspec.suite.program_files.model import (
     Put,
     Statement,
     Wait,
-    is_told,
+    is_defined,
     nodes_of,
     variables_of,
 )
@@ -59,7 +59,9 @@ def test_output_nodes(subject: ControllerUnderTest, line: OutgoingConnection) ->
             (port, on) for port in OUTPUTS for on in (not current[port - 1], current[port - 1])
         ]
         robot.run(output_node(port, on=on) for port, on in settings_of_ports)
-        robot.has_left(current, OUTPUTS, "a program set each of these outputs and set it back")
+        robot.expect_outputs(
+            current, OUTPUTS, "a program set each of these outputs and set it back"
+        )
 
 
 @case("6.5/19", "4.32/6", name="one-by-one", hazards=PROGRAMS)
@@ -104,13 +106,13 @@ def test_output_node_in_time(subject: ControllerUnderTest, line: OutgoingConnect
             )
         expected_outputs = with_port(robot.before, first, on=on)
         message = "outputs are set before the program reaches their nodes"
-        robot.has_left(expected_outputs, (first,), message, shown=current)
+        robot.expect_outputs(expected_outputs, (first,), message, reported=current)
         if line.ask("upload_name", data=subject.new_name()).accepted:
             for chunk in chunks_of(robot.file(nodes_of([Flip(first)], robot.before))):
                 send_chunk(line, chunk)
         robot.finish(lasts_s=pause_s)
         expected_outputs = with_port(expected_outputs, second, on=not robot.before[second - 1])
-        robot.has_left(
+        robot.expect_outputs(
             expected_outputs, (first, second), "the outputs differ from those the program set"
         )
 
@@ -226,7 +228,7 @@ def test_branches_apart(subject: ControllerUnderTest, line: OutgoingConnection) 
         robot.run(branch(condition, skipped, nodes_of([Flip(_PASSED)], current)))
         expected_outputs = with_port(current, _PASSED, on=not current[_PASSED - 1])
         message = "an IF whose first branch contains a loop took the wrong branch"
-        robot.has_left(expected_outputs, (_PASSED,), message)
+        robot.expect_outputs(expected_outputs, (_PASSED,), message)
 
 
 @case("6.5/26", hazards=PROGRAMS)
@@ -266,7 +268,7 @@ def test_drawn_programs(subject: ControllerUnderTest, line: OutgoingConnection) 
         @settings(max_examples=max(1, settings().max_examples // 2), phases=(Phase.generate,))
         @given(blocks, variables)
         def run_and_check(block: Block, values: dict[int, int]) -> None:
-            assume(is_told(block, values))
+            assume(is_defined(block, values))
             robot.performs(block, values)
 
         run_and_check()
