@@ -1,4 +1,4 @@
-"""Delivery: the same bytes in other segments: cut, joined, slow. What they say is not changed."""
+"""Delivery: sends the same bytes in other segments: split, joined or slow."""
 
 import itertools
 from collections.abc import Iterable
@@ -15,17 +15,17 @@ from scaraspec.suite.controller.harness.requests.queries import (
 )
 
 SEGMENT_S: Final = 0.02
-"""A pause that keeps what follows out of the segment before."""
+"""A pause that separates two segments, in seconds."""
 
 SLOWEST_S: Final = 0.9
-"""Of 1 s inside a frame, which has to be survived (A-3-11), less what a link adds to a pause."""
+"""The longest pause inside a frame, in seconds: 1 s (A-3-11), less the delay of a link."""
 
 segment_sizes = st.lists(st.integers(1, 60), max_size=12)
-"""How many bytes the segments have, one after the other; the rest is the last."""
+"""The sizes of the segments in bytes; the rest is the last segment."""
 
 
 def split_bytes(data: bytes, sizes: Iterable[int]) -> list[bytes]:
-    """Cut into pieces of these sizes; the rest is the last."""
+    """Split bytes into parts of these sizes; the rest is the last part."""
     ends = itertools.accumulate(sizes, initial=0)
     cuts = [*[end for end in ends if end < len(data)], len(data)]
     return [data[begin:end] for begin, end in itertools.pairwise(cuts)]
@@ -34,7 +34,7 @@ def split_bytes(data: bytes, sizes: Iterable[int]) -> list[bytes]:
 def send_parts(
     line: OutgoingConnection, parts: Iterable[bytes], subject: ControllerUnderTest, pause_s: float
 ) -> None:
-    """Send parts one by one, with a pause between them."""
+    """Send parts one by one, with a pause between them, in seconds."""
     for number, part in enumerate(parts):
         if number:
             subject.pause(pause_s)
@@ -42,7 +42,7 @@ def send_parts(
 
 
 def serves_one_at_a_time(subject: ControllerUnderTest) -> bool:
-    """Whether the subject claims to serve no request that comes before the reply to another."""
+    """Whether the subject claims to serve no request before it has replied to the last one."""
     return subject.dialect["pipelining"] == "one"
 
 
@@ -52,10 +52,10 @@ def ask_together(
     queries: list[Query],
     sizes: Iterable[int] = (),
 ) -> None:
-    """Send queries without waiting, in segments of these sizes or all in one; await all replies.
+    """Send queries together, in segments of these sizes or in one, and wait for all replies.
 
     Raises:
-        NoReply: One was not answered.
+        NoReply: A query was not answered.
     """
     queries = supported_queries(subject, queries)
     data = b"".join(query.frame(line).encode() for query in queries)

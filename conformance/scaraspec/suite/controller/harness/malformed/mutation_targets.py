@@ -1,7 +1,7 @@
-"""Carriers: the requests that may be damaged, and how it is seen that a subject gets over it.
+"""Mutation targets: the requests that may be damaged, and the check that a subject recovers.
 
-Only 0x07, 0x08 and 0x09 carry damage, and no damaged bytes hold a whole frame of anything else: a
-receiver that looks for frames inside of them would execute it (register, section 13).
+Only 0x07, 0x08 and 0x09 are damaged. Damaged bytes never contain a complete frame of another
+command: a receiver that searches for frames in them would execute it (register, section 13).
 """
 
 from enum import Enum
@@ -26,14 +26,14 @@ GET_VERSION: Final = Frame(A2C, 0x08).encode()
 GET_STATUS: Final = Frame(A2C, 0x09).encode()
 
 FLOOD: Final = GET_VERSION * (MAX_FRAME_BYTES // len(GET_VERSION))
-"""Requests enough to fill the longest frame that a receiver can be waiting for."""
+"""Requests that fill the longest frame for which a receiver may be waiting."""
 
-_SOON_S: Final = 0.05  # for how long a reply to the first request is looked for
+_SOON_S: Final = 0.05  # the timeout for a reply to the first request
 _START: Final = bytes((A2C.start,))
 
 
 class Recovery(Enum):
-    """Where a subject serves again after bytes that are no frame."""
+    """When a subject serves requests again after invalid bytes."""
 
     AT_ONCE = "the next request was served"
     LATER = "the next requests were lost, later ones were served"
@@ -41,10 +41,10 @@ class Recovery(Enum):
 
 
 def is_harmless(data: bytes) -> bool:
-    """Whether no receiver finds a whole frame of anything but a carrier in it.
+    """Whether the bytes contain no complete frame except those of the targets.
 
-    Wherever it begins to read; also one that takes the frames of the other direction (A-3-13) or
-    the tag from a client.
+    This holds wherever a receiver begins to read, and for a receiver that accepts frames of the
+    other direction (A-3-13) or the tag from a client.
     """
     return not any(
         _holds(data, at, direction, head)
@@ -56,7 +56,7 @@ def is_harmless(data: bytes) -> bool:
 
 
 def _holds(data: bytes, at: int, direction: Direction, head: int) -> bool:
-    """Whether a whole frame with this opcode byte, and none of a carrier, begins here."""
+    """Whether a complete frame of another command than the targets begins here."""
     if head + 1 >= len(data) or data[head] in OPCODES:
         return False
     end = head + 2 + data[head + 1]
@@ -75,10 +75,10 @@ stray_bytes: SearchStrategy[bytes] = (
     .map(lambda data: data.replace(_START, b"\x55"))
     .filter(_can_be_sent)
 )
-"""Bytes none of which begins a frame of a client."""
+"""Bytes without the start byte of a client's frame."""
 
 whole_targets = st.sampled_from((GET_TIME, GET_VERSION, GET_STATUS))
-"""Whole frames."""
+"""Complete frames of the targets."""
 
 
 @st.composite
@@ -93,10 +93,10 @@ def _spoiled(draw: st.DrawFn) -> bytes:
 
 
 damaged_targets: SearchStrategy[bytes] = _spoiled().filter(_can_be_sent)
-"""Carriers with a wrong end byte, or a length that is not the number of their data bytes."""
+"""Targets with a wrong end byte or a wrong length."""
 
 
-# ---------------------------------------------------------------------- getting over it
+# ---------------------------------------------------------------------- recovery
 
 
 def expect_recovery(
@@ -106,13 +106,13 @@ def expect_recovery(
     requirement: str,
     opcodes: frozenset[int] = OPCODES,
 ) -> Recovery:
-    """Send bytes that are no frames, and see that the subject serves again and does nothing else.
+    """Send invalid bytes, and require that the subject serves again and sends nothing else.
 
     Args:
-        subject: The subject.
+        subject: The controller under test.
         data: The bytes.
-        requirement: What it violates if it does something else.
-        opcodes: Under which it may answer.
+        requirement: The requirement that another reaction violates.
+        opcodes: The opcodes of permitted replies.
 
     Raises:
         CaseFailed: It no longer serves, or sends an unsolicited reply.
@@ -127,14 +127,14 @@ def expect_recovery(
 
 
 def recovery_of(subject: ControllerUnderTest, line: OutgoingConnection) -> Recovery:
-    """Check that a subject serves again after bytes that are no frame.
+    """Require that a subject serves requests again after invalid bytes.
 
-    However it looks for the next frame (A-3-10) and however long it waits for the rest of one
-    (A-3-11), after 260 bytes of requests it must find one, unless it closes.
+    After 260 bytes of requests it must find a frame or close the connection, whatever method it
+    uses to find the next frame (A-3-10) and to wait for the rest of a frame (A-3-11).
 
     Raises:
-        NoReply: It does not serve new connections.
-        CaseFailed: It keeps the connection open and serves nothing on it.
+        NoReply: The subject does not serve new connections.
+        CaseFailed: The subject keeps the connection open and serves nothing on it.
     """
     try:
         if _answers(line, GET_VERSION, _SOON_S):
@@ -146,13 +146,13 @@ def recovery_of(subject: ControllerUnderTest, line: OutgoingConnection) -> Recov
         pass  # it has closed
     closed = line.ending is not None
     line.close()
-    anew = subject.open()
-    anew.ask("get_version")
-    anew.close()
+    other = subject.open()
+    other.ask("get_version")
+    other.close()
     if not closed:
         raise CaseFailed(
-            "behind bytes that are no frame nothing was served on the connection any more",
-            expected="an answer to a later request, or the end of the connection",
+            "after invalid bytes, no request was served on the connection any more",
+            expected="a reply to a later request, or the end of the connection",
             observed="silence, while a new connection is served",
             requirement="3/31",
         )
@@ -160,10 +160,10 @@ def recovery_of(subject: ControllerUnderTest, line: OutgoingConnection) -> Recov
 
 
 def _answers(line: OutgoingConnection, data: bytes, within_s: float) -> bool:
-    """Send requests for the version; whether one is answered.
+    """Send requests for the version. Return whether one is answered.
 
     Raises:
-        NoReply: The subject has closed.
+        NoReply: The subject has closed the connection.
     """
     line.send_bytes(data)
     try:
@@ -178,23 +178,23 @@ def _answers(line: OutgoingConnection, data: bytes, within_s: float) -> bool:
 def expect_only_replies(
     line: OutgoingConnection, *, requirement: str, opcodes: frozenset[int] = OPCODES
 ) -> None:
-    """Fail the subject if it has sent anything but replies under these opcodes.
+    """Require that the subject has sent only replies with these opcodes.
 
     Raises:
-        CaseFailed: It has.
+        CaseFailed: It has sent something else.
     """
     for seen in line.inbox:
         opcode = seen.frame.opcode
         expect(
             opcode in opcodes and not seen.frame.tagged,
-            "a frame came that nobody had asked for",
-            expected=f"replies under {', '.join(f'{each:02X}' for each in sorted(opcodes))}",
+            "a frame came that no request asked for",
+            expected=f"replies with opcodes {', '.join(f'{each:02X}' for each in sorted(opcodes))}",
             observed=f"{seen.frame}",
             requirement=requirement if opcode in BY_OPCODE else "3/10",
         )
     expect(
         not line.invalid_bytes,
-        "bytes came that are no frame",
+        "bytes came that are not a frame",
         expected="frames",
         observed=line.invalid_bytes[0].data.hex(" ") if line.invalid_bytes else "",
         requirement="3/32",

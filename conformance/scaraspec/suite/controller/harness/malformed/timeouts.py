@@ -1,4 +1,4 @@
-"""Timeouts: several silences at once, each on a connection of its own, and what ends them."""
+"""Timeouts: tests several silences at the same time, each on its own connection."""
 
 from collections import deque
 from collections.abc import Callable
@@ -22,16 +22,16 @@ _INSTANT_S: Final = 1e-6
 
 
 Step = Callable[[OutgoingConnection, Silence], None]
-"""Something done on a connection after a silence."""
+"""An action on a connection after a silence."""
 
 
 @dataclass(frozen=True)
 class Track:
-    """What happens on one connection.
+    """The actions on one connection.
 
     Attributes:
-        begin: Done at once.
-        steps: How long a silence to keep, in seconds, and what to do then.
+        begin: The first action.
+        steps: The duration of each silence in seconds, and the action after it.
     """
 
     begin: Callable[[OutgoingConnection], None]
@@ -42,32 +42,31 @@ class _Running:
     """A track on its connection."""
 
     def __init__(self, subject: ControllerUnderTest, track: Track) -> None:
-        self._subject, self._left = subject, list(track.steps)
+        self._subject, self._steps = subject, list(track.steps)
         self._line = subject.open()
         track.begin(self._line)
         self._silence = Silence(subject)
 
     @property
     def due_s(self) -> float:
-        """How long it is until the next step."""
-        return self._left[0][0] - self._silence.elapsed_s
+        """The time until the next step, in seconds."""
+        return self._steps[0][0] - self._silence.elapsed_s
 
-    def go_on(self) -> bool:
-        """Take the next step; whether another one follows."""
-        _, step = self._left.pop(0)
+    def run_next_step(self) -> bool:
+        """Perform the next step. Return whether another one follows."""
+        _, step = self._steps.pop(0)
         step(self._line, self._silence)
         self._silence = Silence(self._subject)
-        if not self._left:
+        if not self._steps:
             self._line.close()
-        return bool(self._left)
+        return bool(self._steps)
 
 
 def run_tracks(subject: ControllerUnderTest, tracks: list[Track], *, at_once: bool) -> None:
-    """Go through all tracks, one by one or as many at once as the subject takes transfers.
+    """Run all tracks, one by one or as many at once as the subject serves transfers.
 
-    One by one also where a limit is so short that waiting for an answer which does not come, as a
-    late chunk may be ignored (A-5-16), would outlast the pause of another track; and where a track
-    that has ended leaves a transfer that has to be waited for.
+    They also run one by one if the wait for a missing reply would exceed the pause of another
+    track, because a late chunk may be ignored (A-5-16), or if a transfer outlives its connection.
     """
     limits = transfer_timeouts_of(subject)
     apart = limits.late_s + subject.reply_s < 2 * limits.must_survive_s
@@ -78,24 +77,24 @@ def run_tracks(subject: ControllerUnderTest, tracks: list[Track], *, at_once: bo
         while at_once and waiting:
             try:
                 running.append(_Running(subject, waiting[0]))
-            except CaseFailed:  # it takes no more at once
+            except CaseFailed:  # it serves no more at once
                 break
             del waiting[0]
         _run(subject, running)
 
 
 def _run(subject: ControllerUnderTest, running: list[_Running]) -> None:
-    """Take the steps of these tracks as they become due."""
+    """Perform the steps of these tracks at their times."""
     while running:
         first = min(running, key=lambda each: each.due_s)
         while (left_s := first.due_s) > _INSTANT_S:
-            subject.pause(left_s)  # which ends early where the subject ends a connection
-        if not first.go_on():
+            subject.pause(left_s)  # ends early if the subject closes a connection
+        if not first.run_next_step():
             running.remove(first)
 
 
 def uploads_at_once(subject: ControllerUnderTest) -> bool:
-    """Whether connections have uploads of their own, at once (A-5-17)."""
+    """Whether two connections can upload at the same time (A-5-17)."""
     if not subject.supports_multiple_connections:
         return False
     lines = [subject.open(), subject.open()]
@@ -111,7 +110,7 @@ def uploads_at_once(subject: ControllerUnderTest) -> bool:
 
 
 def downloads_at_once(subject: ControllerUnderTest, name: bytes) -> bool:
-    """Whether connections have downloads of their own, at once, of a file that is there."""
+    """Whether two connections can download an existing file at the same time."""
     if not subject.supports_multiple_connections:
         return False
     lines = [subject.open(), subject.open()]
@@ -119,7 +118,7 @@ def downloads_at_once(subject: ControllerUnderTest, name: bytes) -> bool:
         taken = [line.ask("download_name", data=name).accepted for line in lines]
         if all(taken):
             deque(zip(*map(receive_chunks, lines), strict=True), maxlen=0)
-    except (CaseFailed, ValueError):  # a chunk of the other one's, or one that never comes
+    except (CaseFailed, ValueError):  # a chunk of the other download, or none
         taken = [False]
     for line in lines:
         line.close()
@@ -127,7 +126,7 @@ def downloads_at_once(subject: ControllerUnderTest, name: bytes) -> bool:
 
 
 def _refuses_strays(subject: ControllerUnderTest) -> bool:
-    """Whether a chunk without an upload is answered (A-5-16), as far as it may be tried."""
+    """Whether a chunk without an upload is answered (A-5-16); False if this is not allowed."""
     if Hazard.STATE not in subject.allowed:
         return False
     line = subject.open()
