@@ -1,4 +1,4 @@
-"""Results to write and read: a full one, a hostile one, and those of the field captures."""
+"""Results for the tests of the writers: full ones, hostile ones, and those of field captures."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -150,13 +150,13 @@ FULL = Results(
 
 @pytest.fixture
 def full() -> Results:
-    """Results in which everything stands that can: every verdict, every list, unknown names."""
+    """Return results with every verdict, every list and unknown names."""
     return FULL
 
 
 @pytest.fixture
 def hostile() -> Results:
-    """The full results with hostile text wherever a subject or another writer can put some."""
+    """Return the full results with hostile text wherever a SUT or another writer can add some."""
     assert FULL.session
     evidence = replace(_FRAME, connection=HOSTILE, note=HOSTILE, fields=(
         FrameField(HOSTILE, 1, 3, HOSTILE), FrameField("over", 2, 900), FrameField("far", 99, 1),
@@ -202,13 +202,13 @@ def hostile() -> Results:
 
 @pytest.fixture
 def hostile_text() -> str:
-    """The text of the hostile results."""
+    """Return the text of the hostile results."""
     return HOSTILE
 
 
 @pytest.fixture(scope="session")
 def audited(fixtures_dir: Path) -> Callable[[str], Results]:
-    """Audits a field capture."""
+    """Return a function that audits a field capture."""
 
     @cache
     def audit(name: str) -> Results:

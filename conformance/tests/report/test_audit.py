@@ -1,4 +1,4 @@
-"""What a judge found becomes results that leave nothing out and add nothing."""
+"""Conversion of the findings of a judge to results."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -19,13 +19,13 @@ SUBJECT = Subject(Role.CAPTURE, file="x.pcapng")
 
 
 def failure(message: str, at: int = 0) -> Finding:
-    """A failure of 3/18 at one place."""
+    """Return a failure of 3/18 at one position."""
     place = WireRange("1", C2A, at, 5, at)
     return Finding("3/18", Verdict.FAIL, Cause.SUBJECT, message, "one", "two", (place,))
 
 
 def results_of(*findings: Finding, passes: int = 0, failures: int | None = None) -> Results:
-    """The results of a judge that found this of 3/18."""
+    """Return the results of a judge with these findings for 3/18."""
     judge = Judge()
     tally = judge.tallies["3/18"]
     tally.passes = passes
@@ -43,10 +43,10 @@ def results_of(*findings: Finding, passes: int = 0, failures: int | None = None)
         ("complaint-4", "5.1/4", None),
     ],
 )
-def test_a_complaint_is_explained_by_requirement_and_frame(
+def test_field_complaints(
     audited: Callable[[str], Results], capture: str, requirement: str, frame_hex: str | None
 ) -> None:
-    """The requirement fails, and the frame that did it is in the evidence."""
+    """The requirement fails, and the frame is in the evidence."""
     results = audited(capture)
     case = next(case for case in results.cases if case.id == requirement)
     assert results.verdict is Conclusion.NONCONFORMANT
@@ -62,10 +62,10 @@ def test_a_complaint_is_explained_by_requirement_and_frame(
     assert case.replay == f"scaraspec audit {capture}.pcapng"
 
 
-def test_a_conforming_capture_violates_nothing_of_what_was_judged(
+def test_a_conforming_capture(
     audited: Callable[[str], Results],
 ) -> None:
-    """Each requirement that was judged has a case, and the counts are those of the cases."""
+    """Each judged requirement has a case, and the counts are those of the cases."""
     results = audited("plant-b-other-dialect")
     assert results.verdict is Conclusion.NO_VIOLATION
     assert results.label.startswith("no violation found (2")
@@ -76,14 +76,14 @@ def test_a_conforming_capture_violates_nothing_of_what_was_judged(
     assert all(case.hazard is Hazard.READ_ONLY for case in results.cases)
 
 
-def test_the_scope_is_all_that_a_capture_can_show(audited: Callable[[str], Results]) -> None:
-    """What was not judged is in the list as such: no silent gap."""
+def test_the_scope_of_a_capture(audited: Callable[[str], Results]) -> None:
+    """Requirements that were not judged are listed as such."""
     ids = [r.id for r in audited("complaint-2").requirements]
     assert ids == [r.id for r in REQUIREMENTS.values() if Method.PASSIVE in r.testable]
 
 
-def test_requirements_name_their_cases(audited: Callable[[str], Results]) -> None:
-    """Every case belongs to a requirement of its name, and has the gravest verdict's place."""
+def test_requirements_list_their_cases(audited: Callable[[str], Results]) -> None:
+    """Every case belongs to its requirement, which has the worst verdict."""
     results = audited("complaint-1")
     cases = {case.id: case for case in results.cases}
     named = [case for requirement in results.requirements for case in requirement.cases]
@@ -93,8 +93,8 @@ def test_requirements_name_their_cases(audited: Callable[[str], Results]) -> Non
         assert requirement.verdict in verdicts
 
 
-def test_the_dialect_is_told_for_each_side(audited: Callable[[str], Results]) -> None:
-    """Options, and whether they are the default."""
+def test_readings_of_each_side(audited: Callable[[str], Results]) -> None:
+    """The options, and whether they are the default."""
     readings = audited("plant-b-other-dialect").readings
     assert readings["client"]["endian"] == ReadingSeen(("big",), default=False, mixed=False)
     assert readings["controller"]["err_bare0"] == ReadingSeen(
@@ -102,8 +102,8 @@ def test_the_dialect_is_told_for_each_side(audited: Callable[[str], Results]) ->
     )
 
 
-def test_claims_stand_beside_what_was_seen() -> None:
-    """A claim without evidence is reported, too."""
+def test_claimed_readings() -> None:
+    """A claim without evidence is listed, too."""
     judge = Judge()
     results = from_audit(judge, SessionStats(), subject=SUBJECT, claims={"loop_iter": "counts"})
     assert results.readings["controller"] == {
@@ -112,22 +112,22 @@ def test_claims_stand_beside_what_was_seen() -> None:
     assert results.readings["client"] == {}
 
 
-def test_a_requirement_that_was_kept_says_how_often() -> None:
-    """A pass is a case, so that a run is never green for having no case."""
+def test_a_pass_has_a_count() -> None:
+    """A pass is a case, so that a run without cases is never a pass."""
     (case,) = results_of(passes=12).cases
     assert (case.id, case.verdict, case.message) == ("3/18", Verdict.PASS, "met 12 times")
     assert (case.cause, case.wire) == (None, ())
 
 
-def test_findings_that_say_the_same_are_one_case() -> None:
-    """A fault that occurs at every frame is read once, with all its places."""
+def test_equal_findings_are_one_case() -> None:
+    """A frequent fault is listed once, with all positions."""
     (case,) = results_of(*(failure("twice", at) for at in range(3)), passes=5).cases
     assert case.message == "twice (3 times)"
     assert [evidence.offset_bytes for evidence in case.wire] == [0, 1, 2]
 
 
-def test_findings_that_say_different_things_are_cases_of_their_own() -> None:
-    """The gravest has the requirement's id, the others a suffix."""
+def test_different_findings_are_separate_cases() -> None:
+    """The worst has the id of the requirement, the others have a suffix."""
     tolerated = [
         Finding("3/18", Verdict.TOLERATED, Cause.SUBJECT, m, reading=("endian", "big"))
         for m in ("57 bytes", "58 bytes")
@@ -143,8 +143,8 @@ def test_findings_that_say_different_things_are_cases_of_their_own() -> None:
     assert requirement.cases == ("3/18", "3/18.2", "3/18.3")
 
 
-def test_findings_that_were_not_kept_are_not_denied() -> None:
-    """A judge keeps the first fifty; the case says that there are more."""
+def test_findings_beyond_the_limit_are_counted() -> None:
+    """A judge stores the first fifty; the message states "at least"."""
     findings = [failure("twice", at) for at in range(50)]
     (case,) = results_of(*findings, failures=70).cases
     assert case.message == "twice (at least 50 times)"

@@ -1,4 +1,4 @@
-"""The page as a browser shows it, headless: search, filter, keys, languages, print, hostile text.
+"""The page in headless Chromium: search, filter, keys, languages, print, hostile text.
 
 Needs Chromium; run by `make test-browser`. The tests control the browser over two pipes, with
 its debugging protocol.
@@ -48,7 +48,7 @@ class Browser:
             os.dup2(104, 4)
 
         found = shutil.which("chromium") or shutil.which("google-chrome")
-        assert found, "make test-browser wants Chromium installed"
+        assert found, "make test-browser needs Chromium"
         self._process = subprocess.Popen(
             [found, *_FLAGS, f"--user-data-dir={profile}", "about:blank"],
             close_fds=False,
@@ -148,7 +148,7 @@ SHOWN: Final = "[...document.querySelectorAll('.case')].filter(c => !c.hidden).l
 
 
 def test_search_and_filter_with_thousands_of_cases(page_of: Any, full: Results) -> None:
-    """`/` goes to the search; what is typed and what is ticked is what is shown."""
+    """`/` focuses the search; only matching cases with selected verdicts are shown."""
     model = next(case for case in full.cases if case.verdict.value == "pass")
     many = tuple(replace(model, id=f"{model.id}.n{i}", message=f"case {i}") for i in range(_MANY))
     page = page_of(replace(full, cases=full.cases + many))
@@ -166,8 +166,8 @@ def test_search_and_filter_with_thousands_of_cases(page_of: Any, full: Results) 
     assert page.ask(SHOWN) == sum(case.verdict.value != "pass" for case in full.cases)
 
 
-def test_the_keyboard_goes_from_case_to_case(page_of: Any, full: Results) -> None:
-    """`j` down, `k` up, Enter unfolds."""
+def test_keyboard_navigation(page_of: Any, full: Results) -> None:
+    """`j` is next, `k` is previous, Enter opens."""
     page = page_of(full)
     page.key("j")
     page.key("j")
@@ -177,8 +177,8 @@ def test_the_keyboard_goes_from_case_to_case(page_of: Any, full: Results) -> Non
     assert page.ask(here) == "case-0"
 
 
-def test_the_language_is_switched(page_of: Any, full: Results) -> None:
-    """One of both is seen at a time."""
+def test_language_switch(page_of: Any, full: Results) -> None:
+    """One language is visible at a time."""
     page = page_of(full)
     seen = "getComputedStyle(document.querySelector('h1 .{}')).display != 'none'"
     assert (page.ask(seen.format("en")), page.ask(seen.format("zh"))) == (True, False)
@@ -186,15 +186,15 @@ def test_the_language_is_switched(page_of: Any, full: Results) -> None:
     assert (page.ask(seen.format("en")), page.ask(seen.format("zh"))) == (False, True)
 
 
-def test_hostile_text_does_nothing(page_of: Any, hostile: Results) -> None:
-    """No script of a subject runs, no element of its making is there; nothing is asked for."""
+def test_hostile_text_has_no_effect(page_of: Any, hostile: Results) -> None:
+    """No script of a SUT runs, no element is created, no network request is made."""
     page = page_of(hostile)
     assert page.ask("document.scripts.length") == 1
     assert page.ask("document.querySelectorAll('img, iframe, object, svg a').length") == 0
 
 
-def test_it_fits_the_window_and_the_paper(page_of: Any, full: Results) -> None:
-    """Nothing is wider than the window; printed, it is a whole document."""
+def test_page_width_and_print(page_of: Any, full: Results) -> None:
+    """No element is wider than the window; the printed document is complete."""
     page = page_of(full)
     assert page.ask("document.documentElement.scrollWidth <= innerWidth")
     printed = base64.b64decode(page.do("Page.printToPDF")["data"])

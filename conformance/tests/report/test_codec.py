@@ -1,4 +1,4 @@
-"""Plain values become typed ones, or the place that does not fit is named."""
+"""Conversion between plain values and typed ones, with positions in errors."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -33,8 +33,8 @@ class Outer:
 WHOLE = Outer("x", Colour.RED, Inner(3, 0.25), (("a", 1), ("b", 2)), {Colour.BLUE: True})
 
 
-def test_a_value_survives_the_way_out_and_back() -> None:
-    """Every kind of member that the model uses comes back equal."""
+def test_round_trip() -> None:
+    """Every kind of member that the model uses."""
     plain = to_plain(WHOLE)
     assert plain == {
         "name": "x",
@@ -46,13 +46,13 @@ def test_a_value_survives_the_way_out_and_back() -> None:
     assert from_plain(Outer, plain) == WHOLE
 
 
-def test_what_has_a_default_may_be_missing_and_what_nobody_knows_is_passed_over() -> None:
-    """Files of older and of newer writers are read."""
+def test_missing_and_unknown_keys() -> None:
+    """Defaults are used, unknown keys are ignored: files of older and newer versions are read."""
     assert from_plain(Outer, {"name": "x", "colour": "red", "later": 1}) == Outer("x", Colour.RED)
 
 
-def test_a_whole_number_is_taken_for_a_number() -> None:
-    """JSON writers may drop the fraction of 1.0."""
+def test_an_integer_is_accepted_as_float() -> None:
+    """JSON writers may omit the fraction of 1.0."""
     assert from_plain(Inner, {"number": 1, "share": 1}) == Inner(1, 1.0)
 
 
@@ -75,14 +75,14 @@ def test_a_whole_number_is_taken_for_a_number() -> None:
         ({"by_colour": {"\x1b": True}}, "a key of by_colour is '\\x1b', not one of red, blue"),
     ],
 )
-def test_what_does_not_fit_is_told_with_its_place(change: dict[str, Any], told: str) -> None:
-    """The message leads a reader to the line that is wrong."""
+def test_invalid_values(change: dict[str, Any], told: str) -> None:
+    """The message has the position of the value."""
     with pytest.raises(InvalidValueError) as caught:
         from_plain(Outer, {"name": "x", "colour": "red"} | change)
     assert str(caught.value) == told
 
 
-def test_the_whole_may_be_wrong() -> None:
-    """Where there is no place to name, the whole is."""
+def test_an_invalid_document() -> None:
+    """The message names the whole document."""
     with pytest.raises(InvalidValueError, match="the document is 3, not an object"):
         from_plain(Outer, 3)

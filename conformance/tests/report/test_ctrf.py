@@ -1,4 +1,4 @@
-"""ctrf.json has the members that its specification requires, and only those that it knows."""
+"""ctrf.json has the members that its specification requires."""
 
 import json
 from collections import Counter
@@ -20,13 +20,13 @@ SUMMARY = {"tests", "passed", "failed", "skipped", "pending", "other", "start", 
 
 
 def document_of(results: Results) -> dict[str, Any]:
-    """What another program reads."""
+    """Return the parsed document."""
     document: dict[str, Any] = json.loads(ctrf.render(results))
     return document
 
 
-def test_the_required_members_are_there(full: Results) -> None:
-    """With the types that the specification gives them."""
+def test_required_members(full: Results) -> None:
+    """With the types of the specification."""
     document = document_of(full)
     assert (document["reportFormat"], document["specVersion"]) == ("CTRF", "0.0.0")
     results = document["results"]
@@ -42,7 +42,7 @@ def test_the_required_members_are_there(full: Results) -> None:
 
 
 def test_each_verdict_has_its_status(full: Results) -> None:
-    """Our own verdict goes with it; inconclusive is neither passed nor the subject's failure."""
+    """Our verdict is the raw status; inconclusive is neither passed nor failed."""
     tests = document_of(full)["results"]["tests"]
     assert {test["rawStatus"]: test["status"] for test in tests} == {
         "pass": "passed",
@@ -54,8 +54,8 @@ def test_each_verdict_has_its_status(full: Results) -> None:
     }
 
 
-def test_the_summary_is_that_of_the_tests(full: Results) -> None:
-    """Sums and times agree with the list; times are milliseconds."""
+def test_the_summary_matches_the_tests(full: Results) -> None:
+    """Counts and times; times are in milliseconds."""
     results = document_of(full)["results"]
     summary, statuses = results["summary"], Counter(test["status"] for test in results["tests"])
     assert {status: summary[status] for status in statuses} == dict(statuses)
@@ -66,8 +66,8 @@ def test_the_summary_is_that_of_the_tests(full: Results) -> None:
     assert (alone["start"], alone["stop"]) == (0, 1500)
 
 
-def test_a_failure_says_what_was_due_and_how_to_see_it_again(full: Results) -> None:
-    """Message, trace and replay."""
+def test_content_of_a_failure(full: Results) -> None:
+    """Message, trace and reproduction command."""
     failed = document_of(full)["results"]["tests"][1]
     assert failed["message"] == "run_program ended a second time"
     assert failed["trace"] == "expected: one final result\nobserved: a second one"
@@ -75,17 +75,17 @@ def test_a_failure_says_what_was_due_and_how_to_see_it_again(full: Results) -> N
     assert failed["tags"] == ["hazard:motion", "requirement:3/18"]
 
 
-def test_nothing_tested_is_not_green(full: Results) -> None:
-    """An empty run has a test that did not pass."""
+def test_an_empty_run_does_not_pass(full: Results) -> None:
+    """It has a test that did not pass."""
     document = document_of(replace(full, verdict=Conclusion.NOTHING_TESTED, cases=()))
     assert document["results"]["summary"]["other"] == 1
     assert document["results"]["summary"]["passed"] == 0
 
 
-def test_hostile_text_is_written_and_read(
+def test_hostile_text(
     hostile: Results, hostile_text: str, audited: Callable[[str], Results], tmp_path: Path
 ) -> None:
-    """JSON escapes it; nothing is lost."""
+    """JSON escapes it without loss."""
     path = tmp_path / "ctrf.json"
     ctrf.write(hostile, path)
     tests = json.loads(path.read_text(encoding="utf-8"))["results"]["tests"]

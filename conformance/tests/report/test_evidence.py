@@ -1,4 +1,4 @@
-"""The frames that findings rest on are kept as they were, but for passwords."""
+"""The frames that support findings are stored unchanged, except for passwords."""
 
 import pytest
 
@@ -15,18 +15,18 @@ from scaraspec.traffic.wire import WireRange
 
 
 def seen(frame: Frame, at: int = 0) -> FrameSeen:
-    """A frame at this place of its stream."""
+    """Return a frame at this offset of its stream."""
     place = WireRange("1", frame.direction, at, frame.size_bytes, 1000 + at)
     return FrameSeen(frame, place, 1000 + at, commands.parse_frame(frame))
 
 
-def undecodable(direction: Direction, data: bytes) -> InvalidBytes:
-    """Bytes that are no frame."""
+def invalid_bytes(direction: Direction, data: bytes) -> InvalidBytes:
+    """Return bytes that belong to no frame."""
     return InvalidBytes(data, SkipReason.BAD_END, WireRange("1", direction, 0, len(data), 5))
 
 
 def finding(*places: WireRange, requirement: str = "3/18") -> Finding:
-    """A failure that rests on these places."""
+    """Return a failure with these positions as evidence."""
     return Finding(requirement, Verdict.FAIL, Cause.SUBJECT, "wrong", evidence=places)
 
 
@@ -37,16 +37,16 @@ def parts(frame: Frame) -> list[tuple[str, int, int, str]]:
     ]
 
 
-def test_an_exhibit_says_where_and_what_it_is() -> None:
-    """Place, note and bytes."""
+def test_content_of_evidence() -> None:
+    """Position, note and bytes."""
     found = evidence_of(seen(Frame(C2A, 0x30, b"11", tagged=True), at=66))
     assert (found.connection, found.direction, found.offset_bytes) == ("1", C2A, 66)
     assert (found.length_bytes, found.time_ns) == (7, 1066)
     assert (found.note, found.frame_hex) == ("run_program, final result", "CC9030023131AA")
 
 
-def test_every_part_of_a_frame_is_marked() -> None:
-    """Head, the texts between bars, and end; the bars stand alone."""
+def test_fields_of_a_frame() -> None:
+    """Header, texts between bars, and end; bars have no field."""
     assert parts(Frame(A2C, 0x43, b"8|1")) == [
         ("start", 0, 1, "A2C"),
         ("opcode", 1, 1, "Set a digital output"),
@@ -72,13 +72,13 @@ def test_every_part_of_a_frame_is_marked() -> None:
         (Frame(A2C, 0x09), []),
     ],
 )
-def test_texts_bear_the_names_of_the_form_that_is_drawn(frame: Frame, names: list[str]) -> None:
-    """What fits no drawn form is plain data, and is not named wrongly."""
+def test_names_of_text_fields(frame: Frame, names: list[str]) -> None:
+    """Data that does not match the payload is named "data"."""
     marked = [name for name, *_ in parts(frame)]
     assert [n for n in marked if n not in ("start", "tag", "opcode", "length", "end")] == names
 
 
-def test_a_chunk_shows_its_structure() -> None:
+def test_fields_of_a_chunk() -> None:
     """The three numbers, the valid bytes and the padding."""
     data = FILE_DATA.encode(Chunk(300, 200, 100, b"x" * 100))
     assert parts(Frame(A2C, 0x52, data))[3:8] == [
@@ -98,8 +98,8 @@ def test_a_chunk_shows_its_structure() -> None:
         Frame(C2A, 0x01, b"sesame"),
     ],
 )
-def test_a_password_is_hidden(frame: Frame) -> None:
-    """Only its length and the bars are left; a reply that repeats it is hidden, too."""
+def test_a_password_is_masked(frame: Frame) -> None:
+    """Length and bars remain; a reply that repeats the password is masked, too."""
     found = evidence_of(seen(frame))
     assert b"sesame".hex().upper() not in found.frame_hex
     assert set(bytes.fromhex(found.frame_hex[6:-2])) <= set(b"*|")
@@ -107,25 +107,25 @@ def test_a_password_is_hidden(frame: Frame) -> None:
 
 
 def test_the_flag_of_a_login_is_shown() -> None:
-    """One byte cannot be a password, and is what a reader looks for."""
+    """One byte cannot be a password, and a reader needs it."""
     assert evidence_of(seen(Frame(C2A, 0x01, b"0"))).frame_hex == "CC010130AA"
 
 
-def test_a_password_is_hidden_in_bytes_that_are_no_frame() -> None:
-    """A login with a wrong length must not give away what a right one hides."""
-    found = evidence_of(undecodable(A2C, b"\x00\xaa\x01\x09sesame\xcc"))
+def test_a_password_in_invalid_bytes_is_masked() -> None:
+    """For example a login with a wrong length."""
+    found = evidence_of(invalid_bytes(A2C, b"\x00\xaa\x01\x09sesame\xcc"))
     assert found.frame_hex == "00AA0109" + "2A" * 7
     assert found.note == "no frame: bad end"
 
 
-def test_bytes_that_are_no_frame_are_shown_up_to_a_limit() -> None:
-    """Garbage is evidence; a megabyte of it is not better evidence."""
-    assert evidence_of(undecodable(C2A, b"\xcc\x09\x05")).frame_hex == "CC0905"
-    assert len(evidence_of(undecodable(C2A, b"\x55" * 4000)).frame_hex) == 1024
+def test_invalid_bytes_have_a_limit() -> None:
+    """The first 512 bytes are shown."""
+    assert evidence_of(invalid_bytes(C2A, b"\xcc\x09\x05")).frame_hex == "CC0905"
+    assert len(evidence_of(invalid_bytes(C2A, b"\x55" * 4000)).frame_hex) == 1024
 
 
-def test_what_a_finding_names_is_kept() -> None:
-    """Bytes come back for the place, though the recording has passed."""
+def test_evidence_of_a_finding_is_stored() -> None:
+    """The bytes are available after the recording was read."""
     exhibits, frame = EvidenceCollector(), seen(Frame(A2C, 0x09))
     exhibits.add(frame)
     exhibits.add(finding(frame.place))
@@ -134,8 +134,8 @@ def test_what_a_finding_names_is_kept() -> None:
     assert exhibits.evidence(frame.place).frame_hex == "AA0900CC"
 
 
-def test_a_place_whose_bytes_are_gone_is_still_told() -> None:
-    """No bytes are made up for it."""
+def test_evidence_without_stored_bytes() -> None:
+    """It has the position and no bytes."""
     exhibits, frame = EvidenceCollector(), seen(Frame(A2C, 0x09), at=12)
     exhibits.add(frame)
     for at in range(100, 1000):
@@ -146,7 +146,7 @@ def test_a_place_whose_bytes_are_gone_is_still_told() -> None:
 
 
 def test_memory_is_bounded() -> None:
-    """A requirement that fails at every frame keeps the first of them."""
+    """A requirement that fails at every frame stores the first fifty."""
     exhibits = EvidenceCollector()
     for at in range(2000):
         exhibits.add(seen(Frame(A2C, 0x09), at))
@@ -158,8 +158,8 @@ def test_memory_is_bounded() -> None:
     )
 
 
-def test_the_nearest_right_exchange() -> None:
-    """The last exchange of the command that nothing was wrong with, beside one that failed."""
+def test_the_last_passing_exchange() -> None:
+    """The last exchange of the same command without a failure."""
     exhibits = EvidenceCollector()
     for at, code in ((0, b"01"), (100, b"00"), (200, b"0")):
         request, reply = seen(Frame(A2C, 0x09), at), seen(Frame(C2A, 0x09, code), at)

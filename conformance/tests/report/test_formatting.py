@@ -1,4 +1,4 @@
-"""Numbers are written as a reader takes them in."""
+"""Formatting of durations, times and numbers."""
 
 import pytest
 
@@ -19,24 +19,22 @@ from scaraspec.report.formatting import count, duration, instant
         (185_400, "3 min 5 s"),
     ],
 )
-def test_a_duration_has_three_digits_and_the_unit_that_suits_it(
-    duration_ms: float, written: str
-) -> None:
-    """Microseconds to minutes are all readable at a glance."""
+def test_duration(duration_ms: float, written: str) -> None:
+    """Three digits, from microseconds to minutes."""
     assert duration(duration_ms) == written
 
 
-def test_a_time_is_told_in_utc_to_the_microsecond() -> None:
-    """Rounding never moves a time into the future."""
+def test_instant() -> None:
+    """UTC with microseconds, rounded down."""
     assert instant(1_419_258_600_000_001_999) == "2014-12-22 14:30:00.000001 UTC"
 
 
 @pytest.mark.parametrize("time_ns", [-(2**63), 0, 2**63 - 1])
-def test_every_time_that_results_can_hold_is_told(time_ns: int) -> None:
-    """A hostile number costs no page."""
+def test_any_time(time_ns: int) -> None:
+    """Every 64-bit time can be formatted."""
     assert instant(time_ns).endswith(" UTC")
 
 
-def test_thousands_stand_apart() -> None:
-    """Long numbers are read without counting digits."""
+def test_count() -> None:
+    """Long numbers have thousands separators."""
     assert count(1234567) == "1,234,567"

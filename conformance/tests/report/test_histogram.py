@@ -1,4 +1,4 @@
-"""Quantiles are as near as promised, in the memory that was promised."""
+"""Quantiles have the stated error, in bounded memory."""
 
 import math
 
@@ -13,7 +13,7 @@ HOUR_NS = 3_600 * 10**9
 
 
 def timing_of(durations_ns: list[int]) -> Timing:
-    """What a histogram shows of these."""
+    """Return the statistics of these durations."""
     histogram = Histogram()
     for duration_ns in durations_ns:
         histogram.add(duration_ns)
@@ -24,7 +24,7 @@ def timing_of(durations_ns: list[int]) -> Timing:
 
 @given(st.lists(st.integers(1_000, HOUR_NS), min_size=1, max_size=300))
 def test_quantiles_are_within_their_error(durations_ns: list[int]) -> None:
-    """2.2 % of the value that a sorted list would give; minimum and maximum exact."""
+    """Within 2.2 % of the value of a sorted list; minimum and maximum are exact."""
     timing, ordered = timing_of(durations_ns), sorted(durations_ns)
     for share, told_ms in ((0.50, timing.p50_ms), (0.99, timing.p99_ms)):
         exact_ms = ordered[math.ceil(share * len(ordered)) - 1] / 1e6
@@ -35,34 +35,34 @@ def test_quantiles_are_within_their_error(durations_ns: list[int]) -> None:
 
 @given(st.lists(st.integers(-10, 10 * HOUR_NS), min_size=1, max_size=300))
 def test_every_duration_is_in_one_bin(durations_ns: list[int]) -> None:
-    """The bins told add up to the count, in ascending order."""
+    """The counts of the bins add up to the total, in ascending order."""
     timing = timing_of(durations_ns)
     assert sum(count for _, count in timing.bins) == timing.count == len(durations_ns)
     begins = [begin for begin, _ in timing.bins]
     assert begins == sorted(set(begins))
 
 
-def test_a_bin_holds_what_is_told_to_be_in_it() -> None:
-    """1 ms lies between the beginning of its bin and the fourth root of two beyond it."""
+def test_limits_of_a_bin() -> None:
+    """1 ms is between the start of its bin and that times the fourth root of two."""
     ((begin_ms, count),) = timing_of([1_000_000]).bins
     assert count == 1
     assert begin_ms <= 1.0 < begin_ms * 2**0.25
 
 
 def test_memory_is_bounded() -> None:
-    """However many durations there are, there are at most 512 bins."""
+    """There are at most 512 bins."""
     histogram = Histogram()
     for exponent in range(20_000):
         histogram.add(int(1.003**exponent) if exponent < 15_000 else exponent)
     assert len(histogram._bins) <= 512
 
 
-def test_a_clock_that_was_set_back_counts_as_zero() -> None:
-    """A reply before its request is no reason to fail."""
+def test_negative_durations_count_as_zero() -> None:
+    """The clock was set back between request and reply."""
     timing = timing_of([-5_000, 0])
     assert (timing.min_ms, timing.p50_ms, timing.max_ms) == (0, 0, 0)
 
 
-def test_nothing_counted_is_nothing_told() -> None:
-    """No zero is made up."""
+def test_no_durations() -> None:
+    """There are no statistics."""
     assert Histogram().timing() is None

@@ -1,4 +1,4 @@
-"""The page is well-formed, whole in both languages, asks nothing of the network, obeys no subject.
+"""The page is well-formed, complete in both languages, offline, and safe against hostile text.
 
 It is read here as a parser reads it; how a browser behaves on it is tested elsewhere.
 """
@@ -25,7 +25,7 @@ _IN_LINE = frozenset({"span", "code", "b", "bdi", "i", "a"})
 
 @dataclass
 class Element:
-    """A tag, its attributes, and what is in it."""
+    """A tag, its attributes and its content."""
 
     tag: str
     attributes: dict[str, str]
@@ -45,7 +45,7 @@ class Element:
 
 
 class Page(HTMLParser):
-    """The elements of a page; complains of tags that do not match."""
+    """The elements of a page; raises an error for tags that do not match."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -57,7 +57,7 @@ class Page(HTMLParser):
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         names = [name for name, _ in attrs]
-        assert len(names) == len(set(names)), f"an attribute stands twice in {tag}"
+        assert len(names) == len(set(names)), f"duplicate attribute in {tag}"
         parent = self._open[-1] if self._open else None
         element = Element(tag, {name: value or "" for name, value in attrs}, parent)
         self.all.append(element)
@@ -79,32 +79,34 @@ class Page(HTMLParser):
             self._open[-1].parts.append(data)
 
     def of(self, tag: str, class_name: str = "") -> list[Element]:
-        """All elements of a tag and class, in order."""
+        """Return all elements of a tag and class, in order."""
         return [e for e in self.all if e.tag == tag and (not class_name or e.has_class(class_name))]
 
 
-def said(element: Element, language: str) -> str:
-    """The text that a reader of one language sees."""
-    return " ".join(seen_in(element, "zh" if language == "en" else "en").split())
+def visible_text(element: Element, language: str) -> str:
+    """Return the visible text in one language."""
+    return " ".join(text_without(element, "zh" if language == "en" else "en").split())
 
 
-def seen_in(element: Element, hidden: str) -> str:
-    """The text but for that of a class; elements that are no part of a line stand apart."""
+def text_without(element: Element, hidden: str) -> str:
+    """Return the text without elements of the class `hidden`; block elements add spaces."""
     if element.has_class(hidden):
         return ""
-    parts = (part if isinstance(part, str) else seen_in(part, hidden) for part in element.parts)
+    parts = (
+        part if isinstance(part, str) else text_without(part, hidden) for part in element.parts
+    )
     apart = "" if element.tag in _IN_LINE else " "
     return apart + "".join(parts) + apart
 
 
 @pytest.fixture
 def page(full: Results) -> Page:
-    """The page of the full results."""
+    """Return the page of the full results."""
     return Page(html.render(full))
 
 
-def test_every_text_of_the_tool_is_there_in_both_languages(page: Page) -> None:
-    """Each English piece has its Chinese one beside it."""
+def test_every_text_is_in_both_languages(page: Page) -> None:
+    """Each English text has its Chinese text next to it."""
     english, chinese = page.of("span", "en"), page.of("span", "zh")
     assert len(english) == len(chinese) > 100
     for one, other in zip(english, chinese, strict=True):
@@ -115,8 +117,8 @@ def test_every_text_of_the_tool_is_there_in_both_languages(page: Page) -> None:
 
 
 @pytest.mark.parametrize("language", Language)
-def test_the_language_shown_first_is_that_of_the_option(full: Results, language: Language) -> None:
-    """And the switch knows what to change."""
+def test_language_option(full: Results, language: Language) -> None:
+    """The option sets the first language; the switch has the data of both."""
     page = Page(html.render(full, language))
     (root,) = page.of("html")
     assert root.attributes == {"lang": language.value, "data-language": language.value}
@@ -129,33 +131,35 @@ def test_the_language_shown_first_is_that_of_the_option(full: Results, language:
         assert attributes[attributes["data-attribute"]] == attributes[f"data-{language.value}"]
 
 
-def test_the_verdict_stands_first(page: Page) -> None:
-    """In words, with what it means and how much was judged."""
+def test_the_verdict(page: Page) -> None:
+    """The text, its meaning, and how much was judged."""
     (verdict,) = page.of("section", "verdict")
     assert verdict.has_class("is-nonconformant")
-    assert said(verdict, "en").startswith(
+    assert visible_text(verdict, "en").startswith(
         "Nonconformant Cell 7 控制器 At least one requirement of the document is violated. "
         "3 of 7 requirements in scope were judged. The cases tried 12 values. 1 ✕ fail"
     )
-    assert said(verdict, "zh").startswith("不符合 Cell 7 控制器 至少有一项协议文档的要求被违反。")
+    assert visible_text(verdict, "zh").startswith(
+        "不符合 Cell 7 控制器 至少有一项协议文档的要求被违反。"
+    )
 
 
 @pytest.mark.parametrize("conclusion", Conclusion)
-def test_every_conclusion_has_its_banner(full: Results, conclusion: Conclusion) -> None:
-    """Also a run without any case, and one that knows nothing of the wire."""
+def test_every_conclusion(full: Results, conclusion: Conclusion) -> None:
+    """Also a run without cases and without a session."""
     bare = replace(
         full, verdict=conclusion, cases=(), requirements=(), counts={}, readings={}, session=None
     )
     page = Page(html.render(bare))
     (heading,) = page.of("h1")
-    assert said(heading, "en") == TRANSLATIONS[conclusion.value].en
+    assert visible_text(heading, "en") == TRANSLATIONS[conclusion.value].en
     assert "There are no cases." in page.of("body")[0].text
 
 
-def test_a_case_shows_all_that_settles_an_argument(page: Page) -> None:
-    """The sentence, the document's words, clause and lines, both sides, the bytes, the replay."""
+def test_content_of_a_case(page: Page) -> None:
+    """Requirement, original text, clause and lines, both values, bytes, reproduction command."""
     case = page.of("details", "case")[0]
-    text = said(case, "en")
+    text = visible_text(case, "en")
     for part in (
         "✕ fail 3/18 run_program ended a second time",
         "To each first reply '1' of a two-stage command there must be one final result",
@@ -168,29 +172,29 @@ def test_a_case_shows_all_that_settles_an_argument(page: Page) -> None:
         "Reproduction command scaraspec certify controller tcp://robot --only 3/18",
     ):
         assert part in text
-    chinese = said(case, "zh")
+    chinese = visible_text(case, "zh")
     for part in ("应为 one final result", "责任方: 被测对象", "控制层 → 应用层", "第 73 字节起"):
         assert part in chinese
     assert "open" in case.attributes
 
 
-def test_a_frame_is_cut_at_its_fields(page: Page) -> None:
-    """What is between them stands alone; every byte is there once."""
+def test_a_frame_is_split_at_its_fields(page: Page) -> None:
+    """Bytes between fields are separate; every byte is shown once."""
     (frame,) = page.of("div", "frame")
     segments = [" ".join(child.text.split()) for child in frame.children]
     assert segments == ["CC start C2A", "90 30 02", "31 31 flag 11", "AA"]
 
 
-def test_cases_are_told_most_telling_first(page: Page) -> None:
-    """Failures, then what is unsettled, then tolerated, then what passed."""
+def test_order_of_cases(page: Page) -> None:
+    """Failures, errors, inconclusive, tolerated, passes, not judged."""
     verdicts = [case.attributes["data-verdict"] for case in page.of("details", "case")]
     assert verdicts == ["fail", "error", "inconclusive", "tolerated", "pass", "none"]
     offered = [box.attributes["value"] for box in page.of("input") if "value" in box.attributes]
     assert offered == verdicts
 
 
-def test_every_requirement_in_scope_has_its_square(page: Page, full: Results) -> None:
-    """With its verdict, and a link to its first case where it has one."""
+def test_coverage_squares(page: Page, full: Results) -> None:
+    """One per requirement, with its verdict and a link to its first case."""
     squares = [e for e in page.all if e.has_class("square") and "title" in e.attributes]
     assert len(squares) == len(full.requirements)
     assert [e.tag for e in squares] == ["a"] * 6 + ["i"]
@@ -199,10 +203,10 @@ def test_every_requirement_in_scope_has_its_square(page: Page, full: Results) ->
     assert squares[1].attributes["title"].startswith("3/18 · fail · To each first reply")
 
 
-def test_the_dialect_is_told_with_its_meaning(page: Page) -> None:
-    """Default or not, mixed, claimed; an unknown key costs no page."""
+def test_content_of_the_dialect(page: Page) -> None:
+    """Default or not, mixed, claimed; an unknown key is allowed."""
     (table,) = page.of("table", "dialect")
-    text = said(table, "en")
+    text = visible_text(table, "en")
     for part in (
         "endian A-5-2 What is the byte order",
         "big the most significant byte first little the least significant byte first mixed: one",
@@ -214,10 +218,10 @@ def test_the_dialect_is_told_with_its_meaning(page: Page) -> None:
         assert part in text
 
 
-def test_what_happened_is_told(page: Page) -> None:
-    """Counts, commands with their timing and plot, transfers, runs, connections, gaps."""
+def test_content_of_the_session(page: Page) -> None:
+    """Counts, command timing and plot, transfers, runs, connections, gaps."""
     (section,) = (e for e in page.of("section") if e.attributes.get("id") == "session")
-    text = said(section, "en")
+    text = visible_text(section, "en")
     for part in (
         "connections 2 frames 18 bytes from the client 1,323 bytes from the controller 72",
         "gaps in the recording 4 invalid bytes 3",
@@ -236,10 +240,10 @@ def test_what_happened_is_told(page: Page) -> None:
     assert [child.tag for child in plots[1].children].count("rect") == 2
 
 
-def test_the_foot_says_what_a_reader_must_know(page: Page) -> None:
-    """The rule of precedence (A-0-10), and that this is no safety function."""
+def test_the_footer(page: Page) -> None:
+    """The order of precedence (A-0-10), and the note on safety."""
     (footer,) = page.of("footer")
-    english, chinese = said(footer, "en"), said(footer, "zh")
+    english, chinese = visible_text(footer, "en"), visible_text(footer, "zh")
     assert "scaraspec is not a safety function" in english
     assert "the frame rule of clause 3, the prose of a clause" in english
     assert "A-0-10" in english
@@ -248,8 +252,8 @@ def test_the_foot_says_what_a_reader_must_know(page: Page) -> None:
 
 
 @pytest.mark.parametrize("name", ["complaint-1", "plant-b-other-dialect", "plant-a-torn"])
-def test_the_page_asks_nothing_of_the_network(audited: Callable[[str], Results], name: str) -> None:
-    """No address, no source, no import; and a policy that would stop them."""
+def test_the_page_makes_no_network_requests(audited: Callable[[str], Results], name: str) -> None:
+    """No address, source or import; the content security policy forbids them, too."""
     text = html.render(audited(name))
     page = Page(text)
     for element in page.all:
@@ -262,7 +266,7 @@ def test_the_page_asks_nothing_of_the_network(audited: Callable[[str], Results],
 
 
 def test_only_our_script_may_run(page: Page) -> None:
-    """The policy names the digest of the one script that is there."""
+    """The policy contains the digest of the only script."""
     (script,) = page.of("script")
     digest = base64.b64encode(hashlib.sha256(script.text.encode()).digest()).decode()
     (policy,) = (e.attributes["content"] for e in page.of("meta") if "http-equiv" in e.attributes)
@@ -273,7 +277,7 @@ def test_only_our_script_may_run(page: Page) -> None:
 def test_hostile_text_stays_text(
     hostile: Results, page: Page, language: Language, tmp_path: Path
 ) -> None:
-    """Wherever a subject can put some: no element, no attribute, no control, no turned line."""
+    """Hostile text creates no element, attribute, control character or direction change."""
     path = tmp_path / "report.html"
     html.write(hostile, path, language)
     text = path.read_text(encoding="utf-8")
@@ -287,10 +291,8 @@ def test_hostile_text_stays_text(
     assert all("⟨U+0000⟩⟨U+001B⟩[31m⟨U+202E⟩txt.exe⟨U+FFFE⟩" in e.text for e in shown)
 
 
-def test_every_id_is_there_once_and_every_link_leads_somewhere(
-    page: Page, hostile: Results
-) -> None:
-    """Whatever the cases are called."""
+def test_ids_and_links(page: Page, hostile: Results) -> None:
+    """Ids are unique, and every link has a target, whatever the names of the cases."""
     for each in (page, Page(html.render(hostile))):
         ids = [e.attributes["id"] for e in each.all if "id" in e.attributes]
         assert len(ids) == len(set(ids))
@@ -299,8 +301,8 @@ def test_every_id_is_there_once_and_every_link_leads_somewhere(
         assert len({link for link in links if not link.startswith("#")}) == 1  # the recording
 
 
-def test_a_case_leads_to_its_moment_in_the_recording(full: Results, page: Page) -> None:
-    """By the command that shows it; the file itself is a link where it lies beside the page."""
+def test_link_to_the_recording(full: Results, page: Page) -> None:
+    """The command shows the moment; the file is a link if it is next to the page."""
     case = next(case for case in full.cases if case.wire)
     at = f"{case.wire[-1].time_ns / 10**9:.3f}"[:-1]
     (place, *_) = [e for e in page.of("code") if "--at" in e.text]
@@ -310,14 +312,14 @@ def test_a_case_leads_to_its_moment_in_the_recording(full: Results, page: Page) 
     assert not any(e.attributes.get("href") == "run.mcap" for e in Page(html.render(audit)).of("a"))
 
 
-def test_the_statement_of_conformance_is_there(page: Page) -> None:
-    """What was claimed, and what the process complained of."""
+def test_ics_and_error_output(page: Page) -> None:
+    """The claims, and the error output of the process."""
     assert any("readings.endian = little" in " ".join(e.text.split()) for e in page.of("code"))
     assert any(e.text == "it is warm in here" for e in page.of("pre"))
 
 
-def test_a_file_name_of_right_to_left_letters_turns_nothing_else(full: Results) -> None:
-    """What a subject names is isolated from the text around it."""
+def test_right_to_left_names(full: Results) -> None:
+    """Names of a SUT are isolated from the text around them."""
     named = replace(full, subject=replace(full.subject, name="שלום.rob"))
     page = Page(html.render(named))
     holders = [e for e in page.all if e.text == "שלום.rob"]
@@ -325,8 +327,8 @@ def test_a_file_name_of_right_to_left_letters_turns_nothing_else(full: Results) 
     assert {e.tag for e in holders if not e.children} == {"bdi"}
 
 
-def test_thousands_of_cases_are_folded(full: Results) -> None:
-    """Each is one line until it is opened; only a failure that comes first is open."""
+def test_cases_are_collapsed(full: Results) -> None:
+    """Only a failure that is the first case is open."""
     (failing,) = (case for case in full.cases if case.id == "3/18")
     many = replace(full, cases=tuple(replace(failing, id=f"3/18.{n}") for n in range(300)))
     cases = Page(html.render(many)).of("details", "case")
@@ -336,13 +338,13 @@ def test_thousands_of_cases_are_folded(full: Results) -> None:
     assert "open" not in Page(html.render(passing)).of("details", "case")[0].attributes
 
 
-def test_equal_results_are_equal_pages(full: Results) -> None:
-    """No clock and no chance in it."""
+def test_the_page_is_deterministic(full: Results) -> None:
+    """Equal results give equal pages."""
     assert html.render(full) == html.render(full)
 
 
-def test_what_to_look_at_first(full: Results) -> None:
-    """Beside the verdict, each finding once, with the way to its case; nothing if all is well."""
+def test_most_important_findings(full: Results) -> None:
+    """Next to the verdict, each finding once with a link; nothing if all cases pass."""
     alike = tuple(Case(f"3/1.{n}", ("3/1",), Verdict.FAIL, message="no <frame>") for n in range(3))
     page = html.render(replace(full, cases=alike))
     verdict, _, _ = page.partition("</section>")

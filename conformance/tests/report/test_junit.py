@@ -1,4 +1,4 @@
-"""junit.xml is XML whatever the subject sent, and only what passed is green."""
+"""junit.xml is valid XML for any text, and only passes count as passed."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,12 +11,12 @@ from scaraspec.report.model import Results
 
 
 def tree_of(results: Results) -> ET.Element:
-    """What another program reads."""
+    """Return the parsed document."""
     return ET.fromstring(junit.render(results))
 
 
 def test_each_verdict_has_its_element(full: Results) -> None:
-    """A failure is a failure; inconclusive and error are errors; tolerated passes with its why."""
+    """Inconclusive and error are errors; tolerated passes with a reason."""
     cases = {case.get("name"): case for case in tree_of(full).iter("testcase")}
     assert {name: [child.tag for child in case] for name, case in cases.items()} == {
         "3/1": [],
@@ -32,8 +32,8 @@ def test_each_verdict_has_its_element(full: Results) -> None:
     assert types["9/9"] == "error"
 
 
-def test_a_failure_says_all_that_a_log_needs(full: Results) -> None:
-    """Message, expected, observed, the bytes, and how to see it again."""
+def test_content_of_a_failure(full: Results) -> None:
+    """Message, expected, observed, the bytes, and the reproduction command."""
     failure = tree_of(full).find(".//failure")
     assert failure is not None
     assert failure.get("message") == "run_program ended a second time"
@@ -49,8 +49,8 @@ def test_a_failure_says_all_that_a_log_needs(full: Results) -> None:
     )
 
 
-def test_the_sums_are_those_of_the_cases(full: Results) -> None:
-    """Readers that look only at the attributes see the same."""
+def test_the_sums_match_the_cases(full: Results) -> None:
+    """In the attributes of the suites."""
     root = tree_of(full)
     assert root.attrib == {
         "name": "scaraspec controller",
@@ -68,7 +68,7 @@ def test_the_sums_are_those_of_the_cases(full: Results) -> None:
 
 
 def test_hostile_text_stays_text(hostile: Results) -> None:
-    """No control character, no element and no attribute comes out of a message."""
+    """A message creates no control character, element or attribute."""
     text = junit.render(hostile)
     root = ET.fromstring(text)
     assert {element.tag for element in root.iter()} == {
@@ -81,8 +81,8 @@ def test_hostile_text_stays_text(hostile: Results) -> None:
     assert "⟨U+0000⟩⟨U+001B⟩[31m⟨U+202E⟩txt.exe⟨U+FFFE⟩" in failure.get("message", "")
 
 
-def test_nothing_tested_is_not_green(full: Results) -> None:
-    """An empty run has an error and no empty file."""
+def test_an_empty_run_does_not_pass(full: Results) -> None:
+    """It has an error."""
     root = tree_of(replace(full, verdict=Conclusion.NOTHING_TESTED, cases=()))
     assert root.get("errors") == "1"
     error = root.find(".//error")
@@ -91,7 +91,7 @@ def test_nothing_tested_is_not_green(full: Results) -> None:
 
 
 def test_a_file_is_written(audited: Callable[[str], Results], tmp_path: Path) -> None:
-    """Declared as UTF-8, and parsed by a program that is not ours."""
+    """Declared as UTF-8, and readable by another parser."""
     path = tmp_path / "junit.xml"
     junit.write(audited("complaint-1"), path)
     assert path.read_bytes().startswith(b'<?xml version="1.0" encoding="UTF-8"?>\n<testsuites')

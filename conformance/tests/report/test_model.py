@@ -1,4 +1,4 @@
-"""results.json holds all that results say, is written in one way, and is read with distrust."""
+"""results.json contains the whole model, is deterministic, and is validated when it is read."""
 
 import json
 from collections.abc import Mapping
@@ -67,15 +67,13 @@ every_results = st.builds(
 
 
 @given(every_results)
-def test_results_round_trip(results: Results) -> None:
-    """What is written is read back equal, whatever texts and numbers it holds."""
+def test_round_trip(results: Results) -> None:
+    """With any texts and numbers."""
     assert Results.from_json(results.to_json().encode()) == results
 
 
-def test_a_file_round_trips_with_everything_in_it(
-    full: Results, hostile: Results, tmp_path: Path
-) -> None:
-    """Also the part on the session, and hostile text."""
+def test_round_trip_of_a_file(full: Results, hostile: Results, tmp_path: Path) -> None:
+    """With a session and hostile text."""
     path = tmp_path / "results.json"
     for results in (full, hostile):
         results.write(path)
@@ -83,15 +81,15 @@ def test_a_file_round_trips_with_everything_in_it(
 
 
 def test_equal_results_are_equal_bytes(full: Results) -> None:
-    """Keys are sorted, so that two runs can be compared by a plain diff."""
+    """Keys are sorted, so that a plain diff can compare two runs."""
     text = full.to_json()
     assert text == json.dumps(json.loads(text), ensure_ascii=False, indent=1, sort_keys=True) + "\n"
     assert "控制器" in text
     assert "\r" not in text
 
 
-def test_the_shape_is_the_promised_one(full: Results) -> None:
-    """These keys are what other programs rely on."""
+def test_public_keys(full: Results) -> None:
+    """Other programs depend on these keys."""
     plain = json.loads(full.to_json())
     assert plain.keys() == {
         *("schema", "tool", "subject", "role", "verdict", "counts", "readings"),
@@ -118,8 +116,8 @@ def test_the_shape_is_the_promised_one(full: Results) -> None:
     ]["wire"][0].keys()
 
 
-def test_a_torn_file_is_told_as_one(full: Results, tmp_path: Path) -> None:
-    """Wherever it is cut: one sentence that begins with the file's name, and no result."""
+def test_a_truncated_file(full: Results, tmp_path: Path) -> None:
+    """Truncated anywhere: one sentence that begins with the file name."""
     path, whole = tmp_path / "results.json", full.to_json().encode()
     for length in range(0, len(whole) - 1, 97):
         path.write_bytes(whole[:length])
@@ -146,23 +144,23 @@ def test_a_torn_file_is_told_as_one(full: Results, tmp_path: Path) -> None:
         (b'{"schema": ' + b"9" * 5000 + b"}", "not a results.json"),
     ],
 )
-def test_what_is_no_results_file_is_told(raw: bytes, told: str) -> None:
-    """Each with its own reason."""
+def test_invalid_files(raw: bytes, told: str) -> None:
+    """Each has its own reason."""
     with pytest.raises(ResultsError) as caught:
         Results.from_json(raw)
     assert told in str(caught.value)
 
 
-def test_a_damaged_file_is_told_with_the_place(full: Results) -> None:
-    """The message leads to the damage."""
+def test_a_damaged_file(full: Results) -> None:
+    """The message has the position of the damage."""
     plain = json.loads(full.to_json())
     plain["cases"][3]["verdict"] = "good"
     with pytest.raises(ResultsError, match=r"damaged: cases\[3\]\.verdict is 'good', not one"):
         Results.from_json(json.dumps(plain))
 
 
-def test_what_cannot_be_opened_is_told(tmp_path: Path) -> None:
-    """A missing file and a folder are one sentence each."""
+def test_unreadable_files(tmp_path: Path) -> None:
+    """A missing file and a folder; one sentence each."""
     with pytest.raises(ResultsError, match=r"absent\.json cannot be read: No such file"):
         Results.read(tmp_path / "absent.json")
     with pytest.raises(ResultsError, match="cannot be read: Is a directory"):
@@ -172,7 +170,7 @@ def test_what_cannot_be_opened_is_told(tmp_path: Path) -> None:
 def test_a_file_that_is_too_large_is_refused(
     full: Results, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Memory is bounded by a limit, not by the file."""
+    """The memory is bounded."""
     path = tmp_path / "results.json"
     full.write(path)
     monkeypatch.setattr(model, "_MAX_FILE_BYTES", path.stat().st_size - 1)
@@ -183,52 +181,50 @@ def test_a_file_that_is_too_large_is_refused(
 # A judge of the part of JSON Schema that ours uses: the lock holds no validator.
 
 
-def misfits(schema: Mapping[str, Any], value: Any, root: Mapping[str, Any]) -> list[str]:
-    """What of `value` breaks `schema`."""
+def schema_errors(schema: Mapping[str, Any], value: Any, root: Mapping[str, Any]) -> list[str]:
+    """Return the errors of `value` against `schema`."""
     if "$ref" in schema:
-        return misfits(root["$defs"][schema["$ref"].rpartition("/")[2]], value, root)
+        return schema_errors(root["$defs"][schema["$ref"].rpartition("/")[2]], value, root)
     found = []
     if "const" in schema and value != schema["const"]:
         found.append(f"{value!r} is not {schema['const']!r}")
     if "enum" in schema and value not in schema["enum"]:
         found.append(f"{value!r} is none of {schema['enum']}")
-    if "anyOf" in schema and all(misfits(s, value, root) for s in schema["anyOf"]):
+    if "anyOf" in schema and all(schema_errors(s, value, root) for s in schema["anyOf"]):
         found.append(f"{value!r} is none of the alternatives")
-    if "type" in schema and not is_of(schema["type"], value):
+    if "type" in schema and not has_type(schema["type"], value):
         found.append(f"{value!r} is no {schema['type']}")
     elif isinstance(value, dict):
-        found += misfits_of_object(schema, value, root)
+        found += object_errors(schema, value, root)
     elif isinstance(value, list):
-        found += misfits_of_array(schema, value, root)
+        found += array_errors(schema, value, root)
     return found
 
 
-def misfits_of_object(
+def object_errors(
     schema: Mapping[str, Any], value: dict[str, Any], root: Mapping[str, Any]
 ) -> list[str]:
-    """What of an object's keys and members breaks `schema`."""
+    """Return the errors of the keys and members of an object."""
     known = schema.get("properties", {})
     found = [f"{key} is missing" for key in schema.get("required", ()) if key not in value]
     for key, item in value.items():
-        found += misfits(schema.get("propertyNames", {}), key, root)
-        found += misfits(known.get(key, schema.get("additionalProperties", {})), item, root)
+        found += schema_errors(schema.get("propertyNames", {}), key, root)
+        found += schema_errors(known.get(key, schema.get("additionalProperties", {})), item, root)
     return found
 
 
-def misfits_of_array(
-    schema: Mapping[str, Any], value: list[Any], root: Mapping[str, Any]
-) -> list[str]:
-    """What of an array's length and items breaks `schema`."""
-    found = [m for item in value for m in misfits(schema.get("items", {}), item, root)]
+def array_errors(schema: Mapping[str, Any], value: list[Any], root: Mapping[str, Any]) -> list[str]:
+    """Return the errors of the length and items of an array."""
+    found = [m for item in value for m in schema_errors(schema.get("items", {}), item, root)]
     for part, item in zip(schema.get("prefixItems", ()), value, strict=False):
-        found += misfits(part, item, root)
+        found += schema_errors(part, item, root)
     if not schema.get("minItems", 0) <= len(value) <= schema.get("maxItems", len(value)):
         found.append(f"{len(value)} items")
     return found
 
 
-def is_of(types: str | list[str], value: Any) -> bool:
-    """Whether a JSON value is of one of these types."""
+def has_type(types: str | list[str], value: Any) -> bool:
+    """Return whether a JSON value has one of these types."""
     names = {dict: "object", list: "array", str: "string", bool: "boolean", type(None): "null"}
     name = names.get(type(value), "number")
     allowed = {types} if isinstance(types, str) else set(types)
@@ -237,18 +233,18 @@ def is_of(types: str | list[str], value: Any) -> bool:
 
 @pytest.fixture(scope="module")
 def schema() -> dict[str, Any]:
-    """The schema that ships beside the model."""
+    """Return the schema that is next to the model."""
     path = Path(model.__file__).with_name("results.schema.json")
     loaded: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     return loaded
 
 
-def test_what_is_written_fits_the_schema(
+def test_written_files_match_the_schema(
     full: Results, hostile: Results, schema: dict[str, Any]
 ) -> None:
-    """The schema allows all that the model can say."""
+    """The schema allows all values of the model."""
     for results in (full, hostile, replace(full, session=None)):
-        assert misfits(schema, json.loads(results.to_json()), schema) == []
+        assert schema_errors(schema, json.loads(results.to_json()), schema) == []
 
 
 @pytest.mark.parametrize(
@@ -265,7 +261,7 @@ def test_what_is_written_fits_the_schema(
         (("session", "bytes", "both"), 1),
     ],
 )
-def test_the_schema_refuses_what_is_wrong(
+def test_the_schema_rejects_invalid_values(
     full: Results, schema: dict[str, Any], path: tuple[str | int, ...], value: Any
 ) -> None:
     """A schema that allows everything would prove nothing."""
@@ -274,11 +270,11 @@ def test_the_schema_refuses_what_is_wrong(
     for step in path[:-1]:
         at = at[step]
     at[path[-1]] = value
-    assert misfits(schema, plain, schema)
+    assert schema_errors(schema, plain, schema)
 
 
 def test_the_schema_names_every_member_of_the_model(schema: dict[str, Any]) -> None:
-    """A member that is added to the model is added to the schema."""
+    """A new member of the model must be added to the schema."""
     whole = {**schema["$defs"], "Results": schema}
     for name, part in whole.items():
         if "properties" in part:

@@ -1,4 +1,4 @@
-"""Cases are listed by importance, and no run looks better than it is."""
+"""Order of cases, and the additional case for the verdict of a run."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from scaraspec.report.ordering import cases_for_machines, group_equal_cases, mos
 
 
 def test_failures_come_first_and_passes_last(full: Results) -> None:
-    """A reader who stops early has seen the worst."""
+    """The most important cases are first."""
     assert [case.verdict for case in most_important_first(full)] == [
         Verdict.FAIL,
         Verdict.ERROR,
@@ -21,7 +21,7 @@ def test_failures_come_first_and_passes_last(full: Results) -> None:
     ]
 
 
-def test_what_the_document_states_comes_before_what_follows_from_it(full: Results) -> None:
+def test_stated_requirements_come_before_derived_ones(full: Results) -> None:
     """Among failures: firm and stated, firm and derived, tolerant, unknown."""
     ids = ("9/9", "5.2/17", "3/18", "3/1")
     cases = tuple(Case(i, (i,), Verdict.FAIL, Cause.SUBJECT) for i in ids)
@@ -29,7 +29,7 @@ def test_what_the_document_states_comes_before_what_follows_from_it(full: Result
     assert [case.id for case in told] == ["3/1", "3/18", "5.2/17", "9/9"]
 
 
-def test_what_was_seen_comes_before_what_failed_for_it(full: Results) -> None:
+def test_findings_on_the_wire_come_before_failed_cases(full: Results) -> None:
     """Among equals; equal messages are listed once."""
     ids = ("5.3/4.a", "5.3/4.b", "5.3/4.seen-1")
     cases = tuple(Case(i, ("5.3/4",), Verdict.FAIL, message=i[:7]) for i in ids)
@@ -40,17 +40,15 @@ def test_what_was_seen_comes_before_what_failed_for_it(full: Results) -> None:
 
 
 def test_passes_keep_the_order_of_the_document(full: Results) -> None:
-    """There is nothing to rank among them."""
+    """They have equal importance."""
     cases = tuple(Case(i, (i,), Verdict.PASS) for i in ("3/18", "3/1", "9/9"))
     told = most_important_first(replace(full, cases=cases))
     assert [case.id for case in told] == ["3/18", "3/1", "9/9"]
 
 
 @pytest.mark.parametrize("verdict", [Conclusion.NOTHING_TESTED, Conclusion.INCONCLUSIVE])
-def test_a_run_that_is_not_conformant_has_a_case_that_says_so(
-    full: Results, verdict: Conclusion
-) -> None:
-    """Machines that count failures and errors find at least one."""
+def test_a_run_that_is_not_conformant_has_such_a_case(full: Results, verdict: Conclusion) -> None:
+    """Programs that count failures and errors find at least one."""
     passes = (Case("3/1", ("3/1",), Verdict.PASS),)
     for cases in ((), passes):
         first, *others = cases_for_machines(replace(full, verdict=verdict, cases=cases))
@@ -58,8 +56,8 @@ def test_a_run_that_is_not_conformant_has_a_case_that_says_so(
         assert tuple(others) == cases
 
 
-def test_nothing_is_added_where_the_cases_say_it(full: Results) -> None:
-    """Neither to failures nor to a conformant run."""
+def test_no_additional_case(full: Results) -> None:
+    """If there are failures, or the run is conformant."""
     passes = (Case("3/1", ("3/1",), Verdict.PASS),)
     conformant = replace(full, verdict=Conclusion.CONFORMANT, cases=passes)
     assert cases_for_machines(full) == list(full.cases)

@@ -1,4 +1,4 @@
-"""What cannot be seen is shown, what can be seen is left alone."""
+"""Invisible characters become visible; all other characters are unchanged."""
 
 import unicodedata
 
@@ -21,20 +21,20 @@ from scaraspec.report.sanitizing import visible
         ("程序.rob שלום é 🤖", "程序.rob שלום é 🤖"),
     ],
 )
-def test_each_unseen_character_becomes_its_code(text: str, shown: str) -> None:
-    """A reader sees that something is there, and what."""
+def test_invisible_characters(text: str, shown: str) -> None:
+    """They are replaced by their code points."""
     assert visible(text) == shown
 
 
 @given(st.text(st.characters(exclude_categories=())))
-def test_nothing_that_acts_is_left(text: str) -> None:
-    """No control, no override of direction, no surrogate, whatever the text."""
+def test_any_text(text: str) -> None:
+    """The result has no control character, direction override or surrogate."""
     left = visible(text)
     assert not [c for c in left if unicodedata.category(c) in ("Cc", "Cs") and c not in "\n\t"]
     assert not [c for c in left if unicodedata.bidirectional(c) in ("RLO", "LRO", "RLE", "RLI")]
     left.encode()
 
 
-def test_a_huge_text_is_cut() -> None:
-    """A page is not drowned by one message."""
+def test_a_long_text_is_truncated() -> None:
+    """The number of omitted characters is shown."""
     assert visible("x" * 10_003) == "x" * 10_000 + "… (+3)"

@@ -1,4 +1,4 @@
-"""What happened is counted while it passes, and never costs more memory than was promised."""
+"""Statistics of a session, in bounded memory."""
 
 from collections.abc import Callable
 
@@ -17,7 +17,7 @@ MS = 10**6
 
 
 def session_of(*pieces: tuple[int, Direction, bytes]) -> Session:
-    """The session in which these bytes passed on one connection, at these times."""
+    """Return the session with these bytes and times on one connection."""
     judge, stats = Judge(), SessionStats()
     opened = WireEvent(0, "1", A2C, Kind.OPENED, note="client → controller")
     for event in (
@@ -42,8 +42,8 @@ def reply(opcode: int, data: bytes, *, tagged: bool = False) -> bytes:
     return Frame(C2A, opcode, data, tagged).encode()
 
 
-def test_bytes_frames_and_the_time_are_counted() -> None:
-    """Every byte of either direction, those that are no frame among them."""
+def test_bytes_frames_and_times() -> None:
+    """Every byte of both directions, including invalid bytes."""
     session = session_of(
         (1 * MS, A2C, request(0x01, b"password")),
         (2 * MS, C2A, reply(0x01, b"1")),
@@ -60,7 +60,7 @@ def test_bytes_frames_and_the_time_are_counted() -> None:
     assert connection.note == "client → controller"
 
 
-def test_commands_are_counted_with_their_latency() -> None:
+def test_commands() -> None:
     """Count, refusals, and the time to the first reply."""
     session = session_of(
         (1 * MS, A2C, request(0x09)),
@@ -78,8 +78,8 @@ def test_commands_are_counted_with_their_latency() -> None:
     assert (delete.name, delete.count, delete.refused) == ("delete_program", 1, 1)
 
 
-def test_a_request_without_reply_is_counted_by_its_ending() -> None:
-    """It has no latency, and is not forgotten."""
+def test_a_request_without_reply() -> None:
+    """It has no latency, and its ending is counted."""
     (status,) = session_of((1 * MS, A2C, request(0x09))).exchanges
     assert status.latency is None
     assert dict(status.endings) == {"cut off": 1}
@@ -94,10 +94,10 @@ def test_a_request_without_reply_is_counted_by_its_ending() -> None:
         ([reply(0x30, b"1")], "cut off", "", None),
     ],
 )
-def test_a_run_is_told_with_its_outcome(
+def test_outcome_of_a_run(
     pieces: list[bytes], outcome: str, code: str, duration_ms: float | None
 ) -> None:
-    """From the first reply to the final result, and the code that came with it."""
+    """From the first reply to the final result, with the code."""
     answers = [(at * MS, C2A, piece) for at, piece in enumerate(pieces, 2)]
     (run,) = session_of((1 * MS, A2C, request(0x30, b"a.rob")), *answers).runs
     assert (run.name, run.simulated, run.outcome, run.code) == ("a.rob", False, outcome, code)
@@ -105,7 +105,7 @@ def test_a_run_is_told_with_its_outcome(
 
 
 def test_an_emergency_stop_interrupts_a_run() -> None:
-    """The stopped run is shown as interrupted, whatever its own result is."""
+    """The run is shown as interrupted, whatever its own result is."""
     (run,) = session_of(
         (1 * MS, A2C, request(0x31, b"a.rob")),
         (2 * MS, C2A, reply(0x31, b"1")),
@@ -117,8 +117,8 @@ def test_an_emergency_stop_interrupts_a_run() -> None:
     assert (run.simulated, run.outcome, run.code) == (True, "interrupted", "00")
 
 
-def test_the_transfers_of_a_capture_are_listed(audited: Callable[[str], Results]) -> None:
-    """Name, size and state of each, as the wire showed them."""
+def test_transfers(audited: Callable[[str], Results]) -> None:
+    """Name, size and state of each."""
     session = audited("complaint-3").session
     assert session
     assert [
@@ -126,16 +126,16 @@ def test_the_transfers_of_a_capture_are_listed(audited: Callable[[str], Results]
     ] == [("big.bin", True, 76800, 76800, "done"), ("big.bin", False, 76800, 76800, "done")]
 
 
-def test_the_losses_of_a_capture_are_listed(audited: Callable[[str], Results]) -> None:
-    """A torn capture says where it is torn."""
+def test_losses(audited: Callable[[str], Results]) -> None:
+    """A capture with gaps lists each gap."""
     session = audited("plant-a-torn").session
     assert session
     assert len(session.losses) == 4
     assert all(loss.connection and loss.note for loss in session.losses)
 
 
-def test_lists_are_bounded_and_what_is_beyond_is_counted() -> None:
-    """A capture of a year costs no more memory than that of a day."""
+def test_lists_are_bounded() -> None:
+    """Further entries are counted."""
     stats = SessionStats()
     for number in range(700):
         stats.add(LinkChange(WireEvent(number, str(number), A2C, Kind.OPENED)))
@@ -148,6 +148,6 @@ def test_lists_are_bounded_and_what_is_beyond_is_counted() -> None:
     assert session.unlisted == {"connections": 200, "losses": 200, "transfers": 200}
 
 
-def test_where_nothing_happened_there_is_no_session() -> None:
-    """No zero is made up."""
+def test_no_session_without_events() -> None:
+    """No zeros are made up."""
     assert SessionStats().session() is None

@@ -1,4 +1,4 @@
-"""The summary says the verdict first, fits a screen, and obeys nothing that a subject sent."""
+"""The summary on a terminal: the verdict first, short, and safe against hostile text."""
 
 import io
 import re
@@ -15,7 +15,7 @@ WHERE = "connection 1, C2A byte 73, 7 bytes"
 
 
 def shown(results: Results, *, as_terminal: bool = False, findings: int = 10) -> str:
-    """What is printed."""
+    """Return the printed text."""
     stream = io.StringIO()
     console = Console(
         file=stream,
@@ -27,8 +27,8 @@ def shown(results: Results, *, as_terminal: bool = False, findings: int = 10) ->
     return stream.getvalue()
 
 
-def test_where_there_is_no_terminal_there_are_plain_lines(full: Results) -> None:
-    """Each finding is one line, however narrow the console, so that grep finds it whole."""
+def test_plain_lines_without_a_terminal(full: Results) -> None:
+    """Each finding is one line for any console width, so that grep works."""
     counts = "1 fail, 1 error, 1 inconclusive, 1 tolerated, 1 pass, 1 none"
     compared = "(expected one final result; observed a second one)"
     assert shown(full).splitlines() == [
@@ -54,8 +54,8 @@ def test_a_terminal_gets_a_table(full: Results) -> None:
     assert max(len(line) for line in plain.splitlines()) <= 100
 
 
-def test_only_the_most_telling_findings_are_shown(full: Results) -> None:
-    """The others are counted, not hidden."""
+def test_the_number_of_findings_is_limited(full: Results) -> None:
+    """The others are counted."""
     lines = shown(full, findings=2).splitlines()
     assert [line.split(" · ")[0] for line in lines[4:]] == [
         "fail",
@@ -64,8 +64,8 @@ def test_only_the_most_telling_findings_are_shown(full: Results) -> None:
     ]
 
 
-def test_a_pass_is_no_finding(audited: Callable[[str], Results]) -> None:
-    """Of a conforming capture, the coverage and what was not judged are shown."""
+def test_passes_are_not_listed(audited: Callable[[str], Results]) -> None:
+    """Of a conforming capture, the summary shows the coverage and what was not judged."""
     lines = shown(audited("plant-a-morning-shift")).splitlines()
     coverage = "no violation found (235 of 299 requirements judged)"
     assert lines[0] == f"{coverage}: plant-a-morning-shift.pcapng"
@@ -73,15 +73,15 @@ def test_a_pass_is_no_finding(audited: Callable[[str], Results]) -> None:
     assert not [line for line in lines if line.startswith("pass")]
 
 
-def test_the_default_dialect_is_said_to_be_one(audited: Callable[[str], Results]) -> None:
+def test_the_default_dialect_is_shown(audited: Callable[[str], Results]) -> None:
     """No output could mean that nothing was checked."""
     text = shown(audited("complaint-4"))
     assert "dialect of the client: the default, as far as observed" in text
 
 
 @pytest.mark.parametrize("as_terminal", [False, True])
-def test_hostile_text_reaches_no_terminal(hostile: Results, *, as_terminal: bool) -> None:
-    """No escape sequence but our own, no control, no mark-up of rich."""
+def test_hostile_text(hostile: Results, *, as_terminal: bool) -> None:
+    """Only our own escape sequences, no control characters, no markup of rich."""
     marked = replace(hostile, subject=replace(hostile.subject, name="[red]x[/red]\x1b]0;title\x07"))
     text = shown(marked, as_terminal=as_terminal)
     assert "[red]x[/red]⟨U+001B⟩]0;title⟨U+0007⟩" in text
@@ -92,8 +92,8 @@ def test_hostile_text_reaches_no_terminal(hostile: Results, *, as_terminal: bool
     assert as_terminal or "\x1b" not in text
 
 
-def test_a_long_comparison_is_cut(full: Results) -> None:
-    """The page has all of it."""
+def test_a_long_comparison_is_truncated(full: Results) -> None:
+    """The HTML page shows the whole text."""
     (case,) = (case for case in full.cases if case.id == "3/18")
     long = replace(full, cases=(replace(case, observed="x\n" * 500),))
     finding = shown(long).splitlines()[-1]

@@ -1,4 +1,4 @@
-"""Every word of the page is there in both languages, is used, and is missing nowhere."""
+"""Every text of the page is complete in both languages and in use."""
 
 import re
 from pathlib import Path
@@ -22,8 +22,8 @@ ALL = {**TRANSLATIONS, **{f"clause {clause}": heading for clause, heading in CLA
 
 
 @pytest.mark.parametrize("word", ALL.values(), ids=ALL)
-def test_both_languages_say_it(word: Translation) -> None:
-    """Neither is empty, Chinese has Chinese in it, and both are filled in alike."""
+def test_both_languages(word: Translation) -> None:
+    """Both are non-empty, Chinese has Chinese characters, and both have the same fields."""
     assert word.en.strip() == word.en != ""
     assert word.zh.strip() == word.zh != ""
     assert re.search("[\u4e00-\u9fff]", word.zh)
@@ -32,8 +32,8 @@ def test_both_languages_say_it(word: Translation) -> None:
     assert places[0] == places[1]
 
 
-def test_every_value_that_the_page_names_has_its_words() -> None:
-    """A verdict, cause, hazard or ending that is added is not shown as a bare key."""
+def test_every_shown_value_has_a_translation() -> None:
+    """A new verdict, cause, hazard or ending is not shown as a bare key."""
     needed = {
         *(c.value for c in Conclusion),
         *(f"{c.value}_means" for c in Conclusion),
@@ -54,13 +54,13 @@ def test_every_value_that_the_page_names_has_its_words() -> None:
     assert needed - TRANSLATIONS.keys() == set()
 
 
-def test_every_clause_has_its_heading() -> None:
-    """The matrix has no nameless row."""
+def test_every_clause_has_a_title() -> None:
+    """The coverage matrix has no row without a title."""
     assert {r.clause for r in REQUIREMENTS.values()} <= CLAUSE_TITLES.keys()
 
 
-def test_no_word_is_left_over() -> None:
-    """A word that no template says any longer is taken out of the table."""
+def test_no_unused_translations() -> None:
+    """A text that no template uses is removed from the table."""
     templates = Path(words.__file__).with_name("templates").glob("*.html")
     said = "".join(template.read_text(encoding="utf-8") for template in templates)
     prefixes = ("cause_", "reason_", "hazard_", "state_", "outcome_", "ending_", "lane_")

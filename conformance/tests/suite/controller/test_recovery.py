@@ -143,7 +143,7 @@ def test_stop_comes_first(bench: InterruptedRun) -> None:
     names = [name for name, _ in bench.requests]
     # The first login finds the current password.
     assert names[:3] == ["login", "login", "emergency_stop"]
-    assert results.verdict is Conclusion.CONFORMANT
+    assert results.verdict.good
     assert "nothing was executing, or the stop failed" in results.notices[0]
 
 
@@ -214,7 +214,7 @@ def test_more_passwords(bench: InterruptedRun) -> None:
     bench.interrupted(*(password(f"zs{number}") for number in range(8)))
     bench.set(password=b"zs1")
     results = bench.run()
-    assert results.verdict is Conclusion.CONFORMANT
+    assert results.verdict.good
     assert bench.robot._store.settings.password == PASSWORD
     more = int(results.notices[0].partition(": ")[2].partition(" more are tried")[0])
     tried = list(dict.fromkeys(bench.passwords))
@@ -240,7 +240,7 @@ def test_default_program(tmp_path: Path, core: type[ControllerCore]) -> None:
     bench.interrupted(stored("zsaaaa1.rob"), change("default program"))
     bench.set(default_program=b"zsaaaa1.rob")
     results = bench.run()
-    assert results.verdict is Conclusion.CONFORMANT
+    assert results.verdict.good
     assert bench.robot._store.settings.default_program == b"mine.rob"
     assert bench.names == [b"mine.rob"]
     assert not bench.path.exists()
@@ -253,7 +253,7 @@ def test_changes_of_the_user(bench: InterruptedRun) -> None:
     bench.robot._store.write(b"newer.rob", PROGRAM)
     bench.set(default_program=b"newer.rob")
     results = bench.run()
-    assert results.verdict is Conclusion.CONFORMANT
+    assert results.verdict.good
     assert bench.names == [b"mine.rob", b"newer.rob"]
     assert bench.robot._store.settings.default_program == b"newer.rob"
     assert "newer.rob (the default program) was not listed at the start" in results.notices[0]

@@ -2,7 +2,6 @@
 
 import pytest
 
-from scaraspec.judge.verdicts import Conclusion
 from scaraspec.mutants.controller import ControllerMutant
 from scaraspec.mutants.controller_run import prove_controller
 from scaraspec.protocol.program_files import LAYOUTS, Layout, Program, ProgramError, parse
@@ -38,7 +37,7 @@ def test_a_robot_of_any_layout_runs_programs(name: str) -> None:
     """A controller that reads one layout only conforms, though it claims none."""
     core = type("Reads", (_ReadsOne,), {"layout": LAYOUTS[name]})
     results = prove_controller(_CASES, ControllerMutant(name, (), "It reads one layout.", core))
-    assert results.verdict is Conclusion.CONFORMANT
+    assert results.verdict.good
     assert results.readings["controller"]["prog_layout"].options == (LAYOUTS[name].reading,)
 
 
@@ -68,7 +67,7 @@ def test_the_meaning_of_points_is_found() -> None:
 
     cases = Options(only=frozenset({"6.5/25", "6.5/27"}), allowed=ALL, examples=1)
     results = prove_controller(cases, ControllerMutant("poses", (), "Its points are poses.", Poses))
-    assert results.verdict is Conclusion.CONFORMANT
+    assert results.verdict.good
     assert results.readings["controller"]["point_meaning"].options == ("pose",)
 
 
