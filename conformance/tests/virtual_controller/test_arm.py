@@ -1,4 +1,4 @@
-"""The virtual arm: what it reaches, and that joints and poses are two names of one thing."""
+"""The virtual arm: reach, and conversion between joint values and poses."""
 
 import math
 
@@ -36,8 +36,8 @@ POSES = st.builds(
 
 
 @given(JOINTS)
-def test_the_pose_of_any_joints_leads_back_to_them(joints: Joints) -> None:
-    """With the elbow kept, inverse undoes forward."""
+def test_inverse_undoes_forward(joints: Joints) -> None:
+    """For any joints, with the same elbow."""
     found = inverse(forward(joints), near=joints)
     # Stretched, the elbow angle follows from a cosine that is flat: a rounding error shows large.
     assert found == pytest.approx(joints, abs=1e-4)
@@ -45,8 +45,8 @@ def test_the_pose_of_any_joints_leads_back_to_them(joints: Joints) -> None:
 
 
 @given(POSES, JOINTS)
-def test_an_accepted_pose_is_taken_within_the_limits(pose: Pose, near: Joints) -> None:
-    """Inverse either refuses, or gives legal joints that take the pose."""
+def test_inverse_respects_the_limits(pose: Pose, near: Joints) -> None:
+    """It refuses the pose, or returns joints within the limits that have this pose."""
     try:
         joints = inverse(pose, near)
     except UnreachableError:
@@ -101,9 +101,7 @@ def test_an_impossible_pose_is_refused_with_its_code(pose: Pose, code: str) -> N
     [("inner_arm_deg", "06"), ("outer_arm_deg", "06"), ("wrist_mm", "05"), ("rotation_deg", "06")],
 )
 @pytest.mark.parametrize(("limits", "outwards"), [(LOWER, -1), (UPPER, 1)])
-def test_a_joint_may_stand_at_its_limit(
-    joint: str, code: str, limits: Joints, outwards: int
-) -> None:
+def test_a_joint_may_be_at_its_limit(joint: str, code: str, limits: Joints, outwards: int) -> None:
     """A limit belongs to the range; less than the tolerance beyond is moved onto it."""
     limit = getattr(limits, joint)
     assert within_limits(limits)

@@ -1,4 +1,4 @@
-"""``scaraspec controller`` as users meet it: a process, its files, signals and sentences."""
+"""``scaraspec controller``: process, files, signals and messages."""
 
 import contextlib
 import os
@@ -95,10 +95,8 @@ def _stop(process: subprocess.Popen[str], number: int = signal.SIGTERM) -> str:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_it_says_where_it_listens_and_ends_cleanly(
-    start: Start, tmp_path: Path, number: int
-) -> None:
-    """Port 0 becomes the real one, in its output and in the ready file; a signal ends it with 0."""
+def test_address_and_clean_end(start: Start, tmp_path: Path, number: int) -> None:
+    """Port 0 becomes the real port in output and ready file; a signal ends the process with 0."""
     ready = tmp_path / "where"
     ready.write_text("from before")
     process = start("--ready-file", str(ready))
@@ -115,7 +113,7 @@ def test_it_says_where_it_listens_and_ends_cleanly(
     link.close()
 
 
-def test_it_ends_by_itself_when_it_is_shut_down(start: Start) -> None:
+def test_shutdown_ends_the_process(start: Start) -> None:
     """4.35 over the protocol."""
     process = start()
     link = _connect(process)
@@ -125,8 +123,8 @@ def test_it_ends_by_itself_when_it_is_shut_down(start: Start) -> None:
     link.close()
 
 
-def test_password_readings_and_programs_are_taken(start: Start, tmp_path: Path) -> None:
-    """What the options say is what a client meets."""
+def test_password_readings_and_programs(start: Start, tmp_path: Path) -> None:
+    """Clients observe the values of the options."""
     (tmp_path / "p.rob").write_bytes(build(Program()))
     options = ["--password", "geheim", "--programs", str(tmp_path), "--time-scale", "10"]
     process = start(*options, "--reading", "op_get_default=0x13", "--reading", "list_prefix_sep=0a")
@@ -171,7 +169,7 @@ def test_data_survive_a_restart(start: Start, tmp_path: Path) -> None:
 
 
 def test_exchanges_are_logged_and_passwords_are_not(start: Start) -> None:
-    """-v: one line a frame, with a time, on stderr."""
+    """-v: one line per frame, with a time, on stderr."""
     process = start("-v")
     link = _connect(process)
     _ask(link, b"\xaa\x01\x08password\xcc")
@@ -189,8 +187,8 @@ def test_exchanges_are_logged_and_passwords_are_not(start: Start) -> None:
     assert "password" not in errors
 
 
-def test_the_robot_is_broken_and_driven_on_stdin(start: Start) -> None:
-    """--control: an answer for each line; the end of stdin ends nothing."""
+def test_control_commands_on_stdin(start: Start) -> None:
+    """--control: a reply to each line; the process continues after the end of stdin."""
     process = start("--control")
     link = _connect(process)
     _ask(link, b"\xaa\x01\x08password\xcc")
@@ -208,7 +206,7 @@ def test_the_robot_is_broken_and_driven_on_stdin(start: Start) -> None:
 
 
 def test_control_lines_may_come_from_a_file(tmp_path: Path) -> None:
-    """A plain file cannot be watched like a pipe, and is read all the same."""
+    """A plain file cannot be polled like a pipe, and is also read."""
     script = tmp_path / "script"
     script.write_text("input 1 1\nmotor-fault wrist\n")
     with script.open() as lines:

@@ -1,4 +1,4 @@
-"""The interpreter: what every node does and when, under every reading that matters to it."""
+"""The interpreter: effect and time of every node, under every relevant reading."""
 
 import math
 from collections.abc import Iterable
@@ -374,10 +374,8 @@ def test_outputs_are_set_when_they_are_reached(plant: Plant) -> None:
     ],
 )
 @pytest.mark.parametrize("simulated", [True, False])
-def test_a_port_that_is_not_there_fails_the_run(
-    plant: Plant, node: Node, *, simulated: bool
-) -> None:
-    """05 is the nearest code for an argument that cannot be (A-8-4)."""
+def test_an_unknown_port_fails_the_run(plant: Plant, node: Node, *, simulated: bool) -> None:
+    """05 is the nearest code for an invalid argument (A-8-4)."""
     run = start(plant, node, variables={1: 0}, simulated=simulated)
     assert run.advance(0.0) == Outcome(done=False, code="05")
 
@@ -549,7 +547,7 @@ def test_values_come_from_numbers_variables_and_inputs(plant: Plant) -> None:
 
 
 def test_a_run_starts_with_the_variables_of_the_file(plant: Plant) -> None:
-    """What a run calculated is not there in the next (6.4/5)."""
+    """Values that a run calculated are not kept for the next run (6.4/5)."""
     node = compute(ResultType.CALCULATION, 1, variable(1), Opt.ADD, number(1))
     for _ in range(2):
         run = start(plant, node, variables={1: 5})

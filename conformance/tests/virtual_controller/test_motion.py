@@ -1,4 +1,4 @@
-"""Motion: continuous, within every limit at every instant, and through the points it names."""
+"""Motion: continuous, always within the limits, and through its points."""
 
 import math
 from itertools import pairwise
@@ -44,8 +44,8 @@ def reach(x_mm: float, y_mm: float, z_mm: float = 250, theta_x_deg: float = 0) -
     return inverse(Pose(x_mm, y_mm, z_mm, theta_x_deg), near=UPPER)
 
 
-def assert_sound(motion: Motion, start: Joints, end: Joints, share_of_speed: float = 1.0) -> None:
-    """It starts, ends and stays where it should, and no joint ever exceeds its share of speed."""
+def check_motion(motion: Motion, start: Joints, end: Joints, share_of_speed: float = 1.0) -> None:
+    """Check start, end and the share of speed of every joint."""
     assert motion.joints_at(-1) == motion.joints_at(0) == pytest.approx(start)
     assert motion.joints_at(motion.duration_s) == motion.joints_at(1e9) == end
     steps = 100
@@ -61,7 +61,7 @@ def assert_sound(motion: Motion, start: Joints, end: Joints, share_of_speed: flo
 def test_a_move_is_sound(start: Joints, target: Joints, speed_percent: int) -> None:
     """From anywhere to anywhere, within limits and the commanded share of every joint's speed."""
     motion = move(start, target, speed_percent)
-    assert_sound(motion, start, target, speed_percent / 100)
+    check_motion(motion, start, target, speed_percent / 100)
 
 
 @given(LEFT_ELBOW, LEFT_ELBOW, SPEEDS)
@@ -71,7 +71,7 @@ def test_a_straight_line_is_sound_or_refused(start: Joints, end: Joints, percent
         motion = straight_line(start, end, percent)
     except UnreachableError:
         return
-    assert_sound(motion, start, end, percent / 100)
+    check_motion(motion, start, end, percent / 100)
     a, b = forward(start), forward(end)
     for step in range(21):
         pose = forward(motion.joints_at(motion.duration_s * step / 20))
@@ -86,7 +86,7 @@ def test_a_curve_is_sound_or_refused(targets: list[Joints], percent: int) -> Non
         motion = curve(START, targets, percent)
     except UnreachableError:
         return
-    assert_sound(motion, START, targets[-1], percent / 100)
+    check_motion(motion, START, targets[-1], percent / 100)
 
 
 def test_a_move_starts_and_ends_gently() -> None:
@@ -138,7 +138,7 @@ def test_a_line_may_begin_stretched_with_either_elbow() -> None:
     stretched = Joints(0, 0, 250, 0)
     for near in (UPPER, LOWER):
         end = inverse(HOME, near)
-        assert_sound(straight_line(stretched, end, 100), stretched, end)
+        check_motion(straight_line(stretched, end, 100), stretched, end)
 
 
 def test_a_curve_passes_its_points_without_corners() -> None:
@@ -169,7 +169,7 @@ def test_a_jog_follows_its_axis_to_the_limit(
 ) -> None:
     """20 mm/s along one base axis, nothing else changing, until the arm can go no further."""
     motion = jog(START, direction)
-    assert_sound(motion, START, motion.waypoints[-1])
+    check_motion(motion, START, motion.waypoints[-1])
     pose = forward(motion.joints_at(1.0))
     travel_mm = JOG_SPEED_MM_S * 1.0
     expected = HOME._replace(x_mm=300 + x_sign * travel_mm, y_mm=y_sign * travel_mm)
@@ -194,7 +194,7 @@ def test_a_jog_at_the_limit_is_over_at_once() -> None:
 def test_a_jog_from_anywhere_is_sound(start: Joints, direction: JogDirection) -> None:
     """It starts at the current position and never leaves the limits."""
     motion = jog(start, direction)
-    assert_sound(motion, start, motion.waypoints[-1])
+    check_motion(motion, start, motion.waypoints[-1])
 
 
 def test_holding_is_no_motion() -> None:

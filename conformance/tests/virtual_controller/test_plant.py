@@ -61,8 +61,8 @@ def test_motors_warm_with_motion_and_cool_at_rest(plant: Plant) -> None:
     assert cooling[-1] == pytest.approx(AMBIENT_C, abs=1e-3)
 
 
-def test_no_motor_gets_hotter_than_at_full_speed_for_ever(plant: Plant) -> None:
-    """Moving to and fro without rest approaches a bound and does not pass it."""
+def test_motor_temperatures_are_bounded(plant: Plant) -> None:
+    """Continuous motion approaches a limit and does not exceed it."""
     now_s, home = 0.0, plant.joints(0.0)
     for _ in range(100):
         for target in (TARGET, home):
@@ -74,13 +74,13 @@ def test_no_motor_gets_hotter_than_at_full_speed_for_ever(plant: Plant) -> None:
 
 
 def test_temperatures_do_not_change_if_time_does_not_advance(plant: Plant) -> None:
-    """Asking twice, or for an earlier instant, gives the same answer."""
+    """Repeated queries, or a query for an earlier time, return the same values."""
     ends_s = start_move(plant, 0.0)
     warm = plant.temperatures_c(ends_s)
     assert plant.temperatures_c(ends_s) == plant.temperatures_c(ends_s - 1) == warm
 
 
-def test_ports_hold_what_they_are_given(plant: Plant) -> None:
+def test_ports_keep_their_values(plant: Plant) -> None:
     """Eight inputs of each kind, sixteen outputs of each kind, numbered from 1."""
     plant.digital_inputs[8] = True
     plant.digital_outputs[16] = True
@@ -126,7 +126,7 @@ def test_the_clock_stops_at_the_end_of_year_9999() -> None:
 
 @given(st.datetimes(datetime(1971, 1, 1), datetime(2100, 1, 1)), st.floats(0, 1e6))  # noqa: DTZ001 - no zone
 def test_an_instant_since_1970_is_found_on_the_clock(time: datetime, delay_s: float) -> None:
-    """The clock is in UTC: its own time as seconds since 1970 comes when it shows it (L938)."""
+    """The clock is in UTC: an instant comes when the clock shows it (L938)."""
     clock = WallClock(time, now_s=50.0)
     epoch_s = time.replace(tzinfo=UTC).timestamp() + delay_s
     assert clock.when_s(epoch_s) == pytest.approx(50.0 + delay_s, abs=1e-5)
@@ -146,7 +146,7 @@ def test_faults_of_motors_add_up(plant: Plant) -> None:
 
 
 def test_a_lasting_fault_stays_until_repaired(plant: Plant) -> None:
-    """Clearing forgets only what has no cause any more (A-4.18-2)."""
+    """Clearing removes only faults without a remaining cause (A-4.18-2)."""
     plant.fail("12", 0.0, lasting=True)
     plant.fail("14", 0.0)
     plant.clear_faults()
@@ -158,7 +158,7 @@ def test_a_lasting_fault_stays_until_repaired(plant: Plant) -> None:
 
 
 def test_a_fault_stops_the_arm(plant: Plant) -> None:
-    """A broken motor moves nothing any more."""
+    """The arm does not move with a faulty motor."""
     plant.start(jog(plant.joints(0.0), JogDirection.PLUS_Y), 0.0)
     plant.fail("11", 1.0)
     there = plant.joints(1.0)

@@ -1,4 +1,4 @@
-"""The serial port over a pty: no login, masked by the network, and back when it was gone."""
+"""The serial port over a pty: no login, masked by the network, and opened again after a loss."""
 
 import asyncio
 import contextlib
@@ -85,8 +85,8 @@ def test_a_serial_client_is_served_without_login_unless_masked() -> None:
     _run(test)
 
 
-def test_a_line_that_is_not_read_holds_requests_back_and_loses_no_answer() -> None:
-    """A far end that reads late gets all its answers, whatever bytes are in them."""
+def test_a_slow_reader_delays_requests_and_loses_no_reply() -> None:
+    """A client that reads late gets all replies, with any bytes."""
 
     async def test(server: Server) -> None:
         master, slave = os.openpty()
@@ -111,8 +111,8 @@ def test_a_line_that_is_not_read_holds_requests_back_and_loses_no_answer() -> No
     _run(test)
 
 
-def test_a_line_waits_until_there_is_room_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The number of clients is bounded for it too."""
+def test_a_line_waits_if_the_server_is_full(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The limit of clients also applies to it."""
     monkeypatch.setattr(server_module, "MAX_CLIENTS", 1)
     monkeypatch.setattr(serial_port, "REOPEN_S", 0.001)
 
@@ -133,8 +133,8 @@ def test_a_line_waits_until_there_is_room_for_it(monkeypatch: pytest.MonkeyPatch
     _run(test)
 
 
-def test_a_line_that_fails_is_gone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whether reading or writing shows it; that nothing is there yet to read shows nothing."""
+def test_a_failing_line_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An error of reading or writing closes it; an empty read does not."""
 
     async def test(server: Server) -> None:
         master, slave = os.openpty()
@@ -177,10 +177,8 @@ def test_a_closed_session_starts_again() -> None:
     _run(test, on_unknown="close")
 
 
-def test_a_line_that_was_gone_is_opened_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Bluetooth lines come and go; a jog over one ends with it."""
+def test_a_lost_line_is_opened_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bluetooth lines may disappear; a jog over such a line ends."""
     monkeypatch.setattr(serial_port, "REOPEN_S", 0.001)
     device = tmp_path / "rfcomm0"
     failures: list[SerialPortError] = []

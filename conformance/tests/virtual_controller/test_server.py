@@ -1,4 +1,4 @@
-"""The server over real loopback sockets: what clients may cost, and how serving ends."""
+"""The server over real loopback sockets: limits for clients, and the end of the server."""
 
 import asyncio
 import contextlib
@@ -103,8 +103,8 @@ def test_several_clients_are_served() -> None:
     _run(test)
 
 
-def test_final_results_come_by_themselves_in_scaled_time() -> None:
-    """A move of seconds takes hundredths where time is a hundred times faster."""
+def test_final_results_in_scaled_time() -> None:
+    """A move of seconds takes hundredths if time is a hundred times faster."""
 
     async def test(stand: Stand) -> None:
         move = b"20|200|300|324|34.6|0|0"
@@ -119,8 +119,8 @@ def test_final_results_come_by_themselves_in_scaled_time() -> None:
     _run(test, time_scale=100.0)
 
 
-def test_a_client_that_says_no_more_is_answered_and_closed() -> None:
-    """A half closed connection gets what is due to it, then its end; its jog stops."""
+def test_a_half_closed_client_is_answered_and_closed() -> None:
+    """It gets all replies, then the end; its jog stops."""
 
     async def test(stand: Stand) -> None:
         reader, writer = await stand.client()
@@ -144,7 +144,7 @@ def test_a_client_that_resets_is_forgotten() -> None:
     _run(test)
 
 
-def test_the_server_closes_where_the_dialect_says_so() -> None:
+def test_the_server_closes_if_the_dialect_requires_it() -> None:
     """An unknown opcode under the reading "close"."""
 
     async def test(stand: Stand) -> None:
@@ -155,10 +155,10 @@ def test_the_server_closes_where_the_dialect_says_so() -> None:
     _run(test, on_unknown="close")
 
 
-def test_a_client_that_does_not_read_is_not_served_on_and_then_cut_off(
+def test_a_client_that_does_not_read_is_disconnected(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Its answers are bounded, the others are served, and its time ends."""
+    """Its queued replies are bounded, other clients are served, and it has a timeout."""
     monkeypatch.setattr(server_module, "STALL_S", 0.3)
 
     async def test(stand: Stand) -> None:
@@ -181,7 +181,7 @@ def test_a_client_that_does_not_read_is_not_served_on_and_then_cut_off(
 
 
 def test_a_client_that_reads_late_gets_everything() -> None:
-    """What was held back is served on as soon as there is room."""
+    """Its requests are processed when there is space again."""
 
     async def test(stand: Stand) -> None:
         for number in range(900):
@@ -200,8 +200,8 @@ def test_a_client_that_reads_late_gets_everything() -> None:
     _run(test)
 
 
-def test_the_end_does_not_wait_for_those_who_do_not_read(monkeypatch: pytest.MonkeyPatch) -> None:
-    """They have a moment for the last answers, no more."""
+def test_the_end_has_a_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Clients that do not read get a short time for the last replies."""
     monkeypatch.setattr(server_module, "GRACE_S", 0.05)
 
     async def test(stand: Stand) -> None:
@@ -218,8 +218,8 @@ def test_the_end_does_not_wait_for_those_who_do_not_read(monkeypatch: pytest.Mon
     _run(test)
 
 
-def test_a_client_that_floods_does_not_keep_others_waiting() -> None:
-    """Its requests are served slice by slice, in turn with the rest."""
+def test_a_flooding_client_does_not_delay_others() -> None:
+    """Its requests are processed in slices."""
 
     async def test(stand: Stand) -> None:
         flooder, other = await stand.client(), await stand.client()
@@ -232,8 +232,8 @@ def test_a_client_that_floods_does_not_keep_others_waiting() -> None:
     _run(test)
 
 
-def test_the_number_of_clients_is_bounded_and_idle_ones_make_way() -> None:
-    """The oldest that never logged in goes first; where all have, the newest is refused."""
+def test_the_number_of_clients_is_bounded() -> None:
+    """The oldest without a login is closed first; if all are logged in, the newest is refused."""
 
     async def test(stand: Stand) -> None:
         first = await stand.client()

@@ -204,7 +204,7 @@ def test_an_injected_reset_reaches_both_sides(run: Any, load: Load) -> None:
                 with pytest.raises(ConnectionResetError):
                     await at_end(sock)
             await bench.tap._wait_until_empty()
-            gc.collect()  # complains of a socket that somebody forgot, and then closes another's
+            gc.collect()  # reports forgotten sockets
             kinds = [event.kind for event in bench.events()]
             assert kinds == [Kind.OPENED, Kind.BYTES, Kind.INJECTED, Kind.RESET]
             assert (await bench.until(Kind.RESET)).note == "cut by an injected fault"

@@ -47,7 +47,7 @@ def test_a_file_truncated_anywhere_keeps_every_tick(
     shift: list[WireEvent], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The repaired file is complete and has all events up to the last tick."""
-    monkeypatch.setattr("os.fsync", lambda _: None)  # a thousand files that nobody keeps
+    monkeypatch.setattr("os.fsync", lambda _: None)  # a thousand temporary files
     path = tmp_path / "capture.mcap"
     ticks = record(path, shift[:15])
     data = path.read_bytes()

@@ -1,4 +1,4 @@
-"""A tap on the present event loop between two sockets of the test, and what it tells."""
+"""A tap on the current event loop between two sockets of the test, and its records."""
 
 import asyncio
 import socket
@@ -17,7 +17,7 @@ TIMEOUT_S = 20
 
 
 class Bench:
-    """A tap on the present event loop, a server behind it, and all that the tap tells."""
+    """A tap on the current event loop, its server, and its records."""
 
     kernel_time = False
 
@@ -86,7 +86,7 @@ class Bench:
             await self.told.wait()
 
     def stream(self, direction: Direction) -> bytes:
-        """The bytes told of a direction; they follow each other without hole."""
+        """Return the recorded bytes of a direction; check that they are contiguous."""
         data = b""
         for record in self.records:
             if record.kind is Kind.BYTES and record.direction is direction:
@@ -95,7 +95,7 @@ class Bench:
         return data
 
     def story(self) -> list[tuple[Kind | ControlRecord, Direction]]:
-        """What was told beside bytes."""
+        """Return kind and direction of the records without bytes."""
         return [(r.kind, r.direction) for r in self.records if r.kind is not Kind.BYTES]
 
 
@@ -107,7 +107,7 @@ def run_on(loop: str, test: Callable[[], Awaitable[None]]) -> None:
 
 
 async def turn() -> None:
-    """Let the tap have its turn: it runs on the same event loop."""
+    """Let the tap run: it uses the same event loop."""
     await asyncio.sleep(0)
 
 

@@ -163,7 +163,7 @@ def test_bytes_pass_unchanged_and_are_all_recorded(cable: Any, seed: int) -> Non
         async with Bench(SerialRoute(controller.address)) as bench:
             reader, writer = await bench.connect()
 
-            await write(writer, up[:1])  # what comes before the device is open, nobody hears
+            await write(writer, up[:1])  # bytes before the device is open are lost
             first = await to_thread(controller.receive, 1)
 
             async def send_up() -> None:

@@ -469,7 +469,7 @@ def test_a_chunk_with_a_huge_size(shift: list[WireEvent], tmp_path: Path) -> Non
     """A size of a terabyte is damage; the chunk is not decompressed."""
     path = record(tmp_path / "bomb.mcap", shift[:12])
     data = path.read_bytes()
-    at = chunk_indexes(path)[-1].chunk_start_offset + 1 + 8 + 8 + 8  # behind length and two times
+    at = chunk_indexes(path)[-1].chunk_start_offset + 1 + 8 + 8 + 8  # after length and two times
     path.write_bytes(data[:at] + (1 << 40).to_bytes(8, "little") + data[at + 8 :])
     back = read_mcap(path)
     assert 0 < len(list(back)) < 12
