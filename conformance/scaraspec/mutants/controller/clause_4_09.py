@@ -1,348 +1,300 @@
-"""Faults of clause 4.9: what is said of the program that runs."""
+"""Mutants of clause 4.9: the running program."""
 
-from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Final
 
-from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.operators.controller.replies import AltersLengths, AltersReplies
+from scaraspec.mutants.controller import Core, mutant, row
+from scaraspec.mutants.operators.controller.replies import first_reply, length_byte
+from scaraspec.mutants.operators.controller.requests import after
 from scaraspec.protocol.commands import RunningProgram
+from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.virtual_controller.core import ControllerCore
-from scaraspec.virtual_controller.session import Request
+from scaraspec.virtual_controller.robot import SIMULATING
+from scaraspec.virtual_controller.session import Request, Session
 
-_RUNNING: Final = 0x0A
-_NAME_BYTES: Final = 12
 _MINUTE_S, _HOUR_S, _DAY_S = 60, 3600, 86_400
-_LAG_S: Final = 3.0
+_REPLY: Final = "get_running_program"
 
 
-class _AltersTelling(AltersReplies, ABC):
-    """A program that runs is told otherwise."""
+def _is_simulated(core: ControllerCore) -> bool:
+    return core.robot.task is not None and core.robot.task.state == SIMULATING
 
-    opcode = _RUNNING
 
-    @abstractmethod
-    def told(self, name: bytes, time: bytes) -> bytes:
-        """What is sent of a program and its run time."""
+def _without_program(data: bytes) -> Core:
+    """The reply without a running program is replaced."""
+    return first_reply(_REPLY, {b"0": data})
 
-    def altered(self, data: bytes) -> bytes:
-        """Alter it where one runs."""
+
+def _with_program(change: Callable[[bytes, bytes], bytes]) -> Core:
+    """A reply with a running program is a function of its name and its encoded run time."""
+
+    def changed(data: bytes) -> bytes:
         if data[:1] != b"1":
             return data
         name, _, time = data[2:].rpartition(b"|")
-        return self.told(name, time)
+        return change(name, time)
+
+    return first_reply(_REPLY, changed)
 
 
-class _TellsOtherwise(ControllerCore, ABC):
-    """The name or the run time is another one."""
-
-    @abstractmethod
-    def wrong(self, told: RunningProgram, request: Request) -> RunningProgram | None:
-        """What is told in place of this."""
-
-    def get_running_program(self, request: Request) -> RunningProgram | None:
-        """Tell that."""
-        told = super().get_running_program(request)
-        return None if told is None else self.wrong(told, request)
+def _program(change: Callable[[ControllerCore, RunningProgram], RunningProgram | None]) -> Core:
+    """The running program in the reply is changed."""
+    return after(
+        _REPLY, lambda core, _request, program: None if program is None else change(core, program)
+    )
 
 
-# No program
+def _run_time(change: Callable[[int], int]) -> Core:
+    """The run time is changed."""
+    return _program(lambda _core, shown: shown._replace(run_time_s=change(shown.run_time_s)))
 
 
-@mutant("none-is-an-empty-reply", "4.9/6", "4.9/7")
-class NoneIsAnEmptyReply(AltersReplies):
-    """Where no program runs the reply has no data."""
-
-    opcode = _RUNNING
-
-    def altered(self, data: bytes) -> bytes:
-        """Leave the 0 away."""
-        return b"" if data == b"0" else data
+def _pairs(time: bytes) -> list[bytes]:
+    return [time[i : i + 2] for i in range(0, 8, 2)]
 
 
-@mutant("none-has-time", "4.9/6", "4.9/7")
-class NoneHasTime(AltersReplies):
-    """Where no program runs a time of zeros is told."""
+def _in_seconds(name: bytes, time: bytes) -> bytes:
+    days, hours, minutes, seconds = map(int, _pairs(time))
+    total_s = days * _DAY_S + hours * _HOUR_S + minutes * _MINUTE_S + seconds
+    return b"1|%b|%08d" % (name, total_s)
 
-    opcode = _RUNNING
 
-    def altered(self, data: bytes) -> bytes:
-        """Add it."""
-        return b"0||00000000" if data == b"0" else data
+def _without_days(name: bytes, time: bytes) -> bytes:
+    hours = int(time[:2]) * 24 + int(time[2:4])
+    return b"1|%b|00%02d%b" % (name, hours, time[4:])
+
+
+def _without_hours(name: bytes, time: bytes) -> bytes:
+    minutes = int(time[2:4]) * 60 + int(time[4:6])
+    return b"1|%b|%b00%02d%b" % (name, time[:2], minutes % 100, time[6:])
+
+
+# Without a running program
+
+row(
+    "none-is-an-empty-reply",
+    "4.9/6 4.9/7",
+    "When no program runs, the reply has no data.",
+    _without_program(b""),
+)
+row(
+    "none-has-time",
+    "4.9/6 4.9/7",
+    "When no program runs, the reply contains an empty name and a time of zeros.",
+    _without_program(b"0||00000000"),
+)
 
 
 @mutant("none-is-the-last-program", "4.9/6")
-class NoneIsTheLastProgram(AltersReplies):
-    """Behind the end of a program its name stays behind the 0."""
+class KeepsLastProgram(ControllerCore):
+    """When no program runs, the 0 is followed by the last reported name and run time."""
 
-    opcode = _RUNNING
     _last = b""
 
-    def altered(self, data: bytes) -> bytes:
-        """Keep it."""
-        if data[:1] == b"1":
-            self._last = data[1:]
-        return b"0" + self._last if data == b"0" else data
+    def emit(self, session: Session, frame: Frame) -> None:
+        if frame.opcode == 0x0A and frame.data[:1] == b"1":
+            self._last = frame.data[1:]
+        if frame.opcode == 0x0A and frame.data == b"0":
+            frame = frame._replace(data=b"0" + self._last)
+        super().emit(session, frame)
 
 
 @mutant("ended-program-is-told", "4.9/6", "4.9/10", subtle=True)
-class EndedProgramIsTold(ControllerCore):
-    """For some seconds behind its end a program is told to run."""
+class ReportsEndedProgram(ControllerCore):
+    """A program is reported for 3 s after the last reply during its run."""
 
     _last: tuple[RunningProgram, float] | None = None
 
     def get_running_program(self, request: Request) -> RunningProgram | None:
-        """Keep the last one."""
-        told = super().get_running_program(request)
-        if told is not None:
-            self._last = told, request.now_s
-        elif self._last is not None and request.now_s - self._last[1] < _LAG_S:
+        program = super().get_running_program(request)
+        if program is not None:
+            self._last = program, request.now_s
+        elif self._last is not None and request.now_s - self._last[1] < 3.0:
             return self._last[0]
-        return told
+        return program
 
 
-@mutant("none-with-zero-time", "4.9/6")
-class NoneWithZeroTime(AltersReplies):
-    """Where no program runs the 0 is followed by a bar and another 0."""
+row(
+    "none-with-zero-time",
+    "4.9/6",
+    "When no program runs, the 0 is followed by a bar and another 0.",
+    _without_program(b"0|0"),
+)
 
-    opcode = _RUNNING
+# With a running program
 
-    def altered(self, data: bytes) -> bytes:
-        """Add them."""
-        return b"0|0" if data == b"0" else data
-
-
-# A program
-
-
-@mutant("telling-without-bars", "4.9/2")
-class TellingWithoutBars(_AltersTelling):
-    """Flag, name and time follow on each other without bars."""
-
-    def told(self, name: bytes, time: bytes) -> bytes:
-        """Leave them away."""
-        return b"1" + name + time
-
-
-@mutant("telling-between-blanks", "4.9/2")
-class TellingBetweenBlanks(_AltersTelling):
-    """Flag, name and time stand between blanks."""
-
-    def told(self, name: bytes, time: bytes) -> bytes:
-        """Put them in."""
-        return b" ".join((b"1", name, time))
-
-
-@mutant("time-before-name", "4.9/2")
-class TimeBeforeName(_AltersTelling):
-    """The run time stands before the name."""
-
-    def told(self, name: bytes, time: bytes) -> bytes:
-        """Mix them up."""
-        return b"|".join((b"1", time, name))
-
-
-@mutant("run-is-not-told", "4.9/2", "4.9/10")
-class RunIsNotTold(_TellsOtherwise):
-    """While a program runs the reply is 0."""
-
-    def wrong(self, told: RunningProgram, request: Request) -> RunningProgram | None:  # noqa: ARG002 - whatever runs
-        """Tell nothing of a real run."""
-        task = self.robot.task
-        return told if task and task.request.command.name == "simulate_program" else None
-
-
-@mutant("run-is-told-for-two-seconds", "4.9/2", "4.9/10", subtle=True)
-class RunIsToldForTwoSeconds(_TellsOtherwise):
-    """A program that has run for two seconds is told no more."""
-
-    def wrong(self, told: RunningProgram, request: Request) -> RunningProgram | None:  # noqa: ARG002 - whoever asks
-        """Forget it."""
-        return told if told.run_time_s < 2 else None
-
-
-@mutant("name-is-cut", "4.9/4")
-class NameIsCut(_TellsOtherwise):
-    """Of the name twelve bytes are told."""
-
-    def wrong(self, told: RunningProgram, request: Request) -> RunningProgram:  # noqa: ARG002 - whoever asks
-        """Cut it."""
-        return told._replace(name=told.name[:_NAME_BYTES])
-
-
-@mutant("name-of-thirty-loses-one", "4.9/4", subtle=True)
-class NameOfThirtyLosesOne(_TellsOtherwise):
-    """A name of thirty bytes loses its last one: there is no room for its NUL."""
-
-    def wrong(self, told: RunningProgram, request: Request) -> RunningProgram:  # noqa: ARG002 - whoever asks
-        """Cut it."""
-        return told._replace(name=told.name[:29])
-
-
-@mutant("name-of-the-first-program", "4.9/4")
-class NameOfTheFirstProgram(_TellsOtherwise):
-    """The name is that of the program that was stored first."""
-
-    def wrong(self, told: RunningProgram, request: Request) -> RunningProgram:  # noqa: ARG002 - whoever asks
-        """Look at the store."""
-        return told._replace(name=self.store.names()[0])
-
-
-@mutant("simulated-name-is-missing", "4.9/4")
-class SimulatedNameIsMissing(_TellsOtherwise):
-    """Of a simulated program the word SIMULATION is told for its name."""
-
-    def wrong(self, told: RunningProgram, request: Request) -> RunningProgram:  # noqa: ARG002 - whoever asks
-        """Look at what executes."""
-        task = self.robot.task
-        simulated = task is not None and task.request.command.name == "simulate_program"
-        return told._replace(name=b"SIMULATION") if simulated else told
+row(
+    "telling-without-bars",
+    "4.9/2",
+    "There are no bars between flag, name and run time.",
+    _with_program(lambda name, time: b"1" + name + time),
+)
+row(
+    "telling-between-blanks",
+    "4.9/2",
+    "Blanks separate flag, name and run time.",
+    _with_program(lambda name, time: b" ".join((b"1", name, time))),
+)
+row(
+    "time-before-name",
+    "4.9/2",
+    "The run time precedes the name.",
+    _with_program(lambda name, time: b"|".join((b"1", time, name))),
+)
+row(
+    "run-is-not-told",
+    "4.9/2 4.9/10",
+    "While a program runs, the reply is 0.",
+    _program(lambda core, shown: shown if _is_simulated(core) else None),
+)
+row(
+    "run-is-told-for-two-seconds",
+    "4.9/2 4.9/10",
+    "From its second 2 on, a running program is not reported.",
+    _program(lambda _core, shown: shown if shown.run_time_s < 2 else None),
+    subtle=True,
+)
+row(
+    "name-is-cut",
+    "4.9/4",
+    "The name is cut to twelve bytes.",
+    _program(lambda _core, shown: shown._replace(name=shown.name[:12])),
+)
+row(
+    "name-of-thirty-loses-one",
+    "4.9/4",
+    "The name is cut to 29 bytes.",
+    _program(lambda _core, shown: shown._replace(name=shown.name[:29])),
+    subtle=True,
+)
+row(
+    "name-of-the-first-program",
+    "4.9/4",
+    "The name is that of the first stored program.",
+    _program(lambda core, shown: shown._replace(name=core.store.names()[0])),
+)
+row(
+    "simulated-name-is-missing",
+    "4.9/4",
+    "While a program is simulated, its name is SIMULATION.",
+    _program(
+        lambda core, shown: shown._replace(name=b"SIMULATION") if _is_simulated(core) else shown
+    ),
+)
 
 
 @mutant("simulated-name-is-the-last-run", "4.9/4", subtle=True)
-class SimulatedNameIsTheLastRun(_TellsOtherwise):
-    """While a program is simulated the name of the one that was run last is told."""
+class ReportsLastRunDuringSimulation(ControllerCore):
+    """While a program is simulated, the name of the last run program is reported."""
 
     _ran = b""
 
-    def wrong(self, told: RunningProgram, request: Request) -> RunningProgram:  # noqa: ARG002 - whoever asks
-        """Tell that, where one was run."""
-        task = self.robot.task
-        simulated = task is not None and task.request.command.name == "simulate_program"
-        return told._replace(name=self._ran) if simulated and self._ran else told
+    def get_running_program(self, request: Request) -> RunningProgram | None:
+        program = super().get_running_program(request)
+        if program is not None and self._ran and _is_simulated(self):
+            return program._replace(name=self._ran)
+        return program
 
     def run_program(self, request: Request) -> Acceptance:
-        """Keep its name."""
-        answer = super().run_program(request)
-        if answer.accepted:
+        reply = super().run_program(request)
+        if reply.accepted:
             self._ran = request.value
-        return answer
+        return reply
 
 
-@mutant("running-length-as-printed", "4.9/9")
-class RunningLengthAsPrinted(AltersLengths):
-    """The length byte does not count the two bars, as in the document's row."""
+row(
+    "running-length-as-printed",
+    "4.9/9",
+    "The length byte does not count the two bars, as in the table row of the document.",
+    length_byte(_REPLY, lambda size_bytes: size_bytes - 2 if size_bytes > 1 else size_bytes),
+)
 
-    opcode = _RUNNING
+# Run time
 
-    def length(self, size_bytes: int) -> int:
-        """Leave them out."""
-        return size_bytes - 2 if size_bytes > 1 else size_bytes
-
-
-# Its run time
-
-
-@mutant("run-time-in-plain-seconds", "4.9/3")
-class RunTimeInPlainSeconds(_AltersTelling):
-    """The run time is a number of seconds in eight digits."""
-
-    def told(self, name: bytes, time: bytes) -> bytes:
-        """Count seconds."""
-        days, hours, minutes, seconds = (int(time[i : i + 2]) for i in range(0, 8, 2))
-        total_s = days * _DAY_S + hours * _HOUR_S + minutes * _MINUTE_S + seconds
-        return b"1|" + name + b"|%08d" % total_s
-
-
-@mutant("run-time-of-six-digits", "4.9/3")
-class RunTimeOfSixDigits(_AltersTelling):
-    """The run time has no days."""
-
-    def told(self, name: bytes, time: bytes) -> bytes:
-        """Leave them away."""
-        return b"1|" + name + b"|" + time[2:]
-
-
-@mutant("run-time-with-colons", "4.9/3")
-class RunTimeWithColons(_AltersTelling):
-    """The run time is written with colons."""
-
-    def told(self, name: bytes, time: bytes) -> bytes:
-        """Put them in."""
-        return b"1|" + name + b"|" + b":".join(time[i : i + 2] for i in range(0, 8, 2))
-
-
-@mutant("hours-go-beyond-the-day", "4.9/3", subtle=True)
-class HoursGoBeyondTheDay(_AltersTelling):
-    """Hours go on behind 23, and days stay 00."""
-
-    def told(self, name: bytes, time: bytes) -> bytes:
-        """Count on."""
-        hours = int(time[:2]) * 24 + int(time[2:4])
-        return b"1|" + name + b"|00%02d" % hours + time[4:]
-
-
-@mutant("minutes-go-beyond-the-hour", "4.9/3", subtle=True)
-class MinutesGoBeyondTheHour(_AltersTelling):
-    """Minutes go on behind 59, and hours stay 00."""
-
-    def told(self, name: bytes, time: bytes) -> bytes:
-        """Count on."""
-        minutes = int(time[2:4]) * 60 + int(time[4:6])
-        return b"1|" + name + b"|" + time[:2] + b"00%02d" % (minutes % 100) + time[6:]
-
-
-@mutant("run-time-stands-still", "4.9/5")
-class RunTimeStandsStill(_TellsOtherwise):
-    """The run time is zero all the time."""
-
-    def wrong(self, told: RunningProgram, request: Request) -> RunningProgram:  # noqa: ARG002 - whoever asks
-        """Tell none."""
-        return told._replace(run_time_s=0)
-
-
-@mutant("run-time-runs-fast", "4.9/5")
-class RunTimeRunsFast(_TellsOtherwise):
-    """The run time counts each second twice."""
-
-    def wrong(self, told: RunningProgram, request: Request) -> RunningProgram:  # noqa: ARG002 - whoever asks
-        """Count twice."""
-        return told._replace(run_time_s=told.run_time_s * 2)
-
-
-@mutant("minutes-are-lost", "4.9/5", subtle=True)
-class MinutesAreLost(_TellsOtherwise):
-    """At each full minute the run time begins anew."""
-
-    def wrong(self, told: RunningProgram, request: Request) -> RunningProgram:  # noqa: ARG002 - whoever asks
-        """Lose them."""
-        return told._replace(run_time_s=told.run_time_s % _MINUTE_S)
-
-
-@mutant("hours-are-lost", "4.9/5", subtle=True)
-class HoursAreLost(_TellsOtherwise):
-    """At each full hour the run time begins anew."""
-
-    def wrong(self, told: RunningProgram, request: Request) -> RunningProgram:  # noqa: ARG002 - whoever asks
-        """Lose them."""
-        return told._replace(run_time_s=told.run_time_s % _HOUR_S)
-
-
-@mutant("days-are-lost", "4.9/5", subtle=True)
-class DaysAreLost(_TellsOtherwise):
-    """At each full day the run time begins anew."""
-
-    def wrong(self, told: RunningProgram, request: Request) -> RunningProgram:  # noqa: ARG002 - whoever asks
-        """Lose them."""
-        return told._replace(run_time_s=told.run_time_s % _DAY_S)
-
-
-@mutant("run-time-overflows", "4.9/5", subtle=True)
-class RunTimeOverflows(_TellsOtherwise):
-    """The run time is kept in sixteen bits of seconds."""
-
-    def wrong(self, told: RunningProgram, request: Request) -> RunningProgram:  # noqa: ARG002 - whoever asks
-        """Overflow."""
-        return told._replace(run_time_s=told.run_time_s % 2**16)
+row(
+    "run-time-in-plain-seconds",
+    "4.9/3",
+    "The run time is a number of seconds with eight digits.",
+    _with_program(_in_seconds),
+)
+row(
+    "run-time-of-six-digits",
+    "4.9/3",
+    "The run time has no days.",
+    _with_program(lambda name, time: b"1|%b|%b" % (name, time[2:])),
+)
+row(
+    "run-time-with-colons",
+    "4.9/3",
+    "Colons separate the parts of the run time.",
+    _with_program(lambda name, time: b"1|%b|%b" % (name, b":".join(_pairs(time)))),
+)
+row(
+    "hours-go-beyond-the-day",
+    "4.9/3",
+    "Hours continue after 23, and days stay 00.",
+    _with_program(_without_days),
+    subtle=True,
+)
+row(
+    "minutes-go-beyond-the-hour",
+    "4.9/3",
+    "Minutes continue after 59, and hours stay 00.",
+    _with_program(_without_hours),
+    subtle=True,
+)
+row(
+    "run-time-stands-still",
+    "4.9/5",
+    "The run time is always zero.",
+    _run_time(lambda _time_s: 0),
+)
+row(
+    "run-time-runs-fast",
+    "4.9/5",
+    "The run time counts each second twice.",
+    _run_time(lambda time_s: time_s * 2),
+)
+row(
+    "minutes-are-lost",
+    "4.9/5",
+    "The run time restarts at zero after each minute.",
+    _run_time(lambda time_s: time_s % _MINUTE_S),
+    subtle=True,
+)
+row(
+    "hours-are-lost",
+    "4.9/5",
+    "The run time restarts at zero after each hour.",
+    _run_time(lambda time_s: time_s % _HOUR_S),
+    subtle=True,
+)
+row(
+    "days-are-lost",
+    "4.9/5",
+    "The run time restarts at zero after each day.",
+    _run_time(lambda time_s: time_s % _DAY_S),
+    subtle=True,
+)
+row(
+    "run-time-overflows",
+    "4.9/5",
+    "The run time is stored in 16 bits of seconds.",
+    _run_time(lambda time_s: time_s % 2**16),
+    subtle=True,
+)
 
 
 @mutant("run-time-since-the-first-question", "4.9/5")
-class RunTimeSinceTheFirstQuestion(_TellsOtherwise):
-    """The run time counts how often it was asked for."""
+class CountsRequestsInRunTime(ControllerCore):
+    """The run time is the number of requests for it."""
 
     _count = 0
 
-    def wrong(self, told: RunningProgram, request: Request) -> RunningProgram:  # noqa: ARG002 - whoever asks
-        """Count."""
+    def get_running_program(self, request: Request) -> RunningProgram | None:
+        program = super().get_running_program(request)
+        if program is None:
+            return None
         self._count += 1
-        return told._replace(run_time_s=self._count)
+        return program._replace(run_time_s=self._count)

@@ -1,323 +1,264 @@
-"""Faults of clause 4.10: the list of the programs."""
+"""Mutants of clause 4.10: the list of the programs."""
 
-from abc import ABC, abstractmethod
-from typing import Final
+from collections.abc import Callable
+from typing import Any
 
-from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.operators.controller.replies import AltersLengths, AltersReplies
+from scaraspec.mutants.controller import Core, mutant, row
+from scaraspec.mutants.operators.controller.replies import first_reply, length_byte
+from scaraspec.mutants.operators.controller.requests import before
+from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import NameListPart
 from scaraspec.virtual_controller.behaviour.programs import list_parts
 from scaraspec.virtual_controller.core import ControllerCore
-from scaraspec.virtual_controller.session import Request
-
-_LIST: Final = 0x0B
-_PART_BYTES: Final = 253
-_MOST: Final = 20
+from scaraspec.virtual_controller.session import Request, Session
 
 
-class _AltersNames(ControllerCore, ABC):
-    """Other names are listed than are stored."""
+def _reply(change: Callable[[bytes], bytes]) -> Core:
+    return first_reply("list_programs", change)
 
-    @abstractmethod
-    def listed(self, names: list[bytes], request: Request) -> list[bytes]:
-        """Which names are listed, of those that are stored."""
+
+def _names(change: Callable[[bytes], bytes]) -> Core:
+    """The names and bars after flag and first bar are changed."""
+    return _reply(lambda data: data[:2] + change(data[2:]))
+
+
+class _ListsNames(ControllerCore):
+    """Lists the names that `listed` returns."""
+
+    def listed(self, names: list[bytes], request: Request) -> list[bytes]:  # noqa: ARG002 - for subclasses
+        return names
 
     def list_programs(self, request: Request) -> NameListPart:
-        """List them."""
-        names = [name for name in self.store.names() if self.is_program(name)]
         if not request.session.remaining_list_parts:
-            request.session.remaining_list_parts = list(list_parts(self.listed(names, request)))
+            names = self.listed(_programs(self), request)
+            request.session.remaining_list_parts = list(list_parts(names))
         return super().list_programs(request)
 
 
-@mutant("list-without-flag", "4.10/2")
-class ListWithoutFlag(AltersReplies):
-    """The list begins with its first name, or has no data."""
-
-    opcode = _LIST
-
-    def altered(self, data: bytes) -> bytes:
-        """Leave the flag away."""
-        return data[2:] if len(data) > 1 else b"none"
+def _programs(core: ControllerCore) -> list[bytes]:
+    return [name for name in core.store.names() if core.is_program(name)]
 
 
-@mutant("list-flag-is-the-count", "4.10/2")
-class ListFlagIsTheCount(AltersReplies):
-    """The list begins with the number of its names."""
-
-    opcode = _LIST
-
-    def altered(self, data: bytes) -> bytes:
-        """Count them."""
-        return b"%d" % data.count(b"|") + data[1:] if data.count(b"|") > 1 else data
+def _lists(change: Callable[[list[bytes]], list[bytes]]) -> Core:
+    """Other names than the stored ones are listed."""
+    return type("Lists", (_ListsNames,), {"listed": lambda _core, names, _request: change(names)})
 
 
-@mutant("first-parts-are-last-ones", "4.10/2", "4.10/5")
-class FirstPartsAreLastOnes(AltersReplies):
-    """Every part begins with 0, whether another follows or not."""
-
-    opcode = _LIST
-
-    def altered(self, data: bytes) -> bytes:
-        """Deny what follows."""
-        return b"0" + data[1:]
+def _first_part(names: list[bytes]) -> int:
+    """The number of names in the first part of a list."""
+    return len(next(list_parts(names)).names)
 
 
-@mutant("last-part-announces-another", "4.10/4", "4.10/2")
-class LastPartAnnouncesAnother(AltersReplies):
-    """A list that has names begins with 1 in its last part, too."""
+def _cut_names(core: ControllerCore, request: Request) -> None:
+    text = b"|".join(_programs(core))
+    pieces = [text[i : i + 253] for i in range(0, len(text), 253)]
+    if text:
+        request.session.remaining_list_parts = [
+            NameListPart(i < len(pieces), tuple(piece.split(b"|")))
+            for i, piece in enumerate(pieces, 1)
+        ]
 
-    opcode = _LIST
 
-    def altered(self, data: bytes) -> bytes:
-        """Announce another one."""
-        return b"1" + data[1:] if len(data) > 1 else data
+def _repeat_at_boundary(names: list[bytes]) -> list[bytes]:
+    size = _first_part(names)
+    return names[:size] + names[size - 1 :] if size < len(names) else names
+
+
+def _lose_at_boundary(names: list[bytes]) -> list[bytes]:
+    size = _first_part(names)
+    return names[:size] + names[size + 1 :]
+
+
+row(
+    "list-without-flag",
+    "4.10/2",
+    "The list has no flag; an empty list is the word none.",
+    _reply(lambda data: data[2:] if len(data) > 1 else b"none"),
+)
+row(
+    "list-flag-is-the-count",
+    "4.10/2",
+    "A list of several names starts with their number.",
+    _reply(lambda data: b"%d" % n + data[1:] if (n := data.count(b"|")) > 1 else data),
+)
+row(
+    "first-parts-are-last-ones",
+    "4.10/2 4.10/5",
+    "Every part starts with 0.",
+    _reply(lambda data: b"0" + data[1:]),
+)
+row(
+    "last-part-announces-another",
+    "4.10/4 4.10/2",
+    "The last part of a list with names starts with 1.",
+    _reply(lambda data: b"1" + data[1:] if len(data) > 1 else data),
+)
 
 
 @mutant("last-of-several-parts-announces-another", "4.10/4", subtle=True)
-class LastOfSeveralPartsAnnouncesAnother(AltersReplies):
-    """In a list of several parts the last one begins with 1, too."""
+class AnnouncesPartAfterLast(ControllerCore):
+    """The last part of a list of several parts starts with 1."""
 
-    opcode = _LIST
     _several = False
 
-    def altered(self, data: bytes) -> bytes:
-        """Announce another one."""
-        before, self._several = self._several, data[:1] == b"1"
-        return b"1" + data[1:] if before else data
+    def emit(self, session: Session, frame: Frame) -> None:
+        if frame.opcode == 0x0B:
+            is_last_of_several, self._several = self._several, frame.data[:1] == b"1"
+            if is_last_of_several:
+                frame = frame._replace(data=b"1" + frame.data[1:])
+        super().emit(session, frame)
 
 
-@mutant("list-between-commas", "4.10/3")
-class ListBetweenCommas(AltersReplies):
-    """Names are separated by commas."""
-
-    opcode = _LIST
-
-    def altered(self, data: bytes) -> bytes:
-        """Put them in."""
-        return data[:2] + data[2:].replace(b"|", b",")
-
-
-@mutant("list-between-blanks", "4.10/3")
-class ListBetweenBlanks(AltersReplies):
-    """Flag and names are separated by blanks."""
-
-    opcode = _LIST
-
-    def altered(self, data: bytes) -> bytes:
-        """Put them in."""
-        return data.replace(b"|", b" ")
-
-
-@mutant("list-between-line-ends", "4.10/3", "4.10/11")
-class ListBetweenLineEnds(AltersReplies):
-    """Names are separated by line ends, as in a file."""
-
-    opcode = _LIST
-
-    def altered(self, data: bytes) -> bytes:
-        """Put them in."""
-        return data[:2] + data[2:].replace(b"|", b"\n")
-
-
-@mutant("names-are-torn", "4.10/6")
-class NamesAreTorn(ControllerCore):
-    """A list that is too long is cut where its message is full, in the middle of a name."""
-
-    def list_programs(self, request: Request) -> NameListPart:
-        """Cut by bytes."""
-        names = [name for name in self.store.names() if self.is_program(name)]
-        text = b"|".join(names)
-        pieces = [text[i : i + _PART_BYTES] for i in range(0, len(text), _PART_BYTES)]
-        last = len(pieces) - 1
-        if text:
-            request.session.remaining_list_parts = [
-                NameListPart(i < last, tuple(piece.split(b"|"))) for i, piece in enumerate(pieces)
-            ]
-        return super().list_programs(request)
-
-
-@mutant("empty-name-between", "4.10/7")
-class EmptyNameBetween(AltersReplies):
-    """Between two names stand two bars."""
-
-    opcode = _LIST
-
-    def altered(self, data: bytes) -> bytes:
-        """Double one of them."""
-        return data[:2] + data[2:].replace(b"|", b"||", 1)
-
-
-@mutant("seam-is-listed-twice", "4.10/7", subtle=True)
-class SeamIsListedTwice(_AltersNames):
-    """The last name of a part is the first one of the next part again."""
-
-    def listed(self, names: list[bytes], request: Request) -> list[bytes]:  # noqa: ARG002 - whoever asks
-        """Repeat it."""
-        first = next(list_parts(names))
-        return [*names[: len(first.names)], *names[len(first.names) - 1 :]] if first.more else names
-
-
-@mutant("names-in-one-list-twice", "4.10/7", subtle=True)
-class NamesInOneListTwice(_AltersNames):
-    """Of more than five programs the fifth is listed twice."""
-
-    def listed(self, names: list[bytes], request: Request) -> list[bytes]:  # noqa: ARG002 - whoever asks
-        """Repeat the fifth."""
-        return [*names, names[4]] if len(names) > 5 else names
-
-
-@mutant("empty-store-has-empty-name", "4.10/8")
-class EmptyStoreHasEmptyName(AltersReplies):
-    """An empty store is listed as one empty name."""
-
-    opcode = _LIST
-
-    def altered(self, data: bytes) -> bytes:
-        """Add its bars."""
-        return b"0||" if data == b"0" else data
-
-
-@mutant("empty-store-is-dash", "4.10/8")
-class EmptyStoreIsDash(AltersReplies):
-    """An empty store is listed as a dash."""
-
-    opcode = _LIST
-
-    def altered(self, data: bytes) -> bytes:
-        """Draw it."""
-        return b"-" if data == b"0" else data
-
-
-@mutant("list-length-of-the-names", "4.10/9")
-class ListLengthOfTheNames(AltersLengths):
-    """The length byte counts the list behind its flag, as in the document's row."""
-
-    opcode = _LIST
-
-    def length(self, size_bytes: int) -> int:
-        """Leave flag and bar out."""
-        return max(size_bytes - 2, 1)
-
-
-@mutant("list-length-in-seven-bits", "4.10/9", subtle=True)
-class ListLengthInSevenBits(AltersLengths):
-    """Of the length of a long list the highest bit is missing."""
-
-    opcode = _LIST
-
-    def length(self, size_bytes: int) -> int:
-        """Drop it."""
-        return size_bytes % 128
-
-
-@mutant("only-the-first-part", "4.10/11", "4.10/5")
-class OnlyTheFirstPart(AltersReplies):
-    """Of a list the first message is sent, and nothing behind it."""
-
-    opcode = _LIST
-
-    def altered(self, data: bytes) -> bytes:
-        """Say that it is the last one."""
-        return b"0" + data[1:]
-
-    def list_programs(self, request: Request) -> NameListPart:
-        """Forget the rest."""
-        first = super().list_programs(request)
-        request.session.remaining_list_parts = []
-        self._deferred.clear()
-        return first
-
-
-@mutant("names-of-thirty-are-left-out", "4.10/11", subtle=True)
-class NamesOfThirtyAreLeftOut(_AltersNames):
-    """Names of thirty bytes are not listed."""
-
-    def listed(self, names: list[bytes], request: Request) -> list[bytes]:  # noqa: ARG002 - whoever asks
-        """Leave them out."""
-        return [name for name in names if len(name) < 30]
-
-
-@mutant("names-are-listed-in-lower-case", "4.10/11")
-class NamesAreListedInLowerCase(_AltersNames):
-    """Names are listed in lower case."""
-
-    def listed(self, names: list[bytes], request: Request) -> list[bytes]:  # noqa: ARG002 - whoever asks
-        """Write them so."""
-        return [name.lower() for name in names]
-
-
-@mutant("names-beyond-twenty-are-left-out", "4.10/11", subtle=True)
-class NamesBeyondTwentyAreLeftOut(_AltersNames):
-    """No more than twenty names are listed."""
-
-    def listed(self, names: list[bytes], request: Request) -> list[bytes]:  # noqa: ARG002 - whoever asks
-        """Leave the others out."""
-        return names[:_MOST]
-
-
-@mutant("name-at-the-seam-is-lost", "4.10/11", subtle=True)
-class NameAtTheSeamIsLost(_AltersNames):
-    """The name that did not fit into a part is not in the next one either."""
-
-    def listed(self, names: list[bytes], request: Request) -> list[bytes]:  # noqa: ARG002 - whoever asks
-        """Lose it."""
-        first = next(list_parts(names))
-        lost = len(first.names)
-        return names[:lost] + names[lost + 1 :] if first.more else names
+row(
+    "list-between-commas",
+    "4.10/3",
+    "Commas separate the names.",
+    _names(lambda names: names.replace(b"|", b",")),
+)
+row(
+    "list-between-blanks",
+    "4.10/3",
+    "Blanks separate flag and names.",
+    _reply(lambda data: data.replace(b"|", b" ")),
+)
+row(
+    "list-between-line-ends",
+    "4.10/3 4.10/11",
+    "Line ends separate the names.",
+    _names(lambda names: names.replace(b"|", b"\n")),
+)
+row(
+    "names-are-torn",
+    "4.10/6",
+    "A long list is split where a frame is full, within a name.",
+    before("list_programs", _cut_names),
+)
+row(
+    "empty-name-between",
+    "4.10/7",
+    "There are two bars between the first two names.",
+    _names(lambda names: names.replace(b"|", b"||", 1)),
+)
+row(
+    "seam-is-listed-twice",
+    "4.10/7",
+    "The last name of the first part is also the first name of the next part.",
+    _lists(_repeat_at_boundary),
+    subtle=True,
+)
+row(
+    "names-in-one-list-twice",
+    "4.10/7",
+    "If there are more than five programs, the fifth is listed twice.",
+    _lists(lambda names: [*names, names[4]] if len(names) > 5 else names),
+    subtle=True,
+)
+row(
+    "empty-store-has-empty-name",
+    "4.10/8",
+    "The list of an empty store contains one empty name.",
+    first_reply("list_programs", {b"0": b"0||"}),
+)
+row(
+    "empty-store-is-dash",
+    "4.10/8",
+    "The list of an empty store is a dash.",
+    first_reply("list_programs", {b"0": b"-"}),
+)
+row(
+    "list-length-of-the-names",
+    "4.10/9",
+    "The length byte does not count flag and first bar, as in the table row of the document.",
+    length_byte("list_programs", lambda size_bytes: max(size_bytes - 2, 1)),
+)
+row(
+    "list-length-in-seven-bits",
+    "4.10/9",
+    "The length byte of a long list lacks its highest bit.",
+    length_byte("list_programs", lambda size_bytes: size_bytes % 128),
+    subtle=True,
+)
+row(
+    "only-the-first-part",
+    "4.10/11 4.10/5",
+    "Only the first part of a list is sent.",
+    _lists(lambda names: names[: _first_part(names)]),
+)
+row(
+    "names-of-thirty-are-left-out",
+    "4.10/11",
+    "Names of thirty or more bytes are not listed.",
+    _lists(lambda names: [name for name in names if len(name) < 30]),
+    subtle=True,
+)
+row(
+    "names-are-listed-in-lower-case",
+    "4.10/11",
+    "Names are listed in lower case.",
+    _lists(lambda names: [name.lower() for name in names]),
+)
+row(
+    "names-beyond-twenty-are-left-out",
+    "4.10/11",
+    "Only twenty names are listed.",
+    _lists(lambda names: names[:20]),
+    subtle=True,
+)
+row(
+    "name-at-the-seam-is-lost",
+    "4.10/11",
+    "The first name of the second part is not listed.",
+    _lists(_lose_at_boundary),
+    subtle=True,
+)
 
 
 @mutant("others-uploads-are-listed-later", "4.10/11", subtle=True)
-class OthersUploadsAreListedLater(_AltersNames):
-    """A connection is not told of what others uploaded before it."""
+class ListsOwnUploads(_ListsNames):
+    """A connection receives only the names of its own uploads."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._owners: dict[int, set[bytes]] = {}
 
     def listed(self, names: list[bytes], request: Request) -> list[bytes]:
-        """Look at who uploaded it."""
         own = self._owners.get(request.session.connection, set())
         return [name for name in names if name in own]
 
-    def __init__(self, *args: object, **kwargs: object) -> None:
-        super().__init__(*args, **kwargs)  # type: ignore[arg-type] # as its base is made
-        self._owners: dict[int, set[bytes]] = {}
-
     def upload_name(self, request: Request) -> bool:
-        """Remember who uploads what."""
         self._owners.setdefault(request.session.connection, set()).add(request.value)
         return super().upload_name(request)
 
 
 @mutant("list-is-not-refreshed", "4.10/11", subtle=True)
-class ListIsNotRefreshed(_AltersNames):
-    """A list is shown three times before a newer one is."""
+class RepeatsList(_ListsNames):
+    """A list that is not empty is sent three times before it is updated."""
 
     _old: tuple[int, list[bytes]] = (0, [])
     _count = 0
 
-    def listed(self, names: list[bytes], request: Request) -> list[bytes]:  # noqa: ARG002 - whoever asks
-        """Show an old one for a while."""
+    def listed(self, names: list[bytes], request: Request) -> list[bytes]:  # noqa: ARG002 - all alike
         self._count += 1
-        at, shown = self._old
-        if not shown or self._count - at > 2:
-            self._old = self._count, names
-            return names
-        return shown
+        since, shown = self._old
+        if shown and self._count - since <= 2:
+            return shown
+        self._old = self._count, names
+        return names
 
 
 @mutant("deleted-programs-stay-listed", "4.10/11", "4.11/3")
-class DeletedProgramsStayListed(_AltersNames):
-    """The list goes on to name what was deleted."""
+class ListsDeletedPrograms(_ListsNames):
+    """The list contains deleted programs."""
 
-    def listed(self, names: list[bytes], request: Request) -> list[bytes]:  # noqa: ARG002 - whoever asks
-        """Add them."""
-        return [*names, *(name for name in self._gone if name not in names)]
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._deleted: list[bytes] = []
 
-    def __init__(self, *args: object, **kwargs: object) -> None:
-        super().__init__(*args, **kwargs)  # type: ignore[arg-type] # as its base is made
-        self._gone: list[bytes] = []
+    def listed(self, names: list[bytes], request: Request) -> list[bytes]:  # noqa: ARG002 - all alike
+        return [*names, *(name for name in self._deleted if name not in names)]
 
     def remove(self, name: bytes) -> bool:
-        """Remember it."""
-        gone = super().remove(name)
-        if gone:
-            self._gone.append(name)
-        return gone
+        deleted = super().remove(name)
+        if deleted:
+            self._deleted.append(name)
+        return deleted

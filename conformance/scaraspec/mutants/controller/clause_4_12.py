@@ -1,110 +1,77 @@
-"""Faults of clause 4.12: the default program as it is told."""
+"""Mutants of clause 4.12: the reported default program."""
 
-from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Final
 
-from scaraspec.mutants.controller import mutant
-from scaraspec.protocol.frames import Frame
-from scaraspec.virtual_controller.behaviour import SILENCE, Silence
+from scaraspec.mutants.controller import Core, row
+from scaraspec.mutants.operators.controller.replies import sent_frame
+from scaraspec.mutants.operators.controller.requests import after, on_request
+from scaraspec.virtual_controller.behaviour import SILENCE
 from scaraspec.virtual_controller.core import ControllerCore
-from scaraspec.virtual_controller.session import Request, Session
+from scaraspec.virtual_controller.session import Request
 
 _OPCODES: Final = (0x0D, 0x13)
 
 
-class _Tells(ControllerCore, ABC):
-    """The default program is told otherwise."""
-
-    @abstractmethod
-    def told(self, name: bytes, request: Request) -> bytes:
-        """What is told of a default program; its name is empty where there is none."""
-
-    def get_default_program(self, request: Request) -> bytes | Silence:
-        """Tell that."""
-        name = super().get_default_program(request)
-        return name if isinstance(name, Silence) else self.told(name, request)
+def _name(change: Callable[[ControllerCore, Request, bytes], bytes]) -> Core:
+    """The name of the default program is changed; it is empty if there is none."""
+    return after(
+        "get_default_program",
+        lambda core, request, name: name if name is SILENCE else change(core, request, name),
+    )
 
 
-@mutant("answers-with-the-other-opcode", "4.12/2")
-class AnswersWithTheOtherOpcode(ControllerCore):
-    """Asked with 0x0D the default program is told with the 0x13 of the frames."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Change it."""
-        if frame.opcode in _OPCODES:
-            frame = frame._replace(opcode=0x13)
-        super().emit(session, frame)
-
-
-@mutant("answers-with-the-headings-opcode", "4.12/2")
-class AnswersWithTheHeadingsOpcode(ControllerCore):
-    """Asked with 0x13 the default program is told with the 0x0D of the heading."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Change it."""
-        if frame.opcode in _OPCODES:
-            frame = frame._replace(opcode=0x0D)
-        super().emit(session, frame)
-
-
-@mutant("default-is-never-told", "4.12/5")
-class DefaultIsNeverTold(ControllerCore):
-    """Neither opcode is answered, whether there is a default program or not."""
-
-    def get_default_program(self, request: Request) -> Silence:  # noqa: ARG002 - whoever asks
-        """Stay silent."""
-        return SILENCE
-
-
-@mutant("default-is-path", "4.12/3")
-class DefaultIsPath(_Tells):
-    """The default program is told with its directory."""
-
-    def told(self, name: bytes, request: Request) -> bytes:  # noqa: ARG002 - whoever asks
-        """Add it."""
-        return b"/programs/" + name if name else name
-
-
-@mutant("default-is-the-first-program", "4.12/3")
-class DefaultIsTheFirstProgram(_Tells):
-    """The first program of the list is told to be the default one."""
-
-    def told(self, name: bytes, request: Request) -> bytes:  # noqa: ARG002 - whoever asks
-        """Look at the list."""
-        return self.store.names()[0] if name else name
-
-
-@mutant("default-with-flag", "4.12/3")
-class DefaultWithFlag(_Tells):
-    """The default program is told behind a flag."""
-
-    def told(self, name: bytes, request: Request) -> bytes:  # noqa: ARG002 - whoever asks
-        """Add it."""
-        return b"1|" + name if name else name
-
-
-@mutant("opcodes-tell-differently", "4.12/3")
-class OpcodesTellDifferently(_Tells):
-    """Asked with 0x13, nothing is told in place of the default program."""
-
-    def told(self, name: bytes, request: Request) -> bytes:
-        """Look at the opcode."""
-        return b"" if request.frame.opcode == 0x13 else name
-
-
-@mutant("no-default-is-the-word-null", "4.12/4")
-class NoDefaultIsTheWordNull(_Tells):
-    """Where there is no default program, the word NULL is told."""
-
-    def told(self, name: bytes, request: Request) -> bytes:  # noqa: ARG002 - whoever asks
-        """Say it."""
-        return name or b"NULL"
-
-
-@mutant("no-default-is-blank", "4.12/4")
-class NoDefaultIsBlank(_Tells):
-    """Where there is no default program, a blank is told."""
-
-    def told(self, name: bytes, request: Request) -> bytes:  # noqa: ARG002 - whoever asks
-        """Say it."""
-        return name or b" "
+row(
+    "answers-with-the-other-opcode",
+    "4.12/2",
+    "The reply to 0x0D has the opcode 0x13.",
+    sent_frame(lambda frame: frame.opcode in _OPCODES, opcode=0x13),
+)
+row(
+    "answers-with-the-headings-opcode",
+    "4.12/2",
+    "The reply to 0x13 has the opcode 0x0D.",
+    sent_frame(lambda frame: frame.opcode in _OPCODES, opcode=0x0D),
+)
+row(
+    "default-is-never-told",
+    "4.12/5",
+    "Neither 0x0D nor 0x13 is answered.",
+    on_request("get_default_program", lambda _core, _request: SILENCE),
+)
+row(
+    "default-is-path",
+    "4.12/3",
+    "The name of the default program includes a directory.",
+    _name(lambda _core, _request, name: b"/programs/" + name if name else name),
+)
+row(
+    "default-is-the-first-program",
+    "4.12/3",
+    "The first program of the list is reported as the default program.",
+    _name(lambda core, _request, name: core.store.names()[0] if name else name),
+)
+row(
+    "default-with-flag",
+    "4.12/3",
+    "A flag precedes the name of the default program.",
+    _name(lambda _core, _request, name: b"1|" + name if name else name),
+)
+row(
+    "opcodes-tell-differently",
+    "4.12/3",
+    "The reply to 0x13 has no data.",
+    _name(lambda _core, request, name: b"" if request.frame.opcode == 0x13 else name),
+)
+row(
+    "no-default-is-the-word-null",
+    "4.12/4",
+    "The reply without default program is the word NULL.",
+    _name(lambda _core, _request, name: name or b"NULL"),
+)
+row(
+    "no-default-is-blank",
+    "4.12/4",
+    "The reply without default program is a blank.",
+    _name(lambda _core, _request, name: name or b" "),
+)

@@ -1,139 +1,132 @@
-"""Faults of clause 4.13: setting the default program."""
+"""Mutants of clause 4.13: setting the default program."""
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Final
+from typing import Any
 
-from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.operators.controller.replies import AltersReplies
-from scaraspec.protocol.commands import BY_NAME, Command
+from scaraspec.mutants.controller import Core, mutant, row
+from scaraspec.mutants.operators.controller.replies import first_reply
+from scaraspec.mutants.operators.controller.requests import after, answer, answer_when, decoded
+from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request
 
-_SET_DEFAULT: Final = 0x0E
+
+def _forgets(when: Callable[[ControllerCore, bytes], bool]) -> Core:
+    """A new default program is answered 1 but not set, if the condition holds."""
+    return answer_when(
+        "set_default_program",
+        lambda core, request: core.is_program(request.value) and when(core, request.value),
+        value=True,
+    )
 
 
-@mutant("default-answered-in-words", "4.13/2")
-class DefaultAnsweredInWords(AltersReplies):
-    """A new default program is answered with a word."""
+def _starts(command: str) -> Core:
+    """A new default program is started by another command."""
 
-    opcode = _SET_DEFAULT
+    def start(core: ControllerCore, request: Request, done: bool) -> bool:  # noqa: FBT001 - the answer
+        getattr(core, command)(replace(request, command=BY_NAME[command]))
+        return done
 
-    def altered(self, data: bytes) -> bytes:
-        """Say it in words."""
-        return b"OK" if data == b"1" else data
-
-
-@mutant("new-default-answered-with-zero", "4.13/2")
-class NewDefaultAnsweredWithZero(ControllerCore):
-    """A new default program is set, and the answer is the 0 of the document's row."""
-
-    def set_default_program(self, request: Request) -> bool:
-        """Set it, and say the contrary."""
-        super().set_default_program(request)
-        return False
+    return after("set_default_program", start)
 
 
-@mutant("default-is-forgotten", "4.13/3")
-class DefaultIsForgotten(ControllerCore):
-    """A new default program is answered 1 and not set."""
-
-    def set_default_program(self, request: Request) -> bool:
-        """Only look for it."""
-        return self.is_program(request.value)
+def _clear_after_reset(core: ControllerCore, _request: Request, reply: Acceptance) -> Acceptance:
+    if reply.accepted:
+        core.save(default_program=b"")
+    return reply
 
 
-@mutant("first-default-remains", "4.13/3", subtle=True)
-class FirstDefaultRemains(ControllerCore):
-    """Once there is a default program, another one is answered 1 and not set."""
-
-    def set_default_program(self, request: Request) -> bool:
-        """Set the first one."""
-        if self.is_program(self.store.settings.default_program):
-            return self.is_program(request.value)
-        return super().set_default_program(request)
+def _clear_if_malformed(core: ControllerCore, _frame: Frame, value: Any) -> Any:
+    if value is None:
+        core.save(default_program=b"")
+    return value
 
 
-@mutant("reset-forgets-the-default", "4.13/3", subtle=True)
-class ResetForgetsTheDefault(ControllerCore):
-    """A reset leaves no default program."""
-
-    def reset(self, request: Request) -> Acceptance:
-        """Forget it."""
-        answer: Acceptance = super().reset(request)
-        if answer.accepted:
-            self.save(default_program=b"")
-        return answer
-
-
-@mutant("long-default-is-forgotten", "4.13/3", subtle=True)
-class LongDefaultIsForgotten(ControllerCore):
-    """A default program with a name of thirty bytes is answered 1 and not set."""
-
-    def set_default_program(self, request: Request) -> bool:
-        """Set shorter ones."""
-        if len(request.value) < 30:
-            return super().set_default_program(request)
-        return self.is_program(request.value)
+row(
+    "default-answered-in-words",
+    "4.13/2",
+    "A new default program is answered OK.",
+    first_reply("set_default_program", {b"1": b"OK"}),
+)
+row(
+    "new-default-answered-with-zero",
+    "4.13/2",
+    "A new default program is set but the answer is 0, as in the table row of the document.",
+    answer("set_default_program", lambda _done: False),
+)
+row(
+    "default-is-forgotten",
+    "4.13/3",
+    "A new default program is answered 1 but not set.",
+    _forgets(lambda _core, _name: True),
+)
+row(
+    "first-default-remains",
+    "4.13/3",
+    "If there is a default program, another one is answered 1 but not set.",
+    _forgets(lambda core, _name: core.is_program(core.store.settings.default_program)),
+    subtle=True,
+)
+row(
+    "reset-forgets-the-default",
+    "4.13/3",
+    "A reset clears the default program.",
+    after("reset", _clear_after_reset),
+    subtle=True,
+)
+row(
+    "long-default-is-forgotten",
+    "4.13/3",
+    "A default program with a name of thirty or more bytes is answered 1 but not set.",
+    _forgets(lambda _core, name: len(name) >= 30),
+    subtle=True,
+)
 
 
 @mutant("default-of-the-connection", "4.13/3", subtle=True)
-class DefaultOfTheConnection(ControllerCore):
-    """A default program is one for the connection that has set it."""
+class HidesDefaultFromOtherConnections(ControllerCore):
+    """Only the connection that set the default program can read it."""
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
-        self._set_by = -1
+    _set_by = -1
 
     def set_default_program(self, request: Request) -> bool:
-        """Remember who it was."""
         self._set_by = request.session.connection
         return super().set_default_program(request)
 
     def get_default_program(self, request: Request) -> Any:
-        """Tell nobody else."""
-        own = request.session.connection == self._set_by
-        return super().get_default_program(request) if own else b""
+        is_own = request.session.connection == self._set_by
+        return super().get_default_program(request) if is_own else b""
 
 
-@mutant("refusal-clears-the-default", "4.13/5", subtle=True)
-class RefusalClearsTheDefault(ControllerCore):
-    """A program that is not stored is refused, and then there is no default program any more."""
-
-    def set_default_program(self, request: Request) -> bool:
-        """Clear it first."""
-        return super().set_default_program(request) or not self.save(default_program=b"")
-
-
-@mutant("malformed-name-clears-the-default", "4.13/5", subtle=True)
-class MalformedNameClearsTheDefault(ControllerCore):
-    """A name that is none is refused, and then there is no default program any more."""
-
-    def _value(self, command: Command, frame: Frame) -> Any:
-        value = super()._value(command, frame)
-        if command.name == "set_default_program" and value is None:
-            self.save(default_program=b"")
-        return value
-
-
-@mutant("default-is-started", "4.13/6")
-class DefaultIsStarted(ControllerCore):
-    """A new default program is started at once."""
-
-    def set_default_program(self, request: Request) -> bool:
-        """Start it."""
-        answer = super().set_default_program(request)
-        self.run_program(replace(request, command=BY_NAME["run_program"]))
-        return answer
-
-
-@mutant("default-is-tried-out", "4.13/6")
-class DefaultIsTriedOut(ControllerCore):
-    """A new default program is simulated at once, to see whether it can run."""
-
-    def set_default_program(self, request: Request) -> bool:
-        """Simulate it."""
-        answer = super().set_default_program(request)
-        self.simulate_program(replace(request, command=BY_NAME["simulate_program"]))
-        return answer
+row(
+    "refusal-clears-the-default",
+    "4.13/5",
+    "A missing program is refused, and the default program is cleared.",
+    after(
+        "set_default_program",
+        lambda core, _request, done: done or not core.save(default_program=b""),
+    ),
+    subtle=True,
+)
+row(
+    "malformed-name-clears-the-default",
+    "4.13/5",
+    "A malformed name is refused, and the default program is cleared.",
+    decoded("set_default_program", _clear_if_malformed),
+    subtle=True,
+)
+row(
+    "default-is-started",
+    "4.13/6",
+    "A new default program is started at once.",
+    _starts("run_program"),
+)
+row(
+    "default-is-tried-out",
+    "4.13/6",
+    "A new default program is simulated at once.",
+    _starts("simulate_program"),
+)

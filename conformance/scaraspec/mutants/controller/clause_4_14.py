@@ -1,79 +1,61 @@
-"""Faults of clause 4.14: the temperatures of the motors."""
+"""Mutants of clause 4.14: the temperatures of the motors."""
 
-from typing import Final
+from collections.abc import Callable
 
-from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.operators.controller.replies import AltersReplies
+from scaraspec.mutants.controller import Core, mutant, row
+from scaraspec.mutants.operators.controller.replies import first_reply, sent_frame
 from scaraspec.protocol.frames import Frame
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Session
 
-_TEMPERATURES: Final = 0x0F
+
+def _reply(change: Callable[[bytes], bytes]) -> Core:
+    return first_reply("get_motor_temperatures", change)
 
 
-@mutant("temperatures-of-three-motors", "4.14/2")
-class TemperaturesOfThreeMotors(AltersReplies):
-    """The motor of the rotation is not told."""
-
-    opcode = _TEMPERATURES
-
-    def altered(self, data: bytes) -> bytes:
-        """Leave the last field away."""
-        return data.rpartition(b"|")[0]
-
-
-@mutant("temperatures-with-units", "4.14/2")
-class TemperaturesWithUnits(AltersReplies):
-    """Each temperature bears its unit."""
-
-    opcode = _TEMPERATURES
-
-    def altered(self, data: bytes) -> bytes:
-        """Add it."""
-        return b"|".join(field + b"C" for field in data.split(b"|"))
-
-
-@mutant("temperatures-with-commas", "4.14/2")
-class TemperaturesWithCommas(AltersReplies):
-    """Temperatures have decimals behind a comma."""
-
-    opcode = _TEMPERATURES
-
-    def altered(self, data: bytes) -> bytes:
-        """Add them."""
-        return b"|".join(field + b",0" for field in data.split(b"|"))
-
-
-@mutant("temperatures-without-bars", "4.14/2")
-class TemperaturesWithoutBars(AltersReplies):
-    """Temperatures follow on each other in two digits each."""
-
-    opcode = _TEMPERATURES
-
-    def altered(self, data: bytes) -> bytes:
-        """Leave the bars away."""
-        return data.replace(b"|", b"")
+row(
+    "temperatures-of-three-motors",
+    "4.14/2",
+    "The reply has no temperature of the rotation motor.",
+    _reply(lambda data: data.rpartition(b"|")[0]),
+)
+row(
+    "temperatures-with-units",
+    "4.14/2",
+    "Each temperature has a unit.",
+    _reply(lambda data: data.replace(b"|", b"C|") + b"C"),
+)
+row(
+    "temperatures-with-commas",
+    "4.14/2",
+    "Each temperature has a decimal comma.",
+    _reply(lambda data: data.replace(b"|", b",0|") + b",0"),
+)
+row(
+    "temperatures-without-bars",
+    "4.14/2",
+    "There are no bars between the temperatures.",
+    _reply(lambda data: data.replace(b"|", b"")),
+)
 
 
 @mutant("cold-motor-is-not-told", "4.14/2", subtle=True)
-class ColdMotorIsNotTold(AltersReplies):
-    """From the third reply on a motor that has not warmed up has an empty field."""
+class OmitsColdMotor(ControllerCore):
+    """From the third reply on, the first temperature of 25 degrees is an empty field."""
 
-    opcode = _TEMPERATURES
     _count = 0
 
-    def altered(self, data: bytes) -> bytes:
-        """Count."""
-        self._count += 1
-        return data if self._count < 3 else data.replace(b"25", b"", 1)
-
-
-@mutant("temperatures-under-another-opcode", "4.14/3")
-class TemperaturesUnderAnotherOpcode(ControllerCore):
-    """The temperatures bear the opcode 0x10, the next one in the row."""
-
     def emit(self, session: Session, frame: Frame) -> None:
-        """Change it."""
-        if frame.opcode == _TEMPERATURES:
-            frame = frame._replace(opcode=0x10)
+        if frame.opcode == 0x0F:
+            self._count += 1
+            if self._count >= 3:
+                frame = frame._replace(data=frame.data.replace(b"25", b"", 1))
         super().emit(session, frame)
+
+
+row(
+    "temperatures-under-another-opcode",
+    "4.14/3",
+    "The temperatures have the opcode 0x10.",
+    sent_frame(lambda frame: frame.opcode == 0x0F, opcode=0x10),
+)
