@@ -1,107 +1,76 @@
-"""Faults of clause 4.16: simulating a program."""
+"""Mutants of clause 4.16: simulating a program."""
 
-from scaraspec.mutants.controller import mutant
-from scaraspec.protocol.frames import Frame
+from scaraspec.mutants.controller import mutant, row
+from scaraspec.mutants.operators.controller.replies import first_reply, outcome, sent_frame
+from scaraspec.mutants.operators.controller.requests import completes_refused
 from scaraspec.protocol.payloads import Acceptance, Outcome
-from scaraspec.virtual_controller.behaviour.base import ACCEPTED
+from scaraspec.virtual_controller.behaviour.base import refused
 from scaraspec.virtual_controller.core import ControllerCore
-from scaraspec.virtual_controller.robot import RUNNING, Task
-from scaraspec.virtual_controller.session import Request, Session
+from scaraspec.virtual_controller.robot import RUNNING, SIMULATING
+from scaraspec.virtual_controller.session import Request
 
-
-@mutant("accepts-simulation-in-words", "4.16/2", "4/1")
-class AcceptsSimulationInWords(ControllerCore):
-    """A simulation is accepted with "1|sim"."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Add a word."""
-        if frame.opcode == 0x31 and frame.data == b"1" and not frame.tagged:
-            frame = frame._replace(data=b"1|sim")
-        super().emit(session, frame)
-
-
-@mutant("refuses-simulation-in-one-byte", "4.16/2", "4/1")
-class RefusesSimulationInOneByte(ControllerCore):
-    """The refusal of a simulation has no code."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Send the flag alone."""
-        if frame.opcode == 0x31 and frame.data.startswith(b"0|"):
-            frame = frame._replace(data=b"0")
-        super().emit(session, frame)
+row(
+    "accepts-simulation-in-words",
+    "4.16/2 4/1",
+    "A simulation is accepted with 1|sim.",
+    first_reply("simulate_program", {b"1": b"1|sim"}),
+)
+row(
+    "refuses-simulation-in-one-byte",
+    "4.16/2 4/1",
+    "The refusal of a simulation has no code.",
+    first_reply("simulate_program", lambda data: b"0" if data.startswith(b"0|") else data),
+)
 
 
 @mutant("simulates-once", "4.16/2", subtle=True)
-class SimulatesOnce(ControllerCore):
-    """Behind a run no program can be simulated any more."""
+class RefusesSimulationAfterRun(ControllerCore):
+    """After a run every simulation is refused."""
 
     _ran = False
 
     def run_program(self, request: Request) -> Acceptance:
-        """Leave the simulator for good."""
         self._ran = True
         return super().run_program(request)
 
     def simulate_program(self, request: Request) -> Acceptance:
-        """Refuse once a program has run."""
-        if self._ran and self.robot.task is None:
-            return Acceptance(accepted=False, code="05")
-        return super().simulate_program(request)
+        is_refused = self._ran and self.robot.task is None
+        return refused("05") if is_refused else super().simulate_program(request)
 
 
-@mutant("simulates-what-is-not-there", "8/5")
-class SimulatesWhatIsNotThere(ControllerCore):
-    """The simulation of a missing program is accepted and done."""
-
-    def simulate_program(self, request: Request) -> Acceptance:
-        """Simulate an empty program."""
-        answer = super().simulate_program(request)
-        if answer.code != "20":
-            return answer
-        self.send_result(request, Outcome(done=True))
-        return ACCEPTED
-
-
-@mutant("simulation-misses-with-one", "8/5")
-class SimulationMissesWithOne(ControllerCore):
-    """The simulation of a missing program is refused with 01."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Write 01 for 20."""
-        if frame.opcode == 0x31 and frame.data == b"0|20":
-            frame = frame._replace(data=b"0|01")
-        super().emit(session, frame)
-
-
-@mutant("simulation-has-no-result", "4.16/3")
-class SimulationHasNoResult(ControllerCore):
-    """A simulation that comes to its end sends no final result."""
-
-    def send_result(self, request: Request, outcome: Outcome) -> None:
-        """Leave it out."""
-        if request.command.name != "simulate_program" or not outcome.done:
-            super().send_result(request, outcome)
-
-
-@mutant("simulation-ends-as-run", "4.16/3")
-class SimulationEndsAsRun(ControllerCore):
-    """The final result of a simulation bears the opcode of the run."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Use the other opcode."""
-        if frame.opcode == 0x31 and frame.tagged:
-            frame = frame._replace(opcode=0x30)
-        super().emit(session, frame)
+row(
+    "simulates-what-is-not-there",
+    "8/5",
+    "The simulation of a missing program is accepted and reported as done.",
+    completes_refused("simulate_program", "20"),
+)
+row(
+    "simulation-misses-with-one",
+    "8/5",
+    "The simulation of a missing program is refused with 01.",
+    first_reply("simulate_program", {b"0|20": b"0|01"}),
+)
+row(
+    "simulation-has-no-result",
+    "4.16/3",
+    "A completed simulation sends no final result.",
+    outcome("simulate_program", lambda _core, _request, ended: None if ended.done else ended),
+)
+row(
+    "simulation-ends-as-run",
+    "4.16/3",
+    "The final result of a simulation has the opcode of the run.",
+    sent_frame(lambda frame: frame.opcode == 0x31 and frame.tagged, opcode=0x30),
+)
 
 
 @mutant("second-simulation-fails", "4.16/3", subtle=True)
-class SecondSimulationFails(ControllerCore):
-    """From the second on every simulation ends with a failure."""
+class FailsSecondSimulation(ControllerCore):
+    """From the second one on, a completed simulation is reported as failed."""
 
     _simulated = 0
 
     def send_result(self, request: Request, outcome: Outcome) -> None:
-        """Leave something behind the first time."""
         if request.command.name == "simulate_program" and outcome.done:
             self._simulated += 1
             if self._simulated > 1:
@@ -110,27 +79,23 @@ class SecondSimulationFails(ControllerCore):
 
 
 @mutant("simulation-is-run", "4.16/5", "4.8/5")
-class SimulationIsRun(ControllerCore):
-    """A simulation runs the program in earnest."""
+class RunsSimulation(ControllerCore):
+    """A simulation runs the program."""
 
     def simulate_program(self, request: Request) -> Acceptance:
-        """Run it."""
         return self._start(request, RUNNING)
 
 
 @mutant("stays-in-the-simulator", "4.8/4", "4.16/3", subtle=True)
-class StaysInTheSimulator(ControllerCore):
-    """A run behind a simulation is reported as a simulation."""
+class ReportsRunAsSimulation(ControllerCore):
+    """After a simulation the status of every run is 02."""
 
     _simulated = False
 
     def simulate_program(self, request: Request) -> Acceptance:
-        """Enter the simulator."""
         self._simulated = True
         return super().simulate_program(request)
 
     def get_status(self, request: Request) -> str:
-        """Forget to leave it."""
-        now = super().get_status(request)
-        task: Task | None = self.robot.task
-        return "02" if task is not None and now == RUNNING and self._simulated else now
+        status = super().get_status(request)
+        return SIMULATING if self._simulated and status == RUNNING else status
