@@ -25,7 +25,7 @@ def _names(change: Callable[[bytes], bytes]) -> Core:
 class _ListsNames(ControllerCore):
     """Lists the names that `listed` returns."""
 
-    def listed(self, names: list[bytes], request: Request) -> list[bytes]:  # noqa: ARG002 - for subclasses
+    def listed(self, names: list[bytes], request: Request) -> list[bytes]:  # noqa: ARG002 - subclasses use it
         return names
 
     def list_programs(self, request: Request) -> NameListPart:
@@ -237,7 +237,7 @@ class RepeatsList(_ListsNames):
     _old: tuple[int, list[bytes]] = (0, [])
     _count = 0
 
-    def listed(self, names: list[bytes], request: Request) -> list[bytes]:  # noqa: ARG002 - all alike
+    def listed(self, names: list[bytes], request: Request) -> list[bytes]:  # noqa: ARG002 - the same for all
         self._count += 1
         since, shown = self._old
         if shown and self._count - since <= 2:
@@ -254,7 +254,7 @@ class ListsDeletedPrograms(_ListsNames):
         super().__init__(*args, **kwargs)
         self._deleted: list[bytes] = []
 
-    def listed(self, names: list[bytes], request: Request) -> list[bytes]:  # noqa: ARG002 - all alike
+    def listed(self, names: list[bytes], request: Request) -> list[bytes]:  # noqa: ARG002 - the same for all
         return [*names, *(name for name in self._deleted if name not in names)]
 
     def remove(self, name: bytes) -> bool:

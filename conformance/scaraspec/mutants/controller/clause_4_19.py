@@ -1,53 +1,37 @@
-"""Faults of clause 4.19: the gripper centre as it is told."""
+"""Mutants of clause 4.19: the reported gripper center."""
 
-from typing import Final
+from collections.abc import Callable
 
-from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.operators.controller.replies import AltersReplies
-
-_GET_GRIPPER: Final = 0x34
+from scaraspec.mutants.controller import Core, row
+from scaraspec.mutants.operators.controller.replies import first_reply
 
 
-@mutant("gripper-of-two-numbers", "4.19/2")
-class GripperOfTwoNumbers(AltersReplies):
-    """The gripper centre is told without its height."""
-
-    opcode = _GET_GRIPPER
-
-    def altered(self, data: bytes) -> bytes:
-        """Leave the last field away."""
-        return data.rpartition(b"|")[0]
+def _fields(change: Callable[[list[bytes]], list[bytes]]) -> Core:
+    """The fields of the reply are changed."""
+    return first_reply("get_gripper_center", lambda data: b"|".join(change(data.split(b"|"))))
 
 
-@mutant("gripper-of-six-numbers", "4.19/2")
-class GripperOfSixNumbers(AltersReplies):
-    """The gripper centre is told with three angles."""
-
-    opcode = _GET_GRIPPER
-
-    def altered(self, data: bytes) -> bytes:
-        """Add them."""
-        return data + b"|0|0|0"
-
-
-@mutant("gripper-in-exponents", "4.19/2")
-class GripperInExponents(AltersReplies):
-    """The numbers of the gripper centre have exponents."""
-
-    opcode = _GET_GRIPPER
-
-    def altered(self, data: bytes) -> bytes:
-        """Write them so."""
-        return b"|".join(b"%e" % float(field) for field in data.split(b"|"))
-
-
-@mutant("gripper-with-names", "4.19/2")
-class GripperWithNames(AltersReplies):
-    """Each number of the gripper centre bears its name."""
-
-    opcode = _GET_GRIPPER
-
-    def altered(self, data: bytes) -> bytes:
-        """Add them."""
-        pairs = zip((b"x", b"y", b"z"), data.split(b"|"), strict=True)
-        return b"|".join(name + b"=" + field for name, field in pairs)
+row(
+    "gripper-of-two-numbers",
+    "4.19/2",
+    "The gripper center has no height.",
+    _fields(lambda fields: fields[:-1]),
+)
+row(
+    "gripper-of-six-numbers",
+    "4.19/2",
+    "The gripper center has three angles.",
+    _fields(lambda fields: [*fields, b"0", b"0", b"0"]),
+)
+row(
+    "gripper-in-exponents",
+    "4.19/2",
+    "The numbers of the gripper center have exponents.",
+    _fields(lambda fields: [b"%e" % float(field) for field in fields]),
+)
+row(
+    "gripper-with-names",
+    "4.19/2",
+    "Each number of the gripper center has its name.",
+    _fields(lambda fields: [b"x=" + fields[0], b"y=" + fields[1], b"z=" + fields[2]]),
+)
