@@ -1,213 +1,180 @@
-"""Faults of clauses 4.25 and 4.26: releasing and locking the joints."""
+"""Mutants of clauses 4.25 and 4.26: releasing and locking the joints."""
 
 from typing import Any
 
-from scaraspec.mutants.controller import mutant
+from scaraspec.mutants.controller import mutant, row
+from scaraspec.mutants.operators.controller.replies import first_reply, outcome
+from scaraspec.mutants.operators.controller.requests import (
+    after,
+    completes,
+    executing,
+    on_request,
+)
 from scaraspec.protocol.commands import Command
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, JogDirection, Outcome
 from scaraspec.virtual_controller import motion
-from scaraspec.virtual_controller.behaviour.base import ACCEPTED
+from scaraspec.virtual_controller.behaviour.base import refused
 from scaraspec.virtual_controller.core import ControllerCore
-from scaraspec.virtual_controller.robot import DONE
 from scaraspec.virtual_controller.session import Request, Session
 
-
-@mutant("release-is-answered-released", "4.25/2", "4/1")
-class ReleaseIsAnsweredReleased(ControllerCore):
-    """The first reply to a release is "1|4", the number of joints."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Add the number."""
-        if frame.opcode == 0x3A and frame.data == b"1" and not frame.tagged:
-            frame = frame._replace(data=b"1|4")
-        super().emit(session, frame)
-
-
-@mutant("release-is-refused", "4.25/2")
-class ReleaseIsRefused(ControllerCore):
-    """An idle robot refuses to release its joints."""
-
-    def release_joints(self, request: Request) -> Acceptance:  # noqa: ARG002 - the seam's form
-        """Refuse."""
-        code = self.robot.refusal_code(moves=False)
-        return Acceptance(accepted=False, code=code or "05")
+row(
+    "release-is-answered-released",
+    "4.25/2 4/1",
+    'The first reply to a release is "1|4", with the number of joints.',
+    first_reply("release_joints", {b"1": b"1|4"}),
+)
+row(
+    "release-is-refused",
+    "4.25/2",
+    "An idle robot refuses to release its joints.",
+    on_request(
+        "release_joints", lambda core, _: refused(core.robot.refusal_code(moves=False) or "05")
+    ),
+)
 
 
 @mutant("second-release-is-answered-two", "4.25/2", "4/1")
-class SecondReleaseIsAnsweredTwo(ControllerCore):
-    """A release of released joints is answered 2."""
+class AnswersSecondReleaseWithTwo(ControllerCore):
+    """A release that directly follows another release is answered 2."""
+
+    _released = False
 
     def _reply(self, session: Session, command: Command, frame: Frame, answer: Any) -> None:
-        self._again = command.name == "release_joints" and self._released
-        self._released = command.name == "release_joints"
-        super()._reply(session, command, frame, answer)
-
-    _again = _released = False
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Write 2."""
-        if self._again and frame.opcode == 0x3A and not frame.tagged:
-            frame = frame._replace(data=b"2")
-        super().emit(session, frame)
+        releases = command.name == "release_joints"
+        again, self._released = releases and self._released, releases
+        if again:
+            self.emit(session, frame._replace(direction=frame.direction.opposite, data=b"2"))
+        else:
+            super()._reply(session, command, frame, answer)
 
 
-@mutant("release-has-no-result", "4.25/3")
-class ReleaseHasNoResult(ControllerCore):
-    """A release sends no final result, not even when the joints are locked again."""
-
-    def send_result(self, request: Request, outcome: Outcome) -> None:
-        """Leave it out."""
-        if request.command.name != "release_joints":
-            super().send_result(request, outcome)
+row(
+    "release-has-no-result",
+    "4.25/3",
+    "A release has no final result, even when the joints are locked again.",
+    outcome("release_joints", lambda *_: None),
+)
 
 
 @mutant("release-ends-as-lock", "4.25/3")
-class ReleaseEndsAsLock(ControllerCore):
-    """The final result of a release bears the opcode of the lock."""
+class EndsReleaseAsLock(ControllerCore):
+    """The final result of a release has the opcode of the lock."""
 
     def emit(self, session: Session, frame: Frame) -> None:
-        """Use the other opcode."""
         if frame.opcode == 0x3A and frame.tagged:
             frame = frame._replace(opcode=0x3B)
         super().emit(session, frame)
 
 
 @mutant("second-release-fails", "4.25/3", subtle=True)
-class SecondReleaseFails(ControllerCore):
-    """From the second on every release ends with a failure."""
+class FailsSecondRelease(ControllerCore):
+    """From the second on, every release ends with a failure."""
 
-    _released = 0
+    _releases = 0
 
     def send_result(self, request: Request, outcome: Outcome) -> None:
-        """Count them."""
         if request.command.name == "release_joints":
-            self._released += 1
-            if self._released > 1:
+            self._releases += 1
+            if self._releases > 1:
                 outcome = Outcome(done=False, code="06")
         super().send_result(request, outcome)
 
 
-class _ReleasesDuring(ControllerCore):
-    """Releases the joints while one command executes."""
-
-    during = ""
-
-    def release_joints(self, request: Request) -> Acceptance:
-        """Look at the motors alone."""
-        task = self.robot.task
-        if task is not None and task.request.command.name == self.during:
-            self.send_result(request, DONE)
-            return ACCEPTED
-        return super().release_joints(request)
-
-
-@mutant("releases-during-run", "4.25/5", "4/6")
-class ReleasesDuringRun(_ReleasesDuring):
-    """The joints are released while a program runs."""
-
-    during = "run_program"
-
-
-@mutant("releases-during-simulation", "4.25/5", "4/6")
-class ReleasesDuringSimulation(_ReleasesDuring):
-    """The joints are released while a program is simulated."""
-
-    during = "simulate_program"
-
-
-@mutant("releases-during-reset", "4.25/5", "4/6")
-class ReleasesDuringReset(_ReleasesDuring):
-    """The joints are released while the robot resets."""
-
-    during = "reset"
-
-
-@mutant("releases-during-move", "4.25/5", "4/6")
-class ReleasesDuringMove(_ReleasesDuring):
-    """The joints are released while the arm moves to a pose."""
-
-    during = "set_tool_coordinates"
-
-
-@mutant("releases-during-jog", "4.25/5", "4/6")
-class ReleasesDuringJog(_ReleasesDuring):
-    """The joints are released during a jog."""
-
-    during = "jog"
-
-
-@mutant("lock-is-answered-twice", "4.26/2", "4/1")
-class LockIsAnsweredTwice(ControllerCore):
-    """The first reply to a lock is "11"."""
-
-    def emit(self, session: Session, frame: Frame) -> None:
-        """Write 11 for 1."""
-        if frame.opcode == 0x3B and frame.data == b"1" and not frame.tagged:
-            frame = frame._replace(data=b"11")
-        super().emit(session, frame)
+row(
+    "releases-during-run",
+    "4.25/5 4/6",
+    "A release is accepted while a program runs.",
+    completes("release_joints", executing("run_program")),
+)
+row(
+    "releases-during-simulation",
+    "4.25/5 4/6",
+    "A release is accepted while a program is simulated.",
+    completes("release_joints", executing("simulate_program")),
+)
+row(
+    "releases-during-reset",
+    "4.25/5 4/6",
+    "A release is accepted while the robot resets.",
+    completes("release_joints", executing("reset")),
+)
+row(
+    "releases-during-move",
+    "4.25/5 4/6",
+    "A release is accepted while the arm moves to a pose.",
+    completes("release_joints", executing("set_tool_coordinates")),
+)
+row(
+    "releases-during-jog",
+    "4.25/5 4/6",
+    "A release is accepted during a jog.",
+    completes("release_joints", executing("jog")),
+)
+row(
+    "lock-is-answered-twice",
+    "4.26/2 4/1",
+    'The first reply to a lock is "11".',
+    first_reply("lock_joints", {b"1": b"11"}),
+)
 
 
 @mutant("lock-of-released-is-refused", "4.26/2")
-class LockOfReleasedIsRefused(ControllerCore):
-    """Released joints cannot be locked."""
+class RefusesLockOfReleased(ControllerCore):
+    """Released joints are locked, but the command is refused."""
 
     def lock_joints(self, request: Request) -> Acceptance:
-        """Find the joints where they should not be."""
         if not self.plant.locked and self.robot.task is None:
             self.plant.locked = True
-            return Acceptance(accepted=False, code="06")
+            return refused("06")
         return super().lock_joints(request)
 
 
-@mutant("lock-has-no-result", "4.26/3")
-class LockHasNoResult(ControllerCore):
-    """A lock sends no final result."""
-
-    def send_result(self, request: Request, outcome: Outcome) -> None:
-        """Leave it out."""
-        if request.command.name != "lock_joints":
-            super().send_result(request, outcome)
+row(
+    "lock-has-no-result",
+    "4.26/3",
+    "A lock has no final result.",
+    outcome("lock_joints", lambda *_: None),
+)
 
 
 @mutant("lock-fails", "4.26/3")
-class LockFails(ControllerCore):
+class FailsLockOfReleased(ControllerCore):
     """A lock of released joints ends with a failure."""
 
     _released = False
 
     def lock_joints(self, request: Request) -> Acceptance:
-        """Look what it locks."""
         self._released = not self.plant.locked
         return super().lock_joints(request)
 
     def send_result(self, request: Request, outcome: Outcome) -> None:
-        """Say so."""
         if request.command.name == "lock_joints" and self._released:
             outcome = Outcome(done=False, code="18")
         super().send_result(request, outcome)
 
 
 @mutant("lock-leaves-them-loose", "4.26/3", "4.24/5")
-class LockLeavesThemLoose(ControllerCore):
-    """A lock is said to be done, and the joints stay released."""
+class LocksNothing(ControllerCore):
+    """A lock of released joints is reported as done, but they stay released."""
 
     def lock_joints(self, request: Request) -> Acceptance:
-        """Lock nothing."""
         released = not self.plant.locked
-        answer = super().lock_joints(request)
+        reply = super().lock_joints(request)
         self.plant.locked = not released
-        return answer
+        return reply
 
 
-@mutant("arm-sags-behind-lock", "4.26/5")
-class ArmSagsBehindLock(ControllerCore):
-    """Behind a lock the arm goes on moving for a while."""
+def _jog(core: ControllerCore, request: Request, reply: Acceptance) -> Acceptance:
+    if reply.accepted:
+        way = motion.jog(core.plant.joints(request.now_s), JogDirection.PLUS_Y)
+        core.plant.start(way, request.now_s)
+    return reply
 
-    def lock_joints(self, request: Request) -> Acceptance:
-        """Let it."""
-        answer = super().lock_joints(request)
-        if answer.accepted:
-            way = motion.jog(self.plant.joints(request.now_s), JogDirection.PLUS_Y)
-            self.plant.start(way, request.now_s)
-        return answer
+
+row(
+    "arm-sags-behind-lock",
+    "4.26/5",
+    "The arm moves for some time after a lock.",
+    after("lock_joints", _jog),
+)

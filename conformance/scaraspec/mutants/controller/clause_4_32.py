@@ -1,335 +1,301 @@
-"""Faults of clause 4.32: setting a digital output."""
+"""Mutants of clause 4.32: setting a digital output."""
 
 import re
-from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Any
 
-from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.operators.controller.replies import AltersReplies
-from scaraspec.protocol.commands import Command, PortValue
+from scaraspec.mutants.controller import Core, mutant, row
+from scaraspec.mutants.operators.controller.replies import first_reply
+from scaraspec.mutants.operators.controller.requests import (
+    after,
+    answer_when,
+    decoded,
+    executing,
+    on_request,
+)
+from scaraspec.protocol.commands import PortValue
 from scaraspec.protocol.frames import Frame
 from scaraspec.virtual_controller.core import ControllerCore
-from scaraspec.virtual_controller.plant import NoSuchPortError
+from scaraspec.virtual_controller.plant import NoSuchPortError, Ports
 from scaraspec.virtual_controller.session import Request, Session
 
-_SET = 0x43
+_SET = "set_digital_output"
 
 
-@mutant("setting-is-echoed", "4.32/4")
-class SettingIsEchoed(AltersReplies):
-    """A setting is answered with its port and value."""
+def _parses(
+    pattern: bytes,
+    make: Callable[[re.Match[bytes]], PortValue] = lambda found: PortValue(
+        int(found[1]), int(found[2])
+    ),
+) -> Core:
+    """The data of settings that match a pattern are read as the value that `make` returns."""
 
-    opcode = _SET
-    _asked = b""
+    def parse(_core: ControllerCore, frame: Frame, value: Any) -> Any:
+        found = re.fullmatch(pattern, frame.data)
+        return make(found) if found else value
 
-    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Remember them."""
-        self._asked = frame.data
-        super().handle(session, frame, now_s)
-
-    def altered(self, data: bytes) -> bytes:
-        """Send them back."""
-        return self._asked if data == b"1" else data
+    return decoded(_SET, parse)
 
 
-@mutant("refusals-of-ports-are-reasoned", "4.32/4")
-class RefusalsOfPortsAreReasoned(AltersReplies):
-    """A setting that fails is answered with a code behind the 0."""
+def _sets(put: Callable[[Ports[bool], int, int], None]) -> Core:
+    """`put` executes settings: it receives all outputs, the port and the value 0 or 1."""
 
-    opcode = _SET
-
-    def altered(self, data: bytes) -> bytes:
-        """Add it."""
-        return b"0|05" if data == b"0" else data
-
-
-@mutant("refuses-and-sets-above-eight", "4.32/4", "4.32/6")
-class RefusesAndSetsAboveEight(ControllerCore):
-    """A setting of an output above 8 is answered as failed, and is carried out."""
-
-    def set_digital_output(self, request: Request) -> bool:
-        """Say no."""
-        return super().set_digital_output(request) and request.value.port <= 8
-
-
-@mutant("settings-are-lost-while-running", "4.32/4", "4.32/6", subtle=True)
-class SettingsAreLostWhileRunning(ControllerCore):
-    """While a program runs a setting is answered as done, and is not carried out."""
-
-    def set_digital_output(self, request: Request) -> bool:
-        """Say yes."""
-        return True if self.robot.task else super().set_digital_output(request)
-
-
-@mutant("settings-are-lost-while-moving", "4.32/4", "4.32/6", subtle=True)
-class SettingsAreLostWhileMoving(ControllerCore):
-    """While the arm moves or jogs a setting is answered as done, and is not carried out."""
-
-    def set_digital_output(self, request: Request) -> bool:
-        """Say yes."""
-        task = self.robot.task
-        moves = task is not None and task.request.command.name in ("jog", "set_tool_coordinates")
-        return moves or super().set_digital_output(request)
-
-
-@mutant("settings-are-lost-while-released", "4.32/4", "4.32/6", subtle=True)
-class SettingsAreLostWhileReleased(ControllerCore):
-    """While the joints are released a setting is answered as done, and is not carried out."""
-
-    def set_digital_output(self, request: Request) -> bool:
-        """Say yes."""
-        return not self.plant.locked or super().set_digital_output(request)
-
-
-class _Parses(ControllerCore, ABC):
-    """Reads settings in a way of its own."""
-
-    @abstractmethod
-    def parsed(self, data: bytes) -> PortValue | None:
-        """The setting; None to read it as it should be."""
-
-    def _value(self, command: Command, frame: Frame) -> Any:
-        read = self.parsed(frame.data) if command.name == "set_digital_output" else None
-        return super()._value(command, frame) if read is None else read
-
-
-@mutant("ports-in-one-byte", "4.32/5")
-class PortsInOneByte(_Parses):
-    """Of a port number only the lowest byte counts."""
-
-    def parsed(self, data: bytes) -> PortValue | None:
-        """Cut it."""
-        read = re.fullmatch(rb"([0-9]+)\|([01])", data)
-        return PortValue(int(read[1]) & 0xFF, int(read[2])) if read else None
-
-
-@mutant("ports-from-zero", "4.32/5")
-class PortsFromZero(_Parses):
-    """Port 0 sets the first output."""
-
-    def parsed(self, data: bytes) -> PortValue | None:
-        """Take 0 for 1."""
-        read = re.fullmatch(rb"0+\|([01])", data)
-        return PortValue(1, int(read[1])) if read else None
-
-
-@mutant("ports-below-zero", "4.32/5")
-class PortsBelowZero(_Parses):
-    """A negative port number counts the outputs from the end."""
-
-    def parsed(self, data: bytes) -> PortValue | None:
-        """Count backwards."""
-        read = re.fullmatch(rb"-([0-9]+)\|([01])", data)
-        return PortValue(17 - int(read[1]), int(read[2])) if read else None
-
-
-@mutant("says-it-has-set-any-port", "4.32/5")
-class SaysItHasSetAnyPort(AltersReplies):
-    """A setting is always answered as done, whether there is such a port or not."""
-
-    opcode = _SET
-
-    def altered(self, data: bytes) -> bytes:  # noqa: ARG002 - whatever is true
-        """Say yes."""
-        return b"1"
-
-
-class _Sets(ControllerCore):
-    """Sets outputs in a way of its own."""
-
-    def put(self, port: int, *, on: bool) -> None:
-        """Set an output."""
-        self.plant.digital_outputs[port] = on
-
-    def set_digital_output(self, request: Request) -> bool:
-        """Set it so."""
-        port, value = request.value
+    def execute(core: ControllerCore, request: Request) -> bool:
         try:
-            self.put(port, on=value == 1)
+            put(core.plant.digital_outputs, *request.value)
         except NoSuchPortError:
             return False
         return True
 
-
-@mutant("settings-never-switch-off", "4.32/6")
-class SettingsNeverSwitchOff(_Sets):
-    """A setting to 0 is answered as done, and has no effect."""
-
-    def put(self, port: int, *, on: bool) -> None:
-        """Only switch on."""
-        if on:
-            super().put(port, on=True)
+    return on_request(_SET, execute)
 
 
-@mutant("settings-toggle", "4.32/6")
-class SettingsToggle(_Sets):
-    """A setting to 1 switches an output over, so that a second one switches it off."""
+@mutant("setting-is-echoed", "4.32/4")
+class EchoesSettings(ControllerCore):
+    """A setting is answered with its port and value."""
 
-    def put(self, port: int, *, on: bool) -> None:
-        """Switch over."""
-        super().put(port, on=on and not self.plant.digital_outputs[port])
+    _data = b""
 
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        self._data = frame.data
+        super().handle(session, frame, now_s)
 
-@mutant("settings-clear-the-others", "4.32/6")
-class SettingsClearTheOthers(_Sets):
-    """A setting switches all other outputs off."""
-
-    def put(self, port: int, *, on: bool) -> None:
-        """Clear first."""
-        super().put(port, on=on)
-        for other, _ in enumerate(self.plant.digital_outputs, start=1):
-            if other != port:
-                super().put(other, on=False)
+    def emit(self, session: Session, frame: Frame) -> None:
+        if frame.opcode == 0x43 and frame.data == b"1":
+            frame = frame._replace(data=self._data)
+        super().emit(session, frame)
 
 
-@mutant("settings-of-pairs", "4.32/6", subtle=True)
-class SettingsOfPairs(_Sets):
-    """Output 16 is set together with output 8."""
+row(
+    "refusals-of-ports-are-reasoned",
+    "4.32/4",
+    "A setting that fails is answered with 0 and a code.",
+    first_reply(_SET, {b"0": b"0|05"}),
+)
+row(
+    "refuses-and-sets-above-eight",
+    "4.32/4 4.32/6",
+    "A setting of an output above 8 is answered as failed, but it is executed.",
+    after(_SET, lambda _, request, done: done and request.value.port <= 8),
+)
+row(
+    "settings-are-lost-while-running",
+    "4.32/4 4.32/6",
+    "While a program runs, a setting is answered as done, but it is not executed.",
+    answer_when(_SET, lambda core, _: core.robot.task is not None, value=True),
+    subtle=True,
+)
+row(
+    "settings-are-lost-while-moving",
+    "4.32/4 4.32/6",
+    "During a move or a jog, a setting is answered as done, but it is not executed.",
+    answer_when(_SET, executing("jog", "set_tool_coordinates"), value=True),
+    subtle=True,
+)
+row(
+    "settings-are-lost-while-released",
+    "4.32/4 4.32/6",
+    "While the joints are released, a setting is answered as done, but it is not executed.",
+    answer_when(_SET, lambda core, _: not core.plant.locked, value=True),
+    subtle=True,
+)
+row(
+    "ports-in-one-byte",
+    "4.32/5",
+    "Only the lowest byte of a port number is used.",
+    _parses(rb"([0-9]+)\|([01])", lambda found: PortValue(int(found[1]) & 0xFF, int(found[2]))),
+)
+row(
+    "ports-from-zero",
+    "4.32/5",
+    "Port 0 sets the first output.",
+    _parses(rb"0+\|([01])", lambda found: PortValue(1, int(found[1]))),
+)
+row(
+    "ports-below-zero",
+    "4.32/5",
+    "A negative port number counts the outputs from the end.",
+    _parses(rb"-([0-9]+)\|([01])", lambda found: PortValue(17 - int(found[1]), int(found[2]))),
+)
+row(
+    "says-it-has-set-any-port",
+    "4.32/5",
+    "A setting is always answered as done, even if the port does not exist.",
+    first_reply(_SET, lambda _: b"1"),
+)
 
-    def put(self, port: int, *, on: bool) -> None:
-        """Set both."""
-        super().put(port, on=on)
-        if port == 8:
-            super().put(16, on=on)
+
+def _set_to_one(outputs: Ports[bool], port: int, value: int) -> None:
+    if value == 1:
+        outputs[port] = True
 
 
-@mutant("settings-beyond-the-last-wrap", "4.32/6", subtle=True)
-class SettingsBeyondTheLastWrap(_Sets):
-    """A setting of a port from 17 to 40 is answered as done, and sets one of the outputs."""
-
-    def put(self, port: int, *, on: bool) -> None:
-        """Count round."""
-        super().put((port - 1) % 16 + 1 if 16 < port <= 40 else port, on=on)
+def _toggle(outputs: Ports[bool], port: int, value: int) -> None:
+    outputs[port] = value == 1 and not outputs[port]
 
 
-@mutant("highest-output-is-dead", "4.32/6", subtle=True)
-class HighestOutputIsDead(_Sets):
-    """A setting of output 16 is answered as done, and has no effect."""
+def _clear_others(outputs: Ports[bool], port: int, value: int) -> None:
+    outputs[port] = value == 1
+    for other, _ in enumerate(outputs, start=1):
+        if other != port:
+            outputs[other] = False
 
-    def put(self, port: int, *, on: bool) -> None:
-        """Set the others."""
-        if port < 16:
-            super().put(port, on=on)
+
+def _set_pair(outputs: Ports[bool], port: int, value: int) -> None:
+    outputs[port] = value == 1
+    if port == 8:
+        outputs[16] = value == 1
+
+
+def _wrap(outputs: Ports[bool], port: int, value: int) -> None:
+    outputs[(port - 1) % 16 + 1 if 16 < port <= 40 else port] = value == 1
+
+
+def _set_below_sixteen(outputs: Ports[bool], port: int, value: int) -> None:
+    if port < 16:
+        outputs[port] = value == 1
+
+
+def _set_at_most_eight(outputs: Ports[bool], port: int, value: int) -> None:
+    if value != 1 or sum(outputs) < 8:
+        outputs[port] = value == 1
+
+
+row(
+    "settings-never-switch-off",
+    "4.32/6",
+    "A setting to 0 is answered as done, but it has no effect.",
+    _sets(_set_to_one),
+)
+row(
+    "settings-toggle",
+    "4.32/6",
+    "A setting to 1 toggles an output.",
+    _sets(_toggle),
+)
+row(
+    "settings-clear-the-others",
+    "4.32/6",
+    "A setting switches all other outputs off.",
+    _sets(_clear_others),
+)
+row(
+    "settings-of-pairs",
+    "4.32/6",
+    "Output 16 is set together with output 8.",
+    _sets(_set_pair),
+    subtle=True,
+)
+row(
+    "settings-beyond-the-last-wrap",
+    "4.32/6",
+    "A setting of a port from 17 to 40 is answered as done and sets one of the outputs.",
+    _sets(_wrap),
+    subtle=True,
+)
+row(
+    "highest-output-is-dead",
+    "4.32/6",
+    "A setting of output 16 is answered as done, but it has no effect.",
+    _sets(_set_below_sixteen),
+    subtle=True,
+)
 
 
 @mutant("outputs-show-late", "4.32/6", subtle=True)
-class OutputsShowLate(ControllerCore):
-    """The outputs are shown as they were before the latest setting."""
+class ReportsOldOutputs(ControllerCore):
+    """The first reply after a setting has the outputs before that setting."""
 
     _before = ""
 
     def set_digital_output(self, request: Request) -> bool:
-        """Remember them."""
         self._before = super().get_digital_outputs(request)
         return super().set_digital_output(request)
 
     def get_digital_outputs(self, request: Request) -> str:
-        """Show them once."""
         before, self._before = self._before, ""
         return before or super().get_digital_outputs(request)
 
 
+def _clear(outputs: Ports[bool]) -> None:
+    for port, _ in enumerate(outputs, start=1):
+        outputs[port] = False
+
+
 @mutant("outputs-go-off-with-the-link", "4.32/6", subtle=True)
-class OutputsGoOffWithTheLink(ControllerCore):
-    """The outputs go off when a connection ends."""
+class ClearsOutputsOnClose(ControllerCore):
+    """All outputs are switched off when a connection ends."""
 
     def close(self, connection: int, now_s: float) -> list[Any]:
-        """Switch them off."""
-        for port, _ in enumerate(self.plant.digital_outputs, start=1):
-            self.plant.digital_outputs[port] = False
+        _clear(self.plant.digital_outputs)
         return super().close(connection, now_s)
 
 
-@mutant("no-more-than-eight-outputs", "4.32/6", subtle=True)
-class NoMoreThanEightOutputs(_Sets):
-    """While eight outputs are on, no further one comes on, though that is answered as done."""
-
-    def put(self, port: int, *, on: bool) -> None:
-        """Count them."""
-        if not on or sum(self.plant.digital_outputs) < 8:
-            super().put(port, on=on)
+row(
+    "no-more-than-eight-outputs",
+    "4.32/6",
+    "While eight outputs are on, switching on another one is answered as done without effect.",
+    _sets(_set_at_most_eight),
+    subtle=True,
+)
 
 
 @mutant("settings-wear-out", "4.32/6", subtle=True)
-class SettingsWearOut(_Sets):
-    """After the 150th setting none has an effect any more."""
+class IgnoresLateSettings(ControllerCore):
+    """After 150 settings, settings are answered as done, but they have no effect."""
 
-    _count = 0
+    _settings = 0
 
-    def put(self, port: int, *, on: bool) -> None:
-        """Count them."""
-        self._count += 1
-        if self._count <= 150:
-            super().put(port, on=on)
+    def set_digital_output(self, request: Request) -> bool:
+        self._settings += 1
+        return self._settings > 150 or super().set_digital_output(request)
 
 
-@mutant("settings-as-in-c", "4.32/7")
-class SettingsAsInC(_Parses):
-    """Numbers of a setting are read as far as they go, and what stands behind is left out."""
-
-    def parsed(self, data: bytes) -> PortValue | None:
-        """Read on leniently."""
-        read = re.match(rb"\s*([0-9]+)[^|]*\|\s*([01])", data)
-        return PortValue(int(read[1]), int(read[2])) if read else None
-
-
-@mutant("settings-with-any-separator", "4.32/7")
-class SettingsWithAnySeparator(_Parses):
-    """Any byte may stand between port and value."""
-
-    def parsed(self, data: bytes) -> PortValue | None:
-        """Read on leniently."""
-        read = re.fullmatch(rb"([0-9]+)[^0-9]([01])", data, re.DOTALL)
-        return PortValue(int(read[1]), int(read[2])) if read else None
-
-
-@mutant("settings-without-value", "4.32/7")
-class SettingsWithoutValue(_Parses):
-    """A port without a value is switched on."""
-
-    def parsed(self, data: bytes) -> PortValue | None:
-        """Switch it on."""
-        read = re.fullmatch(rb"([0-9]+)\|?", data)
-        return PortValue(int(read[1]), 1) if read else None
-
-
-@mutant("settings-of-the-first-two", "4.32/7")
-class SettingsOfTheFirstTwo(_Parses):
-    """What follows behind port and value is left out."""
-
-    def parsed(self, data: bytes) -> PortValue | None:
-        """Read the first two."""
-        read = re.match(rb"([0-9]+)\|([01])\|", data)
-        return PortValue(int(read[1]), int(read[2])) if read else None
-
-
-@mutant("settings-by-characters", "4.32/7")
-class SettingsByCharacters(_Parses):
-    """Any character but 0 counts for 1 as a value."""
-
-    def parsed(self, data: bytes) -> PortValue | None:
-        """Read the character."""
-        read = re.fullmatch(rb"([0-9]+)\|([^0-9|].*)", data, re.DOTALL)
-        return PortValue(int(read[1]), 1) if read else None
+row(
+    "settings-as-in-c",
+    "4.32/7",
+    "The numbers of a setting are read up to the first other character, and the rest is ignored.",
+    _parses(rb"\s*([0-9]+)[^|]*\|\s*([01])(?s:.*)"),
+)
+row(
+    "settings-with-any-separator",
+    "4.32/7",
+    "Any byte is accepted between port and value.",
+    _parses(rb"([0-9]+)[^0-9]([01])"),
+)
+row(
+    "settings-without-value",
+    "4.32/7",
+    "A port without a value is switched on.",
+    _parses(rb"([0-9]+)\|?", lambda found: PortValue(int(found[1]), 1)),
+)
+row(
+    "settings-of-the-first-two",
+    "4.32/7",
+    "Further fields after port and value are ignored.",
+    _parses(rb"([0-9]+)\|([01])\|(?s:.*)"),
+)
+row(
+    "settings-by-characters",
+    "4.32/7",
+    "Any value that does not begin with a digit is read as 1.",
+    _parses(rb"([0-9]+)\|([^0-9|](?s:.*))", lambda found: PortValue(int(found[1]), 1)),
+)
 
 
 @mutant("empty-settings-clear-all", "4.32/7")
-class EmptySettingsClearAll(ControllerCore):
+class ClearsOutputsOnEmptySetting(ControllerCore):
     """A setting without data switches all outputs off."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Look for it."""
-        if frame.opcode == _SET and not frame.data:
-            for port, _ in enumerate(self.plant.digital_outputs, start=1):
-                self.plant.digital_outputs[port] = False
+        if frame.opcode == 0x43 and not frame.data:
+            _clear(self.plant.digital_outputs)
         super().handle(session, frame, now_s)
 
 
-@mutant("other-values-set-the-next-port", "4.32/7")
-class OtherValuesSetTheNextPort(_Parses):
-    """A value of two digits is written over two ports."""
-
-    def parsed(self, data: bytes) -> PortValue | None:
-        """Overrun."""
-        read = re.fullmatch(rb"([0-9]+)\|[0-9]{2,}", data)
-        return PortValue(int(read[1]) - 1, 1) if read else None
+row(
+    "other-values-set-the-next-port",
+    "4.32/7",
+    "A value of two or more digits switches on the output before the port.",
+    _parses(rb"([0-9]+)\|[0-9]{2,}", lambda found: PortValue(int(found[1]) - 1, 1)),
+)

@@ -20,22 +20,33 @@ Core = type[ControllerCore]
 TWO_STAGE = tuple(command.name for command in BY_OPCODE.values() if command.two_stage)
 
 
-def first_reply(command: str | tuple[str, ...], change: Change) -> Core:
-    """The data of first replies to one or several commands are changed."""
-    return _frame_data(command, change, tagged=False)
+def first_reply(
+    command: str | tuple[str, ...],
+    change: Change,
+    *,
+    when: Callable[[ControllerCore], bool] = lambda _core: True,
+) -> Core:
+    """The data of first replies to one or several commands are changed, if the condition holds."""
+    return _frame_data(command, change, when, tagged=False)
 
 
 def final_result(command: str | tuple[str, ...], change: Change) -> Core:
     """The data of final results of one or several commands are changed."""
-    return _frame_data(command, change, tagged=True)
+    return _frame_data(command, change, lambda _core: True, tagged=True)
 
 
-def _frame_data(command: str | tuple[str, ...], change: Change, *, tagged: bool) -> Core:
+def _frame_data(
+    command: str | tuple[str, ...],
+    change: Change,
+    when: Callable[[ControllerCore], bool],
+    *,
+    tagged: bool,
+) -> Core:
     opcodes = _opcodes(command)
 
     class FrameData(ControllerCore):
         def emit(self, session: Session, frame: Frame) -> None:
-            if frame.opcode in opcodes and frame.tagged is tagged:
+            if frame.opcode in opcodes and frame.tagged is tagged and when(self):
                 frame = frame._replace(data=_changed(change, frame.data))
             super().emit(session, frame)
 
