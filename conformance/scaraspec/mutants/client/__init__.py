@@ -1,7 +1,7 @@
 """Mutants of the reference client, each with one fault; see `mutants.registry`.
 
-A mutant is a subclass of `ClientCore`, or of `AsyncClient` if the fault is in the shell: in files
-or in returned values.
+A mutant is a row with operators, or a class if it keeps state. The class derives from `ClientCore`,
+or from `AsyncClient` if the fault is in the shell: in files or in returned values.
 """
 
 import sys

@@ -116,16 +116,16 @@ class LengthModulo256(ClientCore):
 # Opcodes, and bytes between frames
 
 
-def _last_words(data: bytes) -> type[AsyncClient]:
+def _sent_before_close(data: bytes) -> type[AsyncClient]:
     """Before the client closes the connection, it sends these bytes."""
 
-    class LastWords(AsyncClient):
+    class SentBeforeClose(AsyncClient):
         async def close(self) -> None:
             if self._transport is not None:
                 self._transport.write(data)
             await super().close()
 
-    return LastWords
+    return SentBeforeClose
 
 
 def _heartbeat(data: bytes) -> type[ClientCore]:
@@ -166,7 +166,7 @@ row(
     "logs-out",
     "3/10",
     "Before the client closes the connection, it sends a frame with the opcode 02.",
-    _last_words(Frame(A2C, 0x02).encode()),
+    _sent_before_close(Frame(A2C, 0x02).encode()),
     subtle=True,
 )
 row(
@@ -193,7 +193,7 @@ row(
     "says-quit",
     "3/32 3/10",
     "Before the client closes the connection, it sends the word quit.",
-    _last_words(b"quit\n"),
+    _sent_before_close(b"quit\n"),
     subtle=True,
 )
 

@@ -21,7 +21,7 @@ from scaraspec.mutants.operators.client.transfers import (
     NoTimeout,
     NoTimeoutForName,
     OneTimeout,
-    ReplyTimeout,
+    ShortTimeout,
     chunks,
     chunks_cut_by,
     downloads,
@@ -279,7 +279,7 @@ row(
     "uploads-wait-five-seconds",
     "5.2/9",
     "An upload waits for a reply only 5 s, like other commands.",
-    uploads(ReplyTimeout, Upload),
+    uploads(ShortTimeout, Upload),
 )
 row(
     "uploads-wait-too-long",

@@ -12,7 +12,7 @@ from scaraspec.mutants.operators.client.transfers import (
     NoTimeout,
     NoTimeoutForName,
     OneTimeout,
-    ReplyTimeout,
+    ShortTimeout,
     chunks_checked_by,
     downloads,
     ends_with,
@@ -135,7 +135,7 @@ row(
     "downloads-wait-five-seconds",
     "5.4/5",
     "A download waits for a chunk only 5 s, like other commands for a reply.",
-    downloads(ReplyTimeout, Download),
+    downloads(ShortTimeout, Download),
 )
 row(
     "downloads-wait-too-long",

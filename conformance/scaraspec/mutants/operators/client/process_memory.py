@@ -1,4 +1,4 @@
-"""What a client's process remembers from one connection to the next, as static variables do."""
+"""State that a client's process keeps from one connection to the next, like static variables."""
 
 import asyncio
 from typing import Any, Final
@@ -8,5 +8,5 @@ _MEMORIES: Final[WeakKeyDictionary[asyncio.AbstractEventLoop, dict[str, Any]]] =
 
 
 def memory() -> dict[str, Any]:
-    """The static variables of the client that runs in this loop."""
+    """Return the state of the client that runs in this event loop."""
     return _MEMORIES.setdefault(asyncio.get_running_loop(), {})

@@ -186,7 +186,7 @@ class NoTimeout(FileTransfer):
         pass
 
 
-class ReplyTimeout(FileTransfer):
+class ShortTimeout(FileTransfer):
     """Has the timeout of other commands."""
 
     def _restart_timeout(self, now_s: float) -> None:
