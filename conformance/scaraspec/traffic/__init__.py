@@ -1,4 +1,4 @@
 """Traffic: what happened on the wire: frames, exchanges, transfers, program runs, robot state.
 
-Whether it conforms is decided in `scaraspec.judge`. Nothing here does any I/O.
+`scaraspec.judge` decides whether it conforms. This package does no I/O.
 """

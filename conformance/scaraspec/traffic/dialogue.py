@@ -1,7 +1,7 @@
-"""Dialogue: what happened on one connection, made from its wire events as they come.
+"""Dialogue: turns the wire events of one connection into traffic events.
 
-Bytes become frames, frames become exchanges and transfers; nothing here says whether that was
-right. Memory is bounded: what is resolved is handed out and dropped.
+Bytes become frames, and frames become exchanges and transfers. This module does not decide whether
+they conform. Memory is bounded: finished events are returned and dropped.
 """
 
 from collections.abc import Iterator
@@ -26,20 +26,20 @@ from scaraspec.traffic.pending_requests import PendingRequests
 from scaraspec.traffic.pending_results import PendingResults
 from scaraspec.traffic.robot_state import RobotState
 from scaraspec.traffic.stream import Stream
-from scaraspec.traffic.transfers import NAMES, TransferTracker, refuses_an_answer
+from scaraspec.traffic.transfers import NAMES, TransferTracker, refuses_reply
 from scaraspec.traffic.wire import Kind, WireEvent
 
-_MOST_PARTS: Final = 256  # of one program list; of a longer one the last are kept
+_MAX_PARTS: Final = 256  # kept parts of one program list; older ones are dropped
 
 
 class Dialogue:
-    """Follows one connection. If it is opened again under its name, all state is reset.
+    """Follows one connection. An `OPENED` event with the same name resets all state.
 
     Args:
-        connection: Its name in the recording.
-        robot: What is known of the robot over all connections; read and written.
-        dialect: Claims of the subject: reply and transfer time-outs.
-        needs_login: False for links that serve without a login (L83).
+        connection: The name of the connection in the recording.
+        robot: The state of the robot, shared by all connections; read and written.
+        dialect: The reply and transfer timeouts that the SUT claims.
+        needs_login: False for links that need no login (L83).
     """
 
     def __init__(
@@ -55,9 +55,9 @@ class Dialogue:
         self._dialect = dialect
         self._needs_login = needs_login
         self._now_ns = 0
-        self._begin()
+        self._reset()
 
-    def _begin(self) -> None:
+    def _reset(self) -> None:
         self.logged_in: bool | None = not self._needs_login
         self._login_sent = False
         self._refused_login: FrameSeen | None = None
@@ -65,70 +65,70 @@ class Dialogue:
         self._pending_requests = PendingRequests(self._dialect)
         self._pending_results = PendingResults(self.connection, self.robot)
         self._transfers = TransferTracker(self.robot, self._dialect)
-        self._listing: Exchange | None = None  # a program list of which parts are due
+        self._listing: Exchange | None = None  # a program list with outstanding parts
         self._last: dict[str, Exchange] = {}
-        self._hung_up: Direction | None = None
-        self._begun = False
+        self._closed_by: Direction | None = None
+        self._started = False
         self.robot.connected.add(self.connection)
 
     @property
     def transferring(self) -> bool:
-        """Whether a file may be under way."""
+        """Whether a file transfer may be active."""
         return self._transfers.unfinished
 
     def feed(self, event: WireEvent) -> Iterator[TrafficEvent]:
-        """Take the next event of this connection and give what it brought about, in order."""
+        """Process the next event of this connection; yield the traffic events that it completes."""
         self._now_ns = event.time_ns
-        if event.kind is Kind.BYTES and event.offset_bytes and not self._begun:
-            yield from self._begin_midway(event)
-        self._begun = True
+        if event.kind is Kind.BYTES and event.offset_bytes and not self._started:
+            yield from self._start_midway(event)
+        self._started = True
         match event.kind:
             case Kind.BYTES:
-                yield from self._bytes(event)
+                yield from self._process_bytes(event)
             case Kind.GAP:
-                for item in self._streams[event.direction].lose(event.length_bytes):
-                    yield from self._take(item)
+                for item in self._streams[event.direction].skip_gap(event.length_bytes):
+                    yield from self._process(item)
                 yield CaptureGap(event)
-                yield from self._lose(event.direction, ended=event.length_bytes < 0)
+                yield from self._process_gap(event.direction, ended=event.length_bytes < 0)
             case Kind.INJECTED:
                 yield Injected(event)
                 yield from self._mark_uncertain(event.direction)
             case Kind.OPENED:
                 yield from self.close()
-                self._begin()
+                self._reset()
                 yield LinkChange(event)
             case _:
-                self._hung_up = self._hung_up or event.direction
+                self._closed_by = self._closed_by or event.direction
                 yield LinkChange(event)
-                self._pending_results.abandon()
+                self._pending_results.mark_stop_requested()
                 if event.kind is not Kind.HALF_CLOSED:
                     yield from self.close()
-                    self.robot.connection_closed(event.time_ns, self._hung_up)
+                    self.robot.connection_closed(event.time_ns, self._closed_by)
 
-    def _begin_midway(self, event: WireEvent) -> Iterator[TrafficEvent]:
-        """What passed before its first event is not known."""
+    def _start_midway(self, event: WireEvent) -> Iterator[TrafficEvent]:
+        """Begin in the middle of a connection: the earlier bytes are not known."""
         for direction, stream in self._streams.items():
-            yield from stream.lose(event.offset_bytes if direction is event.direction else 0)
-            yield from self._lose(direction, ended=True)
+            yield from stream.skip_gap(event.offset_bytes if direction is event.direction else 0)
+            yield from self._process_gap(direction, ended=True)
 
-    def _bytes(self, event: WireEvent) -> Iterator[TrafficEvent]:
-        yield from self._pending_requests.overdue(self._now_ns)
+    def _process_bytes(self, event: WireEvent) -> Iterator[TrafficEvent]:
+        yield from self._pending_requests.expire(self._now_ns)
         yield from self._transfers.expire(self._now_ns)
         self.robot.gaps.end_gap(self.connection, event.direction, self._answered_ns)
-        for run in self._streams[event.direction.opposite].settle():
-            yield from self._take(run)
+        for invalid in self._streams[event.direction.opposite].settle():
+            yield from self._process(invalid)
         for item in self._streams[event.direction].feed(event):
-            yield from self._take(item)
+            yield from self._process(item)
 
     def close(self) -> Iterator[TrafficEvent]:
-        """The link or the capture has ended: hand out what is still open. May be called again."""
+        """End the link or the capture: yield what is still pending. May be called again."""
         for stream in self._streams.values():
             for item in stream.finish():
-                yield from self._take(item)
-        yield from self._pending_requests.overdue(self._now_ns)
+                yield from self._process(item)
+        yield from self._pending_requests.expire(self._now_ns)
         yield from self._transfers.expire(self._now_ns)
         yield from self._end_listing(Ending.CUT_OFF)
-        yield from self._pending_requests.close(self._now_ns, self._hung_up)
+        yield from self._pending_requests.close(self._now_ns, self._closed_by)
         yield from self._pending_results.close(
             Ending.CUT_OFF, self._now_ns - self._pending_requests.reply_ns
         )
@@ -139,13 +139,13 @@ class Dialogue:
 
     @property
     def _answered_ns(self) -> int:
-        """When everything that has been asked by now is answered, if ever."""
+        """The time by which every request sent until now is answered or has timed out."""
         return self._now_ns + self._pending_requests.reply_ns
 
-    def _lose(self, direction: Direction, *, ended: bool) -> Iterator[TrafficEvent]:
-        """A gap may have hidden requests, replies and results: judge nothing that spans it."""
+    def _process_gap(self, direction: Direction, *, ended: bool) -> Iterator[TrafficEvent]:
+        """Process a gap, which may hide requests, replies and results."""
         yield from self._mark_uncertain(direction, ended=ended)
-        yield from self._pending_requests.lose(direction)
+        yield from self._pending_requests.drop_unseen(direction)
         if direction is C2A:
             yield from self._end_listing(Ending.UNSEEN)
             yield from self._pending_results.close(Ending.UNSEEN, -1)
@@ -153,7 +153,7 @@ class Dialogue:
     def _mark_uncertain(
         self, direction: Direction, *, ended: bool = True
     ) -> Iterator[TrafficEvent]:
-        """The sides may not agree on what was sent: what is open is not sure, nor what follows."""
+        """Mark what is pending, and what follows, as uncertain: bytes were lost or changed."""
         self.robot.gaps.begin(self.connection, direction, self._answered_ns, ended=ended)
         self.robot.forget_after_gap()
         self._pending_requests.mark_uncertain()
@@ -164,10 +164,10 @@ class Dialogue:
         self._refused_login = None
 
     def _certain(self, seen: FrameSeen) -> bool:
-        """Whether no gap can have hidden what this frame belongs to."""
+        """Whether no gap can hide what this frame belongs to."""
         return seen.certain and not self.robot.gaps.covers(self.connection, seen.place.time_ns)
 
-    def _take(self, item: FrameSeen | InvalidBytes) -> Iterator[TrafficEvent]:
+    def _process(self, item: FrameSeen | InvalidBytes) -> Iterator[TrafficEvent]:
         yield item
         if isinstance(item, InvalidBytes):
             yield from self._malformed(item)
@@ -176,15 +176,15 @@ class Dialogue:
         initiator = command.initiator if command else A2C
         if item.frame.tagged:
             yield from self._result(item)
-        elif refuses_an_answer(item.frame) and self._is_stray(item):
-            pass  # nothing is awaited, nor was this
+        elif refuses_reply(item.frame) and self._is_stray(item):
+            pass  # the refusal of a reply that was not expected
         elif direction is initiator:
             yield from self._request(item)
         else:
             yield from self._reply(item)
 
     def _is_stray(self, refusal: FrameSeen) -> bool:
-        return self._transfers.refused() or not self._certain(refusal)
+        return self._transfers.take_unexpected_reply() or not self._certain(refusal)
 
     def _request(self, seen: FrameSeen) -> Iterator[TrafficEvent]:
         exchange = Exchange(
@@ -196,15 +196,15 @@ class Dialogue:
             certain=self._certain(seen),
         )
         if self._listing and exchange.name == "list_programs":
-            exchange.parts = self._listing.parts.copy()  # the next is fetched (A-4.10-3)
-            self._pending_requests.expect_late_reply(exchange.name)  # or on its way
+            exchange.parts = self._listing.parts.copy()  # requests the next part (A-4.10-3)
+            self._pending_requests.expect_late_reply(exchange.name)  # or it is already sent
             yield from self._end_listing(Ending.ANSWERED)
         yield from self._pending_requests.add(exchange)
         self._pending_results.request_sent(exchange)
         if exchange.name == "login":
             self._login_sent = True
         elif exchange.name == "set_password":
-            self.robot.last.pop("login", None)  # which password is right is open again
+            self.robot.last.pop("login", None)  # the valid password is not known any more
         elif exchange.name == "delete_program":
             self.robot.forget(exchange.request_value or b"")
         yield from self._transfers.request(exchange)
@@ -232,16 +232,16 @@ class Dialogue:
         elif exchange.command and exchange.command.two_stage and exchange.accepted:
             yield from self._pending_results.accept(exchange)
         else:
-            self._effects(exchange)
+            self._apply_effects(exchange)
             if exchange.name in NAMES and exchange.accepted:
-                yield from self._pending_requests.replace(exchange, self._now_ns)
+                yield from self._pending_requests.cut_off_chunks(exchange, self._now_ns)
             yield from self._transfers.reply(exchange)
             yield self._answered(exchange)
 
     def _list_part(self, exchange: Exchange, seen: FrameSeen) -> Iterator[TrafficEvent]:
         exchange.parts.append(seen)
         exchange.certain = exchange.certain and seen.certain
-        if len(exchange.parts) > _MOST_PARTS:
+        if len(exchange.parts) > _MAX_PARTS:
             del exchange.parts[0]
             exchange.certain = False
         if seen.value is not None and seen.value.more:
@@ -262,8 +262,8 @@ class Dialogue:
             self.robot.gaps.settle(self.connection, exchange.time_ns)
         return exchange
 
-    def _effects(self, exchange: Exchange) -> None:
-        """What a one-stage command changed for what follows."""
+    def _apply_effects(self, exchange: Exchange) -> None:
+        """Apply what a one-stage command changes for later events."""
         name, accepted = exchange.name, exchange.accepted
         if name == "login" and accepted:
             self.logged_in, self._refused_login = True, None
@@ -287,7 +287,7 @@ class Dialogue:
 
     def _unsolicited(self, seen: FrameSeen, *, late: bool) -> UnsolicitedReply:
         tagged = seen.frame.tagged
-        waiting = self._pending_requests.open_requests(seen.frame.direction.opposite)
+        waiting = self._pending_requests.sent_by(seen.frame.direction.opposite)
         if not late and not tagged:
             for exchange in waiting:
                 exchange.unmatched_reply = exchange.unmatched_reply or seen
@@ -295,18 +295,18 @@ class Dialogue:
         elsewhere = tagged and self.robot.was_accepted_elsewhere(seen.name, self.connection)
         return UnsolicitedReply(seen, self._last.get(seen.name), waiting, certain, late, elsewhere)
 
-    def _malformed(self, found: InvalidBytes) -> Iterator[TrafficEvent]:
-        """Bytes that begin like an answer to what is open take its place."""
-        torn = found.touches_gap or found.reason in (SkipReason.STRAY, SkipReason.TRUNCATED)
-        direction, head = found.place.direction, found.data[1:3]
-        if torn or len(head) < 2:  # noqa: PLR2004 - tag and opcode, or opcode and length
+    def _malformed(self, invalid: InvalidBytes) -> Iterator[TrafficEvent]:
+        """End the exchange whose reply the invalid bytes begin like, if there is one."""
+        cut = invalid.touches_gap or invalid.reason in (SkipReason.STRAY, SkipReason.TRUNCATED)
+        direction, head = invalid.place.direction, invalid.data[1:3]
+        if cut or len(head) < 2:  # noqa: PLR2004 - tag and opcode, or opcode and length
             return
         if direction is C2A and head[0] == TAG:
-            exchange = self._pending_results.match_malformed(found, head[1])
+            exchange = self._pending_results.match_malformed(invalid, head[1])
         else:
             exchange = self._pending_requests.match_malformed(direction, head[0])
         if exchange:
-            exchange.malformed = found
+            exchange.malformed = invalid
             self._last[exchange.name] = exchange
             yield self._answered(exchange)
         elif direction is A2C and head[0] in BY_OPCODE:

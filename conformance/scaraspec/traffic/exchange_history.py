@@ -1,7 +1,7 @@
-"""Memory: what was said before, for rules that hold one value against another.
+"""Exchange history: earlier requests and replies, for rules that compare two values.
 
-Only exchanges that no gap could have touched are kept, and a gap empties it: what is remembered
-can be relied on. It is bounded, and knows nothing of right or wrong.
+It contains only exchanges that no gap can have affected, and a gap clears it, so rules can rely on
+its content. Its size is bounded. It does not decide what conforms.
 """
 
 from bisect import bisect_left, bisect_right, insort
@@ -14,59 +14,59 @@ from scaraspec.protocol.errors import Kind, lookup
 from scaraspec.traffic.events import Exchange, FrameSeen, TrafficEvent
 
 KEPT_EXCHANGES: Final = 64
-"""Exchanges remembered of each command."""
-_KEPT_NAMES: Final = 4096
+"""Maximum number of kept exchanges of each command."""
+_MAX_NAMES: Final = 4096
 
 
 class ExchangeHistory:
-    """What the recording has shown since its last gap, over all connections."""
+    """What the recording shows since its last gap, over all connections."""
 
     def __init__(self) -> None:
         self.recent: dict[str, list[Exchange]] = {}
-        """The last answered exchanges of each command, the latest answer last."""
+        """The last answered exchanges of each command, ordered by the time of the reply."""
         self.last_requests: dict[str, FrameSeen] = {}
         """The last request of each command, answered or not."""
         self.previous_requests: dict[str, FrameSeen] = {}
-        """The one before it."""
+        """The request before the last one, of each command."""
         self.accepted: deque[Exchange] = deque(maxlen=KEPT_EXCHANGES)
-        """The last two-stage commands that were accepted, the latest last."""
+        """The last accepted two-stage commands, the latest last."""
         self.deleted: OrderedDict[bytes, Exchange] = OrderedDict()
-        """Deletions that were confirmed, by name, until the name is uploaded again."""
+        """Confirmed deletions, by file name, until the name is uploaded again."""
         self.passwords: set[bytes] = set()
-        """Passwords that were accepted since one was set: the first two, of which one is wrong."""
-        self.hung_up_ns = -1
-        """When the controller had last ended all its connections: it may have been switched off."""
+        """The first two different passwords that were accepted since one was set; one is wrong."""
+        self.all_closed_ns = -1
+        """When the controller last closed all its connections: it may have been switched off."""
         self.idle_since_ns: int | None = None
-        """Since when the robot does nothing, as far as results and statuses show; None: unknown."""
+        """Since when the robot is idle, as far as results and statuses show; None if unknown."""
         self.idle_seen_ns = -1
-        """When a status 00 or a final result last showed it."""
+        """When a status 00 or a final result last showed that the robot is idle."""
 
     def last(self, name: str, *, before_ns: int | None = None) -> Exchange | None:
-        """The last answered exchange of a command, of those answered before a time."""
+        """Return the last answered exchange of a command, if given before a time; else None."""
         recent = self.recent.get(name, [])
         if before_ns is None or not recent or answered_ns(recent[-1]) < before_ns:
             return recent[-1] if recent else None
         after = bisect_left(recent, before_ns, key=answered_ns)
         return recent[after - 1] if after else None
 
-    def awaits(self, name: str, since_ns: int) -> bool:
-        """Whether the last request of a command was sent after this time and is not answered."""
-        asked, last = self.last_requests.get(name), self.last(name)
-        if asked is None or asked.place.time_ns < since_ns:
+    def is_pending(self, name: str, since_ns: int) -> bool:
+        """Whether the last request of a command was sent after this time and is unanswered."""
+        request, last = self.last_requests.get(name), self.last(name)
+        if request is None or request.place.time_ns < since_ns:
             return False
-        return last is None or last.request is not asked
+        return last is None or last.request is not request
 
     def between(self, name: str, begin_ns: int, end_ns: int) -> Iterator[Exchange]:
-        """The exchanges of a command that lie between two times, oldest first."""
+        """Yield the exchanges of a command that are within two times, oldest first."""
         recent = self.recent.get(name, [])
         first = bisect_right(recent, begin_ns, key=answered_ns)
         for x in islice(recent, first, None):
-            if answered_ns(x) >= end_ns:  # and so are all after it
+            if answered_ns(x) >= end_ns:  # so are all later ones
                 break
             if begin_ns < x.time_ns:
                 yield x
 
-    def take(self, traffic_event: TrafficEvent, *, busy: bool) -> None:
+    def add(self, traffic_event: TrafficEvent, *, busy: bool) -> None:
         """Add a traffic event that has been judged.
 
         Args:
@@ -75,48 +75,50 @@ class ExchangeHistory:
         """
         if isinstance(traffic_event, FrameSeen):
             if traffic_event.parsed and traffic_event.parsed.part == "request":
-                self._ask(traffic_event)
+                self._add_request(traffic_event)
         elif isinstance(traffic_event, Exchange) and traffic_event.reply and traffic_event.certain:
-            if traffic_event.transfer or traffic_event.previous_transfer:  # they hold files
+            if (
+                traffic_event.transfer or traffic_event.previous_transfer
+            ):  # they contain file content
                 return
             recent = self.recent.setdefault(traffic_event.name, [])
             insort(recent, traffic_event, key=answered_ns)
             del recent[:-KEPT_EXCHANGES]
-            self._learn(traffic_event, busy=busy)
+            self._add_reply(traffic_event, busy=busy)
 
-    def _ask(self, request: FrameSeen) -> None:
+    def _add_request(self, request: FrameSeen) -> None:
         name, before = request.name, self.last_requests.get(request.name)
         if name == "upload_name":
             self.deleted.pop(request.text, None)
         elif name == "set_password" and before:
             answered = self.last(name)
             if answered is None or answered.request is not before:
-                self.passwords.clear()  # whether the previous one was set is unknown
+                self.passwords.clear()  # it is unknown whether the previous one was set
         if before:
             self.previous_requests[name] = before
         self.last_requests[name] = request
 
-    def connection_closed(self, time_ns: int) -> None:
-        """The controller has ended the last of its connections; what survives is open (A-4-6)."""
-        self.hung_up_ns = time_ns
+    def all_connections_closed(self, time_ns: int) -> None:
+        """Process the close of the last connection; what survives it is open (A-4-6)."""
+        self.all_closed_ns = time_ns
         self.passwords.clear()
 
-    def _learn(self, x: Exchange, *, busy: bool) -> None:
+    def _add_reply(self, x: Exchange, *, busy: bool) -> None:
         if x.name == "get_status":
-            self._status(x, busy=busy)
+            self._add_status(x, busy=busy)
         if not x.accepted:
             return
         if x.name == "login":
-            if len(self.passwords) < 2:  # noqa: PLR2004 - two contradict each other, more say no more
+            if len(self.passwords) < 2:  # noqa: PLR2004 - two contradict each other
                 self.passwords.add(x.request.text)
         elif x.name == "set_password":
             self.passwords = {x.request_value.new} if x.request_value else set()
         elif x.name == "delete_program":
             self.deleted[x.request.text] = x
-            if len(self.deleted) > _KEPT_NAMES:
+            if len(self.deleted) > _MAX_NAMES:
                 self.deleted.popitem(last=False)
 
-    def _status(self, x: Exchange, *, busy: bool) -> None:
+    def _add_status(self, x: Exchange, *, busy: bool) -> None:
         code = lookup(x.reply_value) if x.reply_value else None
         if code is None or code.kind is not Kind.IDLE:
             self.idle_since_ns = None
@@ -125,12 +127,12 @@ class ExchangeHistory:
             self.idle_since_ns = self.idle_since_ns or self.idle_seen_ns
 
     def begun(self, exchange: Exchange) -> None:
-        """A two-stage command was accepted."""
+        """Process the acceptance of a two-stage command."""
         self.accepted.append(exchange)
         self.idle_since_ns = None
 
     def ended(self, exchange: Exchange, *, busy: bool) -> None:
-        """A two-stage command ended; only a final result shows when, its own or a stop's."""
+        """Process the end of a two-stage command; only a final result shows when it ended."""
         if exchange.result and not busy:
             self.idle_since_ns = self.idle_seen_ns = exchange.result.place.time_ns
         elif not exchange.interrupted_by:
@@ -138,5 +140,5 @@ class ExchangeHistory:
 
 
 def answered_ns(x: Exchange) -> int:
-    """When the first reply was complete; of what was not answered, when it was asked."""
+    """Return when the first reply was complete; without a reply, when the request was."""
     return x.reply.place.time_ns if x.reply else x.time_ns

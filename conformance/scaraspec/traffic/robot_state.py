@@ -1,8 +1,8 @@
-"""Scene: what all connections of one robot have shown so far, in bounded memory.
+"""Robot state: what all connections of one robot have shown so far, in bounded memory.
 
-Dialogues write here what rules of other exchanges need: the last exchange of each command, the
-two-stage commands that execute, the files that were transferred. A gap on one connection may hide
-what changed for all of them, so it empties the scene.
+Dialogues store here what rules need later: the last exchange of each command, the executing
+two-stage commands, and the transferred files. A gap on one connection may hide a change that
+concerns all connections, so it clears the state.
 """
 
 from collections import OrderedDict
@@ -18,53 +18,53 @@ FILES_LIMIT: Final = 4096
 
 
 class RobotState:
-    """The robot, as far as the wire shows it."""
+    """The state of one robot, as far as the wire shows it."""
 
     def __init__(self) -> None:
         self.last: dict[str, Exchange] = {}
-        """The last certain exchange of each command that was answered, over all connections."""
+        """The last answered exchange of each command, over all connections; only certain ones."""
         self.executing: list[Exchange] = []
-        """Two-stage commands whose first reply was "1" and whose end has not been seen."""
+        """Two-stage commands whose first reply was "1" and whose end was not observed."""
         self.version = 0
-        """Rises with every change of what executes: equal numbers mean that nothing changed."""
+        """Rises with each change of `executing`: equal numbers mean no change."""
         self.files: OrderedDict[bytes, Transfer] = OrderedDict()
-        """The last completed upload of each name, until it may be gone; oldest dropped first."""
+        """The last complete upload of each name, until the file may be gone; limited in size."""
         self.history = ExchangeHistory()
-        """What was said before, for rules that hold one value against another."""
+        """Earlier exchanges, for rules that compare two values."""
         self.connected: set[str] = set()
         """Connections that have not ended."""
         self.sessions: set[str] = set()
-        """Those of them that have logged in."""
+        """Connections that have logged in and have not ended."""
         self.gaps = GapUncertainty()
-        """Which happenings a gap may have touched."""
+        """Which events a capture gap may have affected."""
         self.results_doubtful = False
-        """A two-stage command may be executing that was accepted in a gap."""
+        """Whether a two-stage command that was accepted in a gap may be executing."""
         self._files_bytes = 0
         self._initiator_connections: dict[str, str] = {}
 
     @property
     def executing_uncertain(self) -> bool:
-        """Whether it is not sure that all of `executing` still execute."""
+        """Whether some of `executing` may not execute any more."""
         return bool(self.executing) and any(
             x.stop_requested or not x.certain for x in self.executing
         )
 
     @property
     def busy(self) -> bool:
-        """Whether a two-stage command executes that no stop has interrupted."""
+        """Whether a two-stage command executes and no stop has interrupted it."""
         return bool(self.executing) and any(not x.interrupted_by for x in self.executing)
 
     def remember(self, traffic_event: TrafficEvent) -> None:
-        """Keep what was said, once it has been judged."""
+        """Store a traffic event after it has been judged."""
         if isinstance(traffic_event, Exchange) and traffic_event.reply:
             if traffic_event.certain:
                 self.last[traffic_event.name] = traffic_event
             else:
                 self.last.pop(traffic_event.name, None)
-        self.history.take(traffic_event, busy=self.busy)
+        self.history.add(traffic_event, busy=self.busy)
 
     def begin(self, exchange: Exchange) -> None:
-        """A two-stage command was accepted."""
+        """Add an accepted two-stage command."""
         self.executing.append(exchange)
         self.history.begun(exchange)
         self.version += 1
@@ -74,24 +74,24 @@ class RobotState:
             self._initiator_connections[exchange.name] = ""
 
     def end(self, exchange: Exchange) -> None:
-        """A two-stage command ended, or it is no longer known that it executes."""
+        """Remove a two-stage command that ended or may have ended."""
         if exchange in self.executing:
             self.executing.remove(exchange)
         self.history.ended(exchange, busy=self.busy)
         self.version += 1
 
-    def connection_closed(self, time_ns: int, hung_up: Direction) -> None:
-        """A connection has ended, `hung_up` having ended it first."""
-        if hung_up is C2A and not self.connected:
-            self.history.connection_closed(time_ns)
+    def connection_closed(self, time_ns: int, closed_by: Direction) -> None:
+        """Process the end of a connection; `closed_by` is the side that closed it first."""
+        if closed_by is C2A and not self.connected:
+            self.history.all_connections_closed(time_ns)
             self.last.pop("login", None)
 
     def was_accepted_elsewhere(self, name: str, connection: str) -> bool:
-        """Whether a two-stage command was ever accepted on another connection than this."""
+        """Whether a two-stage command was ever accepted on another connection."""
         return self._initiator_connections.get(name, connection) != connection
 
     def forget_after_gap(self) -> None:
-        """Bytes passed unseen: nothing of what was known is sure."""
+        """Clear the state after a gap: nothing in it is certain any more."""
         self.results_doubtful = True
         self.history = ExchangeHistory()
         self.last.clear()
@@ -101,7 +101,7 @@ class RobotState:
             exchange.certain = False
 
     def stored(self, transfer: Transfer) -> None:
-        """An upload was completed."""
+        """Store a complete upload."""
         self.forget(transfer.name)
         self.files[transfer.name] = transfer
         self._files_bytes += len(transfer.content)
@@ -110,7 +110,7 @@ class RobotState:
             self._files_bytes -= len(oldest.content)
 
     def forget(self, name: bytes) -> None:
-        """A file may have been deleted or replaced."""
+        """Remove a file that may have been deleted or replaced."""
         transfer = self.files.pop(name, None)
         if transfer:
             self._files_bytes -= len(transfer.content)

@@ -1,6 +1,6 @@
-"""Following file transfers (clause 5) through a dialogue: one at a time and connection (A-5-17).
+"""Tracks the file transfers (clause 5) of a connection, which has one at a time (A-5-17).
 
-A transfer begins with the acceptance of its name; a chunk belongs to the one that was named last.
+A transfer begins when its name is accepted. A chunk belongs to the transfer that was named last.
 """
 
 from collections.abc import Iterator
@@ -19,21 +19,21 @@ NAMES: Final = ("upload_name", "download_name")
 CHUNKS: Final = ("upload_chunk", "download_chunk")
 
 _NS: Final = 1_000_000_000
-_SURVIVED: Final = 25 / 30  # of the time-out: after a longer silence it may be over (A-5-13)
+_SAFE_SILENCE: Final = 25 / 30  # of the timeout: a longer silence may end a transfer (A-5-13)
 _CONTENT_LIMIT_BYTES: Final = 16 * 2**20
-_MOST_RESUMPTIONS: Final = 16  # each copies the content
+_MAX_RESUMPTIONS: Final = 16  # each copies the content
 
-# Why a transfer failed, where a rule asks.
+# Reasons of a failed transfer that rules compare.
 REFUSED_NAME: Final = "its name was refused"
 REFUSED_CHUNK: Final = "a chunk was refused"
 SILENCE: Final = "silence"
-_DOUBT: Final = "bytes of the capture are missing, or a fault was injected"
+_UNCERTAIN: Final = "bytes of the capture are missing, or a fault was injected"
 
 
-def refuses_an_answer(frame: Frame) -> bool:
-    """Whether a controller says with it that it awaited no answer to a chunk (A-5-16).
+def refuses_reply(frame: Frame) -> bool:
+    """Whether the controller refuses a reply to a chunk that it did not expect (A-5-16).
 
-    Where it did await one, or there was none, it is a chunk that is no chunk.
+    If it expected the reply, or no reply was sent, the frame is an invalid chunk.
     """
     is_0x56 = frame.opcode == BY_NAME["download_chunk"].opcode and not frame.tagged
     return is_0x56 and frame.direction is C2A and frame.data == b"0"
@@ -41,51 +41,51 @@ def refuses_an_answer(frame: Frame) -> bool:
 
 @dataclass(eq=False, slots=True)
 class _TransferProgress:
-    """A transfer, and where its next chunk is due."""
+    """A transfer, and the expected position of its next chunk."""
 
     transfer: Transfer
-    due: int = 0
+    expected_position: int = 0
     position: int = -1  # of the last chunk
     resumptions: int = 0
 
     def advance(self, chunk: Chunk) -> None:
-        """A chunk was sent: the next is due after it, unless it was sent before."""
+        """Process a chunk: the next one is expected after it, unless it was sent before."""
         self.transfer.chunks += 1
-        if chunk.position >= self.due:
-            self.due = chunk.position + chunk.length
-        elif chunk.position != self.position:  # it counts something else than bytes
-            self.due += chunk.length
+        if chunk.position >= self.expected_position:
+            self.expected_position = chunk.position + chunk.length
+        elif chunk.position != self.position:  # the position does not count bytes
+            self.expected_position += chunk.length
         self.position = chunk.position
 
 
 class TransferTracker:
-    """Holds the transfer that is under way on one connection.
+    """Tracks the transfer of one connection.
 
     Args:
-        robot: Told of every completed upload.
-        dialect: The transfer time-out; a transfer ends after twice that silence (A-5-13).
+        robot: Stores every complete upload.
+        dialect: The transfer timeout; a transfer ends after twice that silence (A-5-13).
     """
 
     def __init__(self, robot: RobotState, dialect: Dialect) -> None:
         self._robot = robot
         timeout_s = dialect.seconds("xfer_timeout")
         self._timeout_ns = 2 * int((timeout_s if timeout_s is not None else 1e9) * _NS)
-        self._survived_ns = int(_SURVIVED * self._timeout_ns / 2)
-        self._strays = 0  # answers to no chunk, each of which may be refused
+        self._safe_silence_ns = int(_SAFE_SILENCE * self._timeout_ns / 2)
+        self._unexpected_replies = 0  # replies without a chunk, each of which may be refused
         self._opened: dict[bool, _TransferProgress] = {}  # key: is upload
         self._active: _TransferProgress | None = None
         self._previous: dict[bool, _TransferProgress] = {}
         self._byte_orders: dict[bool, str] = {}
-        self._broken_off = False  # the last one that was under way
+        self._aborted = False  # whether the last transfer was aborted
         self._last_activity_ns = 0
 
     @property
     def unfinished(self) -> bool:
-        """Whether one may be under way: one that broke off may go on for its other end."""
-        return bool(self._active or self._opened or self._broken_off)
+        """Whether a transfer may be active: after an abort, the other side may continue it."""
+        return bool(self._active or self._opened or self._aborted)
 
     def request(self, exchange: Exchange) -> Iterator[Transfer]:
-        """A name or a chunk was sent: place it."""
+        """Process a name or a chunk: assign it to its transfer."""
         upload = exchange.name.startswith("upload")
         if exchange.name in NAMES:
             name = exchange.request_value if isinstance(exchange.request_value, bytes) else b""
@@ -93,29 +93,29 @@ class TransferTracker:
             self._opened[upload] = _TransferProgress(transfer)
         elif exchange.name in CHUNKS:
             silence_ns = exchange.time_ns - self._last_activity_ns
-            exchange.after_silence = self._active is not None and silence_ns > self._survived_ns
+            exchange.after_silence = self._active is not None and silence_ns > self._safe_silence_ns
             self._last_activity_ns = exchange.time_ns
-            yield from self._place(exchange, upload)
+            yield from self._assign(exchange, upload)
 
-    def _place(self, exchange: Exchange, upload: bool) -> Iterator[Transfer]:  # noqa: FBT001 - the key of all tables here
+    def _assign(self, exchange: Exchange, upload: bool) -> Iterator[Transfer]:  # noqa: FBT001 - the key of all tables here
         active = self._active if self._active and self._active.transfer.upload is upload else None
-        course, before = self._opened.get(upload) or active, self._previous.get(upload)
+        progress, before = self._opened.get(upload) or active, self._previous.get(upload)
         chunk = exchange.chunk = self._read(exchange, upload)
-        if course is None and before and chunk and _is_resumption(before, chunk):
-            course = self._active = _resume_transfer(before)
-        if course is None:
+        if progress is None and before and chunk and _is_resumption(before, chunk):
+            progress = self._active = _resume_transfer(before)
+        if progress is None:
             exchange.previous_transfer = before.transfer if before else None
             return
-        transfer = exchange.transfer = course.transfer
+        transfer = exchange.transfer = progress.transfer
         transfer.order = transfer.order or self._byte_orders.get(upload, "")
-        exchange.expected_position = course.due
+        exchange.expected_position = progress.expected_position
         if chunk and (chunk.length or not chunk.file_size):
-            course.advance(chunk)
-        elif course is active:
+            progress.advance(chunk)
+        elif progress is active:
             yield from self.end("the sender gave it up with a length of 0", exchange.time_ns)
 
     def _read(self, exchange: Exchange, upload: bool) -> Chunk | None:  # noqa: FBT001 - as above
-        """Read the structure in the byte order that it proves, else in its sender's."""
+        """Decode the chunk in the byte order that it proves, else in that of earlier chunks."""
         chunk, parsed = exchange.request.value, exchange.request.parsed
         if not isinstance(chunk, Chunk) or parsed is None:
             return None
@@ -127,13 +127,13 @@ class TransferTracker:
         return read_as(data, order) if order and len(data) >= HEAD_BYTES else chunk
 
     def reply(self, exchange: Exchange) -> Iterator[Transfer]:
-        """A name or a chunk was answered: begin, go on or end a transfer."""
+        """Process the reply to a name or a chunk: begin, continue or end a transfer."""
         if exchange.name not in NAMES and exchange.name not in CHUNKS:
             return
         time_ns = exchange.reply.place.time_ns if exchange.reply else exchange.time_ns
         active = self._active
         if exchange.name in NAMES:
-            yield from self._named_answered(exchange, time_ns)
+            yield from self._name_reply(exchange, time_ns)
         elif active and exchange.transfer is active.transfer:
             self._last_activity_ns = time_ns
             active.transfer.certain = active.transfer.certain and exchange.certain
@@ -142,26 +142,26 @@ class TransferTracker:
             elif exchange.chunk:
                 if not active.transfer.upload and not active.transfer.differing_chunk:
                     self._compare(active.transfer, exchange.request, exchange.chunk)
-                yield from self._acknowledged(active.transfer, exchange.chunk, time_ns)
+                yield from self._chunk_accepted(active.transfer, exchange.chunk, time_ns)
 
     def chunk_reply_sent(self, exchange: Exchange | None, time_ns: int) -> None:
-        """An answer to this chunk was sent, or one to none."""
-        if exchange is None or time_ns - exchange.time_ns > self._survived_ns:
-            self._strays += 1
+        """Process a reply of the client to this chunk; None if no chunk was pending."""
+        if exchange is None or time_ns - exchange.time_ns > self._safe_silence_ns:
+            self._unexpected_replies += 1
 
     def extra_reply_seen(self, name: str) -> None:
-        """An answer came that no chunk of this transfer awaits."""
+        """Store that a reply without a pending chunk was sent."""
         if self._active and name == CHUNKS[not self._active.transfer.upload]:
             self._active.transfer.extra_reply_seen = True
 
-    def refused(self) -> bool:
-        """A reply was refused: whether one was sent that was not due."""
-        stray = self._strays > 0
-        self._strays -= stray
-        return stray
+    def take_unexpected_reply(self) -> bool:
+        """Whether a refused reply was unexpected; each unexpected reply counts once."""
+        unexpected = self._unexpected_replies > 0
+        self._unexpected_replies -= unexpected
+        return unexpected
 
     def _compare(self, transfer: Transfer, seen: FrameSeen, chunk: Chunk) -> None:
-        """Hold a chunk of a download against what was uploaded under its name."""
+        """Compare a chunk of a download with the upload of the same name."""
         stored, data, at = self._robot.files.get(transfer.name), chunk.data, chunk.position
         if stored is None or not stored.whole_content:
             return
@@ -173,23 +173,23 @@ class TransferTracker:
             )
             transfer.differing_chunk = seen
 
-    def _named_answered(self, exchange: Exchange, time_ns: int) -> Iterator[Transfer]:
+    def _name_reply(self, exchange: Exchange, time_ns: int) -> Iterator[Transfer]:
         upload = exchange.name == "upload_name"
-        course = self._opened.get(upload)
-        if course is None or course.transfer.opening is not exchange:
+        progress = self._opened.get(upload)
+        if progress is None or progress.transfer.opening is not exchange:
             return
         del self._opened[upload]
-        transfer = course.transfer
+        transfer = progress.transfer
         if exchange.accepted:
             yield from self.end("another transfer began", time_ns)
             exchange.transfer, transfer.begun_ns = transfer, time_ns
             transfer.certain = exchange.certain
-            self._active, self._last_activity_ns = course, time_ns
+            self._active, self._last_activity_ns = progress, time_ns
         else:
             transfer.state, transfer.reason = TransferState.FAILED, REFUSED_NAME
-            self._previous[upload] = course
+            self._previous[upload] = progress
 
-    def _acknowledged(self, transfer: Transfer, chunk: Chunk, time_ns: int) -> Iterator[Transfer]:
+    def _chunk_accepted(self, transfer: Transfer, chunk: Chunk, time_ns: int) -> Iterator[Transfer]:
         if transfer.size_bytes < 0:
             transfer.size_bytes = chunk.file_size
             if transfer.upload:
@@ -211,50 +211,50 @@ class TransferTracker:
         yield self._ended(transfer, time_ns)
 
     def expire(self, now_ns: int) -> Iterator[Transfer]:
-        """End the transfer after more silence than any reading allows (L763, L795)."""
+        """End the transfer after a longer silence than any reading allows (L763, L795)."""
         if self._active and now_ns - self._last_activity_ns > self._timeout_ns:
             yield from self.end(SILENCE, now_ns)
 
     def mark_uncertain(self, now_ns: int) -> Iterator[Transfer]:
-        """Chunks and names may have been hidden or changed: how it ends cannot be known."""
+        """End the transfer with an unknown result: chunks or names may be lost or changed."""
         if self._active:
             self._active.transfer.certain = False
-        yield from self.end(_DOUBT, now_ns)
+        yield from self.end(_UNCERTAIN, now_ns)
         self._opened.clear()
         for upload in (True, False):
             unknown = Transfer(
-                upload, b"", now_ns, state=TransferState.FAILED, reason=_DOUBT, certain=False
+                upload, b"", now_ns, state=TransferState.FAILED, reason=_UNCERTAIN, certain=False
             )
             self._previous[upload] = _TransferProgress(unknown)
 
     def end(self, reason: str, now_ns: int) -> Iterator[Transfer]:
-        """End the transfer that is under way, if one is, without success."""
+        """End the active transfer, if there is one, as failed."""
         if self._active:
             transfer = self._active.transfer
             transfer.state, transfer.reason = TransferState.FAILED, reason
             yield self._ended(transfer, now_ns)
 
     def _ended(self, transfer: Transfer, now_ns: int) -> Transfer:
-        course, self._active = self._active, None
-        if course:
-            self._previous[transfer.upload] = course
+        progress, self._active = self._active, None
+        if progress:
+            self._previous[transfer.upload] = progress
         transfer.ended_ns = now_ns
-        self._broken_off = transfer.state is not TransferState.DONE and transfer.reason != SILENCE
+        self._aborted = transfer.state is not TransferState.DONE and transfer.reason != SILENCE
         return transfer
 
 
 def _is_resumption(before: _TransferProgress, chunk: Chunk) -> bool:
-    """Whether a chunk goes on with a transfer of which one was refused (A-5-14)."""
+    """Whether a chunk continues a transfer after a refused chunk (A-5-14)."""
     return (
         before.transfer.reason == REFUSED_CHUNK
         and chunk.position == before.transfer.received_bytes
         and chunk.length > 0
-        and before.resumptions < _MOST_RESUMPTIONS
+        and before.resumptions < _MAX_RESUMPTIONS
     )
 
 
 def _resume_transfer(before: _TransferProgress) -> _TransferProgress:
-    """A transfer that goes on where it was refused; the one handed out stays as it is."""
+    """Return a copy of a transfer that continues after its refused chunk."""
     old = before.transfer
     transfer = replace(
         old, state=TransferState.ACTIVE, reason="", content=bytearray(old.content), resumed=True

@@ -1,7 +1,7 @@
-"""WireEvent: all that a source makes, and all that a sink needs to make everything else again.
+"""WireEvent: the output of every source, from which sinks derive everything else.
 
-Raw is the truth: bytes, direction, offset and time are kept here and what they mean is derived
-elsewhere. Nothing in this file knows a frame.
+The raw bytes are the source of truth: this module has bytes, direction, offset and time. What they
+mean is derived elsewhere; nothing here depends on frames.
 """
 
 from dataclasses import dataclass
@@ -14,33 +14,34 @@ from scaraspec.protocol.direction import Direction
 class Kind(Enum):
     """What happened on one direction of a connection."""
 
-    OPENED = "opened"  # the connection was made; direction is that of its opener
+    OPENED = "opened"  # the connection was opened; direction: the side that opened it
     BYTES = "bytes"  # `data` arrived
     HALF_CLOSED = "half-closed"  # the sender of this direction sends no more (FIN)
-    CLOSED = "closed"  # both directions have ended in order
-    RESET = "reset"  # the sender of this direction cut the connection (RST)
-    GAP = "gap"  # `length` bytes of this direction passed unrecorded, or may have
-    INJECTED = "injected"  # what this direction's sender had sent was tampered with on its way
+    CLOSED = "closed"  # both directions ended in an orderly way
+    RESET = "reset"  # the sender of this direction reset the connection (RST)
+    GAP = "gap"  # `length_bytes` of this direction were not captured, or may not be
+    INJECTED = "injected"  # bytes of this direction's sender were changed on purpose
 
     __hash__ = object.__hash__
 
 
 @dataclass(frozen=True, slots=True)
 class WireEvent:
-    """One thing that happened on the wire.
+    """One event on the wire.
 
     Attributes:
         time_ns: Nanoseconds since the Unix epoch, on the clock of the observer.
         connection: Names the connection within the recording, for example ``"1"``.
-        direction: Who sent, opened, closed or reset; whose bytes the gap or the fault is in.
-        kind: What happened.
+        direction: The side that sent, opened, closed or reset; for a gap or a fault, the side whose
+            bytes it affects.
+        kind: The kind of event.
         data: The bytes, for ``BYTES``; empty otherwise.
         offset_bytes: Stream offset of the first byte of `data` (or of the gap) in this direction,
-            counted from the first byte of the connection; from the first byte seen where the
-            observer came late.
-        length_bytes: Length of a gap; -1 where it is not known. 0 for every other kind.
-        note: Why, in words: the reason of a gap, the addresses of an opened connection, the fault
-            that was injected and into what.
+            counted from the first byte of the connection, or from the first captured byte if the
+            capture began later.
+        length_bytes: Length of a gap; -1 if unknown. 0 for every other kind.
+        note: Details as text: the reason of a gap, the addresses of an opened connection, the
+            injected fault and its target.
     """
 
     time_ns: int
@@ -54,11 +55,11 @@ class WireEvent:
 
 
 class WireRange(NamedTuple):
-    """Where on the wire something is: the evidence for it."""
+    """A range of bytes on the wire, as evidence."""
 
     connection: str
     direction: Direction
     offset_bytes: int
     length_bytes: int
     time_ns: int
-    """When its last byte passed."""
+    """When its last byte was seen."""

@@ -210,7 +210,7 @@ def idle_after_success(x: Exchange, robot: RobotState) -> RuleResult | None:
         return PASSED
     if since_ns < _MOMENT_NS:
         return None
-    begun = any(robot.history.awaits(name, x.time_ns - _REPLY_NS) for name in STATE_OF)
+    begun = any(robot.history.is_pending(name, x.time_ns - _REPLY_NS) for name in STATE_OF)
     if begun or x.reply_value not in BUSY:
         return None
     return failed(

@@ -53,7 +53,7 @@ def switched_off_since(x: Exchange, robot: RobotState) -> bool:
     shutdown = robot.history.last_requests.get("shutdown")
     if shutdown and shutdown.place.time_ns > x.time_ns:
         return True
-    return x.name != "set_network" and robot.history.hung_up_ns > x.time_ns
+    return x.name != "set_network" and robot.history.all_closed_ns > x.time_ns
 
 
 def executed_since(time_ns: int, robot: RobotState, names: Collection[str]) -> bool:

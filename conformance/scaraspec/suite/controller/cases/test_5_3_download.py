@@ -50,7 +50,7 @@ from scaraspec.suite.engine.expectations import (
 from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.suite.engine.transfer_timeouts import Silence, transfer_timeouts_of
 from scaraspec.suite.program_files.listed import INHERITED
-from scaraspec.traffic.transfers import refuses_an_answer
+from scaraspec.traffic.transfers import refuses_reply
 from scaraspec.user_message import UserMessage
 
 _CONTENT = content_of(650)
@@ -357,7 +357,7 @@ def _continues(line: OutgoingConnection, within_s: float) -> bool:
         next_frame = line.reply("download_chunk", within_s=within_s)
     except NoReply:
         return False
-    return not refuses_an_answer(next_frame.frame) and not is_cancelled(next_frame)
+    return not refuses_reply(next_frame.frame) and not is_cancelled(next_frame)
 
 
 def _refuse_chunk(

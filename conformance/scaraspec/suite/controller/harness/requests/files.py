@@ -23,7 +23,7 @@ from scaraspec.suite.engine.expectations import (
     expect,
 )
 from scaraspec.traffic.events import FrameSeen
-from scaraspec.traffic.transfers import refuses_an_answer
+from scaraspec.traffic.transfers import refuses_reply
 from scaraspec.user_message import UserMessage
 
 CHUNK_S: Final = 30.0
@@ -304,7 +304,7 @@ def transfer_frames(line: OutgoingConnection, *, stray: bool = False) -> list[Fr
             raise
         came = line.inbox
     came = [seen for seen in came if seen.frame.opcode in _TRANSFER]
-    return [seen for seen in came if not (stray and refuses_an_answer(seen.frame))]
+    return [seen for seen in came if not (stray and refuses_reply(seen.frame))]
 
 
 def is_cancelled(seen: FrameSeen | ReceivedFrame) -> bool:
