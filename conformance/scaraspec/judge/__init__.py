@@ -1,5 +1,5 @@
 """Judge: whether what happened on the wire conforms to the document.
 
-The catalogue of requirements, the rules, the verdicts, and the detection of dialects. What happened
-is found out in `scaraspec.traffic`. Nothing here does any I/O.
+It has the catalogue of requirements, the rules, the verdicts, and the detection of dialects.
+`scaraspec.traffic` determines what happened. This package does no I/O.
 """

@@ -1,4 +1,4 @@
-"""Sightings: which reading of an open point a peer gives away, and whether it mixes two."""
+"""Dialect detection: which reading of each open point a peer follows, and whether it mixes two."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -10,7 +10,7 @@ from scaraspec.traffic.events import Ending, Exchange, FrameSeen, TrafficEvent
 
 
 class ReadingObservation(NamedTuple):
-    """A peer, and what it did at one open point."""
+    """A peer, an open point, and the option that the peer showed."""
 
     peer: Direction
     key: str
@@ -18,7 +18,7 @@ class ReadingObservation(NamedTuple):
 
 
 def observed_readings(traffic_event: TrafficEvent) -> Iterator[ReadingObservation]:
-    """The readings that one happening shows; what a gap may have touched shows none."""
+    """Yield the readings that a traffic event shows; an uncertain event shows none."""
     if isinstance(traffic_event, FrameSeen):
         if traffic_event.parsed and traffic_event.certain:
             for key, option in traffic_event.parsed.decoded.readings:
@@ -33,7 +33,9 @@ def _of_exchange(x: Exchange) -> Iterator[ReadingObservation]:
         return
     if x.name == "get_default_program":
         yield ReadingObservation(A2C, "op_get_default", f"0x{x.request.frame.opcode:02X}")
-        if x.reply and x.reply.frame.data != b"0":  # so may an undefined opcode be answered (A-3-9)
+        if (
+            x.reply and x.reply.frame.data != b"0"
+        ):  # an undefined opcode may have the same reply (A-3-9)
             yield ReadingObservation(C2A, "op_get_default", f"0x{x.reply.frame.opcode:02X}")
     elif x.name == "get_motor_temperatures" and x.reply:
         yield ReadingObservation(C2A, "op_temp_reply", f"0x{x.reply.frame.opcode:02X}")
@@ -70,14 +72,14 @@ def _of_prelogin(x: Exchange) -> Iterator[ReadingObservation]:
 
 
 def _of_two_stage(x: Exchange) -> Iterator[ReadingObservation]:
-    refused = x.accepted is False and x.name != "reset"  # whose refusal is drawn (A-4-2)
+    refused = x.accepted is False and x.name != "reset"  # the document draws its refusal (A-4-2)
     if x.concurrent and refused and x.reply_value.code:
         yield ReadingObservation(C2A, "busy_reply", "state")
     elif x.concurrent and x.ending is Ending.UNANSWERED:
         yield ReadingObservation(C2A, "busy_reply", "silence")
     if x.interrupted_by and x.interrupted_by.name == "emergency_stop":
         here = x.interrupted_by.request.place.connection == x.request.place.connection
-        if x.result and here:  # between connections there is no order
+        if x.result and here:  # connections have no common order
             yield ReadingObservation(
                 C2A, "estop_interrupted", "after" if x.result_after_stop else "first"
             )
@@ -94,18 +96,18 @@ commands in different ways (jog, A-4.17-4).
 
 
 class DialectDetector:
-    """Counts sightings; says what a peer speaks and where it contradicts itself."""
+    """Counts observed readings: the dialect of each peer, and where a peer mixes readings."""
 
     def __init__(self) -> None:
         self.counts: Counter[ReadingObservation] = Counter()
 
     def add(self, traffic_event: TrafficEvent) -> None:
-        """Count what one happening shows."""
+        """Count the readings that a traffic event shows."""
         for observation in observed_readings(traffic_event):
             self.counts[observation] += 1
 
     def of(self, peer: Direction) -> Mapping[str, tuple[str, ...]]:
-        """The options seen of one peer, by key; the most frequent first."""
+        """Return the observed options of a peer by key, the most frequent first."""
         seen: dict[str, tuple[str, ...]] = {}
         for observation, _ in self.counts.most_common():
             if observation.peer is peer:
@@ -113,5 +115,5 @@ class DialectDetector:
         return dict(sorted(seen.items()))
 
     def mixed(self, peer: Direction) -> Mapping[str, tuple[str, ...]]:
-        """The keys at which a peer showed more than one option that exclude each other."""
+        """Return the keys at which a peer showed options that exclude each other."""
         return {k: v for k, v in self.of(peer).items() if len(v) > 1 and k not in _BOTH}

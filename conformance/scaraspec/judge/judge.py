@@ -1,8 +1,8 @@
-"""Judge: wire events in; happenings, findings, the dialect and a conclusion out.
+"""Judge: turns wire events into traffic events, findings, the dialect and a conclusion.
 
-One judge for live recordings, captures from the field and every case of the suite. It joins the
-dialogues of all connections of a controller over one scene, asks the rules, and keeps count. What
-is right is in `rules`. The judge ensures that a gap never causes a failure.
+The same judge is used for live recordings, field captures and every case of the suite. It follows
+all connections of a controller with one robot state, applies the rules, and counts the results.
+`rules` defines what conforms. The judge ensures that a capture gap never causes a failure.
 """
 
 import re
@@ -31,24 +31,24 @@ from scaraspec.traffic.events import TrafficEvent, Transfer
 from scaraspec.traffic.robot_state import RobotState
 from scaraspec.traffic.wire import Kind, WireEvent
 
-_KEPT_FINDINGS: Final = 50
-"""Findings kept of one requirement and verdict; beyond that they are counted."""
+_MAX_FINDINGS: Final = 50
+"""Kept findings per requirement and verdict; further ones are only counted."""
 
-_MOST_CONNECTIONS: Final = 4096
-"""Connections followed at once; beyond that the one that was silent for longest is given up."""
+_MAX_CONNECTIONS: Final = 4096
+"""Maximum number of connections; above it, the one that was silent longest is dropped."""
 
-_MOST_CONTROLLERS: Final = 64
-"""Controllers told apart at once; beyond that the one that was met first is forgotten."""
+_MAX_CONTROLLERS: Final = 64
+"""Maximum number of controllers; above it, the state of the first one is dropped."""
 
 _CONTROLLER: Final = re.compile(r"[>→] ([^\s,)]+)")
-"""The second of the addresses in the note of a beginning."""
+"""Matches the second address in the note of a connection's first event."""
 
-_DOUBT: Final = "a gap in the recording or a fault injected on purpose may be why"
+_UNCERTAIN: Final = "a gap in the recording or a fault injected on purpose may be why"
 
 
 @dataclass(slots=True)
 class Tally:
-    """What was found of one requirement."""
+    """The results for one requirement."""
 
     passes: int = 0
     others: Counter[Verdict] = field(default_factory=Counter)
@@ -66,40 +66,40 @@ class Tally:
 
 
 class Judge:
-    """Judges a recording, all connections of one controller together.
+    """Judges a recording; the connections of a controller are judged together.
 
     Args:
-        dialect: What the subject claims about reply and transfer time-outs.
-        needs_login: False for a serial link, which serves without a login (L83).
+        dialect: The reply and transfer timeouts that the SUT claims.
+        needs_login: False for a serial link, which needs no login (L83).
     """
 
     def __init__(self, dialect: Dialect = DEFAULT, *, needs_login: bool = True) -> None:
         self.tallies: dict[str, Tally] = defaultdict(Tally)
-        """Requirements on which something was found, by id."""
+        """The results by requirement id; only requirements with a result."""
         self.dialect_seen = DialectDetector()
         self.robots: OrderedDict[str, RobotState] = OrderedDict()
-        """What is known of each controller, by its address; those of no known address are one."""
+        """The state of each controller, by address; without a known address they share one."""
         self._dialect = dialect
         self._needs_login = needs_login
         self._dialogues: dict[str, Dialogue] = {}
 
     def feed(self, event: WireEvent) -> Iterator[TrafficEvent | Finding]:
-        """Take the next event; give what happened, each followed by what is wrong with it."""
+        """Process the next event; yield each traffic event, followed by its findings."""
         dialogue = self._dialogue(event)
         for traffic_event in dialogue.feed(event):
             yield traffic_event
             yield from self.judge(traffic_event, dialogue.robot)
         if event.kind in (Kind.CLOSED, Kind.RESET):
             del self._dialogues[event.connection]
-        while len(self._dialogues) > _MOST_CONNECTIONS:
+        while len(self._dialogues) > _MAX_CONNECTIONS:
             yield from self._end(next(iter(self._dialogues)))
 
     def transferring(self, connection: str) -> bool:
-        """Whether a file may be under way on this connection, for one of its ends at least."""
+        """Whether a file transfer may be active on this connection, for one side at least."""
         return connection in self._dialogues and self._dialogues[connection].transferring
 
     def _dialogue(self, event: WireEvent) -> Dialogue:
-        """The connection's dialogue, moved to the end."""
+        """Return the dialogue of the connection, moved to the end."""
         connection = event.connection
         dialogue = self._dialogues.pop(connection, None) or Dialogue(
             connection, self._robot(event), self._dialect, needs_login=self._needs_login
@@ -108,15 +108,15 @@ class Judge:
         return dialogue
 
     def _robot(self, first: WireEvent) -> RobotState:
-        """The scene of the controller that a connection goes to, by the note it begins with."""
+        """Return the state of the connection's controller, which its first note names."""
         controller = _CONTROLLER.search(first.note)
         robot = self.robots.setdefault(controller[1] if controller else "", RobotState())
-        if len(self.robots) > _MOST_CONTROLLERS:
+        if len(self.robots) > _MAX_CONTROLLERS:
             self.robots.popitem(last=False)
         return robot
 
     def close(self) -> Iterator[TrafficEvent | Finding]:
-        """The recording has ended."""
+        """End the recording; yield the pending traffic events and their findings."""
         while self._dialogues:
             yield from self._end(next(iter(self._dialogues)))
 
@@ -127,7 +127,7 @@ class Judge:
             yield from self.judge(traffic_event, dialogue.robot)
 
     def judge(self, traffic_event: TrafficEvent, robot: RobotState) -> Iterator[Finding]:
-        """Ask every rule that looks at this happening; give the findings that are no pass."""
+        """Apply every rule for this traffic event; yield the findings other than passes."""
         self.dialect_seen.add(traffic_event)
         if isinstance(traffic_event, Transfer):
             self.dialect_seen.counts.update(observed_file_readings(traffic_event))
@@ -144,25 +144,25 @@ class Judge:
                 finding = _finding(requirement, judged, traffic_event)
                 tally = tallies[requirement]
                 tally.others[finding.verdict] += 1
-                if tally.others[finding.verdict] <= _KEPT_FINDINGS:
+                if tally.others[finding.verdict] <= _MAX_FINDINGS:
                     tally.findings.append(finding)
                 yield finding
         robot.remember(traffic_event)
 
     @property
     def conclusion(self) -> Conclusion:
-        """What the recording amounts to."""
+        """The conclusion of the recording."""
         return conclude(Counter(tally.verdict for tally in self.tallies.values()))
 
 
 _Checks = tuple[tuple[Check, tuple[str, ...]], ...]
 
 _CHECKS: Final[dict[tuple[object, ...], _Checks]] = {}
-"""What was found for each kind of happening: the rules are the same for every judge."""
+"""Cache of the checks by kind of traffic event; every judge has the same rules."""
 
 
 def _checks_for(traffic_event: TrafficEvent) -> _Checks:
-    """The checks that look at such a happening, each once, with what they decide."""
+    """Return the checks for a traffic event, each once, with the requirements they decide."""
     kind = kind_of(traffic_event)
     checks = _CHECKS.get(kind)
     if checks is None:
@@ -174,13 +174,13 @@ def _checks_for(traffic_event: TrafficEvent) -> _Checks:
 
 
 def _finding(requirement: str, judged: RuleResult, traffic_event: TrafficEvent) -> Finding:
-    """The finding that a rule's word amounts to.
+    """Convert a rule's result to a finding.
 
-    An INFO requirement never fails, nor does what a gap or an injected fault may have affected.
+    An INFO requirement never fails. An uncertain event never causes a failure.
     """
     verdict, message, reading = judged.verdict, judged.message, judged.reading
     if verdict is Verdict.FAIL and not is_certain(traffic_event):
-        verdict, message = Verdict.INCONCLUSIVE, f"{message}; {_DOUBT}"
+        verdict, message = Verdict.INCONCLUSIVE, f"{message}; {_UNCERTAIN}"
     elif verdict is Verdict.FAIL and REQUIREMENTS[requirement].strength is Strength.INFO:
         verdict, reading = Verdict.TOLERATED, (requirement, "observed otherwise")
     return Finding(

@@ -1,4 +1,4 @@
-"""Sightings in files: which readings of clause 6 an uploaded program gives away."""
+"""Which readings of clause 6 an uploaded program follows."""
 
 from collections.abc import Iterator
 
@@ -25,14 +25,14 @@ _BY_CODE = {
     "P-wait-unscaled": ("wait_scale", "analog"),
     "P-comparison-result": ("cmp_result", "polarity"),
 }
-"""Findings of the linter that give a reading away."""
+"""Lint findings that show a reading."""
 
 
 def observed_file_readings(transfer: Transfer) -> Iterator[ReadingObservation]:
-    """The readings that an uploaded program shows, each once; its author is the client.
+    """Yield the readings that an uploaded program shows, each once; the peer is the client.
 
-    A layout counts where no other one fits, or only a mixed one; a loop's count where it tells
-    readings apart.
+    A layout is reported if no other one fits, or only a mixed one. A loop's count is reported if it
+    distinguishes the readings.
     """
     content = bytes(transfer.content[:MAX_FILE_BYTES])
     uploaded = transfer.upload and transfer.state is TransferState.DONE and transfer.certain
@@ -58,14 +58,14 @@ def observed_file_readings(transfer: Transfer) -> Iterator[ReadingObservation]:
 
 
 def _counts(program: Program) -> Iterator[tuple[str, str]]:
-    """What the counts of its loops include (A-6.5-4)."""
+    """Yield what the counts of the loops include (A-6.5-4)."""
     for modes in loop_readings(program.nodes, Structure.of(program.nodes)).values():
         if len(modes) == 1:
             yield "counts_mode", str(*modes)
 
 
 def _assignments(program: Program) -> Iterator[tuple[str, str]]:
-    """Which operator its assignments and port settings hold (A-6.6a-2)."""
+    """Yield which operator the assignments and port settings contain (A-6.6a-2)."""
     for node in program.nodes:
         operation = node.data
         if not isinstance(operation, Operation):

@@ -1,4 +1,4 @@
-"""Tolerances: by how much two reported poses or numbers may differ and still be equal."""
+"""Tolerances: the maximum difference between two reported poses or numbers that count as equal."""
 
 from collections.abc import Sequence
 from typing import Final

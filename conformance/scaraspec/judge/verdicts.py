@@ -1,8 +1,7 @@
-"""Verdicts: how one is raised, who caused it, what a run of them amounts to.
+"""Verdicts: their order, their cause, and the conclusion of a run.
 
-Verdicts only rise, none < pass < tolerated < inconclusive < fail < error, so the order in which
-evidence arrives never matters. The cause is a field of its own and not part of the verdict. No test
-is judged here and nothing is printed.
+Verdicts only rise, none < pass < tolerated < inconclusive < fail < error, so the order of the
+evidence does not matter. The cause is a separate field and not part of the verdict.
 """
 
 from collections.abc import Iterable, Mapping
@@ -13,20 +12,20 @@ from scaraspec.traffic.wire import WireRange
 
 
 class Verdict(Enum):
-    """What was found, from the least to the gravest."""
+    """The verdicts, from the least to the most severe."""
 
     NONE = "none"
     """Nothing was judged."""
     PASS = "pass"  # noqa: S105 - a verdict, not a password
-    """The subject did what is required."""
+    """The SUT did what is required."""
     TOLERATED = "tolerated"
-    """The document contradicts itself or is silent, and the subject follows a listed reading."""
+    """The document contradicts itself or is silent, and the SUT follows a listed reading."""
     INCONCLUSIVE = "inconclusive"
     """The evidence does not suffice, for example after a gap in a recording."""
     FAIL = "fail"
-    """The subject violates the requirement."""
+    """The SUT violates the requirement."""
     ERROR = "error"
-    """The judging itself broke down."""
+    """The suite or the judge itself failed."""
 
 
 class Cause(Enum):
@@ -34,9 +33,9 @@ class Cause(Enum):
 
     SUBJECT = "subject"
     SET_UP = "set-up"
-    """What the run needed was not in place: a program, an open link, a permission."""
+    """A prerequisite was missing: a program, an open link, a permission."""
     DEPENDENCY = "dependency"
-    """Something this relies on had failed before."""
+    """A dependency had failed before."""
     SUITE = "suite"
 
 
@@ -56,11 +55,11 @@ class Reason(Enum):
     FAILED_BEFORE = "failed-before"
     """Its requirements have failed already."""
     NOT_APPLICABLE = "not-applicable"
-    """The subject lacks what it tests, or the open point is read in another way."""
+    """The SUT does not support it, or follows another reading of the open point."""
     DEPENDENCY = "dependency"
-    """Something that it relies on has failed."""
+    """A dependency has failed."""
     UNREACHABLE = "unreachable"
-    """The subject cannot be used any more."""
+    """The SUT cannot be used any more."""
     WITHHELD = "withheld"
     """A request that can start a motion was not sent: the emergency stop does not work."""
     STALLED = "stalled"
@@ -80,14 +79,14 @@ class Reason(Enum):
 
 
 class ExitStatus(IntEnum):
-    """What the command line returns."""
+    """The exit status of a command."""
 
     CONFORMANT = 0
     NONCONFORMANT = 1
     USAGE = 2
     """The arguments or the configuration were wrong."""
     INCONCLUSIVE = 3
-    """The evidence does not suffice, or the command was ended or broke down."""
+    """The evidence does not suffice, or the command was interrupted or failed."""
     NOTHING_TESTED = 4
 
 
@@ -104,7 +103,7 @@ class Conclusion(Enum):
 
     @property
     def exit_status(self) -> ExitStatus:
-        """The exit status of a run that ends so."""
+        """The exit status of a run with this conclusion."""
         return ExitStatus.CONFORMANT if self.good else ExitStatus[self.name]
 
     @property
@@ -119,13 +118,13 @@ class Finding:
 
     Attributes:
         requirement: Its id, for example ``"4.15/3"``.
-        verdict: What was found.
-        cause: Who is responsible for it.
-        message: One sentence for a reader who has not seen the traffic.
-        expected: What the requirement leads to expect here.
-        observed: What was there instead.
-        evidence: The bytes it rests on.
-        reading: Where a listed reading decided: its key and the option seen.
+        verdict: The verdict.
+        cause: What is responsible for it.
+        message: One sentence that is clear without the traffic.
+        expected: The expected value.
+        observed: The observed value.
+        evidence: The bytes that prove it.
+        reading: If a listed reading decided: its key and the observed option.
 
     Raises:
         ValueError: A toleration names no reading, or a failure blames someone other than the
@@ -154,7 +153,7 @@ _RANK = {verdict: rank for rank, verdict in enumerate(Verdict)}
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict:
-    """Return the gravest of the verdicts, ``Verdict.NONE`` where there are none."""
+    """Return the most severe verdict, ``Verdict.NONE`` if there are none."""
     return max(verdicts, key=_RANK.__getitem__, default=Verdict.NONE)
 
 

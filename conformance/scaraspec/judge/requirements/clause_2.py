@@ -37,7 +37,7 @@ ROWS = (
       original="服务器端的接口为 8877",
       binds=CLIENT, testable=AK | PC, hazard=READ_ONLY, strength=FIRM, basis=TEXT),
     R("2/4", lines=(79,), register=("A-2-10",),
-      sentence="What is sent must be readable as it stands: "
+      sentence="What is sent must be plain, readable data: "
                "neither side encrypts or compresses it.",
       original="传送内容以明文传输",
       binds=BOTH, testable=PC, hazard=READ_ONLY, strength=FIRM, basis=TEXT),

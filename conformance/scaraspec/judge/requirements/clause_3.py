@@ -79,7 +79,7 @@ ROWS = (
                "0xCC | 0x90 | 0x30 | 2 | “11” | 0xAA",
       binds=CONTROLLER, testable=AC | PC, hazard=MOTION, strength=FIRM, basis=TEXT),
     R("3/13", lines=((320, 321),), register=("A-3-5",),
-      sentence="A client must take 0x90 behind 0xCC for a tag, "
+      sentence="A client must read 0x90 after 0xCC as a tag, "
                "and the next two bytes for opcode and length.",
       original="开始字符 | 标志符 | 命令字 | 数据长度 | 数据 | 结束字符 / "
                "0xCC | 0x90 | 0x30 | 2 | “11” | 0xAA",
@@ -184,7 +184,7 @@ ROWS = (
       original='0xCC | 0x01 | 1 | “1” | 0xAA / 0xAA | 0x06 | 14 | "20141222143000" | 0xCC',
       binds=BOTH, testable=AC | AK | PC, hazard=READ_ONLY, strength=FIRM, basis=DERIVED),
     R("T/4", lines=((109, 785),), register=("A-T-3", "A-T-4"),
-      sentence="Text should stop at its last character, with no NUL and no separator behind it.",
+      sentence="Text should stop at its last character, without a NUL or a separator after it.",
       original="0xAA | 0x01 | 8 | “password” | 0xCC",
       binds=BOTH, testable=AC | AK | PC, hazard=READ_ONLY, strength=TOLERANT, basis=DERIVED),
     R("T/5", lines=(431, 450), register=("A-T-5",),

@@ -185,7 +185,7 @@ ROWS = (
       original="控制层向应用层返回当前时间，以“YYYYMMDDHHMMSS”表示",
       binds=CONTROLLER, testable=AC | PC, hazard=READ_ONLY, strength=FIRM, basis=DERIVED),
     R("4.6/4", lines=(186,), register=("A-4.5-1",),
-      sentence="While nobody sets the clock, its readings must never "
+      sentence="While the clock is not set, its readings must never "
                "step back and must gain one second per second.",
       original="控制层向应用层返回当前时间",
       binds=CONTROLLER, testable=AC | PC, hazard=READ_ONLY, strength=FIRM, basis=DERIVED),
@@ -247,7 +247,7 @@ ROWS = (
       binds=CONTROLLER, testable=PC, hazard=MOTION, strength=TOLERANT, basis=DERIVED),
     R("4.8/9", lines=((1024, 1028), 1044), register=("A-8-3",),
       sentence="A status should be neither a reserved code, 07 to 10, "
-               "nor '20', which tells of a missing file and is no state.",
+               "nor '20', which means a missing file and is not a state.",
       original="07 | 保留 / 10 | 保留 / 20 | 程序文件不存在",
       binds=CONTROLLER, testable=AC | PC, hazard=READ_ONLY, strength=TOLERANT, basis=DERIVED),
     R("4.8/10", lines=(214,), register=("A-4-3",),

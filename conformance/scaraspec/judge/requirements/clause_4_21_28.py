@@ -224,7 +224,7 @@ ROWS = (
       original="若不满足，发送失败及原因 / 若满足条件，则发送结果“1”",
       binds=CONTROLLER, testable=AC | PC, hazard=MOTION, strength=FIRM, basis=TEXT),
     R("4.28/5", lines=((625, 630),), register=("A-4.28-3",),
-      sentence="The end of a jog must be told by the tagged result '11'.",
+      sentence="The end of a jog must be reported with the tagged result '11'.",
       original="然后执行移动机器人关节，指令结束后，返回结果 / "
                '0xCC | 0x90 | 0x3D | 2 | "11" | 0xAA',
       binds=CONTROLLER, testable=AC | PC, hazard=MOTION, strength=FIRM, basis=TEXT),

@@ -29,7 +29,7 @@ ROWS = (
       binds=BOTH, testable=AC | AK | PC, hazard=STATE, strength=FIRM, basis=TEXT),
     R("5.1/2", lines=(756, 780), register=("A-5-3",),
       sentence="A chunk should carry sizeof(fileData) = 212 data bytes; a "
-               "last chunk cut off behind its valid bytes is tolerated.",
+               "last chunk cut off after its valid bytes is tolerated.",
       original="0xAA | 0x52 | Sizeof(fileData) | Struct fileData | 0xCC / "
                "0xCC | 0x56 | Sizeof(fileData) | Struct fileData | 0xAA",
       binds=BOTH, testable=AC | AK | PC, hazard=STATE, strength=TOLERANT, basis=TEXT),
@@ -136,7 +136,7 @@ ROWS = (
     R("5.2/12", lines=(737,), register=("A-5-21",),
       sentence="From the answer to its last chunk on, an uploaded file must "
                "download with the same content, again and again, also after "
-               "it was deleted and uploaded anew under the same name.",
+               "it was deleted and uploaded again under the same name.",
       original="当检查到 $position+length==filesize$ 时，表示文件传输结束",
       binds=CONTROLLER, testable=AC | PC, hazard=STATE, strength=FIRM, basis=DERIVED),
     R("5.2/13", lines=(737,), register=("A-5-15",),
@@ -270,7 +270,7 @@ ROWS = (
       original="表明传送失败,自动停止文件传输",
       binds=BOTH, testable=AC | AK, hazard=STATE, strength=FIRM, basis=DERIVED),
     R("5.4/7", lines=(795,), register=("A-5-12",),
-      sentence="An abandoned upload should leave no partial file behind that can be run.",
+      sentence="An abandoned upload should not leave a partial file that can be run.",
       original="表明传送失败,自动停止文件传输",
       binds=CONTROLLER, testable=AC, hazard=STATE, strength=TOLERANT, basis=DERIVED),
     R("5.4/8", register=("A-5-17",),

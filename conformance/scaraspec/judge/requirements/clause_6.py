@@ -324,7 +324,7 @@ ROWS = (
       original="Char tobor[5]; / 统一定义为“ARACS”，作为结尾表示",
       binds=CLIENT, testable=SF | PC, hazard=STATE, strength=FIRM, basis=TEXT),
     R("6.6b/2", lines=(998,), register=("A-6.6b-1",),
-      sentence="The footer should be the end of the file, without a byte behind it.",
+      sentence="The footer should be the end of the file, without a byte after it.",
       original="统一定义为“ARACS”，作为结尾表示",
       binds=CLIENT, testable=SF | PC, hazard=STATE, strength=TOLERANT, basis=DERIVED),
 )

@@ -1,4 +1,4 @@
-"""The rules, by clause. Importing this package enters all of them."""
+"""The rules, by topic. Importing this package registers all of them."""
 
 from scaraspec.judge.rules import (
     busy,

@@ -1,8 +1,9 @@
-"""What a rule is: one pure function for one requirement, over one happening and the scene.
+"""Rules: a rule is a pure function of a traffic event and the robot state.
 
-A rule returns nothing if its requirement does not apply to the event. A rule never guesses: if
-overlapping exchanges leave the answer open, it returns `inconclusive`. A rule that looks at its
-event alone can ignore capture gaps: the judge drops the failure of an event that is not certain.
+A rule returns None if its requirement does not apply to the event. A rule never guesses: if
+overlapping exchanges leave the answer open, it returns `inconclusive`. A rule that uses only
+its event can ignore capture gaps: the judge turns the failure of an uncertain event into
+inconclusive.
 """
 
 from collections.abc import Callable, Iterable
@@ -28,15 +29,15 @@ from scaraspec.traffic.wire import WireRange
 
 
 class RuleResult(NamedTuple):
-    """A rule's word on one happening.
+    """The result of a rule for one traffic event.
 
     Attributes:
         verdict: Pass, tolerated, inconclusive or fail.
-        message: One sentence for a reader who has not seen the traffic; empty for a pass.
-        expected: What the document leads to expect, in short.
-        observed: What was there instead.
-        places: The evidence; that of the happening where it is empty.
-        reading: For a toleration: the reading's key, or the register's entry, and what was seen.
+        message: One sentence that is clear without the traffic; empty for a pass.
+        expected: The expected value, in short.
+        observed: The observed value.
+        places: The evidence; if empty, the bytes of the traffic event.
+        reading: For a toleration: the key of the reading or the register entry, and the option.
     """
 
     verdict: Verdict
@@ -53,17 +54,17 @@ PASSED = RuleResult(Verdict.PASS)
 def failed(
     message: str, *, expected: str = "", observed: str = "", at: Iterable[WireRange] = ()
 ) -> RuleResult:
-    """The subject violates the requirement."""
+    """Return that the SUT violates the requirement."""
     return RuleResult(Verdict.FAIL, message, expected, observed, tuple(at))
 
 
 def tolerated(key: str, option: str, message: str, *, at: Iterable[WireRange] = ()) -> RuleResult:
-    """The subject follows a listed reading, or does what the register only warns of."""
+    """Return that the SUT follows a listed reading, or one that the register warns about."""
     return RuleResult(Verdict.TOLERATED, message, places=tuple(at), reading=(key, option))
 
 
 def inconclusive(message: str) -> RuleResult:
-    """The evidence does not suffice."""
+    """Return that the evidence does not suffice."""
     return RuleResult(Verdict.INCONCLUSIVE, message)
 
 
@@ -72,14 +73,14 @@ Check = Callable[[Any, RobotState], RuleResult | None]
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """A check, bound to its requirement and to the happenings that it looks at.
+    """A check function with its requirement and the traffic events that it checks.
 
     Attributes:
         requirement: The requirement's id.
-        on: The type of happening.
-        names: The commands it looks at; empty for all.
-        sender: Who sent, or asked; None for either.
-        payload: For frames: which payloads it looks at; None for all, and for frames without.
+        on: The type of traffic event.
+        names: The commands; empty for all.
+        sender: The side that sent the frame or request; None for both.
+        payload: For frames: selects the payloads; None for all, also for frames without one.
         check: The function.
     """
 
@@ -91,7 +92,7 @@ class Rule:
     check: Check
 
     def applies_to(self, traffic_event: TrafficEvent) -> bool:
-        """Whether it concerns such a happening: one of this `kind_of`."""
+        """Whether the rule checks traffic events of this kind (see `kind_of`)."""
         return (
             self.on is type(traffic_event)
             and (not self.names or name_of(traffic_event) in self.names)
@@ -105,7 +106,7 @@ class Rule:
 
 
 RULES: list[Rule] = []
-"""All rules, in the order in which the rooms by clause define them."""
+"""All rules, in the order in which the modules define them."""
 
 
 def rule(
@@ -115,7 +116,7 @@ def rule(
     sender: Direction | None = None,
     payload: Callable[[Payload], bool] | None = None,
 ) -> Callable[[Check], Check]:
-    """Enter a check for one or more requirements that it decides alike."""
+    """Register a check for one or more requirements; it gives all of them the same result."""
 
     def enter(check: Check) -> Check:
         RULES.extend(Rule(r, on, frozenset(names), sender, payload, check) for r in requirements)
@@ -125,7 +126,7 @@ def rule(
 
 
 def kind_of(traffic_event: TrafficEvent) -> tuple[object, ...]:
-    """What decides which rules look at a happening: equal kinds have equal rules."""
+    """Return the kind of a traffic event: the same rules check events of the same kind."""
     if isinstance(traffic_event, FrameSeen):
         frame = traffic_event.frame
         return (FrameSeen, traffic_event.name, frame.direction, frame.tagged)
@@ -133,12 +134,12 @@ def kind_of(traffic_event: TrafficEvent) -> tuple[object, ...]:
 
 
 def payload_of(seen: FrameSeen) -> Payload | None:
-    """The payload that a frame holds, None where the table knows none."""
+    """Return the payload type of a frame; None if the command table has none."""
     return seen.command.payload(seen.frame) if seen.command else None
 
 
 def places_of(traffic_event: TrafficEvent) -> tuple[WireRange, ...]:
-    """Where on the wire a happening is."""
+    """Return the byte ranges of a traffic event."""
     match traffic_event:
         case FrameSeen() | InvalidBytes():
             return (traffic_event.place,)
@@ -155,7 +156,7 @@ def places_of(traffic_event: TrafficEvent) -> tuple[WireRange, ...]:
 
 
 def name_of(traffic_event: TrafficEvent) -> str:
-    """The command that a happening belongs to, empty where there is none."""
+    """Return the command name of a traffic event; empty without a command."""
     match traffic_event:
         case FrameSeen() | Exchange():
             return traffic_event.name
@@ -166,7 +167,7 @@ def name_of(traffic_event: TrafficEvent) -> str:
 
 
 def sender_of(traffic_event: TrafficEvent) -> Direction | None:
-    """Who sent the frame or the bytes, or asked; None if there is no sender."""
+    """Return the side that sent the frame, bytes or request; None without a sender."""
     match traffic_event:
         case FrameSeen():
             return traffic_event.frame.direction
@@ -181,7 +182,7 @@ def sender_of(traffic_event: TrafficEvent) -> Direction | None:
 
 
 def is_certain(traffic_event: TrafficEvent) -> bool:
-    """Whether no gap or fault can have touched it; a change of the link is seen or it is not."""
+    """Return whether no gap or fault can have affected it; link changes are always certain."""
     if isinstance(traffic_event, LinkChange | CaptureGap | Injected):
         return isinstance(traffic_event, LinkChange)
     return traffic_event.certain

@@ -1,4 +1,4 @@
-"""Requirements that a recording could decide in principle and does not in practice, and why."""
+"""Requirements that no rule decides although a recording could in principle, and why."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
