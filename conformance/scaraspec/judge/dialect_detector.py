@@ -33,9 +33,8 @@ def _of_exchange(x: Exchange) -> Iterator[ReadingObservation]:
         return
     if x.name == "get_default_program":
         yield ReadingObservation(A2C, "op_get_default", f"0x{x.request.frame.opcode:02X}")
-        if (
-            x.reply and x.reply.frame.data != b"0"
-        ):  # an undefined opcode may have the same reply (A-3-9)
+        # The reply 0 may also be that to an undefined opcode (A-3-9).
+        if x.reply and x.reply.frame.data != b"0":
             yield ReadingObservation(C2A, "op_get_default", f"0x{x.reply.frame.opcode:02X}")
     elif x.name == "get_motor_temperatures" and x.reply:
         yield ReadingObservation(C2A, "op_temp_reply", f"0x{x.reply.frame.opcode:02X}")

@@ -1,7 +1,7 @@
 """The arm as far as a recording shows it: readings of joints and pose, and what moved between them.
 
-The recording need not show all who can move the arm: another client, a pendant, a hand. So rules
-hold readings against each other only within moments of an evidence that nothing else moved it.
+A recording may not show everything that can move the arm: another client, a pendant, a person.
+So rules compare readings only shortly after evidence that nothing else moved it.
 """
 
 from typing import Final
@@ -24,7 +24,7 @@ _SOON_NS: Final = 60_000_000_000
 
 
 def ended_ns(y: Exchange) -> int:
-    """When its final result came; -1 where none came."""
+    """Return when its final result arrived; -1 without one."""
     return y.result.place.time_ns if y.result else -1
 
 

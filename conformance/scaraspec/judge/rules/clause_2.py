@@ -1,4 +1,4 @@
-"""Clause 2: who connects to whom, plain text, and what is done for whom without a login."""
+"""Clause 2: who connects to whom, plain text, and what is served without a login."""
 
 import re
 
@@ -34,14 +34,14 @@ def client_opens(change: LinkChange, _: RobotState) -> RuleResult | None:
 
 @rule("2/3", on=LinkChange)
 def default_port(change: LinkChange, _: RobotState) -> RuleResult | None:
-    """The client connects to port 8877 (L79); to another one its user may have sent it."""
+    """The client connects to port 8877 (L79); another port may be the user's choice."""
     opened = change.event.kind is Kind.OPENED
     return PASSED if opened and change.event.note.endswith(f":{DEFAULT_PORT}") else None
 
 
 @rule("2/4", on=FrameSeen)
 def readable_frame(_seen: FrameSeen, _: RobotState) -> RuleResult | None:
-    """What can be read as a frame is plain (L79)."""
+    """A valid frame is plain text (L79)."""
     return PASSED
 
 
@@ -62,10 +62,10 @@ def readable_bytes(found: InvalidBytes, _: RobotState) -> RuleResult | None:
 
 @rule("2/10", on=Exchange, sender=A2C)
 def login_first(x: Exchange, _: RobotState) -> RuleResult | None:
-    """The client logs in before any other command (L79, L104); a stop is forgiven."""
+    """The client logs in before any other command (L79, L104); an emergency stop is tolerated."""
     if x.name == "login" or x.logged_in is None or x.refused_login:
         return None  # after a refused login 4.1/5 judges it
-    if x.logged_in or x.login_sent_before:  # only the answer was not there
+    if x.logged_in or x.login_sent_before:  # only the reply was missing
         return PASSED
     if x.name == _STOP:
         return None
@@ -76,7 +76,7 @@ def login_first(x: Exchange, _: RobotState) -> RuleResult | None:
 
 @rule("2/11", on=Exchange, sender=A2C)
 def nothing_done_without_login(x: Exchange, _: RobotState) -> RuleResult | None:
-    """A connection that has not logged in gets nothing changed, moved or destroyed (L83, L104)."""
+    """Without a login the controller changes, moves and deletes nothing (L83, L104)."""
     if x.logged_in is not False or x.command is None or x.name == "login":
         return None
     if not x.refused_login and x.login_sent_before:

@@ -17,9 +17,9 @@ from scaraspec.traffic.robot_state import RobotState
 from scaraspec.user_message import UserMessage
 
 _SOON_NS: Final = 1_000_000_000
-"""Within it a status shows the state."""
+"""Maximum age of a status that shows the state."""
 
-# Frames, and bytes that are none
+# Frames and invalid bytes
 
 
 @rule("3/1", "3/6", "3/7", "3/32", on=FrameSeen)
@@ -91,7 +91,7 @@ def length(found: InvalidBytes, _: RobotState) -> RuleResult | None:
 
 
 @rule("3/8", on=InvalidBytes)
-def no_data_behind_zero(found: InvalidBytes, robot: RobotState) -> RuleResult | None:
+def no_data_after_zero(found: InvalidBytes, robot: RobotState) -> RuleResult | None:
     """With length 0x00 no data byte is present (L98)."""
     return length(found, robot) if diagnose(found).observed == "0" else None
 
@@ -122,7 +122,7 @@ def defined_opcode(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     if opcode in BY_OPCODE:
         return PASSED
     if seen.frame.direction is A2C and opcode == TAG:
-        return None  # 3/15 says it
+        return None  # 3/15 judges it
     gap = ", in the gap whose clauses were cut" if opcode in UNDOCUMENTED_GAP else ""
     return failed(
         "the opcode is not defined", expected="a defined opcode", observed=f"{opcode:02X}{gap}"
@@ -157,7 +157,7 @@ def untagged_result(unsolicited: UnsolicitedReply, _: RobotState) -> RuleResult 
 
 @rule("3/14", on=FrameSeen, sender=C2A)
 def tag_only_on_two_stage(seen: FrameSeen, _: RobotState) -> RuleResult | None:
-    """The tag stands only before the eight two-stage commands; another is a warning (A-3-6)."""
+    """Only the eight two-stage commands have the tag; another one is tolerated (A-3-6)."""
     if not seen.frame.tagged:
         return None
     if seen.command:
@@ -172,7 +172,7 @@ def tag_only_on_two_stage(seen: FrameSeen, _: RobotState) -> RuleResult | None:
 
 @rule("3/15", on=FrameSeen, sender=A2C)
 def client_never_tags(seen: FrameSeen, _: RobotState) -> RuleResult | None:
-    """The tag is the controller's."""
+    """Only the controller sends the tag."""
     if seen.frame.opcode != TAG:
         return PASSED
     return failed("a client frame contains the tag 90", expected="no tag", observed="90")
@@ -180,7 +180,7 @@ def client_never_tags(seen: FrameSeen, _: RobotState) -> RuleResult | None:
 
 @rule("3/15", on=InvalidBytes, sender=A2C)
 def client_tagged(found: InvalidBytes, _: RobotState) -> RuleResult | None:
-    """A frame that would be one but for its tag."""
+    """A client frame that is valid except for its tag."""
     return _blame(found, Fault.TAG, "a client frame contains the tag 90")
 
 
@@ -191,7 +191,7 @@ def client_tagged(found: InvalidBytes, _: RobotState) -> RuleResult | None:
 def reply_has_its_opcode(x: Exchange, _: RobotState) -> RuleResult | None:
     """The first reply carries the request's opcode (A-3-14).
 
-    A frame with another one is only unsolicited (A-3-16) where the reply comes after all.
+    If the reply arrives later, a frame with another opcode is only unsolicited (A-3-16).
     """
     if x.reply:
         return PASSED
@@ -208,7 +208,7 @@ def reply_has_its_opcode(x: Exchange, _: RobotState) -> RuleResult | None:
 
 @rule("3/26", on=Exchange, sender=A2C)
 def asked_for(x: Exchange, _: RobotState) -> RuleResult | None:
-    """A reply that was asked for."""
+    """A reply to a request is solicited."""
     return PASSED if x.reply else None
 
 
@@ -256,7 +256,7 @@ def one_open_request(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 def _due(x: Exchange) -> bool:
-    """Whether an answer is due: to a valid request, after a login, in its place."""
+    """Return whether a reply is due: the request is valid, after a login, and in order."""
     valid = x.request.parsed is not None and not x.request.parsed.decoded.issues
     served = x.logged_in or x.name == "login"
     out_of_place = x.name == "upload_chunk" and (x.transfer is None or x.after_silence)  # A-5-16

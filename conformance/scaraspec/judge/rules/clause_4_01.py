@@ -20,9 +20,9 @@ def request_holds_a_password(seen: FrameSeen, _: RobotState) -> RuleResult | Non
 
 
 def _right_before(x: Exchange, robot: RobotState) -> bool | None:
-    """Whether this password was accepted last and not changed since; None if unknown.
+    """Return whether this password was accepted last and not changed since; None if unknown.
 
-    Quotation marks or a NUL may make another password of it, and may not (A-0-3, A-T-3).
+    Quotation marks or a NUL may or may not make it another password (A-0-3, A-T-3).
     """
     before = robot.last.get("login")
     if before is None or not before.accepted:
@@ -34,7 +34,7 @@ def _right_before(x: Exchange, robot: RobotState) -> bool | None:
 
 @rule("4.1/2", on=Exchange, names=_LOGIN)
 def right_password_accepted(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """A correct password is answered "1" (L111-114): right is what was right before.
+    """A correct password is answered "1" (L111-114): correct is what was accepted before.
 
     A controller may refuse further clients while one is logged in (A-2-2).
     """
@@ -57,7 +57,7 @@ def right_password_accepted(x: Exchange, robot: RobotState) -> RuleResult | None
 
 @rule("4.1/3", on=Exchange, names=_LOGIN)
 def wrong_password_refused(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """A wrong password is answered "0" (L116-119): wrong is what differs from the right one."""
+    """A wrong password is answered "0" (L116-119): wrong is what differs from the correct one."""
     if x.accepted is None:
         return None
     if not x.accepted:
@@ -76,7 +76,7 @@ rule("4.1/4", on=Exchange, names=_LOGIN)(one_flag)
 
 @rule("4.1/5", on=Exchange, sender=A2C)
 def nothing_after_a_refused_login(x: Exchange, _: RobotState) -> RuleResult | None:
-    """After a login answered "0" the client uses no other command (L116); a stop is forgiven."""
+    """After a login answered "0" the client uses no other command (L116); a stop is tolerated."""
     if x.name in ("login", "emergency_stop") or x.logged_in is None:
         return None
     if not x.refused_login:

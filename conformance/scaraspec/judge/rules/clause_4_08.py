@@ -14,7 +14,7 @@ from scaraspec.user_message import UserMessage
 
 _STATUS: Final = ("get_status",)
 _REQUIREMENT_OF: Final = {"01": "4.8/4", "02": "4.8/5", "03": "4.8/6", "04": "4.8/7"}
-"""The requirement that says when the status is which (L1018-1021)."""
+"""The requirement for each status code (L1018-1021)."""
 
 
 @rule("4.8/1", on=FrameSeen, names=_STATUS, sender=A2C)
@@ -40,14 +40,14 @@ def one_code(x: Exchange, _: RobotState) -> RuleResult | None:
 
 @rule("4.8/3", on=Exchange, names=_STATUS)
 def idle(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """A robot that does nothing reports 00 (L1017); a capture shows only what was asked of it."""
+    """A robot that does nothing reports 00 (L1017); a capture shows only requested commands."""
     return PASSED if x.reply_value == "00" and not robot.executing else None
 
 
 def _state(x: Exchange, _: RobotState, *, name: str) -> RuleResult | None:
     """A status given while only this command executed; a fault may win (A-4.8-2).
 
-    Of 00 the end of the command decides: without a final result it may be true.
+    A status 00 is judged at the end of the command: without a final result it may be correct.
     """
     if (
         x.concurrent_uncertain

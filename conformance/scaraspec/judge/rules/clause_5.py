@@ -80,7 +80,7 @@ def constant_file_size(x: Exchange, _: RobotState) -> RuleResult | None:
 def position_is_an_offset(x: Exchange, _: RobotState) -> RuleResult | None:
     """`position` is the byte offset of the chunk's first byte, from 0 (L731, L737; A-5-5).
 
-    The other meanings show at once: an end or a count from 1 in the first chunk, a count from 0
+    Other meanings are detected early: an end or a count from 1 in the first chunk, a count from 0
     in the others. Any other wrong position is a gap or an overlap.
     """
     if x.chunk is None or x.transfer is None or x.error_signal:
@@ -239,7 +239,7 @@ def absent_file_created(x: Exchange, robot: RobotState) -> RuleResult | None:
     return PASSED if x.accepted and x.request_value not in robot.files else None
 
 
-# 5.2 and 5.3: the course of a transfer
+# 5.2 and 5.3: the sequence of a transfer
 
 
 @rule("5.2/4", on=Exchange, names=_UPLOAD_CHUNK)
@@ -324,7 +324,7 @@ def nothing_after_the_end(x: Exchange, _: RobotState) -> RuleResult | None:
 
 @rule("5.2/13", on=UnsolicitedReply, names=_UPLOAD_CHUNK, sender=C2A)
 def no_second_last_answer(unsolicited: UnsolicitedReply, _: RobotState) -> RuleResult | None:
-    """Nor is the last chunk answered twice (L737; A-5-15)."""
+    """The last chunk is not answered twice (L737; A-5-15)."""
     last = unsolicited.after
     complete = last and last.transfer and last.transfer.state is TransferState.DONE
     if not last or not complete or unsolicited.late or not unsolicited.certain:
@@ -372,7 +372,7 @@ def reads_back(transfer: Transfer, robot: RobotState) -> RuleResult | None:
 
 
 @rule("5.3/4", on=Exchange, names=_DOWNLOAD_CHUNK)
-def content_behind_the_answer(x: Exchange, _: RobotState) -> RuleResult | None:
+def content_after_the_reply(x: Exchange, _: RobotState) -> RuleResult | None:
     """The first chunk comes after the reply to the name, not ahead of it (L777; A-5-23)."""
     opening = x.transfer.opening if x.transfer else None
     if opening is None or opening.reply is None:

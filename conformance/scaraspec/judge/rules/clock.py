@@ -23,7 +23,7 @@ from scaraspec.user_message import UserMessage
 _TOLERANCE_S: Final = 2.0
 _DRIFT: Final = 0.01
 _SOON_NS: Final = 60_000_000_000
-"""After it a wrong rate of the clock shows, which 4.6/4 judges."""
+"""After this time 4.6/4 judges the rate of the clock."""
 
 _NIGHT: Final = timedelta(hours=4)
 
@@ -87,7 +87,7 @@ def clock_as_set(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 @rule("4.6/4", on=Exchange, names=("get_time",))
 def clock_runs(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """Readings on one connection do not go back and gain a second a second (L186)."""
+    """Readings on one connection never go back, and advance one second per second (L186)."""
     earlier = [y for y in robot.history.recent.get("get_time", ()) if _comparable(y, x, robot)]
     if not earlier or x.reply_value is None:
         return None

@@ -1,4 +1,4 @@
-"""Clause 8: codes are text, and codes of table 8-1. What a code means at its place is elsewhere."""
+"""Clause 8: codes are text, and codes of table 8-1. Other modules judge their meaning."""
 
 from typing import Final
 
@@ -14,13 +14,13 @@ _CODE_BYTES: Final = 2
 
 
 def _code(seen: FrameSeen) -> bytes | None:
-    """The bytes at the place of a code; None where the payload has no such place."""
+    """Return the bytes at the position of a code; None if the payload has no code."""
     data = seen.text or seen.frame.data
     if seen.name == "get_status":
         return data
     prefix = b"00" if seen.frame.tagged else b"0"
-    behind = data.removeprefix(prefix)
-    return behind[1:] if data.startswith(prefix) and len(behind) > 1 else None
+    rest = data.removeprefix(prefix)
+    return rest[1:] if data.startswith(prefix) and len(rest) > 1 else None
 
 
 @rule("8/1", on=FrameSeen, sender=C2A, payload=has_codes)
@@ -36,7 +36,7 @@ def code_is_text(seen: FrameSeen, _: RobotState) -> RuleResult | None:
 
 @rule("8/2", on=FrameSeen, sender=C2A, payload=has_codes)
 def code_of_the_table(seen: FrameSeen, _: RobotState) -> RuleResult | None:
-    """Only codes of table 8-1 are used (L1017-1044); T/7 says that they have two characters."""
+    """Only codes of table 8-1 are used (L1017-1044); T/7 requires two characters."""
     code = _code(seen)
     if code is None or len(code) != _CODE_BYTES or not code.isalnum():
         return None

@@ -1,4 +1,4 @@
-"""What is wrong with bytes that are no frame: one diagnosis, so that one fault has one blame."""
+"""Diagnosis of invalid bytes: one diagnosis, so that one fault violates one requirement."""
 
 import re
 from enum import Enum
@@ -14,7 +14,7 @@ from scaraspec.user_message import UserMessage
 _SHORTEST_FRAME_BYTES: Final = 4
 _HEAD_BYTES: Final = 3  # start, opcode, length
 _FOREIGN: Final = re.compile(rb"(?:[A-Z]{3,8} [!-~]{1,2048} )?(?:HTTP|RTSP|SIP)/\d|SSH-\d")
-"""How others begin that knock at every port: who speaks so is neither client nor controller."""
+"""First bytes of port scanners and other protocols: such a peer is not the SUT."""
 
 
 class Fault(Enum):
@@ -84,7 +84,7 @@ def _stray(found: InvalidBytes) -> Diagnosis:
 def _wrong_start(found: InvalidBytes) -> Diagnosis | None:
     """A frame but for its start byte; one of the other direction lacks its end byte as well.
 
-    That byte is a start byte of this direction, so that it is not told with the others.
+    That byte is a start byte of this direction, so it is not part of these bytes.
     """
     data, direction = found.data, found.place.direction
     if len(data) < _HEAD_BYTES:

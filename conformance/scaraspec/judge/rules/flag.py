@@ -1,4 +1,4 @@
-"""Replies of one flag: a check that several clauses share."""
+"""Replies that consist of one flag: a check that several clauses share."""
 
 from scaraspec.judge.rules.rule import PASSED, RuleResult, failed
 from scaraspec.judge.rules.text import observed
@@ -11,7 +11,7 @@ _OF_THE_TEXT = (Defect.TRAILING_NUL, Defect.QUOTES, Defect.BINARY)
 
 
 def one_flag(x: Exchange, _: RobotState) -> RuleResult | None:
-    """The answer is "1" or "0" and nothing else; how it is written is for T/2 to T/4."""
+    """The answer is "1" or "0" and nothing else; T/2 to T/4 judge its encoding."""
     if not x.reply or not x.reply.parsed:
         return None
     if x.reply.frame.data in (b"0", b"1"):

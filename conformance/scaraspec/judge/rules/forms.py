@@ -1,6 +1,6 @@
-"""The form of each command's payloads: one table for all clauses that say it alike.
+"""The form of each command's payloads: one table for all clauses with the same requirement.
 
-What a value means, and whether it is the right one, is judged in the clauses' own rooms.
+The modules of the clauses judge the meaning of the values.
 """
 
 from collections.abc import Collection
@@ -37,13 +37,13 @@ _EMPTY_REQUEST: Final = {
     "get_digital_outputs": "4.34/1",
     "shutdown": "4.35/1",
 }
-"""Commands whose request has length 0, and the requirement that says so."""
+"""Commands whose request has length 0, with the requirement."""
 
 _COUNT: Final = (Defect.FIELD_COUNT, Defect.SPACE_FOR_BAR, Defect.SIZE)
 _NUMBERS: Final = (*_COUNT, Defect.NUMBER)
 _REASON: Final = (Defect.FLAG, Defect.FIELD_COUNT, Defect.SPACE_FOR_BAR)
 _OF_THE_TEXT: Final = frozenset({Defect.TRAILING_NUL, Defect.QUOTES, Defect.BINARY})
-"""How it is written, which T/2 to T/4 judge."""
+"""Defects of the encoding, which T/2 to T/4 judge."""
 
 _REQUEST: Final = {
     "4.2/1": ("set_password", _COUNT),
@@ -59,7 +59,7 @@ _REQUEST: Final = {
     "4.28/1": ("jog", (Defect.SIZE,)),
     "4.32/1": ("set_digital_output", _NUMBERS),
 }
-"""Requirements on a request's form: its command, and the complaints that break it."""
+"""Requirements on a request's form: its command, and the defects that violate it."""
 
 _REPLY: Final = {
     "4.3/2": ("get_network", _COUNT),
@@ -84,7 +84,7 @@ _REPLY: Final = {
     "4.33/2": ("get_analog_input", (*_REASON, Defect.NUMBER)),
     "4.34/2": ("get_digital_outputs", (*_REASON, Defect.BITS)),
 }
-"""Requirements on a first reply's form: its command, and the complaints that break it."""
+"""Requirements on a first reply's form: its command, and the defects that violate it."""
 
 _FLAG_REPLY: Final = {
     "set_password": "4.2/2",
@@ -96,7 +96,7 @@ _FLAG_REPLY: Final = {
     "set_initial_tool_position": "4.21/2",
     "set_digital_output": "4.32/4",
 }
-"""Commands that are answered "1" or "0", and the requirement that says so."""
+"""Commands with the reply "1" or "0", with the requirement."""
 
 _REPLY_LENGTH: Final = {
     "get_network": "4.3/4",
@@ -113,7 +113,7 @@ _REPLY_LENGTH: Final = {
 
 _SET_POSITION: Final = 0x36
 _PORT_DIGITS: Final = 2
-_SPEED_DIGITS: Final = 9  # with leading zeros; more are no speed
+_SPEED_DIGITS: Final = 9  # with leading zeros; more digits are invalid
 _MOVE: Final = ("set_tool_coordinates",)
 _NUMBER: Final = Number("a field")
 
@@ -128,7 +128,7 @@ def _empty_request(seen: FrameSeen, _: RobotState) -> RuleResult | None:
 def _form(
     seen: FrameSeen, _: RobotState, *, part: str, wrongs: Collection[Defect]
 ) -> RuleResult | None:
-    """The payload has none of these complaints."""
+    """Fail if the payload has one of these defects."""
     if not seen.parsed or seen.parsed.part != part:
         return None
     payload, decoded = payload_of(seen), seen.parsed.decoded
@@ -142,7 +142,7 @@ def _form(
 
 @rule("4.24/1", on=FrameSeen, names=_MOVE, sender=A2C)
 def seven_numbers(seen: FrameSeen, robot: RobotState) -> RuleResult | None:
-    """The request holds seven numbers (L483-486); that the first is an integer is said next."""
+    """The request holds seven numbers (L483-486); 4.24/2 judges that the first is an integer."""
     judged = _form(seen, robot, part="request", wrongs=_COUNT)
     notes = Diagnostics()
     texts = normalize(seen.frame.data, Diagnostics()).removesuffix(b"|").split(b"|")  # A-T-4

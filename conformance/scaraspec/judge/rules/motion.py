@@ -1,4 +1,4 @@
-"""Motions: a pose that was to be reached, a jog's direction, and joints that follow the pose."""
+"""Motions: the commanded pose, the direction of a jog, and joints that follow the pose."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -58,7 +58,7 @@ def pose_is_reached(x: Exchange, robot: RobotState) -> RuleResult | None:
         return None
     target = move.request_value[1:5]
     if max(abs(value) for value in target[:3]) >= _BEYOND_ALL_REACH_MM:
-        return None  # 4.24/9 says it
+        return None  # 4.24/9 judges it
     if max_deviation(target, x.reply_value[:4]) <= _REACHED:
         return PASSED
     gripper = _gripper(x, robot)
@@ -77,7 +77,7 @@ def pose_is_reached(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 
 def _gripper(x: Exchange, robot: RobotState) -> Sequence[float] | None:
-    """The gripper centre, where it is known."""
+    """Return the gripper centre; None if unknown."""
     setting = in_force("set_gripper_center", x, robot)
     read = robot.history.last("get_gripper_center", before_ns=x.time_ns)
     if setting:

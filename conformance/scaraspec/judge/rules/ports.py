@@ -123,7 +123,7 @@ def output_shows(x: Exchange, robot: RobotState) -> RuleResult | None:
     expected = _due(x, robot)
     if x.reply_value[-port] != str(value):
         if _shows_mirrored(x, setting, robot):
-            return None  # 4.34/3 says it
+            return None  # 4.34/3 judges it
         wrong = f"output {port} does not show the value that was set"
     elif expected not in (None, x.reply_value):
         wrong = "an output changed that was not set"

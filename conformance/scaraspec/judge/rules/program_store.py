@@ -1,4 +1,4 @@
-"""Clauses 4.10 and 4.11 and code 20: which programs there are, by uploads, deletions and lists."""
+"""Clauses 4.10 and 4.11 and code 20: which programs exist, by uploads, deletions and lists."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -21,16 +21,16 @@ _RUNS: Final = ("run_program", "simulate_program")
 _NAMING: Final = (*_RUNS, "set_default_program")
 _MISSING: Final = "20"
 _PUSHED_NS: Final = 1_000_000_000
-"""Who asks again sooner may be ahead of a part that is pushed (A-4.10-3)."""
+"""A client that requests again earlier may overlap with a pushed part (A-4.10-3)."""
 _FETCH_NS: Final = 5_000_000_000
-"""A list that is fetched in parts was begun at most so long before its first part came."""
+"""Maximum time from the request of a list in parts to its first part."""
 
 
 def _names(x: Exchange) -> list[bytes]:
     return [name for part in x.parts if part.value for name in part.value.names]
 
 
-def _begins_anew(x: Exchange) -> bool:
+def _starts_again(x: Exchange) -> bool:
     """Whether the next part that was fetched is the first one again."""
     if not x.reply or not x.parts or x.parts[0] is x.reply:
         return False
@@ -46,7 +46,7 @@ def _was_due(x: Exchange) -> bool:
 
 
 def _is_sure(x: Exchange, robot: RobotState) -> bool:
-    """Whether its parts are its own: lists that are asked for at the same time may mix."""
+    """Return whether the parts belong to this list: concurrent lists may mix."""
     last = robot.history.last_requests.get(x.name, x.request)
     elsewhere = last.place.connection != x.request.place.connection
     return not x.same_opcode_pending and (last is x.request or elsewhere)
@@ -58,7 +58,7 @@ def _is_complete(x: Exchange, robot: RobotState) -> bool:
 
 
 def _begun_ns(x: Exchange) -> int:
-    """When the list was asked for, at the latest."""
+    """Return the latest time at which the list was requested."""
     fetched = x.parts[0] is not x.reply
     return x.parts[0].begun_ns - _FETCH_NS if fetched else x.time_ns
 
@@ -71,7 +71,7 @@ def last_part_says_so(x: Exchange, robot: RobotState) -> RuleResult | None:
     """The last part of a list begins with "0" (L251): after a "1" another one is due."""
     if _is_complete(x, robot):
         return PASSED
-    if not (_begins_anew(x) and _was_due(x) and _is_sure(x, robot)):
+    if not (_starts_again(x) and _was_due(x) and _is_sure(x, robot)):
         return None
     return failed(
         "a list started again although its last part announced another part",
@@ -83,7 +83,7 @@ def last_part_says_so(x: Exchange, robot: RobotState) -> RuleResult | None:
 @rule("4.10/5", on=Exchange, names=_LIST)
 def next_part_comes(x: Exchange, _: RobotState) -> RuleResult | None:
     """After a part with "1" the next one comes, unsolicited or on request (L251; A-4.10-3)."""
-    if len(x.parts) < 2 or _begins_anew(x):  # noqa: PLR2004 - a part and the next
+    if len(x.parts) < 2 or _starts_again(x):  # noqa: PLR2004 - a part and the next
         return None
     if x.parts[-1] is not x.reply:
         return PASSED
@@ -117,7 +117,7 @@ def _is_known(name: bytes, robot: RobotState) -> bool:
 @rule("4.10/7", on=Exchange, names=_LIST)
 def no_odd_name(x: Exchange, robot: RobotState) -> RuleResult | None:
     """No name is empty or repeated in one list (L246)."""
-    if not x.parts or _begins_anew(x) or not _is_sure(x, robot):
+    if not x.parts or _starts_again(x) or not _is_sure(x, robot):
         return None
     names = _names(x)
     for part in x.parts:
@@ -138,7 +138,7 @@ def no_odd_name(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 
 def is_valid_program(transfer: Transfer) -> bool:
-    """Whether a file is a program by clause 6, without so much as a warning."""
+    """Return whether a file is a program by clause 6, without a lint warning."""
     plausible = transfer.content.startswith(MAGIC) and len(transfer.content) <= MAX_FILE_BYTES
     return plausible and transfer.whole_content and _has_no_finding(transfer)
 
@@ -197,7 +197,7 @@ def deleted_is_not_listed(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 
 def _deletions(names: list[bytes], before_ns: int, robot: RobotState) -> Iterator[Exchange]:
-    """Those of these names that had been deleted by then, and not uploaded again."""
+    """Yield the deletions of these names, if not uploaded again before this time."""
     for name in names:
         deletion = robot.history.deleted.get(name)
         if deletion and answered_ns(deletion) < before_ns:
@@ -282,7 +282,7 @@ def code_20(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 
 def _is_listed(name: bytes, x: Exchange, robot: RobotState) -> bool:
-    """Whether the last list had it, and nothing was deleted since."""
+    """Return whether the last list contains it, and nothing was deleted since."""
     programs = robot.history.last("list_programs", before_ns=x.time_ns)
     deletion = robot.history.last_requests.get("delete_program")
     if programs is None or (deletion and deletion.place.time_ns >= programs.time_ns):

@@ -92,7 +92,7 @@ def name_of_the_program(x: Exchange, _: RobotState) -> RuleResult | None:
 
 @rule("4.9/5", on=Exchange, names=_INFO)
 def run_time_runs(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """The run time gains a second a second (L226); a simulation may have a time of its own."""
+    """The run time advances one second per second (L226); a simulation may differ."""
     program = _program(x)
     if program is None or program.name != _RUN or x.reply_value is None:
         return None
@@ -120,7 +120,7 @@ def run_time_runs(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 
 @rule("4.9/6", on=Exchange, names=_INFO)
-def nothing_behind_none(x: Exchange, robot: RobotState) -> RuleResult | None:
+def nothing_after_none(x: Exchange, robot: RobotState) -> RuleResult | None:
     """Without a program the reply begins with "0" and gives no name and no time (L226, L237)."""
     if not x.reply or not x.reply.parsed or not _says_none(x):
         return None
@@ -201,7 +201,7 @@ def flag_agrees_with_status(x: Exchange, robot: RobotState) -> RuleResult | None
     for y in robot.history.between("get_running_program", answered_ns(before), x.time_ns):
         if y.reply_value:
             return PASSED
-        if not _says_none(y) or _program(y):  # of a program on record 4.9/2 says it
+        if not _says_none(y) or _program(y):  # 4.9/2 judges a known program
             continue
         if x.reply_value == "02":
             return tolerated(

@@ -1,4 +1,4 @@
-"""What was set is what is read: passwords, network, default program, gripper and home position.
+"""Values read back as set: passwords, network, default program, gripper and home position.
 
 A value is compared with the last setting only if no later request could change it.
 """
@@ -21,13 +21,13 @@ _UNSEEN_HERE_NS: Final = 10 * UNSEEN_NS
 """The same on one connection: only a serial line survives that a robot is switched off."""
 
 PROGRAMS: Final = ("run_program", "simulate_program")
-"""A program's file holds positions of its own (A-6.3-3)."""
+"""Programs, whose files contain their own positions (A-6.3-3)."""
 
 
 def in_force(setter: str, x: Exchange, robot: RobotState) -> Exchange | None:
-    """The accepted setting that is in force while `x` is answered, where that is sure.
+    """Return the accepted setting that is in force while `x` is answered; None if uncertain.
 
-    It was accepted not long before `x` was asked, it was the last that was asked, and the robot
+    It was accepted shortly before the request `x`, it is the last setting requested, and the robot
     was not switched off since: what survives that is open (A-4-6).
     """
     found = robot.history.last(setter, before_ns=x.time_ns)
@@ -46,9 +46,9 @@ def in_force(setter: str, x: Exchange, robot: RobotState) -> Exchange | None:
 
 
 def switched_off_since(x: Exchange, robot: RobotState) -> bool:
-    """Whether the robot may have been switched off since `x`: asked to, or without a word.
+    """Return whether the robot may have been switched off since `x`, on request or not.
 
-    A new address ends the connections, too (A-4.4-1).
+    A new network address also ends the connections (A-4.4-1).
     """
     shutdown = robot.history.last_requests.get("shutdown")
     if shutdown and shutdown.place.time_ns > x.time_ns:
@@ -57,7 +57,7 @@ def switched_off_since(x: Exchange, robot: RobotState) -> bool:
 
 
 def executed_since(time_ns: int, robot: RobotState, names: Collection[str]) -> bool:
-    """Whether one of these two-stage commands executed, or may have, since then."""
+    """Return whether one of these two-stage commands executed, or may have, since then."""
     return any(
         y.name in names and (y.result is None or y.result.place.time_ns > time_ns)
         for y in robot.history.accepted

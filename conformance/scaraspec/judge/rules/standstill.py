@@ -1,4 +1,4 @@
-"""The arm stands still: after a stop, a lock or a motion, while idle, when nothing moves it."""
+"""Standstill: the arm does not move after a stop, a lock or a motion, or while idle."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -32,9 +32,9 @@ _SETTERS: Final = {
     "set_gripper_center": ("4.20/5", "A-4.19-2"),
     "set_initial_tool_position": ("4.21/5", "A-4.21-2"),
 }
-"""Settings that cause no motion: the requirement that says so, and the register's entry."""
+"""Settings that cause no motion, with the requirement and the register entry."""
 _BLINK_NS: Final = 1_000_000_000
-"""Between two statuses 00 so close to each other the arm has not been moved."""
+"""Between two statuses 00 within this time nothing has moved the arm."""
 
 
 # Standing still

@@ -1,4 +1,4 @@
-"""Clause 4.17: when an emergency stop is accepted, and what becomes of what it stops."""
+"""Clause 4.17: when an emergency stop is accepted, and how the stopped command ends."""
 
 from typing import Final
 
@@ -48,7 +48,7 @@ def stop_was_needed(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 @rule("4.17/3", "4.17/6", on=Exchange, names=("get_status",))
 def stop_is_still_needed(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """The same holds for one that the robot reports after the refused stop."""
+    """A command that the robot reports after a refused stop needed the stop, too."""
     if x.reply_value not in BUSY:
         return None
     for y in x.concurrent:
