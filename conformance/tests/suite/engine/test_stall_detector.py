@@ -4,25 +4,28 @@ import itertools
 import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import chain
+from itertools import chain, repeat
 from pathlib import Path
 
 import pytest
 
-from scaraspec.judge.verdicts import Verdict
+from scaraspec.judge.verdicts import Cause, Finding, Verdict
 from scaraspec.mutants.controller_run import PASSWORD, Robot
-from scaraspec.protocol.readings import DEFAULT
+from scaraspec.mutants.operators.controller.connections import with_framer
+from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.report.model import Role
 from scaraspec.suite.controller.harness.access import MemoryAccess
 from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.engine import stall_detector
 from scaraspec.suite.engine.collection import CASES
 from scaraspec.suite.engine.ics import Ics
+from scaraspec.suite.engine.observer import CaseFinding, Observer
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
 from scaraspec.suite.engine.stall_detector import Stall, StallDetector
 from scaraspec.transports.link import Arrival, Link
 from scaraspec.virtual_controller.core import ControllerCore
+from scaraspec.virtual_controller.request_framer import RequestFramer
 
 CASE = """
 from scaraspec.suite.engine.case import case
@@ -74,6 +77,63 @@ def test_a_stalled_attempt_is_repeated(  # noqa: PLR0913, PLR0917 - a table
     message = "this machine stalled for 2.0 s: it is wrong"
     assert (result.message == message) is (verdict is Verdict.INCONCLUSIVE)
     assert next(before_and_after, None) is None
+
+
+SPLIT = """
+from scaraspec.suite.engine.case import case
+
+@case("4.7/2")
+def test_it(subject, line):
+    subject.attempts = getattr(subject, "attempts", 0) + 1
+    line.send_bytes(b"\\xaa\\x08")
+    line.wait(1.5 if subject.attempts == 1 else 0.1)
+    line.send_bytes(b"\\x00\\xcc")
+    line.reply("get_version")
+"""
+"""A frame with a pause, which is permitted up to a second (2/5)."""
+
+
+class ImpatientFramer(RequestFramer):
+    """Discards half a frame after a little more than a second of silence."""
+
+    def __init__(self, dialect: Dialect) -> None:
+        super().__init__(dialect)
+        self._timeout_s = 1.2
+
+
+@pytest.mark.parametrize(
+    ("stalls", "verdicts"),
+    [
+        ([[], [Stall(0, 2**62)]], {"4.7/2": Verdict.PASS}),
+        ([], {"4.7/2": Verdict.INCONCLUSIVE}),
+    ],
+)
+def test_a_frame_that_a_stall_splits(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    stalls: list[list[Stall]],
+    verdicts: dict[str, Verdict],
+) -> None:
+    """A frame that a stall splits proves nothing. Without a stall, a reply is missing once."""
+    (tmp_path / f"test_{abs(hash(tmp_path))}.py").write_text(SPLIT, encoding="utf-8")
+    monkeypatch.setitem(CASES, Role.CONTROLLER, tmp_path)
+    access = MemoryAccess(Robot(with_framer(ImpatientFramer), DEFAULT).network)
+    adapter = ControllerAdapter(access, Ics(), PASSWORD, Options(allowed=ALL))
+    series = chain(stalls, repeat([]))
+    results = Run(adapter, stalls=series.__next__).results()
+    assert {case.id: case.verdict for case in results.cases} == verdicts
+
+
+@pytest.mark.parametrize(
+    ("stall", "kept"), [((0, 5), True), ((5, 15), False), ((12, 13), False), ((21, 30), True)]
+)
+def test_findings_that_span_a_stall_are_dropped(stall: tuple[int, int], *, kept: bool) -> None:
+    """A stall matters between the first byte of the evidence and the finding."""
+    observer = Observer(Role.CONTROLLER, Ics())
+    finding = Finding("3/31", Verdict.FAIL, Cause.SUBJECT, "no reply")
+    observer.findings.append(CaseFinding(observer.attempt, finding, 10, 20, late=True))
+    observer.drop_stalled(0, [Stall(*stall)])
+    assert bool(observer.findings) is kept
 
 
 def test_stalls(monkeypatch: pytest.MonkeyPatch) -> None:
