@@ -85,6 +85,7 @@ soak: $(READY)
 # half an hour on two cores. Without --quick each mutant runs with the whole suite, which takes hours.
 prove: $(READY)
 	$(BIN)/scaraspec prove --quick --out reports
+	$(BIN)/scaraspec prove --role client --quick --out reports
 	$(BIN)/scaraspec prove --dialects
 
 # Needs Chromium and a software renderer.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from scaraspec.api.run_folder import RunFolder
+from scaraspec.api.run_folder import RunFolder, RunFolderError
 from scaraspec.operating_system import state_directory
 from scaraspec.report.model import Results, Role
 from scaraspec.suite.client.harness.access import DriverAccess
@@ -23,6 +23,18 @@ from scaraspec.suite.engine.outcome import Outcome
 from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.run import Run
 from scaraspec.transports.connect import resolve_url
+
+
+class IncompleteFilesError(Exception):
+    """A run has ended, but its recording or a report could not be written.
+
+    Attributes:
+        results: The results of the run.
+    """
+
+    def __init__(self, results: Results, problem: RunFolderError) -> None:
+        super().__init__(f"{problem}")
+        self.results = results
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,9 +104,10 @@ def controller(  # noqa: PLR0913 - independent options of a run
         ControllerBusyError: Another run uses the controller.
         JournalError: The journal cannot be used.
         RecoveryError: Changes of an interrupted run cannot be restored.
-        RunFolderError: `out` contains results, or the recording is incomplete.
+        RunFolderError: `out` contains results of an earlier run.
+        IncompleteFilesError: The recording or a report could not be written.
         SuiteError: The suite is defective.
-        OSError: A file cannot be written.
+        OSError: `out` cannot be created.
     """
     access = UrlAccess(url, patience_s)
     folder = state_dir or state_directory()
@@ -152,10 +165,11 @@ def client(  # noqa: PLR0913 - independent options of a run
 
     Raises:
         DriverError: The driver cannot be started.
-        RunFolderError: `out` contains results, or the recording is incomplete.
+        RunFolderError: `out` contains results of an earlier run.
+        IncompleteFilesError: The recording or a report could not be written.
         ResultsError: The results of an earlier attended run cannot be read.
         SuiteError: The suite is defective.
-        OSError: A file cannot be written.
+        OSError: `out` cannot be created.
     """
     access = DriverAccess(driver, answer_timeout_s) if isinstance(driver, str) else driver
     with (
@@ -186,5 +200,8 @@ def client(  # noqa: PLR0913 - independent options of a run
 def _results(run: Run[Any], files: RunFolder) -> Results:
     results = run.results()
     with run.interruption:  # a signal takes effect after the reports are written
-        files.write(results)
+        try:
+            files.finish(results)
+        except RunFolderError as error:
+            raise IncompleteFilesError(results, error) from None
     return results

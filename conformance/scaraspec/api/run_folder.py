@@ -1,5 +1,6 @@
 """The output folder of a certification: the recording during the run, the reports at its end."""
 
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -16,6 +17,7 @@ from scaraspec_recorder.sinks.sink import SinkFailed
 
 RESULTS: Final = ("results.json", "report.html", "junit.xml", "ctrf.json")
 CAPTURE: Final = "capture.mcap"
+_RESERVED_BYTES: Final = 4 * 2**20
 
 
 class RunFolderError(Exception):
@@ -45,6 +47,7 @@ class RunFolder:
     ) -> None:
         self._path = path
         self._recording: BackgroundRecorder | None = None
+        self._reserve: Path | None = None
         self.earlier: Results | None = None
         if path is None:
             return
@@ -63,6 +66,7 @@ class RunFolder:
             self.earlier = Results.read(path / RESULTS[0])
             folder = path / f"sitting-{len(list(path.glob('sitting-*'))) + 2}"
             folder.mkdir()
+        self._reserve = _reserve_space(folder / ".results.reserve")
         sink = partial(capture_sink, draw=has_viewer(), needs_login=needs_login)
         self._recording = BackgroundRecorder(folder, [sink])
 
@@ -76,18 +80,40 @@ class RunFolder:
         if self._recording:
             self._recording.write(event)
 
-    def write(self, results: Results) -> None:
-        """Write all reports.
+    def finish(self, results: Results) -> None:
+        """Close the recording and write all reports, results.json first.
 
         Raises:
-            OSError: A report cannot be written.
+            RunFolderError: The recording is incomplete, or a report cannot be written. Everything
+                that can be written is written.
         """
         if self._path is None:
             return
-        results.write(self._path / "results.json")
-        html.write(results, self._path / "report.html")
-        junit.write(results, self._path / "junit.xml")
-        ctrf.write(results, self._path / "ctrf.json")
+        problems = [*self._close_recording()]
+        if self._reserve:
+            self._reserve.unlink(missing_ok=True)
+        writers: dict[str, Callable[[Results, Path], None]] = {
+            "results.json": Results.write,
+            "report.html": html.write,
+            "junit.xml": junit.write,
+            "ctrf.json": ctrf.write,
+        }
+        for name, write in writers.items():
+            try:
+                write(results, self._path / name)
+            except OSError as error:
+                problems.append(f"{self._path / name} cannot be written: {error.strerror}")
+        if problems:
+            raise RunFolderError(problems[0])
+
+    def _close_recording(self) -> Iterator[str]:
+        """Close the recording once; yield a sentence if it is incomplete."""
+        recording, self._recording = self._recording, None
+        if recording:
+            try:
+                recording.close()
+            except SinkFailed as error:
+                yield f"{self._path}: the recording is incomplete: {error}"
 
     def __enter__(self) -> Self:
         """Return self."""
@@ -99,19 +125,21 @@ class RunFolder:
         value: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Close the recording.
+        """Close the recording, if the run ended without results."""
+        list(self._close_recording())
+        if self._reserve:
+            self._reserve.unlink(missing_ok=True)
 
-        Raises:
-            RunFolderError: The recording could not be written.
-        """
-        if self._recording:
-            try:
-                self._recording.close()
-            except SinkFailed as error:
-                raise RunFolderError(
-                    UserMessage(
-                        "{folder}: the recording is incomplete: {error}",
-                        folder=self._path,
-                        error=error,
-                    )
-                ) from None
+
+def _reserve_space(path: Path) -> Path | None:
+    """Occupy space for results.json, so that a disk that becomes full does not lose the results.
+
+    Returns:
+        The file to delete before results.json is written; None if there is no space.
+    """
+    try:
+        path.write_bytes(bytes(_RESERVED_BYTES))
+    except OSError:
+        path.unlink(missing_ok=True)
+        return None
+    return path

@@ -11,7 +11,7 @@ import pytest
 
 _PAGE = Path(__file__).parents[3] / "docs/python.md"
 _EXAMPLES = re.findall(r"```python\n(.*?)```", _PAGE.read_text("utf-8"), re.DOTALL)
-_TIMEOUT_S = 60
+_TIMEOUT_S = 120
 
 
 @pytest.fixture

@@ -357,6 +357,28 @@ def test_the_plugin_keeps_the_failure_of_a_team(processes: Any, tmp_path: Path) 
     assert "no violation found" in done.stdout
 
 
+def test_a_full_disk_loses_no_verdict(processes: Any, tmp_path: Path) -> None:
+    """The verdict is on the terminal and in results.json; the exit status is 3."""
+    host, port = processes.controller()
+    limit = "import os, resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))"
+    command = ("-m", "scaraspec", "certify", "controller", f"tcp://{host}:{port}")
+    done = subprocess.run(
+        [
+            *(sys.executable, "-c", f"{limit}; os.execv(sys.executable, sys.argv[1:])"),
+            *(sys.executable, *command, "--only", "4.7/2", "--out", str(tmp_path / "out")),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 3, done.stdout + done.stderr
+    assert "conformant: tcp://" in done.stdout
+    assert "the recording is incomplete: File too large" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert Results.read(tmp_path / "out/results.json").verdict.good
+
+
 def test_coverage_can_be_required(processes: Any) -> None:
     """Without it, a run that judged a part of its scope has exit status 0, and says so."""
     host, port = processes.controller()

@@ -19,7 +19,7 @@ from scaraspec.cli.certify.running import Display, end_on_signals
 from scaraspec.cli.help import GroupedCommand
 from scaraspec.cli.options import Real
 from scaraspec.cli.problems import Problem
-from scaraspec.report.model import Role
+from scaraspec.report.model import Results, Role
 from scaraspec.suite.client.harness.attended import HELP, Attended
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.plan import Options
@@ -101,19 +101,23 @@ def command(  # noqa: PLR0913 - one for each option
         else:
             raise Problem("no client: name its driver, such as --driver 'scaraspec client-driver'")
         interruption = Interruption()
-        with Display(Console(), len(cases), ticks=attended) as display:
-            end_on_signals(interruption)
-            results = certify.client(
-                subject,
-                answer_timeout_s=answer_timeout or _DRIVER_S,
-                ics=statement,
-                options=options,
-                out=out,
-                reproduction=reproduction(click.get_current_context()),
-                progress=display.progress,
-                interruption=interruption,
-            )
-    conclude(results, out)
+        display = Display(Console(), len(cases), ticks=attended)
+
+        def run() -> Results:
+            with display:
+                end_on_signals(interruption)
+                return certify.client(
+                    subject,
+                    answer_timeout_s=answer_timeout or _DRIVER_S,
+                    ics=statement,
+                    options=options,
+                    out=out,
+                    reproduction=reproduction(click.get_current_context()),
+                    progress=display.progress,
+                    interruption=interruption,
+                )
+
+        conclude(run, out)
 
 
 def _attended(listen: str, answer_timeout_s: float) -> Attended:

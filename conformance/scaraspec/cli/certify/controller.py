@@ -23,7 +23,7 @@ from scaraspec.cli.certify.running import (
 from scaraspec.cli.help import GroupedCommand
 from scaraspec.cli.options import DEFAULT_PASSWORD, Duration, Real, password_option
 from scaraspec.cli.problems import Problem
-from scaraspec.report.model import Role
+from scaraspec.report.model import Results, Role
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.plan import Options, hazards
 from scaraspec.transports.url import parse
@@ -143,19 +143,23 @@ def command(  # noqa: PLR0913 - one for each option
         if not yes:
             confirm_motion(cases, options, statement)
         interruption = Interruption()
-        with Display(Console(), len(cases)) as display:
-            end_on_signals(interruption)
-            results = certify.controller(
-                where,
-                password=password,
-                ics=statement,
-                options=options,
-                patience_s=patience,
-                out=out,
-                state_dir=state_dir,
-                lock_timeout_s=wait_for_lock,
-                reproduction=reproduction(click.get_current_context(), where),
-                progress=display.progress,
-                interruption=interruption,
-            )
-    conclude(results, out)
+        display = Display(Console(), len(cases))
+
+        def run() -> Results:
+            with display:
+                end_on_signals(interruption)
+                return certify.controller(
+                    where,
+                    password=password,
+                    ics=statement,
+                    options=options,
+                    patience_s=patience,
+                    out=out,
+                    state_dir=state_dir,
+                    lock_timeout_s=wait_for_lock,
+                    reproduction=reproduction(click.get_current_context(), where),
+                    progress=display.progress,
+                    interruption=interruption,
+                )
+
+        conclude(run, out)

@@ -10,6 +10,7 @@ import click
 from click.core import ParameterSource
 from rich.console import Console
 
+from scaraspec.api.certify import IncompleteFilesError
 from scaraspec.api.run_folder import RunFolderError
 from scaraspec.cli.options import Percentage, Real
 from scaraspec.cli.problems import Problem
@@ -17,6 +18,7 @@ from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.readings import ReadingError
 from scaraspec.report import terminal
 from scaraspec.report.model import Results, ResultsError, Role
+from scaraspec.report.sanitizing import visible
 from scaraspec.suite.client.harness.driver import DriverError
 from scaraspec.suite.controller.harness.state.recovery import RecoveryError
 from scaraspec.suite.engine.collection import SuiteError
@@ -133,16 +135,26 @@ def reproduction(context: click.Context, url: str = "") -> str:
     return shlex.join(filter(None, words))
 
 
-def conclude(results: Results, out: Path | None) -> None:
-    """Print the results of a run and exit with its status.
+def conclude(run: Callable[[], Results], out: Path | None) -> None:
+    """Run a certification, print its results and exit with its status.
 
     Raises:
-        SystemExit: Always.
+        SystemExit: Always. If a file could not be written, the status is 3, or 1 for a violation.
     """
+    problem = ""
+    try:
+        results = run()
+    except IncompleteFilesError as error:
+        results, problem = error.results, f"{error}"
     terminal.show(results, Console())
-    if out:
+    status = results.verdict.exit_status
+    if problem:
+        click.echo(f"scaraspec: {visible(problem)}", err=True)
+        if status is not ExitStatus.NONCONFORMANT:
+            status = ExitStatus.INCONCLUSIVE
+    elif out:
         click.echo(f"{out}/report.html")
-    raise SystemExit(results.verdict.exit_status)
+    raise SystemExit(status)
 
 
 @contextmanager

@@ -1,0 +1,42 @@
+"""The output folder of a certification, on a disk that is full."""
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+
+from scaraspec.api.run_folder import RunFolder, RunFolderError
+from scaraspec.judge.verdicts import Conclusion
+from scaraspec.report import html
+from scaraspec.report.model import Results, Role, Subject, Tool
+
+RESULTS = Results(
+    tool=Tool("scaraspec", "0"),
+    subject=Subject(Role.CONTROLLER),
+    role=Role.CONTROLLER,
+    verdict=Conclusion.NOTHING_TESTED,
+    counts={},
+    readings={},
+    requirements=(),
+    cases=(),
+)
+
+
+def test_what_can_be_written_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A report that does not fit is one sentence; results.json and the others are there."""
+
+    def fill(_results: Results, path: Path) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), f"{path}")
+
+    monkeypatch.setattr(html, "write", fill)
+    folder = tmp_path / "out"
+    with RunFolder(folder) as files:
+        assert (folder / ".results.reserve").stat().st_size == 4 * 2**20
+        with pytest.raises(RunFolderError) as caught:
+            files.finish(RESULTS)
+    assert f"{caught.value}" == f"{folder}/report.html cannot be written: No space left on device"
+    names = {path.name for path in folder.iterdir()}
+    assert {"results.json", "junit.xml", "ctrf.json"} <= names
+    assert not names & {"report.html", ".results.reserve"}
+    assert Results.read(folder / "results.json") == RESULTS
