@@ -407,9 +407,10 @@ class Results:
     def label(self) -> str:
         """The conclusion in words; if not everything was judged, with the coverage."""
         text = self.verdict.value.replace("-", " ")
-        if self.verdict is not Conclusion.NO_VIOLATION:
-            return text
-        return f"{text} ({self.judged} of {len(self.requirements)} requirements judged)"
+        if self.verdict is Conclusion.NO_VIOLATION:
+            text += f" ({self.judged} of {len(self.requirements)} requirements judged)"
+        unsupported = self.subject.claims.get("lacks", "")
+        return f"{text}, without {unsupported}" if unsupported and self.verdict.good else text
 
     @property
     def examples(self) -> int:

@@ -35,6 +35,11 @@ from scaraspec.suite.engine.outcome import Outcome, unless_disturbed
 from scaraspec.suite.engine.plan import Options, is_selected
 from scaraspec.suite.engine.stall_detector import Stall, StallDetector, threshold_s
 from scaraspec.suite.engine.system_under_test import SystemUnderTest
+from scaraspec.suite.engine.unsupported_claims import (
+    excluded_requirements,
+    unverified_notices,
+    wrong_claims,
+)
 from scaraspec.user_message import UserMessage
 
 P = TypeVar("P", bound=SystemUnderTest)
@@ -272,7 +277,7 @@ class Run(Generic[P]):
         """Build the results from the outcomes and from the findings of the judge."""
         reason = self._subject.others.reason
         ran = (unless_disturbed(o, reason(o.case.id)) for o in self.case_runner.outcomes)
-        outcomes = (*ran, *self._wrong_claims())
+        outcomes = (*ran, *self._wrong_claims(), *wrong_claims(self._subject))
         tried = [self._earlier.get(o.case.id) or self._case(o) for o in outcomes]
         seen_before = [case for key, case in self._earlier.items() if model.SEEN in key]
         groups = _grouped(self._observer.findings, seen_before)
@@ -316,7 +321,7 @@ class Run(Generic[P]):
             requirements=requirements,
             cases=made,
             session=self._stats.session(),
-            notices=tuple(self._subject.notices),
+            notices=(*self._subject.notices, *unverified_notices(self._subject)),
             run=model.RunInfo(
                 self._begun_ns,
                 self._subject.now_ns,
@@ -326,10 +331,14 @@ class Run(Generic[P]):
         )
 
     def _scope(self) -> frozenset[str]:
-        """The requirements that this run is about: all of the role, or those of `only`."""
+        """The requirements that this run is about: all of the role, or those of `only`.
+
+        Requirements of commands that are verified to be unsupported are not in scope.
+        """
         options, method = self.adapter.options, METHODS[self.adapter.role]
         if options.only is None:
-            return frozenset(e.id for e in REQUIREMENTS.values() if method in e.testable)
+            testable = frozenset(e.id for e in REQUIREMENTS.values() if method in e.testable)
+            return testable - excluded_requirements(self._subject)
         chosen = [case for case in self.case_runner.cases if case.id in options.cases]
         return options.only.union(*(case.requirements for case in chosen))
 

@@ -1,6 +1,6 @@
 """Selection: which requirements and cases a list such as ``--only`` names."""
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from scaraspec.judge.requirements import REQUIREMENTS, UnknownRequirementError, select
 from scaraspec.protocol.readings import READINGS
@@ -9,8 +9,9 @@ from scaraspec.suite.engine.collection import METHODS, collect
 from scaraspec.suite.engine.plan import Options
 from scaraspec.user_message import UserMessage
 
-CLAIM = "claim."
-"""The beginning of the id of a claim of the ICS that was found to be wrong."""
+CLAIM: Final = "claim."
+LACKS: Final = "lacks."
+"""The beginnings of the ids of claims of the ICS: of a reading, and of an unsupported command."""
 
 
 class SelectionError(ValueError):
@@ -48,9 +49,9 @@ def parse_selection(text: str | None, role: Role) -> Selection:
     requirements, cases = set[str](), set[str]()
     for item in (each.strip() for each in text.split(",")):
         name = item.partition(SEEN)[0]
-        if (name.startswith(CLAIM) and name.removeprefix(CLAIM) in READINGS) or (
-            name in ids and name not in REQUIREMENTS
-        ):
+        claim = name.removeprefix(CLAIM)
+        is_claim = claim in READINGS or claim.removeprefix(LACKS) in BY_NAME
+        if (claim != name and is_claim) or (name in ids and name not in REQUIREMENTS):
             cases.add(name)
         else:
             requirements |= _requirements(name, role)

@@ -67,6 +67,8 @@ class SystemUnderTest(Protocol):
         detected_readings: The readings that were detected, by key.
         survival_requirement: The requirement that the subject violates if it does not survive a
             case; empty for the first requirement of the case.
+        served: For each command that the ICS calls unsupported and that was tested: whether it is
+            answered.
         off: The subject was switched off and has not come back.
         notices: Sentences at the head of the results.
     """
@@ -75,6 +77,7 @@ class SystemUnderTest(Protocol):
     tolerated: list[ToleratedReading]
     detected_readings: dict[str, str]
     survival_requirement: str
+    served: dict[str, bool]
     off: bool
     notices: list[str]
 

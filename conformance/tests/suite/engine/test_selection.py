@@ -14,6 +14,7 @@ from scaraspec.suite.engine.selection import Selection, SelectionError, parse_se
         (" 4.7/2 , 4/8.queries", {"4.7/2"}, {"4/8.queries"}),
         ("3/31.seen-1", {"3/31"}, set()),
         ("claim.prelogin", set(), {"claim.prelogin"}),
+        ("claim.lacks.jog", set(), {"claim.lacks.jog"}),
     ],
 )
 def test_items(text: str, requirements: set[str], cases: set[str]) -> None:

@@ -73,6 +73,7 @@ class ClientUnderTest:
         self.dialect = ics.dialect
         self.tolerated: list[ToleratedReading] = []
         self.detected_readings: dict[str, str] = {}
+        self.served: dict[str, bool] = {}
         self.traits = ClientTraits()
         self.idle_status: Any = None
         self.polled: set[Frame] = set()

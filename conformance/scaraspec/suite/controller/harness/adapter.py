@@ -10,7 +10,7 @@ from scaraspec.report.model import Role
 from scaraspec.suite.controller.harness.access import Access
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.own_files import random_token
-from scaraspec.suite.controller.harness.probes import probe_all
+from scaraspec.suite.controller.harness.probes import probe_all, probe_unsupported
 from scaraspec.suite.controller.harness.state.readiness import make_ready, return_to_start_pose
 from scaraspec.suite.controller.harness.state.recovery import recover
 from scaraspec.suite.controller.harness.state.restore import (
@@ -109,6 +109,7 @@ class ControllerAdapter:
             CaseFailed: The controller cannot be reached any more.
         """
         probe_all(subject)
+        probe_unsupported(subject)
 
     def make_ready(self, subject: ControllerUnderTest) -> None:
         """Prove the emergency stop, then make the robot ready to move.

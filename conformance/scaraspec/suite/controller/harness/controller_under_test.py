@@ -101,6 +101,7 @@ class ControllerUnderTest:
         self.dialect = ics.dialect
         self.tolerated: list[ToleratedReading] = []
         self.detected_readings: dict[str, str] = {}
+        self.served: dict[str, bool] = {}
         self.traits = ControllerTraits()
         self.patience = TimeoutPolicy()
         self.unanswered: frozenset[str] = frozenset()

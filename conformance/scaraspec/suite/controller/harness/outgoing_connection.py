@@ -16,7 +16,7 @@ from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame, Framer
 from scaraspec.protocol.payloads import FinalResult, NameListPart, NoData, Outcome
 from scaraspec.suite.controller.harness.timeouts import ExpectedReply
 from scaraspec.suite.engine.connection import Connection, ReceivedFrame
-from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
 from scaraspec.suite.engine.transfer_timeouts import transfer_timeouts_of
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.transfers import NAMES
@@ -90,8 +90,10 @@ class OutgoingConnection(Connection):
         """Return the frame of a request, in the dialect of the subject.
 
         Raises:
+            CaseSkipped: The ICS says that the subject does not support the command.
             CaseInconclusive: The value was reported by the subject and cannot be encoded.
         """
+        self._require(name)
         command, dialect = BY_NAME[name], self._subject.dialect
         if value is None and data is None and not isinstance(command.request, NoData):
             raise CaseInconclusive(
@@ -158,6 +160,7 @@ class OutgoingConnection(Connection):
         Raises:
             NoReply: No reply arrived in time.
         """
+        self._require(name)
         command = BY_NAME[name]
         opcodes = {command.opcode, command.alternate_opcode, command.alternate_reply_opcode} - {
             None
@@ -174,6 +177,11 @@ class OutgoingConnection(Connection):
         if name == "list_programs":
             self.listing = isinstance(answer.value, NameListPart) and answer.value.more
         return answer
+
+    def _require(self, name: str) -> None:
+        """Skip the case if the ICS says that the subject does not support a command."""
+        if name in self._subject.ics.unsupported:
+            raise CaseSkipped(UserMessage("the ICS says that {name} is unsupported", name=name))
 
     def result(
         self, name: str, *, within_s: float | None = None, untagged: bool = False

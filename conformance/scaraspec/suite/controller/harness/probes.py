@@ -13,6 +13,7 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.payloads import NoData
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.controller.harness.controller_under_test import (
     SILENCE_S,
@@ -28,6 +29,7 @@ from scaraspec.suite.program_files.writing import wait_program
 _FURTHER: Final = 6
 """How many more clients the cases connect at the same time."""
 _LISTED: Final = "4.10/11"
+_TOO_MANY_FIELDS: Final = b"|".join([b"0"] * 12)
 _READ_ONLY, _STATE = Hazard.READ_ONLY, Hazard.STATE
 
 
@@ -51,6 +53,34 @@ def probe_all(subject: ControllerUnderTest) -> None:
             subject.settle()
         except (CaseFailed, CaseInconclusive):
             subject.close_lines()
+
+
+def probe_unsupported(subject: ControllerUnderTest) -> None:
+    """Test the commands that the ICS calls unsupported, as far as the hazards permit it.
+
+    A request with a wrong number of fields changes nothing on a controller that serves the command.
+    A query that is read-only is sent correctly, too.
+    """
+    for name in sorted(subject.ics.unsupported):
+        command = BY_NAME[name]
+        if command.hazard is not _READ_ONLY and command.hazard not in subject.allowed:
+            continue
+        requests = [Frame(A2C, command.opcode, _TOO_MANY_FIELDS)]
+        if command.hazard is _READ_ONLY and isinstance(command.request, NoData):
+            requests.append(Frame(A2C, command.opcode))
+        with suppress(CaseFailed, CaseInconclusive):
+            subject.served[name] = any(_is_answered(subject, request) for request in requests)
+            subject.settle()
+
+
+def _is_answered(subject: ControllerUnderTest, request: Frame) -> bool:
+    """Whether a request has a reply other than that to an undefined opcode (A-3-9)."""
+    line = subject.open()
+    line.send_frame(request)
+    replies = [s.frame for s in line.collect_replies() if s.frame.opcode == request.opcode]
+    line.close()
+    as_unknown = subject.dialect["on_unknown"] == "0"
+    return any(frame.tagged or not (as_unknown and frame.data == b"0") for frame in replies)
 
 
 def _op_get_default(subject: ControllerUnderTest) -> str | None:
