@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -119,7 +119,8 @@ def prove(  # noqa: PLR0913 - independent options of a proof
 ) -> KillMatrix:
     """Run the suite against mutants of our controller or client, in several processes.
 
-    The first run is against the implementation without a fault.
+    The first run is against the implementation without a fault. If the mutants are named and the
+    runs are quick, it has only the cases of the requirements that they violate.
 
     Args:
         role: Controller or client.
@@ -135,8 +136,11 @@ def prove(  # noqa: PLR0913 - independent options of a proof
         KeyError: There is no mutant with one of the ids.
         KeyboardInterrupt: The user interrupted the run.
     """
-    chosen = [mutant.name for mutant in mutants(role, options, ids)][::every]
-    unmodified = ROLE_SUITES[role].prove(options)
+    selected = mutants(role, options, ids)[::every]
+    chosen = [mutant.name for mutant in selected]
+    violated = frozenset(each for mutant in selected for each in mutant.requirements)
+    only = violated if quick and ids else options.only
+    unmodified = ROLE_SUITES[role].prove(replace(options, only=only))
     if any(case.id == "run.interrupted" for case in unmodified.cases):
         raise KeyboardInterrupt
     unmodified_ends(unmodified)

@@ -161,7 +161,7 @@ row(
 row(
     "deletes-by-longer-name",
     "4.11/4",
-    "Bytes after the name of a program are ignored.",
+    "Bytes after the name of a deleted program are ignored.",
     _finds(lambda asked, name: asked.startswith(name)),
 )
 row(

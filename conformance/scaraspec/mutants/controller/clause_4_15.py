@@ -214,7 +214,7 @@ row(
 row(
     "runs-the-beginning-of-name",
     "4.15/7",
-    "Bytes after the name of a program are ignored.",
+    "Bytes after the name of a started program are ignored.",
     _finds(
         lambda core, name: next(
             (stored for stored in core.store.names() if name.startswith(stored)), name

@@ -3,6 +3,7 @@
 from typing import Final, NamedTuple
 
 from scaraspec.judge.requirements import REQUIREMENTS, UnknownRequirementError, select
+from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.readings import READINGS
 from scaraspec.report.model import SEEN, Role
 from scaraspec.suite.engine.collection import METHODS, collect
