@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from scaraspec.api.run_folder import RunFolder, RunFolderError
+from scaraspec.judge.verdicts import Verdict
 from scaraspec.operating_system import state_directory
 from scaraspec.report.model import Results, Role
 from scaraspec.suite.client.harness.access import DriverAccess
@@ -23,6 +24,13 @@ from scaraspec.suite.engine.outcome import Outcome
 from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.run import Run
 from scaraspec.transports.connect import resolve_url
+
+
+class StartError(Exception):
+    """The subject could not be used at the start of the run; one sentence for the user.
+
+    Nothing was tested, and no folder is left.
+    """
 
 
 class IncompleteFilesError(Exception):
@@ -105,6 +113,7 @@ def controller(  # noqa: PLR0913 - independent options of a run
         JournalError: The journal cannot be used.
         RecoveryError: Changes of an interrupted run cannot be restored.
         RunFolderError: `out` contains results of an earlier run.
+        StartError: The subject could not be used at the start of the run.
         IncompleteFilesError: The recording or a report could not be written.
         SuiteError: The suite is defective.
         OSError: `out` cannot be created.
@@ -166,6 +175,7 @@ def client(  # noqa: PLR0913 - independent options of a run
     Raises:
         DriverError: The driver cannot be started.
         RunFolderError: `out` contains results of an earlier run.
+        StartError: The subject could not be used at the start of the run.
         IncompleteFilesError: The recording or a report could not be written.
         ResultsError: The results of an earlier attended run cannot be read.
         SuiteError: The suite is defective.
@@ -199,6 +209,9 @@ def client(  # noqa: PLR0913 - independent options of a run
 
 def _results(run: Run[Any], files: RunFolder) -> Results:
     results = run.results()
+    if run.start_failure and not results.counts[Verdict.FAIL]:
+        files.discard()
+        raise StartError(run.start_failure)
     with run.interruption:  # a signal takes effect after the reports are written
         try:
             files.finish(results)

@@ -1,6 +1,7 @@
 """The output folder of a certification: the recording during the run, the reports at its end."""
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -17,6 +18,7 @@ from scaraspec_recorder.sinks.sink import SinkFailed
 
 RESULTS: Final = ("results.json", "report.html", "junit.xml", "ctrf.json")
 CAPTURE: Final = "capture.mcap"
+RESERVE: Final = ".results.reserve"
 _RESERVED_BYTES: Final = 4 * 2**20
 
 
@@ -48,10 +50,13 @@ class RunFolder:
         self._path = path
         self._recording: BackgroundRecorder | None = None
         self._reserve: Path | None = None
+        self._created: Path | None = None
         self.earlier: Results | None = None
         if path is None:
             return
-        path.mkdir(parents=True, exist_ok=True)
+        if not path.exists():
+            path.mkdir(parents=True)
+            self._created = path
         existing = [name for name in RESULTS if (path / name).exists()]
         if existing and not resume:
             raise RunFolderError(
@@ -66,7 +71,7 @@ class RunFolder:
             self.earlier = Results.read(path / RESULTS[0])
             folder = path / f"sitting-{len(list(path.glob('sitting-*'))) + 2}"
             folder.mkdir()
-        self._reserve = _reserve_space(folder / ".results.reserve")
+        self._reserve = _reserve_space(folder / RESERVE)
         sink = partial(capture_sink, draw=has_viewer(), needs_login=needs_login)
         self._recording = BackgroundRecorder(folder, [sink])
 
@@ -105,6 +110,16 @@ class RunFolder:
                 problems.append(f"{self._path / name} cannot be written: {error.strerror}")
         if problems:
             raise RunFolderError(problems[0])
+
+    def discard(self) -> None:
+        """Delete what this run has written, and the folder if this run has created it."""
+        list(self._close_recording())
+        for name in (*RESULTS, CAPTURE, "capture.rrd", RESERVE):
+            if self._created:
+                (self._created / name).unlink(missing_ok=True)
+        if self._created:
+            with suppress(OSError):  # it is not empty: something else has written into it
+                self._created.rmdir()
 
     def _close_recording(self) -> Iterator[str]:
         """Close the recording once; yield a sentence if it is incomplete."""

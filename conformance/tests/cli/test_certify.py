@@ -145,7 +145,7 @@ def test_a_wrong_password_is_not_held_against_the_subject(processes: Any) -> Non
     host, port = processes.controller("--password", "secret")
     done = processes.run("certify", "controller", f"tcp://{host}:{port}", "--only", "4.8")
     assert done.returncode == 3
-    assert "the login was refused" in done.stdout
+    assert "the login was refused" in done.stderr
     assert "Traceback" not in done.stderr
 
 
@@ -227,14 +227,16 @@ def test_a_serial_line(processes: Any, null_modem: tuple[str, str]) -> None:
     assert "conformant: serial://" in done.stdout
 
 
-def test_an_absent_subject(processes: Any) -> None:
-    """A closed port gives inconclusive; it is reported once, and at the end."""
+def test_an_absent_subject(processes: Any, tmp_path: Path) -> None:
+    """A closed port gives one sentence and exit status 3; no folder is left."""
     with closing(socket.create_server(("127.0.0.1", 0))) as listener:
         port = listener.getsockname()[1]
-    done = processes.run("certify", "controller", f"tcp://127.0.0.1:{port}", "--only", "4.8")
+    command = ("certify", "controller", f"tcp://127.0.0.1:{port}", "--only", "4.8")
+    done = processes.run(*command, "--out", str(tmp_path / "out"))
     assert done.returncode == 3
-    assert done.stdout.count("could not be used") == 2
-    assert "; 0 of " in done.stdout
+    assert (done.stdout + done.stderr).count("could not be used at the start of the run") == 1
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
 
 
 def _hang(connection: socket.socket) -> None:

@@ -10,7 +10,7 @@ import click
 from click.core import ParameterSource
 from rich.console import Console
 
-from scaraspec.api.certify import IncompleteFilesError
+from scaraspec.api.certify import IncompleteFilesError, StartError
 from scaraspec.api.run_folder import RunFolderError
 from scaraspec.cli.options import Percentage, Real
 from scaraspec.cli.problems import Problem
@@ -166,7 +166,7 @@ def user_errors() -> Iterator[None]:
         raise Problem(str(error)) from None
     except HazardError as error:
         raise Problem(UserMessage("--allow: {error}", error=error)) from None
-    except (ControllerBusyError, RecoveryError) as error:
+    except (ControllerBusyError, RecoveryError, StartError) as error:
         raise Problem(str(error), ExitStatus.INCONCLUSIVE) from None
     except JournalError as error:
         raise Problem(str(error)) from None

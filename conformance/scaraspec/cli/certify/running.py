@@ -130,7 +130,8 @@ class Display:
         self._bar.update(self._task, advance=1, description=outcome.case.id)
         shown = outcome.verdict not in (Verdict.PASS, Verdict.NONE)
         if outcome.cause is Cause.DEPENDENCY:
-            shown = outcome.message != self._dependency_message
+            failed_start = self._number == 1  # reported at the end
+            shown = outcome.message != self._dependency_message and not failed_start
             self._dependency_message = outcome.message
         if self._ticks or shown:
             text = f"{outcome.verdict.value} {outcome.case.id}: {outcome.message}"

@@ -133,6 +133,7 @@ class Run(Generic[P]):
     Attributes:
         case_runner: Runs the cases.
         interruption: Ends the run early.
+        start_failure: Why the subject could not be used at the start; empty if it could.
     """
 
     def __init__(  # noqa: PLR0913 - the collaborators of a run
@@ -186,6 +187,7 @@ class Run(Generic[P]):
         )
         self._state: Mapping[str, Any] = {}
         self._begun_ns = self._subject.now_ns
+        self.start_failure = ""
         self._problems: list[str] = []
 
     def results(self) -> Results:
@@ -238,11 +240,10 @@ class Run(Generic[P]):
             raise
         except (CaseFailed, CaseInconclusive) as error:
             self._subject.close_lines()
-            self.case_runner.give_up(
-                UserMessage(
-                    "the subject could not be used at the start of the run: {error}", error=error
-                )
+            self.start_failure = UserMessage(
+                "the subject could not be used at the start of the run: {error}", error=error
             )
+            self.case_runner.give_up(self.start_failure)
 
     def _begun(self) -> Mapping[str, Any]:
         """The state of the subject; a client that reports a wrong state has failed."""
