@@ -583,4 +583,4 @@ def test_a_late_reply_to_another_connection_is_no_final_result(judged: Judged) -
     """It is called what it is: of a query there is no final result."""
     record = judged("login\n2> login password\n2< login 1\n> get_version\n2< get_version 1.0.0")
     said = {f.message for f in record.findings if f.requirement == "3/16"}
-    assert said == {"a reply to get_version came on a connection that had not asked for it"}
+    assert said == {"a reply to get_version came on a connection that did not request it"}

@@ -1,7 +1,7 @@
-"""The arm as far as a recording shows it: readings of joints and pose, and what moved between them.
+"""The arm as a recording shows it: reported joint angles and poses, and the motions between them.
 
 A recording may not show everything that can move the arm: another client, a pendant, a person.
-So rules compare readings only shortly after evidence that nothing else moved it.
+So rules compare reported values only shortly after evidence that nothing else moved the arm.
 """
 
 from typing import Final
@@ -18,9 +18,9 @@ MOVE, JOG = "set_tool_coordinates", "jog"
 MOTIONS: Final = ("run_program", "reset", MOVE, JOG)
 
 MOMENT_NS: Final = 2_000_000_000
-"""Within this time after a motion no other client has begun another one."""
+"""Within this time after a motion no other client can have begun another one."""
 _SOON_NS: Final = 60_000_000_000
-"""Maximum age of a reading that shows the state before a command."""
+"""Maximum age of a reported value that shows the state before a command."""
 
 
 def ended_ns(y: Exchange) -> int:
@@ -29,7 +29,7 @@ def ended_ns(y: Exchange) -> int:
 
 
 def last_motion(x: Exchange, robot: RobotState) -> Exchange | None:
-    """The last two-stage command, if it succeeded and the robot has been idle since."""
+    """Return the last two-stage command if it succeeded and the robot has been idle since."""
     motion = robot.history.accepted[-1] if robot.history.accepted else None
     done = motion is not None and motion.outcome is not None and motion.outcome.done
     idle = robot.history.idle_since_ns is not None and not robot.busy
@@ -37,18 +37,18 @@ def last_motion(x: Exchange, robot: RobotState) -> Exchange | None:
 
 
 def reading_before(motion: Exchange, name: str, robot: RobotState) -> Exchange | None:
-    """The last reading before a two-stage command, after the end of the previous one."""
+    """Return the last query `name` between the end of the previous command and `motion`."""
     earlier = [y for y in robot.history.accepted if y.time_ns < motion.time_ns]
-    found = robot.history.last(name, before_ns=motion.time_ns)
-    if found is None or not found.reply_value or motion.time_ns - found.time_ns > _SOON_NS:
+    query = robot.history.last(name, before_ns=motion.time_ns)
+    if query is None or not query.reply_value or motion.time_ns - query.time_ns > _SOON_NS:
         return None
-    return found if all(0 < ended_ns(y) < found.time_ns for y in earlier) else None
+    return query if all(0 < ended_ns(y) < query.time_ns for y in earlier) else None
 
 
 def gripper_set_since(time_ns: int, robot: RobotState) -> bool:
     """Whether the gripper centre may have changed, which may be part of the pose (A-4.23-1)."""
-    asked = robot.history.last_requests.get("set_gripper_center")
-    return asked is not None and asked.place.time_ns > time_ns
+    request = robot.history.last_requests.get("set_gripper_center")
+    return request is not None and request.place.time_ns > time_ns
 
 
 def locked(robot: RobotState) -> bool | None:
@@ -57,10 +57,10 @@ def locked(robot: RobotState) -> bool | None:
     return next((y.name != RELEASE for y in about if y.outcome and y.outcome.done), None)
 
 
-def changed(first: Exchange, x: Exchange, what: str) -> RuleResult:
-    """Two readings contradict each other."""
+def changed(first: Exchange, x: Exchange, message: str) -> RuleResult:
+    """Return the failure that two reported values contradict each other."""
     return failed(
-        what,
+        message,
         expected=observed(first.reply) if first.reply else "",
         observed=observed(x.reply) if x.reply else "",
         at=(*places_of(first), *places_of(x)),

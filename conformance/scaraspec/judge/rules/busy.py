@@ -25,22 +25,23 @@ BUSY: Final = frozenset(STATE_OF.values())
 
 _STATUS: Final = ("get_status",)
 _SECOND_NS: Final = 1_000_000_000
-"""Within it no unrecorded client can begin and end something unnoticed; and by
-it the frames of two connections may be in another order than they were sent in."""
+"""An unrecorded client cannot begin and end a command unnoticed within this time. A capture may
+reorder the frames of two connections by up to this time."""
 _REPLY_NS: Final = 5_000_000_000
-"""So long the answer to a request may be on its way (A-3-15)."""
+"""Maximum time from a request to its first reply (A-3-15)."""
 _MOMENT_NS: Final = 100_000_000
-"""How long after its end a status may still be that of a command."""
+"""How long a status may still be that of a command after the command ended."""
 _SWAPPED_NS: Final = 50_000_000
-"""By so much packets of two connections are swapped in a capture at most."""
+"""The most by which a capture swaps packets of two connections."""
 
 
 def surely_executes(y: Exchange, x: Exchange, robot: RobotState) -> bool:
-    """Whether a command of `x.concurrent` executed when `x` was answered, not only by its place.
+    """Return whether a command `y` of `x.concurrent` certainly executed when `x` was answered.
 
-    On one connection the order of frames is sure; on two the end must come clearly later, and one
-    that has not come when `x` is over so soon may be on its way. If a status 00 came in between,
-    it has ended or that status is wrong, which is reported separately.
+    On one connection the order of the frames is certain. On two connections the final result of
+    `y` must arrive clearly after the reply to `x`; a final result that is still missing may be on
+    its way. If a status 00 came in between, `y` has ended or that status is wrong; another rule
+    reports it.
     """
     if y.idle_status:
         return False
@@ -66,15 +67,23 @@ def _not_accepted(x: Exchange, robot: RobotState, during: Iterable[Exchange]) ->
         if x.ending is not Ending.UNANSWERED:
             return None
         return tolerated(
-            "busy_reply", "silence", UserMessage("{x} was not answered by the busy robot", x=x.name)
+            "busy_reply",
+            "silence",
+            UserMessage("{command} was not answered by the busy robot", command=x.name),
         )
     first = executing[0]
     if first.name == "release_joints":
-        return tolerated("A-4.25-2", "at lock", "the release had not ended when the next began")
+        return tolerated(
+            "A-4.25-2", "at lock", "the release had not ended when the next command was accepted"
+        )
     if first.name == x.name == "jog":
-        return tolerated("A-4.28-5", "replace", "another jog replaced the one before")
+        return tolerated("A-4.28-5", "replace", "a second jog replaced the first one")
     return failed(
-        UserMessage("{x} was accepted while {first} executed", x=x.name, first=first.name),
+        UserMessage(
+            "{command} was accepted while {executing} executed",
+            command=x.name,
+            executing=first.name,
+        ),
         expected="0|code",
         observed="1",
         at=(first.request.place, *places_of(x)),
@@ -105,16 +114,16 @@ def refused_during_a_program(x: Exchange, robot: RobotState) -> RuleResult | Non
     """While a program runs the refusal is "0|01" (L394-399, L706); a fault may win (A-4.8-2)."""
     if [y.name for y in x.concurrent] != ["run_program"] or x.concurrent_uncertain or not x.reply:
         return None
-    said = x.reply.text
+    refusal = x.reply.text
     code = errors.lookup(x.reply_value.code) if x.reply_value and x.reply_value.code else None
-    if said == b"0|01" or (code and code.kind is errors.Kind.FAULT):
+    if refusal == b"0|01" or (code and code.kind is errors.Kind.FAULT):
         return PASSED
     if not surely_executes(x.concurrent[0], x, robot):
         return None
     return failed(
-        UserMessage("{x} was not refused with 01 while a program ran", x=x.name),
+        UserMessage("{command} was not refused with 01 while a program ran", command=x.name),
         expected="0|01",
-        observed=show(said),
+        observed=show(refusal),
         at=(x.concurrent[0].request.place, *places_of(x)),
     )
 
@@ -133,8 +142,8 @@ def busy_code_is_the_state(x: Exchange, robot: RobotState) -> RuleResult | None:
         return None
     return failed(
         UserMessage(
-            "{x} was refused with {code} while {executing} executed",
-            x=x.name,
+            "{command} was refused with {code} while {executing} executed",
+            command=x.name,
             code=code,
             executing=executing.name,
         ),
@@ -156,8 +165,8 @@ def idle_robot_is_not_busy(x: Exchange, robot: RobotState) -> RuleResult | None:
             if y.accepted is False and y.reply_value.code in BUSY:
                 return failed(
                     UserMessage(
-                        "{name} was refused with {code} although the robot was idle",
-                        name=name,
+                        "{command} was refused with {code} although the robot was idle",
+                        command=name,
                         code=y.reply_value.code,
                     ),
                     expected="1, or another code",
@@ -185,7 +194,7 @@ def never_idle_while_executing(x: Exchange, _: RobotState) -> RuleResult | None:
     if not same and x.result.begun_ns - x.idle_status.place.time_ns < _SECOND_NS:
         return None
     return failed(
-        UserMessage("the status is 00 (idle) while {x} executes", x=x.name),
+        UserMessage("the status is 00 (idle) while {command} executes", command=x.name),
         expected=STATE_OF[x.name],
         observed="00",
         at=(x.request.place, x.idle_status.place, x.result.place),
@@ -196,9 +205,9 @@ def never_idle_while_executing(x: Exchange, _: RobotState) -> RuleResult | None:
 def idle_after_success(x: Exchange, robot: RobotState) -> RuleResult | None:
     """After a successful final result the status returns to 00 (L318).
 
-    At what moment is not said: not every robot changes both at once, and on another connection they
-    may have been captured in another order. What another client asked for may have begun, its "1"
-    being on the way.
+    The document does not state the moment: a robot may not change both at once, and a capture may
+    reorder frames of two connections. A command of another client may have begun although its first
+    reply "1" has not arrived yet.
     """
     ended = robot.history.accepted[-1] if robot.history.accepted else None
     if ended is None or not ended.result or not ended.outcome or not ended.outcome.done:
@@ -215,9 +224,9 @@ def idle_after_success(x: Exchange, robot: RobotState) -> RuleResult | None:
         return None
     return failed(
         UserMessage(
-            "the status is still {answer} although {ended} has ended",
-            answer=x.reply_value,
-            ended=ended.name,
+            "the status is still {status} although {command} has ended",
+            status=x.reply_value,
+            command=ended.name,
         ),
         expected="00",
         observed=x.reply_value,

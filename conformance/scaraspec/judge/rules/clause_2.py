@@ -34,7 +34,7 @@ def client_opens(change: LinkChange, _: RobotState) -> RuleResult | None:
 
 @rule("2/3", on=LinkChange)
 def default_port(change: LinkChange, _: RobotState) -> RuleResult | None:
-    """The client connects to port 8877 (L79); another port may be the user's choice."""
+    """The client connects to port 8877 (L79); the user may choose another port."""
     opened = change.event.kind is Kind.OPENED
     return PASSED if opened and change.event.note.endswith(f":{DEFAULT_PORT}") else None
 
@@ -46,17 +46,17 @@ def readable_frame(_seen: FrameSeen, _: RobotState) -> RuleResult | None:
 
 
 @rule("2/4", on=InvalidBytes)
-def readable_bytes(found: InvalidBytes, _: RobotState) -> RuleResult | None:
+def readable_bytes(invalid: InvalidBytes, _: RobotState) -> RuleResult | None:
     """A stream that begins as TLS or as compressed data is not plain (L79)."""
-    if found.place.offset_bytes:
+    if invalid.place.offset_bytes:
         return None
-    tls, compressed = _TLS_RECORD.match(found.data), _COMPRESSED.match(found.data)
+    tls, compressed = _TLS_RECORD.match(invalid.data), _COMPRESSED.match(invalid.data)
     if not tls and not compressed:
         return None
     return failed(
-        UserMessage("the stream begins {value}", value="as TLS" if tls else "with compressed data"),
+        "the stream begins as TLS" if tls else "the stream begins with compressed data",
         expected="plain frames",
-        observed=found.data[:8].hex(" "),
+        observed=invalid.data[:8].hex(" "),
     )
 
 
@@ -70,7 +70,9 @@ def login_first(x: Exchange, _: RobotState) -> RuleResult | None:
     if x.name == _STOP:
         return None
     return failed(
-        UserMessage("{x} was sent before a login", x=x.name), expected="login", observed=x.name
+        UserMessage("{command} was sent before a login", command=x.name),
+        expected="login",
+        observed=x.name,
     )
 
 
@@ -92,7 +94,9 @@ def nothing_done_without_login(x: Exchange, _: RobotState) -> RuleResult | None:
     if not x.accepted:
         return None
     return failed(
-        UserMessage("{x} was accepted on a connection that had not logged in", x=x.name),
+        UserMessage(
+            "{command} was accepted on a connection that had not logged in", command=x.name
+        ),
         expected="silence, a refusal or the end of the connection",
         observed="1",
     )
@@ -101,4 +105,6 @@ def nothing_done_without_login(x: Exchange, _: RobotState) -> RuleResult | None:
 def _served_reading(x: Exchange) -> RuleResult:
     if x.reply and x.reply.text == b"0":  # the failure form of a query
         return PASSED
-    return tolerated("prelogin", "reads", UserMessage("{x} was answered without a login", x=x.name))
+    return tolerated(
+        "prelogin", "reads", UserMessage("{command} was answered without a login", command=x.name)
+    )

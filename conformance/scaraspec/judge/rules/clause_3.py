@@ -24,7 +24,7 @@ _SOON_NS: Final = 1_000_000_000
 
 @rule("3/1", "3/6", "3/7", "3/32", on=FrameSeen)
 def whole_frame(_seen: FrameSeen, _: RobotState) -> RuleResult | None:
-    """A frame that was found has its layout, its length, and nothing before it (L89-98)."""
+    """A valid frame has the correct layout and length, and no stray bytes before it (L89-98)."""
     return PASSED
 
 
@@ -36,83 +36,86 @@ def empty_frame(seen: FrameSeen, _: RobotState) -> RuleResult | None:
 
 @rule("3/2", "3/3", "3/28", on=FrameSeen, sender=A2C)
 def client_frame(_seen: FrameSeen, _: RobotState) -> RuleResult | None:
-    """A found client frame has AA, CC (L92) and a length that one byte could say (L89)."""
+    """A valid client frame has AA and CC (L92), and a length of one byte (L89)."""
     return PASSED
 
 
 @rule("3/4", "3/5", on=FrameSeen, sender=C2A)
 def controller_frame(_seen: FrameSeen, _: RobotState) -> RuleResult | None:
-    """A found controller frame has CC and AA (L94)."""
+    """A valid controller frame has CC and AA (L94)."""
     return PASSED
 
 
-def _blame(found: InvalidBytes, fault: Fault, what: str) -> RuleResult | None:
-    diagnosis = diagnose(found)
+def _blame(invalid: InvalidBytes, fault: Fault, what: str) -> RuleResult | None:
+    diagnosis = diagnose(invalid)
     if diagnosis.fault is not fault:
         return None
-    hint = f" ({diagnosis.hint})" if diagnosis.hint else ""
-    return failed(what + hint, expected=diagnosis.expected, observed=diagnosis.observed)
+    if diagnosis.hint:
+        what = UserMessage("{problem} ({hint})", problem=what, hint=diagnosis.hint)
+    return failed(what, expected=diagnosis.expected, observed=diagnosis.observed)
 
 
 @rule("3/1", on=InvalidBytes)
-def layout(found: InvalidBytes, _: RobotState) -> RuleResult | None:
-    """Bytes that begin like a frame and do not end like one (L89-90)."""
-    return _blame(found, Fault.UNCLEAR, "the bytes start like a frame but are not a valid frame")
+def layout(invalid: InvalidBytes, _: RobotState) -> RuleResult | None:
+    """Bytes that begin like a frame but are not a valid frame (L89-90)."""
+    return _blame(invalid, Fault.UNCLEAR, "the bytes start like a frame but are not a valid frame")
 
 
 @rule("3/2", on=InvalidBytes, sender=A2C)
-def client_start(found: InvalidBytes, _: RobotState) -> RuleResult | None:
+def client_start(invalid: InvalidBytes, _: RobotState) -> RuleResult | None:
     """Client frames start with AA (L92)."""
-    return _blame(found, Fault.START, "a client frame starts with a wrong byte")
+    return _blame(invalid, Fault.START, "a client frame starts with a wrong byte")
 
 
 @rule("3/3", on=InvalidBytes, sender=A2C)
-def client_end(found: InvalidBytes, _: RobotState) -> RuleResult | None:
+def client_end(invalid: InvalidBytes, _: RobotState) -> RuleResult | None:
     """Client frames end with CC (L92)."""
-    return _blame(found, Fault.END, "a client frame ends with a wrong byte")
+    return _blame(invalid, Fault.END, "a client frame ends with a wrong byte")
 
 
 @rule("3/4", on=InvalidBytes, sender=C2A)
-def controller_start(found: InvalidBytes, _: RobotState) -> RuleResult | None:
+def controller_start(invalid: InvalidBytes, _: RobotState) -> RuleResult | None:
     """Controller frames start with CC (L94)."""
-    return _blame(found, Fault.START, "a controller frame starts with a wrong byte")
+    return _blame(invalid, Fault.START, "a controller frame starts with a wrong byte")
 
 
 @rule("3/5", on=InvalidBytes, sender=C2A)
-def controller_end(found: InvalidBytes, _: RobotState) -> RuleResult | None:
+def controller_end(invalid: InvalidBytes, _: RobotState) -> RuleResult | None:
     """Controller frames end with AA (L94)."""
-    return _blame(found, Fault.END, "a controller frame ends with a wrong byte")
+    return _blame(invalid, Fault.END, "a controller frame ends with a wrong byte")
 
 
 @rule("3/6", "3/7", on=InvalidBytes)
-def length(found: InvalidBytes, _: RobotState) -> RuleResult | None:
+def length(invalid: InvalidBytes, _: RobotState) -> RuleResult | None:
     """The length is one byte, the number of data bytes that follow (L89, L98)."""
-    return _blame(found, Fault.LENGTH, "the length is not the number of data bytes")
+    return _blame(invalid, Fault.LENGTH, "the length is not the number of data bytes")
 
 
 @rule("3/8", on=InvalidBytes)
-def no_data_after_zero(found: InvalidBytes, robot: RobotState) -> RuleResult | None:
+def no_data_after_zero(invalid: InvalidBytes, robot: RobotState) -> RuleResult | None:
     """With length 0x00 no data byte is present (L98)."""
-    return length(found, robot) if diagnose(found).observed == "0" else None
+    return length(invalid, robot) if diagnose(invalid).observed == "0" else None
 
 
 @rule("3/28", on=InvalidBytes, sender=A2C)
-def one_byte_length(found: InvalidBytes, _: RobotState) -> RuleResult | None:
+def one_byte_length(invalid: InvalidBytes, _: RobotState) -> RuleResult | None:
     """A sender does not attempt more than 255 data bytes in one frame (L89)."""
-    diagnosis = diagnose(found)
+    diagnosis = diagnose(invalid)
     if diagnosis.fault is not Fault.LENGTH or diagnosis.surplus_bytes % 256:
         return None
     return failed(
-        UserMessage("{expected} data bytes were sent in one frame", expected=diagnosis.expected),
+        UserMessage(
+            "{byte_count} data bytes were sent in one frame", byte_count=diagnosis.expected
+        ),
         expected=f"at most {MAX_DATA_BYTES}",
         observed=diagnosis.expected,
     )
 
 
 @rule("3/32", on=InvalidBytes)
-def nothing_between(found: InvalidBytes, _: RobotState) -> RuleResult | None:
+def nothing_between(invalid: InvalidBytes, _: RobotState) -> RuleResult | None:
     """A sender sends nothing between frames."""
-    return _blame(found, Fault.STRAY, "there are bytes between frames that belong to no frame")
+    return _blame(invalid, Fault.STRAY, "there are bytes between frames that belong to no frame")
 
 
 @rule("3/10", on=FrameSeen)
@@ -123,7 +126,7 @@ def defined_opcode(seen: FrameSeen, _: RobotState) -> RuleResult | None:
         return PASSED
     if seen.frame.direction is A2C and opcode == TAG:
         return None  # 3/15 judges it
-    gap = ", in the gap whose clauses were cut" if opcode in UNDOCUMENTED_GAP else ""
+    gap = ", in a range whose clauses the document omits" if opcode in UNDOCUMENTED_GAP else ""
     return failed(
         "the opcode is not defined", expected="a defined opcode", observed=f"{opcode:02X}{gap}"
     )
@@ -140,7 +143,7 @@ def tagged_layout(seen: FrameSeen, _: RobotState) -> RuleResult | None:
 
 @rule("3/12", on=UnsolicitedReply, sender=C2A)
 def untagged_result(unsolicited: UnsolicitedReply, _: RobotState) -> RuleResult | None:
-    """A final result that lacks its tag (L320-321)."""
+    """A final result without its tag (L320-321)."""
     seen, after = unsolicited.seen, unsolicited.after
     if seen.frame.tagged or not after or not after.command or not after.command.two_stage:
         return None
@@ -148,7 +151,7 @@ def untagged_result(unsolicited: UnsolicitedReply, _: RobotState) -> RuleResult 
     if not after.accepted or after.result or not looks_like_one:
         return None
     return failed(
-        UserMessage("the final result of {after} came without the tag 90", after=after.name),
+        UserMessage("the final result of {command} came without the tag 90", command=after.name),
         expected=f"90 {seen.frame.opcode:02X}",
         observed=f"{seen.frame.opcode:02X}",
         at=(*(f.place for f in after.frames), seen.place),
@@ -157,7 +160,7 @@ def untagged_result(unsolicited: UnsolicitedReply, _: RobotState) -> RuleResult 
 
 @rule("3/14", on=FrameSeen, sender=C2A)
 def tag_only_on_two_stage(seen: FrameSeen, _: RobotState) -> RuleResult | None:
-    """Only the eight two-stage commands have the tag; another one is tolerated (A-3-6)."""
+    """Only the eight two-stage commands use the tag; on another opcode it is tolerated (A-3-6)."""
     if not seen.frame.tagged:
         return None
     if seen.command:
@@ -179,9 +182,9 @@ def client_never_tags(seen: FrameSeen, _: RobotState) -> RuleResult | None:
 
 
 @rule("3/15", on=InvalidBytes, sender=A2C)
-def client_tagged(found: InvalidBytes, _: RobotState) -> RuleResult | None:
+def client_tagged(invalid: InvalidBytes, _: RobotState) -> RuleResult | None:
     """A client frame that is valid except for its tag."""
-    return _blame(found, Fault.TAG, "a client frame contains the tag 90")
+    return _blame(invalid, Fault.TAG, "a client frame contains the tag 90")
 
 
 # Which reply belongs to which request
@@ -196,10 +199,10 @@ def reply_has_its_opcode(x: Exchange, _: RobotState) -> RuleResult | None:
     if x.reply:
         return PASSED
     given_up = x.ending is Ending.UNANSWERED or x.overtaken
-    if not x.unmatched_reply or not given_up or not _due(x):
+    if not x.unmatched_reply or not given_up or not _reply_expected(x):
         return None
     return failed(
-        UserMessage("{x} was answered with another opcode", x=x.name),
+        UserMessage("{command} was answered with another opcode", command=x.name),
         expected=f"{x.request.frame.opcode:02X}",
         observed=f"{x.unmatched_reply.frame.opcode:02X}",
         at=(x.request.place, x.unmatched_reply.place),
@@ -219,7 +222,7 @@ def nothing_unsolicited(unsolicited: UnsolicitedReply, robot: RobotState) -> Rul
     if frame.tagged or unsolicited.late or untagged_result(unsolicited, robot):
         return None
     if not unsolicited.certain:
-        return inconclusive("a gap may hide the request that this answers")
+        return inconclusive("the request may be in a gap of the recording")
     return tolerated(
         "A-3-16",
         "unsolicited frame",
@@ -239,7 +242,9 @@ def replies_in_order(x: Exchange, _: RobotState) -> RuleResult | None:
     return tolerated(
         "pipelining",
         "any-order",
-        UserMessage("the reply to a later request came before the reply to {x}", x=x.name),
+        UserMessage(
+            "the reply to a later request came before the reply to {command}", command=x.name
+        ),
     )
 
 
@@ -251,11 +256,11 @@ def one_open_request(x: Exchange, _: RobotState) -> RuleResult | None:
     return tolerated(
         "A-3-14",
         "two open requests",
-        UserMessage("{x} was requested again before its reply", x=x.name),
+        UserMessage("{command} was requested again before its reply", command=x.name),
     )
 
 
-def _due(x: Exchange) -> bool:
+def _reply_expected(x: Exchange) -> bool:
     """Return whether a reply is due: the request is valid, after a login, and in order."""
     valid = x.request.parsed is not None and not x.request.parsed.decoded.issues
     served = x.logged_in or x.name == "login"
@@ -266,72 +271,80 @@ def _due(x: Exchange) -> bool:
 
 @rule("3/31", on=Exchange, sender=A2C)
 def answered(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """Every valid request is answered, and in the reply time (A-3-15)."""
-    if x.command is None or not _due(x):
+    """Every valid request is answered within the reply time (A-3-15)."""
+    if x.command is None or not _reply_expected(x):
         return None
     if x.malformed or (x.reply and not x.overdue):
         return PASSED
     if x.reply:
         if x.concurrent or x.concurrent_uncertain:
             return tolerated(
-                "A-4-3", "not served", UserMessage("{x} waited for the busy robot", x=x.name)
+                "A-4-3",
+                "not served",
+                UserMessage("{command} waited for the busy robot", command=x.name),
             )
         return failed(
             UserMessage(
-                "{x} was answered after the reply time, and after a later request", x=x.name
+                "{command} was answered late: after the reply time and after a later request",
+                command=x.name,
             ),
             expected="a reply in time",
             observed=f"a reply after {(x.latency_ns or 0) / 1e9:.1f} s",
         )
     if x.ending is Ending.UNSEEN:
         return inconclusive(
-            UserMessage("the answer to {x} may be in a gap of the recording", x=x.name)
+            UserMessage("the answer to {command} may be in a gap of the recording", command=x.name)
         )
     if x.ending is not Ending.UNANSWERED or x.unmatched_reply:
         return None
     return _silence(x, robot) or failed(
-        UserMessage("{x} was never answered, though a later request was", x=x.name),
+        UserMessage("{command} was not answered, although a later request was", command=x.name),
         expected="a reply",
         observed="none",
     )
 
 
 def _silence(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """The readings that allow silence, and what looks like a dead link."""
+    """Return the toleration of a missing reply; inconclusive if the link may be dead."""
     if not x.certain:
         return inconclusive(
-            UserMessage("the answer to {x} may be in a gap of the recording", x=x.name)
+            UserMessage("the answer to {command} may be in a gap of the recording", command=x.name)
         )
     if x.concurrent or _may_be_busy(x, robot):
         two_stage = x.command is not None and x.command.two_stage
         reading = ("busy_reply", "silence") if two_stage else ("A-4-3", "not served")
-        return tolerated(*reading, f"{x.name} was not answered by the busy robot")
+        return tolerated(
+            *reading, UserMessage("{command} was not answered by the busy robot", command=x.name)
+        )
     if x.name == "get_default_program":
         opcode, other = x.request.frame.opcode, robot.last.get(x.name)
         if other and other.request.frame.opcode != opcode:
             option = f"0x{other.request.frame.opcode:02X}"
-            return tolerated(
-                "op_get_default",
-                option,
-                UserMessage("0x{opcode:02X} was not answered", opcode=opcode),
-            )
-        return tolerated("default_none", "silence", UserMessage("{x} was not answered", x=x.name))
+            message = UserMessage("0x{opcode:02X} was not answered", opcode=opcode)
+            return tolerated("op_get_default", option, message)
+        return tolerated(
+            "default_none", "silence", UserMessage("{command} was not answered", command=x.name)
+        )
     if x.name == "jog" and not _is_in_its_notation(x, robot):
         option = "binary" if _is_text(x) else "ascii"
-        message = "the jog was not answered; the controller may expect the other notation"
-        return tolerated("jog_byte", option, message)
+        reason = "the jog was not answered; the controller may expect the other notation"
+        return tolerated("jog_byte", option, reason)
     if x.name == "set_digital_output" and x.request.value.port > OUTPUTS:
         return tolerated("A-3-9", "ignored", "the request to set a port above 16 was not answered")
     if not x.overtaken:
         return inconclusive(
-            UserMessage("no replies from {x} on; the connection may have been lost", x=x.name)
+            UserMessage(
+                "{command} and later requests were not answered; the connection may be lost",
+                command=x.name,
+            )
         )
     if x.pipelined:
         return tolerated(
             "pipelining",
             "one",
             UserMessage(
-                "{x} was not answered; it was sent while another request was pending", x=x.name
+                "{command} was not answered; it was sent while another request was pending",
+                command=x.name,
             ),
         )
     return None
@@ -342,17 +355,17 @@ def _is_text(jog: Exchange) -> bool:
 
 
 def _is_in_its_notation(jog: Exchange, robot: RobotState) -> bool:
-    """Whether the last jog that was answered was written in the same notation (A-4.28-1)."""
+    """Whether the last answered jog used the same notation (A-4.28-1)."""
     last = robot.last.get(jog.name)
     return last is not None and _is_text(last) == _is_text(jog)
 
 
 def _may_be_busy(x: Exchange, robot: RobotState) -> bool:
-    """Whether the robot may have been executing although no frame before `x` says so.
+    """Whether the robot may have been executing although no frame before `x` shows it.
 
-    The "1" of what was asked before was still on its way, or the end of what was accepted last was
-    not seen: its client may have disconnected. Or the robot reports executing what no client here
-    asked for: a program may be begun by another signal (A-4.12-3).
+    The first reply "1" of an earlier request may have been on its way. The end of the last accepted
+    command may be missing, because its client disconnected. The status may show a program that no
+    recorded client started: another signal may start one (A-4.12-3).
     """
     statuses = robot.history.between("get_status", x.time_ns, x.time_ns + _SOON_NS)
     for y in (robot.history.last("get_status", before_ns=x.time_ns), *statuses):
@@ -377,47 +390,46 @@ def result_after_reply(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 def _misplaced(unsolicited: UnsolicitedReply) -> bool:
-    """Whether this is a final result that nothing explains: no delay, no other connection."""
+    """Whether neither a delay nor another connection explains this final result."""
     known = unsolicited.seen.frame.tagged and unsolicited.seen.command is not None
     return known and not unsolicited.late and not unsolicited.elsewhere
 
 
 def _requested_elsewhere(unsolicited: UnsolicitedReply, robot: RobotState) -> bool:
-    """Whether another connection has asked for it, be it that its reply is still on the way."""
-    asked = robot.history.last_requests.get(unsolicited.seen.name)
+    """Whether another connection sent the request; its own reply may still be on the way."""
+    request = robot.history.last_requests.get(unsolicited.seen.name)
     here = unsolicited.seen.place.connection
-    return unsolicited.elsewhere or (asked is not None and asked.place.connection != here)
+    return unsolicited.elsewhere or (request is not None and request.place.connection != here)
 
 
 @rule("3/16", on=UnsolicitedReply, sender=C2A)
 def result_without_request(unsolicited: UnsolicitedReply, robot: RobotState) -> RuleResult | None:
     """A final result without an accepted request before it."""
     if _requested_elsewhere(unsolicited, robot) and not unsolicited.late:
-        what = "a final result of" if unsolicited.seen.frame.tagged else "a reply to"
-        return tolerated(
-            "A-2-9",
-            "elsewhere",
-            UserMessage(
-                "{what} {seen} came on a connection that had not asked for it",
-                what=what,
-                seen=unsolicited.seen.name,
-            ),
+        template = (
+            "a final result of {command} came on a connection that did not request it"
+            if unsolicited.seen.frame.tagged
+            else "a reply to {command} came on a connection that did not request it"
         )
+        message = UserMessage(template, command=unsolicited.seen.name)
+        return tolerated("A-2-9", "elsewhere", message)
     if not _misplaced(unsolicited):
         return None
     name = unsolicited.seen.name
     waiting = next((x for x in unsolicited.waiting if x.name == name), None)
     if waiting:
         return failed(
-            UserMessage("the final result of {name} came before its first reply", name=name),
+            UserMessage("the final result of {command} came before its first reply", command=name),
             expected="the first reply first",
             observed="the final result first",
             at=(waiting.request.place, unsolicited.seen.place),
         )
     if unsolicited.after:
-        return None  # 3/17 and 3/18 tell these apart
+        return None  # 3/17 or 3/18 judges it
     return failed(
-        UserMessage("the controller sent a final result of {name} without a request", name=name),
+        UserMessage(
+            "the controller sent a final result of {command} without a request", command=name
+        ),
         expected="no final result",
         observed=show(unsolicited.seen.frame.data),
     )
@@ -425,7 +437,7 @@ def result_without_request(unsolicited: UnsolicitedReply, robot: RobotState) -> 
 
 @rule("3/17", on=Exchange, sender=A2C)
 def no_result_after_refusal(x: Exchange, _: RobotState) -> RuleResult | None:
-    """A refusal ends the command; a result that still comes is an `UnsolicitedReply`."""
+    """A refusal ends the command; a later result is an `UnsolicitedReply`."""
     two_stage = x.command is not None and x.command.two_stage
     return PASSED if two_stage and x.accepted is False else None
 
@@ -438,7 +450,8 @@ def result_after_refusal(unsolicited: UnsolicitedReply, _: RobotState) -> RuleRe
         return None
     return failed(
         UserMessage(
-            "the controller sent a final result although {after} was refused", after=after.name
+            "the controller sent a final result although {command} was refused",
+            command=after.name,
         ),
         expected="no final result",
         observed=show(unsolicited.seen.frame.data),
@@ -455,21 +468,26 @@ def one_result(x: Exchange, _: RobotState) -> RuleResult | None:
         return PASSED
     if x.ending is Ending.UNSEEN:
         return inconclusive(
-            UserMessage("the final result of {x} may be in a gap of the recording", x=x.name)
+            UserMessage(
+                "the final result of {command} may be in a gap of the recording", command=x.name
+            )
         )
     if x.ending is not Ending.UNFINISHED:
         return None
     if x.interrupted_by and x.interrupted_by.name == "jog":
-        return tolerated("A-4.28-5", "replace", "a jog had no final result before the next one")
+        return tolerated(
+            "A-4.28-5", "replace", "a jog had no final result before the next jog replaced it"
+        )
     if x.interrupted_by:
         return tolerated(
             "estop_interrupted",
             "none",
-            UserMessage("the stopped {x} had no final result of its own", x=x.name),
+            UserMessage("the stopped {command} had no final result of its own", command=x.name),
         )
     return failed(
         UserMessage(
-            "{x} was accepted and the robot was idle again, without a final result", x=x.name
+            "{command} was accepted, but the robot became idle without sending a final result",
+            command=x.name,
         ),
         expected="one final result",
         observed="none",
@@ -484,7 +502,7 @@ def second_result(unsolicited: UnsolicitedReply, _: RobotState) -> RuleResult | 
     if not _misplaced(unsolicited) or not after or not after.result:
         return None
     return failed(
-        UserMessage("the controller sent a second final result of {after}", after=after.name),
+        UserMessage("the controller sent a second final result of {command}", command=after.name),
         expected="one final result",
         observed="a second one",
         at=(*(seen.place for seen in after.frames), unsolicited.seen.place),

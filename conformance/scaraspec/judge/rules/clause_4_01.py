@@ -20,9 +20,9 @@ def request_holds_a_password(seen: FrameSeen, _: RobotState) -> RuleResult | Non
 
 
 def _right_before(x: Exchange, robot: RobotState) -> bool | None:
-    """Return whether this password was accepted last and not changed since; None if unknown.
+    """Return whether this is the last accepted password, not changed since; None if unknown.
 
-    Quotation marks or a NUL may or may not make it another password (A-0-3, A-T-3).
+    Whether quotation marks or a NUL make it another password is open (A-0-3, A-T-3).
     """
     before = robot.last.get("login")
     if before is None or not before.accepted:
@@ -34,7 +34,7 @@ def _right_before(x: Exchange, robot: RobotState) -> bool | None:
 
 @rule("4.1/2", on=Exchange, names=_LOGIN)
 def right_password_accepted(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """A correct password is answered "1" (L111-114): correct is what was accepted before.
+    """A correct password is answered "1" (L111-114): one that was accepted before is correct.
 
     A controller may refuse further clients while one is logged in (A-2-2).
     """
@@ -49,7 +49,7 @@ def right_password_accepted(x: Exchange, robot: RobotState) -> RuleResult | None
     if others or not _right_before(x, robot):
         return None
     return failed(
-        "a password that had been accepted was refused, though it was not changed",
+        "a previously accepted password was refused, although no other was set",
         expected="1",
         observed="0",
     )
@@ -57,7 +57,7 @@ def right_password_accepted(x: Exchange, robot: RobotState) -> RuleResult | None
 
 @rule("4.1/3", on=Exchange, names=_LOGIN)
 def wrong_password_refused(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """A wrong password is answered "0" (L116-119): wrong is what differs from the correct one."""
+    """A wrong password, one that differs from the correct one, is answered "0" (L116-119)."""
     if x.accepted is None:
         return None
     if not x.accepted:
@@ -65,7 +65,7 @@ def wrong_password_refused(x: Exchange, robot: RobotState) -> RuleResult | None:
     if _right_before(x, robot) is not False:
         return None
     return failed(
-        "two different passwords were accepted, though none was set between them",
+        "two different passwords were accepted, although none was set between them",
         expected="0",
         observed="1",
     )
@@ -82,7 +82,7 @@ def nothing_after_a_refused_login(x: Exchange, _: RobotState) -> RuleResult | No
     if not x.refused_login:
         return PASSED if x.logged_in else None
     return failed(
-        UserMessage("{x} was sent after a refused login", x=x.name),
+        UserMessage("{command} was sent after a refused login", command=x.name),
         expected="a new login, or nothing",
         observed=x.name,
         at=(x.refused_login.place, x.request.place),

@@ -45,7 +45,7 @@ def idle(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 
 def _state(x: Exchange, _: RobotState, *, name: str) -> RuleResult | None:
-    """A status given while only this command executed; a fault may win (A-4.8-2).
+    """A status reported while only this command executed; a fault may take precedence (A-4.8-2).
 
     A status 00 is judged at the end of the command: without a final result it may be correct.
     """
@@ -62,10 +62,10 @@ def _state(x: Exchange, _: RobotState, *, name: str) -> RuleResult | None:
         return None  # the two may have been captured in another order
     return failed(
         UserMessage(
-            "the status is {code_text} ({meaning}) while {name} executes",
-            code_text=code.text,
+            "the status is {code} ({meaning}) while {command} executes",
+            code=code.text,
             meaning=code.meaning,
-            name=name,
+            command=name,
         ),
         expected=expected,
         observed=code.text,
@@ -95,7 +95,7 @@ def a_state(x: Exchange, _: RobotState) -> RuleResult | None:
     return tolerated(
         "A-8-3",
         code.text,
-        UserMessage("the status is {code_text}, which is not a robot state", code_text=code.text),
+        UserMessage("the status is {code}, which is not a robot state", code=code.text),
     )
 
 
@@ -109,5 +109,7 @@ def served_while_executing(x: Exchange, _: RobotState) -> RuleResult | None:
     if x.ending is not Ending.UNANSWERED:
         return None
     if not x.certain or not x.overtaken:
-        return inconclusive("the status was not answered while the robot was busy, or is in a gap")
+        return inconclusive(
+            "the status was not answered while the robot was busy, or the reply is in a gap"
+        )
     return tolerated("A-4-3", "not served", "the status was not answered while the robot was busy")

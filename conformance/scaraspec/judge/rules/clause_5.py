@@ -29,7 +29,7 @@ _DOWNLOAD_CHUNK = ("download_chunk",)
 @rule("5.1/1", "5.2/5", on=Exchange, names=_UPLOAD_CHUNK)
 @rule("5.1/1", "5.3/4", on=Exchange, names=_DOWNLOAD_CHUNK)
 def structure(x: Exchange, _: RobotState) -> RuleResult | None:
-    """Content is carried in fileData structures, one a frame (L718-723, L756, L780)."""
+    """Each chunk frame carries one fileData structure (L718-723, L756, L780)."""
     if not x.request.frame.data:
         return None
     size = len(x.request.frame.data)
@@ -69,7 +69,7 @@ def constant_file_size(x: Exchange, _: RobotState) -> RuleResult | None:
     if x.chunk.file_size == transfer.size_bytes:
         return PASSED
     return failed(
-        "the file size changed in the middle of a transfer",
+        "the file size changed during a transfer",
         expected=str(transfer.size_bytes),
         observed=str(x.chunk.file_size),
         at=(x.request.place,),
@@ -85,14 +85,14 @@ def position_is_an_offset(x: Exchange, _: RobotState) -> RuleResult | None:
     """
     if x.chunk is None or x.transfer is None or x.error_signal:
         return None
-    position, due = x.chunk.position, x.expected_position
-    if position == due:
+    position, expected = x.chunk.position, x.expected_position
+    if position == expected:
         return PASSED
-    if due and position != x.transfer.chunks - 1:
+    if expected and position != x.transfer.chunks - 1:
         return None
     return failed(
         "the position is not the byte offset of the chunk",
-        expected=str(due),
+        expected=str(expected),
         observed=str(position),
         at=(x.request.place,),
     )
@@ -143,7 +143,7 @@ def ascending(x: Exchange, _: RobotState) -> RuleResult | None:
     if x.chunk.position == x.expected_position:
         return PASSED
     return failed(
-        "a chunk does not follow the one before it",
+        "a chunk does not follow the previous chunk",
         expected=str(x.expected_position),
         observed=str(x.chunk.position),
         at=(x.request.place,),
@@ -175,10 +175,10 @@ def name_first(x: Exchange, _: RobotState) -> RuleResult | None:
         return PASSED
     if x.previous_transfer is None:
         return failed(
-            "content without a file name before it", observed=x.name, at=(x.request.place,)
+            "content was sent without a file name before it", observed=x.name, at=(x.request.place,)
         )
     if not x.previous_transfer.certain:
-        return inconclusive("the name may be in a gap of the recording")
+        return inconclusive("the file name may be in a gap of the recording")
     return None
 
 
@@ -202,9 +202,7 @@ def short_names(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     return tolerated(
         "name_max",
         "255",
-        UserMessage(
-            "a file name of {seen_text_count} bytes was sent", seen_text_count=len(seen.text)
-        ),
+        UserMessage("a file name of {byte_count} bytes was sent", byte_count=len(seen.text)),
     )
 
 
@@ -225,8 +223,8 @@ def existing_file_refused(x: Exchange, robot: RobotState) -> RuleResult | None:
         return PASSED
     return failed(
         UserMessage(
-            "the upload of {asked} was accepted although the file exists",
-            asked=show(x.request_value),
+            "the upload of {file_name} was accepted although the file exists",
+            file_name=show(x.request_value),
         ),
         expected="0",
         observed="1",
@@ -253,7 +251,8 @@ def no_content_after_refusal(x: Exchange, _: RobotState) -> RuleResult | None:
         return None
     return failed(
         UserMessage(
-            "content was sent although the name {before} had been refused", before=show(before.name)
+            "content was sent although the file name {file_name} was refused",
+            file_name=show(before.name),
         ),
         expected="no content",
         observed="a chunk",
@@ -266,14 +265,14 @@ def no_content_after_refusal(x: Exchange, _: RobotState) -> RuleResult | None:
 def stop_and_wait(x: Exchange, _: RobotState) -> RuleResult | None:
     """The next chunk is sent only after the answer to the previous one (A-5-9).
 
-    A client that gets an extra reply may take it for the reply: replies have no number.
+    A client may mistake an extra reply for the expected one: replies have no number.
     """
     if not x.same_opcode_pending:
         return PASSED
     if x.error_signal or (x.transfer and x.transfer.extra_reply_seen):
         return None
     return failed(
-        "a chunk was sent before the one before it was answered",
+        "a chunk was sent before the previous chunk was answered",
         expected="one chunk outstanding",
         observed="two",
         at=(x.request.place,),
@@ -287,7 +286,7 @@ def one_answer_a_chunk(unsolicited: UnsolicitedReply, _: RobotState) -> RuleResu
         return None
     return failed(
         "the client sent a reply without a pending chunk",
-        expected="one answer a chunk",
+        expected="one answer to each chunk",
         observed="two",
     )
 
@@ -298,10 +297,10 @@ def stops_after_refusal(x: Exchange, _: RobotState) -> RuleResult | None:
     if x.transfer and not x.transfer.resumed:
         return PASSED
     before = x.transfer or x.previous_transfer
-    goes_on = before is not None and (before.resumed or before.reason == REFUSED_CHUNK)
-    if not goes_on or x.error_signal:
+    continues = before is not None and (before.resumed or before.reason == REFUSED_CHUNK)
+    if not continues or x.error_signal:
         return None
-    return tolerated("A-5-14", "goes on", "a chunk was sent after one had been refused")
+    return tolerated("A-5-14", "goes on", "a chunk was sent after a chunk was refused")
 
 
 @rule("5.2/13", on=Exchange, names=_CHUNKS)
@@ -314,7 +313,8 @@ def nothing_after_the_end(x: Exchange, _: RobotState) -> RuleResult | None:
         return None
     return failed(
         UserMessage(
-            "a chunk was sent after the transfer of {before} was complete", before=show(before.name)
+            "a chunk was sent after the transfer of {file_name} was complete",
+            file_name=show(before.name),
         ),
         expected="nothing",
         observed="a chunk",
@@ -330,7 +330,7 @@ def no_second_last_answer(unsolicited: UnsolicitedReply, _: RobotState) -> RuleR
     if not last or not complete or unsolicited.late or not unsolicited.certain:
         return None
     return failed(
-        "an upload was answered once more although it was complete",
+        "a second reply was sent to the last chunk of a complete upload",
         expected="nothing",
         observed="a second answer",
         at=(*places_of(last), unsolicited.seen.place),
@@ -353,19 +353,20 @@ def reads_back(transfer: Transfer, robot: RobotState) -> RuleResult | None:
     stored = robot.files.get(transfer.name)
     if transfer.upload or transfer.state is not TransferState.DONE or stored is None:
         return None
-    first, size, due = transfer.first_difference, transfer.received_bytes, stored.received_bytes
-    if first < 0 and size == due:
+    first, size = transfer.first_difference, transfer.received_bytes
+    expected_size = stored.received_bytes
+    if first < 0 and size == expected_size:
         return PASSED
-    first = first if first >= 0 else min(size, due)
+    first = first if first >= 0 else min(size, expected_size)
     sent, got = (bytes(t.content[first : first + 8]).hex(" ") for t in (stored, transfer))
     chunk = (transfer.differing_chunk.place,) if transfer.differing_chunk else ()
     return failed(
         UserMessage(
-            "{transfer} was downloaded otherwise than it was uploaded, from byte {first} on",
-            transfer=show(transfer.name),
-            first=first,
+            "the download of {file_name} differs from its upload, from byte {offset} on",
+            file_name=show(transfer.name),
+            offset=first,
         ),
-        expected=f"{due} bytes, at {first}: {sent}",
+        expected=f"{expected_size} bytes, at {first}: {sent}",
         observed=f"{size} bytes, at {first}: {got}",
         at=(*places_of(stored), *places_of(transfer), *chunk),
     )
@@ -373,7 +374,7 @@ def reads_back(transfer: Transfer, robot: RobotState) -> RuleResult | None:
 
 @rule("5.3/4", on=Exchange, names=_DOWNLOAD_CHUNK)
 def content_after_the_reply(x: Exchange, _: RobotState) -> RuleResult | None:
-    """The first chunk comes after the reply to the name, not ahead of it (L777; A-5-23)."""
+    """The first chunk comes after the reply to the file name (L777; A-5-23)."""
     opening = x.transfer.opening if x.transfer else None
     if opening is None or opening.reply is None:
         return None
@@ -396,14 +397,14 @@ def content_follows(transfer: Transfer, robot: RobotState) -> RuleResult | None:
     if stored is None or not stored.received_bytes:
         return inconclusive(
             UserMessage(
-                "{transfer} may be empty: it was promised and did not come",
-                transfer=show(transfer.name),
+                "the download of {file_name} was accepted without content; the file may be empty",
+                file_name=show(transfer.name),
             )
         )
     return failed(
         UserMessage(
-            "the download of {transfer} was accepted, and no content followed",
-            transfer=show(transfer.name),
+            "the download of {file_name} was accepted, but no content followed",
+            file_name=show(transfer.name),
         ),
         expected="a chunk",
         observed="silence",

@@ -18,7 +18,6 @@ from scaraspec.judge.rules.settings import in_force
 from scaraspec.traffic.events import Exchange
 from scaraspec.traffic.exchange_history import answered_ns
 from scaraspec.traffic.robot_state import RobotState
-from scaraspec.user_message import UserMessage
 
 _TOLERANCE_S: Final = 2.0
 _DRIFT: Final = 0.01
@@ -31,13 +30,13 @@ _NS_PER_S: Final = 1_000_000_000
 
 
 def elapsed_s(first: Exchange, then: Exchange) -> tuple[float, float]:
-    """The least and the most time between the two moments at which two requests were served."""
+    """Return the minimum and the maximum time between the execution of two requests, in s."""
     least_ns = then.time_ns - answered_ns(first)
     return max(least_ns, 0) / _NS_PER_S, (answered_ns(then) - first.time_ns) / _NS_PER_S
 
 
 def off_by_s(advance_s: float, first: Exchange, then: Exchange) -> float:
-    """How far a clock that advanced so much is off the recording's, beyond all tolerance."""
+    """Return by how many seconds an advance is off the recording's clock, beyond the tolerance."""
     least_s, most_s = elapsed_s(first, then)
     tolerance_s = _TOLERANCE_S + _DRIFT * most_s
     return max(least_s - tolerance_s - advance_s, advance_s - most_s - tolerance_s, 0.0)
@@ -46,11 +45,11 @@ def off_by_s(advance_s: float, first: Exchange, then: Exchange) -> float:
 def contradicted(
     earlier: Sequence[Exchange], x: Exchange, advance_s: Callable[[Exchange, Exchange], float]
 ) -> tuple[Exchange, bool] | None:
-    """The earlier reading that `x` contradicts, and whether a single step explains it.
+    """Return the earlier reply that `x` contradicts, and whether a single step explains it.
 
-    It is compared with the previous one and, for slow errors, with the first. A clock that lags
-    suddenly may mean that the recorder's clock was set ahead; it is reported once. If that was
-    set back the recording says so.
+    `x` is compared with the previous reply and, to find slow errors, with the first one. A clock
+    that suddenly lags may mean that the recorder's clock was set ahead; this is reported once. The
+    recording itself shows if its clock was set back.
     """
     for y in (earlier[-1], earlier[0]):
         if advance_s(y, x) < 0:
@@ -70,7 +69,7 @@ def contradicted(
 
 @rule("4.5/4", on=Exchange, names=("get_time",))
 def clock_as_set(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """After "1" 0x07 gives the set time and what has passed since, within 2 s (L169, L186)."""
+    """After "1" 0x07 returns the set time plus the elapsed time, within 2 s (L169, L186)."""
     setting = in_force("set_time", x, robot)
     if setting is None or x.reply_value is None or x.time_ns - setting.time_ns > _SOON_NS:
         return None
@@ -78,8 +77,8 @@ def clock_as_set(x: Exchange, robot: RobotState) -> RuleResult | None:
     if not off_by_s(advance_s, setting, x):
         return PASSED
     return failed(
-        "the clock does not give the time that was set, and what has passed since",
-        expected=f"{setting.request_value} and {elapsed_s(setting, x)[0]:.0f} s",
+        "the clock does not show the time that was set plus the elapsed time",
+        expected=f"{setting.request_value} plus {elapsed_s(setting, x)[0]:.0f} s",
         observed=str(x.reply_value),
         at=(*places_of(setting), *places_of(x)),
     )
@@ -87,27 +86,33 @@ def clock_as_set(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 @rule("4.6/4", on=Exchange, names=("get_time",))
 def clock_runs(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """Readings on one connection never go back, and advance one second per second (L186)."""
+    """The time never goes back on one connection, and advances one second per second (L186)."""
     earlier = [y for y in robot.history.recent.get("get_time", ()) if _comparable(y, x, robot)]
     if not earlier or x.reply_value is None:
         return None
-    found = contradicted(earlier, x, lambda y, z: (z.reply_value - y.reply_value).total_seconds())
-    if found is None:
+    contradiction = contradicted(
+        earlier, x, lambda y, z: (z.reply_value - y.reply_value).total_seconds()
+    )
+    if contradiction is None:
         return PASSED
-    y, step = found
+    y, step = contradiction
     if _is_summer_time(y, x):
-        message = "the clock went by an hour in the night to a Sunday, as summer time does"
+        message = "the clock changed by one hour early on a Sunday, as local summer time does"
         return tolerated("A-4.5-1", "local time", message)
     if step:
-        return inconclusive("the robot's clock or the recording's was set between two readings")
+        return inconclusive(
+            "the clock of the robot or of the recorder was set between two requests"
+        )
     advance_s = (x.reply_value - y.reply_value).total_seconds()
     if advance_s < 0:
-        wrong = "went back"
+        message = "the clock went back"
+    elif advance_s:
+        message = "the clock does not advance by one second per second"
     else:
-        wrong = "does not run at one second a second" if advance_s else "stood still"
+        message = "the clock does not advance"
     least_s, most_s = elapsed_s(y, x)
     return failed(
-        UserMessage("the clock {wrong}", wrong=wrong),
+        message,
         expected=f"{least_s:.1f} to {most_s:.1f} s later than {y.reply_value}",
         observed=f"{advance_s:.0f} s",
         at=(*places_of(y), *places_of(x)),
@@ -115,9 +120,9 @@ def clock_runs(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 
 def _is_summer_time(y: Exchange, x: Exchange) -> bool:
-    """Whether the clock is an hour off, and a Sunday began between the two or just before them.
+    """Whether the clock is one hour off, and a Sunday began between the two or just before them.
 
-    Local time does so, and whether it is that or UTC is open (A-4.5-1).
+    Local time changes so; whether the clock shows local time or UTC is open (A-4.5-1).
     """
     advance_s = (x.reply_value - y.reply_value).total_seconds()
     if all(off_by_s(advance_s + hour_s, y, x) for hour_s in (-3600, 3600)):
@@ -128,7 +133,7 @@ def _is_summer_time(y: Exchange, x: Exchange) -> bool:
 
 
 def _comparable(y: Exchange, x: Exchange, robot: RobotState) -> bool:
-    """Whether the clock must have run from one reading to the other."""
+    """Whether nothing set or stopped the clock between the two requests."""
     changes = (robot.history.last_requests.get(name) for name in ("set_time", "shutdown"))
     return (
         y.reply_value is not None

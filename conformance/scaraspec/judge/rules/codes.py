@@ -31,7 +31,7 @@ def code_is_text(seen: FrameSeen, _: RobotState) -> RuleResult | None:
         return None
     if code and all(0x20 <= byte < 0x7F for byte in code):  # noqa: PLR2004 - printable ASCII
         return PASSED
-    return failed("a code is no text", expected="two characters", observed=code.hex(" "))
+    return failed("a code is not text", expected="two characters", observed=code.hex(" "))
 
 
 @rule("8/2", on=FrameSeen, sender=C2A, payload=has_codes)
@@ -43,7 +43,7 @@ def code_of_the_table(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     if errors.lookup(code.decode("ascii")):
         return PASSED
     return failed(
-        "a code that table 8-1 does not have",
+        "table 8-1 does not contain the code",
         expected="a code of the table",
         observed=observed(seen),
     )
@@ -60,5 +60,5 @@ def no_reserved_code(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     return tolerated(
         "A-8-3",
         code.text,
-        UserMessage("the reserved code {code_text} was sent", code_text=code.text),
+        UserMessage("the reserved code {code} was sent", code=code.text),
     )

@@ -9,7 +9,6 @@ from scaraspec.protocol.frames import TAG, SkipReason
 from scaraspec.protocol.redaction import mask_unframed
 from scaraspec.protocol.wrong_lengths import find_copied_length
 from scaraspec.traffic.events import InvalidBytes
-from scaraspec.user_message import UserMessage
 
 _SHORTEST_FRAME_BYTES: Final = 4
 _HEAD_BYTES: Final = 3  # start, opcode, length
@@ -30,9 +29,9 @@ class Fault(Enum):
 
 
 class Diagnosis(NamedTuple):
-    """The fault, what was due and what was there, and a hint at its origin.
+    """The fault, the expected and the observed value, and a hint at the cause.
 
-    `surplus_bytes` is, of a wrong length, how many data bytes there were beyond it.
+    `surplus_bytes` is the number of data bytes beyond a wrong length.
     """
 
     fault: Fault
@@ -42,51 +41,49 @@ class Diagnosis(NamedTuple):
     surplus_bytes: int = 0
 
 
-def diagnose(found: InvalidBytes) -> Diagnosis:
-    """Name the one thing that is wrong with a run of bytes between frames."""
-    data, direction = found.data, found.place.direction
+def diagnose(invalid: InvalidBytes) -> Diagnosis:
+    """Return the one fault of a run of bytes between frames."""
+    data, direction = invalid.data, invalid.place.direction
     if _FOREIGN.match(data):
         return Diagnosis(Fault.NONE)
-    tagged = data[1:2] == bytes((TAG,)) and found.reason is not SkipReason.STRAY
+    tagged = data[1:2] == bytes((TAG,)) and invalid.reason is not SkipReason.STRAY
     if tagged and direction is A2C and len(data) > _HEAD_BYTES and len(data) == data[3] + 5:
-        return Diagnosis(Fault.TAG, "no tag", UserMessage("{tag:02X}", tag=TAG))
+        return Diagnosis(Fault.TAG, "no tag", f"{TAG:02X}")
     head = _HEAD_BYTES + (tagged and direction is C2A)
-    if (
-        found.reason is SkipReason.TRUNCATED
-    ):  # no fault, unless it waits for bytes that were never meant
-        explained = _length(found, head)
+    if invalid.reason is SkipReason.TRUNCATED:
+        # No fault, unless a wrong length announces bytes that do not exist.
+        explained = _length(invalid, head)
         return explained if explained.hint else Diagnosis(Fault.NONE)
-    if found.reason is SkipReason.STRAY:
-        return _wrong_start(found) or _stray(found)
+    if invalid.reason is SkipReason.STRAY:
+        return _wrong_start(invalid) or _stray(invalid)
     if len(data) < head or (len(data) == _HEAD_BYTES and data[-1]):
-        return _stray(found)  # a start byte that begins nothing
+        return _stray(invalid)  # a start byte without a frame
     declared = data[head - 1]
     if len(data) == head + declared + 1:
         observed = "another byte" if mask_unframed(data) != data else f"{data[-1]:02X}"
         return Diagnosis(Fault.END, f"{direction.end:02X}", observed)
     if data[-1] == direction.end:
-        return _length(found, head)
-    if len(data) == head + declared:  # the end byte begins a frame, so it is reported with that
-        return Diagnosis(
-            Fault.END, f"{direction.end:02X}", UserMessage("{start:02X}", start=direction.start)
-        )
+        return _length(invalid, head)
+    if len(data) == head + declared:  # the next frame starts in place of the end byte
+        return Diagnosis(Fault.END, f"{direction.end:02X}", f"{direction.start:02X}")
     return Diagnosis(Fault.UNCLEAR)
 
 
-def _stray(found: InvalidBytes) -> Diagnosis:
+def _stray(invalid: InvalidBytes) -> Diagnosis:
     return Diagnosis(
         Fault.STRAY,
         "nothing",
-        UserMessage("{length_bytes} bytes", length_bytes=found.place.length_bytes),
+        f"{invalid.place.length_bytes} bytes",
     )
 
 
-def _wrong_start(found: InvalidBytes) -> Diagnosis | None:
-    """A frame but for its start byte; one of the other direction lacks its end byte as well.
+def _wrong_start(invalid: InvalidBytes) -> Diagnosis | None:
+    """A frame that is valid except for its start byte.
 
-    That byte is a start byte of this direction, so it is not part of these bytes.
+    The last byte of a frame of the other direction is a start byte of this direction, so it is not
+    part of these bytes.
     """
-    data, direction = found.data, found.place.direction
+    data, direction = invalid.data, invalid.place.direction
     if len(data) < _HEAD_BYTES:
         return None
     expected, observed = f"{direction.start:02X}", f"{data[0]:02X}"
@@ -98,15 +95,15 @@ def _wrong_start(found: InvalidBytes) -> Diagnosis | None:
     return None
 
 
-def _length(found: InvalidBytes, head: int) -> Diagnosis:
-    """A length byte that is not the number of data bytes, and perhaps where it comes from."""
-    data = found.data
+def _length(invalid: InvalidBytes, head: int) -> Diagnosis:
+    """A length byte that is not the number of data bytes, with its likely origin as the hint."""
+    data = invalid.data
     if len(data) <= head:
         return Diagnosis(Fault.UNCLEAR)
-    declared, true_bytes = data[head - 1], found.place.length_bytes - head - 1
-    copied = find_copied_length(found.place.direction, data)
+    declared, true_bytes = data[head - 1], invalid.place.length_bytes - head - 1
+    copied = find_copied_length(invalid.place.direction, data)
     hint = f"copied from the document's example, L{copied.line}" if copied else ""
-    if declared == found.place.length_bytes and data[-1] == found.place.direction.end:
-        hint = hint or "the whole frame is counted"
+    if declared == invalid.place.length_bytes and data[-1] == invalid.place.direction.end:
+        hint = hint or "it counts the whole frame"
     surplus = true_bytes - declared
     return Diagnosis(Fault.LENGTH, f"{true_bytes}", str(declared), hint, surplus)

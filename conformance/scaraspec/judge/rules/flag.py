@@ -16,11 +16,11 @@ def one_flag(x: Exchange, _: RobotState) -> RuleResult | None:
         return None
     if x.reply.frame.data in (b"0", b"1"):
         return PASSED
-    complaints = x.reply.parsed.decoded.issues
-    if complaints and all(c.defect in _OF_THE_TEXT for c in complaints):
+    issues = x.reply.parsed.decoded.issues
+    if issues and all(c.defect in _OF_THE_TEXT for c in issues):
         return None
     return failed(
-        UserMessage("the answer to {x} is not one flag", x=x.name),
+        UserMessage("the answer to {command} is not one flag", command=x.name),
         expected="1 or 0",
         observed=observed(x.reply),
     )

@@ -1,4 +1,4 @@
-"""The form of each command's payloads: one table for all clauses with the same requirement.
+"""The form of each command's payloads: a table for requirements that several clauses share.
 
 The modules of the clauses judge the meaning of the values.
 """
@@ -109,7 +109,7 @@ _REPLY_LENGTH: Final = {
     "get_digital_inputs": "4.31/4",
     "get_digital_outputs": "4.34/4",
 }
-"""Replies that the document itself draws with a wrong length (section 11 of the register)."""
+"""Replies that the document prints with a wrong length (section 11 of the register)."""
 
 _SET_POSITION: Final = 0x36
 _PORT_DIGITS: Final = 2
@@ -126,43 +126,43 @@ def _empty_request(seen: FrameSeen, _: RobotState) -> RuleResult | None:
 
 
 def _form(
-    seen: FrameSeen, _: RobotState, *, part: str, wrongs: Collection[Defect]
+    seen: FrameSeen, _: RobotState, *, part: str, defects: Collection[Defect]
 ) -> RuleResult | None:
     """Fail if the payload has one of these defects."""
     if not seen.parsed or seen.parsed.part != part:
         return None
     payload, decoded = payload_of(seen), seen.parsed.decoded
-    for complaint in decoded.issues:
-        if complaint.defect in wrongs:
+    for issue in decoded.issues:
+        if issue.defect in defects:
             form = payload.form if payload else ""
-            return failed(complaint.text, expected=form, observed=observed(seen))
-    readable = all(complaint.defect not in _OF_THE_TEXT for complaint in decoded.issues)
+            return failed(issue.text, expected=form, observed=observed(seen))
+    readable = all(issue.defect not in _OF_THE_TEXT for issue in decoded.issues)
     return PASSED if readable else None
 
 
 @rule("4.24/1", on=FrameSeen, names=_MOVE, sender=A2C)
 def seven_numbers(seen: FrameSeen, robot: RobotState) -> RuleResult | None:
-    """The request holds seven numbers (L483-486); 4.24/2 judges that the first is an integer."""
-    judged = _form(seen, robot, part="request", wrongs=_COUNT)
-    notes = Diagnostics()
+    """The request contains seven numbers (L483-486); 4.24/2 requires the first to be an integer."""
+    result = _form(seen, robot, part="request", defects=_COUNT)
+    diagnostics = Diagnostics()
     texts = normalize(seen.frame.data, Diagnostics()).removesuffix(b"|").split(b"|")  # A-T-4
-    for text in texts if judged is PASSED else ():
-        _NUMBER.read(text.strip(b" "), notes)
-    if not notes.issues:
-        return judged
-    return failed(notes.issues[0].text, expected="seven numbers", observed=observed(seen))
+    for text in texts if result is PASSED else ():
+        _NUMBER.read(text.strip(b" "), diagnostics)
+    if not diagnostics.issues:
+        return result
+    return failed(diagnostics.issues[0].text, expected="seven numbers", observed=observed(seen))
 
 
 @rule("4.24/2", on=FrameSeen, names=_MOVE, sender=A2C)
 def speed_in_percent(seen: FrameSeen, robot: RobotState) -> RuleResult | None:
     """Speed is an integer percentage, 1 to 100 (L488; A-4.24-4)."""
-    if _form(seen, robot, part="request", wrongs=_COUNT) is not PASSED:
+    if _form(seen, robot, part="request", defects=_COUNT) is not PASSED:
         return None
     text = normalize(seen.frame.data, Diagnostics()).split(b"|")[0]
     if text.isdigit() and len(text) <= _SPEED_DIGITS and 1 <= int(text) <= 100:  # noqa: PLR2004 - percent
         return PASSED
     return failed(
-        UserMessage("the speed is {text!r}", text=show(text)),
+        UserMessage("the speed is {speed!r}", speed=show(text)),
         expected="an integer, 1 to 100",
         observed=show(text),
     )
@@ -185,9 +185,11 @@ def _wrong_length(found: InvalidBytes) -> RuleResult | None:
     diagnosis = diagnose(found)
     if diagnosis.fault is not Fault.LENGTH:
         return None
-    hint = f" ({diagnosis.hint})" if diagnosis.hint else ""
+    message = "the length is not the number of data bytes"
+    if diagnosis.hint:
+        message = UserMessage("{problem} ({hint})", problem=message, hint=diagnosis.hint)
     return failed(
-        UserMessage("the length is not the number of data bytes{hint}", hint=hint),
+        message,
         expected=diagnosis.expected,
         observed=diagnosis.observed,
         at=(found.place,),
@@ -196,13 +198,13 @@ def _wrong_length(found: InvalidBytes) -> RuleResult | None:
 
 @rule("4.21/6", on=FrameSeen, names=("set_initial_tool_position",), sender=A2C)
 def length_of_a_position(_seen: FrameSeen, _: RobotState) -> RuleResult | None:
-    """A request that was found has its real length: 23 for the documented text (L450)."""
+    """A valid frame has its real length: 23 for the documented text (L450)."""
     return PASSED
 
 
 @rule("4.21/6", on=InvalidBytes, sender=A2C)
 def wrong_length_of_a_position(found: InvalidBytes, _: RobotState) -> RuleResult | None:
-    """A request whose length is not that of its bytes, such as the printed 25 (A-4.21-1)."""
+    """The length is not the number of data bytes, such as the printed 25 (A-4.21-1)."""
     return _wrong_length(found) if found.data[1:2] == bytes((_SET_POSITION,)) else None
 
 
@@ -218,9 +220,9 @@ def port_in_two_characters(seen: FrameSeen, _: RobotState) -> RuleResult | None:
 for _name, _requirement in _EMPTY_REQUEST.items():
     rule(_requirement, on=FrameSeen, names=(_name,), sender=A2C)(_empty_request)
 for _part, _table in (("request", _REQUEST), ("reply", _REPLY)):
-    for _requirement, (_name, _wrongs) in _table.items():
+    for _requirement, (_name, _defects) in _table.items():
         rule(_requirement, on=FrameSeen, names=(_name,))(
-            partial(_form, part=_part, wrongs=frozenset(_wrongs))
+            partial(_form, part=_part, defects=frozenset(_defects))
         )
 for _name, _requirement in _FLAG_REPLY.items():
     rule(_requirement, on=Exchange, names=(_name,))(one_flag)

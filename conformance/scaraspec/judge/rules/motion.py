@@ -36,12 +36,12 @@ _AXES: Final = {
     JogDirection.PLUS_X: (0, 1),
     JogDirection.MINUS_X: (0, -1),
 }
-"""Where a jog goes: 0 for x and 1 for y, and the sign."""
+"""The axis of a jog, 0 for x and 1 for y, and the sign of the motion."""
 _RUN: Final = "run_program"
 _VISIBLE: Final = 20.0
-"""mm and degrees that joint angles show whatever their number of decimals."""
+"""A change of the pose (mm, degrees) that joint angles show even without decimals."""
 _REACHED: Final = 1.0
-"""mm and degrees by which a pose that was reached may be off (4.24/8)."""
+"""Tolerance of a commanded pose in mm and degrees (4.24/8)."""
 _BEYOND_ALL_REACH_MM: Final = 1_000_000
 
 
@@ -50,7 +50,7 @@ _BEYOND_ALL_REACH_MM: Final = 1_000_000
 
 @rule("4.24/8", on=Exchange, names=(POSE,))
 def pose_is_reached(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """After "11" 0x38 gives the commanded pose within 1 mm and 1 degree (L504, L476)."""
+    """After "11" 0x38 returns the commanded pose within 1 mm and 1 degree (L504, L476)."""
     move = last_motion(x, robot)
     if move is None or move.name != MOVE or not move.request_value or not x.reply_value:
         return None
@@ -97,13 +97,13 @@ def out_of_reach(x: Exchange, _: RobotState) -> RuleResult | None:
         or max(abs(value) for value in x.request_value[1:4]) < _BEYOND_ALL_REACH_MM
     ):
         return None
-    said = x.reply_value if x.accepted is False else x.outcome
-    if said and said.code in ("05", "06"):
+    failure = x.reply_value if x.accepted is False else x.outcome
+    if failure and failure.code in ("05", "06"):
         return PASSED
     if not x.outcome or not x.outcome.done:
         return None
     return failed(
-        "a target beyond all reach is reported as reached",
+        "the controller reports that it reached a target far out of reach",
         expected="05 or 06",
         observed="11",
     )
@@ -111,7 +111,7 @@ def out_of_reach(x: Exchange, _: RobotState) -> RuleResult | None:
 
 @rule("4.27/6", on=Exchange, names=(JOINTS, POSE))
 def joints_follow_the_pose(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """What changed the tool coordinates changed the joint angles too (L591, L1004)."""
+    """A motion that changed the tool coordinates also changed the joint angles (L591, L1004)."""
     motion = last_motion(x, robot)
     return _consistent(motion, x, robot) if motion and motion.name != _RUN else None
 
@@ -124,7 +124,7 @@ def one_geometry(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 
 def _consistent(motion: Exchange, x: Exchange, robot: RobotState) -> RuleResult | None:
-    """Whether the joint angles tell apart two poses, before and after a motion."""
+    """Check that the joint angles differ if the poses before and after a motion differ."""
     if motion.name not in MOTIONS:
         return None
     pair = _around(motion, x, robot)
@@ -142,7 +142,7 @@ _Two = tuple[Exchange, Exchange]
 
 
 def _around(motion: Exchange, x: Exchange, robot: RobotState) -> tuple[_Two, _Two] | None:
-    """Joints and pose before and after a motion; `x` is one of the two after it."""
+    """Return joint angles and poses before and after a motion; `x` is one of the two after it."""
     if answered_ns(x) - ended_ns(motion) > MOMENT_NS:
         return None
     other = POSE if x.name == JOINTS else JOINTS
@@ -163,7 +163,7 @@ def _around(motion: Exchange, x: Exchange, robot: RobotState) -> tuple[_Two, _Tw
 
 @rule("4.28/3", on=Exchange, names=(JOINTS, POSE))
 def jog_direction(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """1, 2, 3, 4 mean +Y, -Y, +X, -X (L605-608); a jog of single joints has none (A-4.28-2)."""
+    """1, 2, 3, 4 mean +Y, -Y, +X, -X (L605-608); for a jog of single joints see A-4.28-2."""
     if last_motion(x, robot) is None:
         return None
     motions = [y for y in robot.history.accepted if y.name != STOP]
@@ -184,7 +184,10 @@ def jog_direction(x: Exchange, robot: RobotState) -> RuleResult | None:
     return changed(
         pose,
         pose_then,
-        f"a jog in direction {jog.request_value} moved the arm in another direction",
+        UserMessage(
+            "a jog in direction {direction} moved the arm in another direction",
+            direction=jog.request_value,
+        ),
     )
 
 
@@ -196,7 +199,7 @@ def jog_ends(x: Exchange, _: RobotState) -> RuleResult | None:
 
 @rule("4.28/8", on=Exchange, names=("get_status",))
 def jog_goes_on(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """A robot that still moves after a successful stop was not stopped."""
+    """A robot whose status is still that of a jog after a successful stop did not stop."""
     if len(robot.history.accepted) < 2 or x.reply_value != STATE_OF[JOG]:  # noqa: PLR2004 - jog and stop
         return None
     jog, stop = list(robot.history.accepted)[-2:]
@@ -223,5 +226,5 @@ def four_of_six(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     if not seen.value.theta_y and not seen.value.theta_z:
         return PASSED
     return tolerated(
-        "A-4.21-3", "not 0", UserMessage("thetaY and thetaZ are sent: {seen}", seen=observed(seen))
+        "A-4.21-3", "not 0", UserMessage("thetaY or thetaZ is not 0: {pose}", pose=observed(seen))
     )

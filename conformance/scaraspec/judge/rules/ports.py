@@ -1,4 +1,4 @@
-"""Clauses 4.32 and 4.34: digital outputs that were set, and where they show."""
+"""Clauses 4.32 and 4.34: setting digital outputs, and their positions in the reply to 0x49."""
 
 from typing import Final
 
@@ -38,18 +38,20 @@ def zero_or_one(seen: FrameSeen, _: RobotState) -> RuleResult | None:
 
 @rule("4.32/3", on=FrameSeen, names=(_SET,), sender=A2C)
 def only_outputs(seen: FrameSeen, _: RobotState) -> RuleResult | None:
-    """The client addresses digital outputs, of which 0x49 shows sixteen (L655; A-4.32-3)."""
+    """The client addresses one of the 16 digital outputs that 0x49 reports (L655; A-4.32-3)."""
     if seen.value is None:
         return None
     if 1 <= seen.value.port <= OUTPUTS:
         return PASSED
     return failed(
-        "the port may be no digital output", expected="1 to 16", observed=str(seen.value.port)
+        "the port is outside the range of the digital outputs",
+        expected="1 to 16",
+        observed=str(seen.value.port),
     )
 
 
 def _setting(x: Exchange, robot: RobotState) -> Exchange | None:
-    """The setting of an output that 0x49 must show, where that is sure."""
+    """Return the last setting of an output that 0x49 must report; None if uncertain."""
     setting = in_force(_SET, x, robot)
     if setting is None or x.reply_value is None or setting.request_value.port > OUTPUTS:
         return None
@@ -57,20 +59,20 @@ def _setting(x: Exchange, robot: RobotState) -> Exchange | None:
 
 
 def _may_be_off(since_ns: int, robot: RobotState) -> bool:
-    """Whether outputs may have been switched off since then; a stop that is refused may do so."""
+    """Whether outputs may have been switched off since then; even a refused stop may do so."""
     stop = robot.history.last_requests.get("emergency_stop")
     stopped = stop is not None and stop.place.time_ns >= since_ns
     return stopped or executed_since(since_ns, robot, _CHANGERS)
 
 
 def _with(bits: str, port: int, value: int) -> str:
-    """The digits with one port set; the rightmost is port 1 (L684)."""
+    """Return the digits with one port set to this value; the rightmost is port 1 (L684)."""
     at = len(bits) - port
     return f"{bits[:at]}{value}{bits[at + 1 :]}"
 
 
 def _before(x: Exchange, robot: RobotState) -> Exchange | None:
-    """The reading before this one, where only settings can have changed the outputs since."""
+    """Return the previous reply if only recorded settings can have changed the outputs since."""
     before = robot.history.last(x.name, before_ns=x.time_ns)
     if before is None or before.reply_value is None or x.time_ns - before.time_ns > UNSEEN_NS:
         return None
@@ -79,8 +81,8 @@ def _before(x: Exchange, robot: RobotState) -> Exchange | None:
     return None if _may_be_off(before.time_ns, robot) else before
 
 
-def _due(x: Exchange, robot: RobotState) -> str | None:
-    """All that 0x49 must show, by the reading before and what was set since."""
+def _expected_reply(x: Exchange, robot: RobotState) -> str | None:
+    """Return the expected reply to 0x49, from the previous reply and the settings since then."""
     before = _before(x, robot)
     if before is None:
         return None
@@ -89,13 +91,13 @@ def _due(x: Exchange, robot: RobotState) -> str | None:
         return None
     if any(_overlap(setting, y) for setting in robot.history.recent[_SET] for y in (before, x)):
         return None
-    due: str = before.reply_value
+    expected: str = before.reply_value
     for setting in settings:
         if setting.accepted is None or setting.request_value is None:
             return None
         if setting.accepted and 1 <= setting.request_value.port <= OUTPUTS:
-            due = _with(due, *setting.request_value)
-    return due
+            expected = _with(expected, *setting.request_value)
+    return expected
 
 
 def _overlap(x: Exchange, y: Exchange) -> bool:
@@ -104,7 +106,7 @@ def _overlap(x: Exchange, y: Exchange) -> bool:
 
 
 def _shows_mirrored(x: Exchange, setting: Exchange, robot: RobotState) -> bool:
-    """Whether what was set shows as if the leftmost digit were port 1."""
+    """Whether the set value is reported as if the leftmost digit were port 1."""
     before, (port, value) = _before(x, robot), setting.request_value
     mirrored = OUTPUTS + 1 - port
     if before is None:
@@ -115,22 +117,22 @@ def _shows_mirrored(x: Exchange, setting: Exchange, robot: RobotState) -> bool:
 
 @rule("4.32/6", on=Exchange, names=_GET)
 def output_shows(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """After "1" 0x49 shows the value at that port, and no other digit has changed (L655, L684)."""
+    """After "1" 0x49 reports the value at that port; no other digit changes (L655, L684)."""
     setting = _setting(x, robot)
     if setting is None:
         return None
     port, value = setting.request_value
-    expected = _due(x, robot)
+    expected = _expected_reply(x, robot)
     if x.reply_value[-port] != str(value):
         if _shows_mirrored(x, setting, robot):
             return None  # 4.34/3 judges it
-        wrong = f"output {port} does not show the value that was set"
+        message = UserMessage("output {port} does not show the value that was set", port=port)
     elif expected not in (None, x.reply_value):
-        wrong = "an output changed that was not set"
+        message = UserMessage("an output changed that was not set")
     else:
         return PASSED
     return failed(
-        wrong,
+        message,
         expected=expected or f"{value} at port {port}",
         observed=x.reply_value,
         at=(*places_of(setting), *places_of(x)),
@@ -139,7 +141,7 @@ def output_shows(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 @rule("4.34/3", on=Exchange, names=_GET)
 def high_port_first(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """Ports run from 16, leftmost, to 1 (L684; A-4.34-2): a port that is set shows its digit."""
+    """The leftmost digit is port 16, the rightmost is port 1 (L684; A-4.34-2)."""
     setting = _setting(x, robot)
     if setting is None:
         return None
@@ -150,11 +152,11 @@ def high_port_first(x: Exchange, robot: RobotState) -> RuleResult | None:
         return None
     return failed(
         UserMessage(
-            "output {port} is reported at the position of port {outputs}: the order is reversed",
+            "output {port} is reported as port {reported_port}: the order is reversed",
             port=port,
-            outputs=OUTPUTS + 1 - port,
+            reported_port=OUTPUTS + 1 - port,
         ),
-        expected=_due(x, robot) or f"{value} at port {port}",
+        expected=_expected_reply(x, robot) or f"{value} at port {port}",
         observed=x.reply_value,
         at=(*places_of(setting), *places_of(x)),
     )

@@ -1,6 +1,7 @@
-"""Clause 6 over completed uploads: the linter of program files, requirement by requirement.
+"""Clause 6: lint of each completely uploaded program file, requirement by requirement.
 
-Any file may be uploaded: one that neither begins nor ends as a program claims to be none.
+Any file may be uploaded. A file with neither the first nor the last bytes of a program file is not
+checked.
 """
 
 from collections.abc import Mapping
@@ -16,17 +17,18 @@ from scaraspec.protocol.program_files.lint import MAX_FINDINGS
 from scaraspec.protocol.transfer import TransferState
 from scaraspec.traffic.events import Transfer
 from scaraspec.traffic.robot_state import RobotState
+from scaraspec.user_message import UserMessage
 
 _UNREADABLE: Final = {fault.code for fault in ProgramDefect} - {
     ProgramDefect.SURPLUS.code,
     ProgramDefect.SECOND.code,
 }
-"""Defects after which nothing else of the file can be judged."""
+"""Defects that prevent judging the rest of the file."""
 
 
 @lru_cache(maxsize=1)
 def _worst(transfer: Transfer) -> tuple[Mapping[str, LintFinding], bool]:
-    """The worst finding of each requirement, and whether the others are kept."""
+    """Return the worst finding by requirement, and whether requirements without one are met."""
     findings = lint(bytes(transfer.content))
     worst: dict[str, LintFinding] = {}
     for severity in reversed(Severity):
@@ -40,23 +42,25 @@ def _worst(transfer: Transfer) -> tuple[Mapping[str, LintFinding], bool]:
 def _check(transfer: Transfer, _: RobotState, *, requirement: str) -> RuleResult | None:
     """The linter's result for one requirement: an error fails it, a warning is tolerated.
 
-    What is only worth knowing is reported where the requirement leaves a choice.
+    A finding of severity INFO is tolerated if the requirement leaves a choice, and else passes.
     """
     uploaded = transfer.upload and transfer.state is TransferState.DONE and transfer.whole_content
     claims = transfer.content.startswith(MAGIC) or transfer.content.endswith(FOOTER)
     if not uploaded or not claims:
         return None
-    worst, others_kept = _worst(transfer)
+    worst, others_met = _worst(transfer)
     finding = worst.get(requirement)
     if finding is None:
-        return PASSED if others_kept else None
-    said = f"{show(transfer.name)}: {finding}"
+        return PASSED if others_met else None
+    message = UserMessage("{file_name}: {finding}", file_name=show(transfer.name), finding=finding)
     if finding.severity is Severity.ERROR:
-        return failed(said, expected=REQUIREMENTS[requirement].sentence, observed=finding.message)
+        return failed(
+            message, expected=REQUIREMENTS[requirement].sentence, observed=finding.message
+        )
     firm = REQUIREMENTS[requirement].strength is Strength.FIRM
     if finding.severity is Severity.INFO and firm:
         return PASSED
-    return tolerated(REQUIREMENTS[requirement].register[0], finding.code, said)
+    return tolerated(REQUIREMENTS[requirement].register[0], finding.code, message)
 
 
 for _requirement in REQUIREMENTS.values():

@@ -1,4 +1,4 @@
-"""Clauses 4.10 and 4.11 and code 20: which programs exist, by uploads, deletions and lists."""
+"""Clauses 4.10 and 4.11, code 20: stored programs, from uploads, deletions and lists."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -31,14 +31,14 @@ def _names(x: Exchange) -> list[bytes]:
 
 
 def _starts_again(x: Exchange) -> bool:
-    """Whether the next part that was fetched is the first one again."""
+    """Whether a requested next part is the first part again."""
     if not x.reply or not x.parts or x.parts[0] is x.reply:
         return False
     return x.parts[0].frame.data == x.reply.frame.data
 
 
-def _was_due(x: Exchange) -> bool:
-    """Whether a next part was waited for, or nothing but the first one has come for as long."""
+def _pushed_part_missing(x: Exchange) -> bool:
+    """Whether the client waited long enough for a pushed part before it requested again."""
     ahead = list(takewhile(lambda part: part is not x.reply, x.parts))
     again = all(part.frame.data == ahead[0].frame.data for part in ahead)
     since_ns = ahead[0 if again else -1].begun_ns
@@ -68,13 +68,13 @@ def _begun_ns(x: Exchange) -> int:
 
 @rule("4.10/4", on=Exchange, names=_LIST)
 def last_part_says_so(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """The last part of a list begins with "0" (L251): after a "1" another one is due."""
+    """The last part of a list begins with "0" (L251); after "1" another part follows."""
     if _is_complete(x, robot):
         return PASSED
-    if not (_starts_again(x) and _was_due(x) and _is_sure(x, robot)):
+    if not (_starts_again(x) and _pushed_part_missing(x) and _is_sure(x, robot)):
         return None
     return failed(
-        "a list started again although its last part announced another part",
+        "a list started again although the previous part announced another part",
         expected="0 in the last part",
         observed="1",
     )
@@ -87,29 +87,31 @@ def next_part_comes(x: Exchange, _: RobotState) -> RuleResult | None:
         return None
     if x.parts[-1] is not x.reply:
         return PASSED
-    return tolerated("list_cont", "request", "the next part of the list came when asked for")
+    return tolerated(
+        "list_cont", "request", "the next part of the list came only after another request"
+    )
 
 
 @rule("4.10/6", on=Exchange, names=_LIST)
-def no_divided_name(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """No name is divided between two parts (L246): names that are known show it."""
-    seams = [
+def no_split_name(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """No name is split between two parts (L246); known names reveal it."""
+    boundaries = [
         (a.value.names[-1], b.value.names[0])
         for a, b in pairwise(x.parts)
         if a.value and b.value and a.value.names and b.value.names
     ]
-    for head, tail in seams:
+    for head, tail in boundaries:
         if _is_known(head + tail, robot) and _is_sure(x, robot):
             return failed(
-                "a name is divided between two parts of the list",
+                "a name is split between two parts of the list",
                 expected=show(head + tail),
                 observed=f"{show(head)} and {show(tail)}",
             )
-    return PASSED if seams else None
+    return PASSED if boundaries else None
 
 
 def _is_known(name: bytes, robot: RobotState) -> bool:
-    """Whether a program of this name was uploaded, run, or made the default one."""
+    """Whether a program of this name was uploaded, run, or set as the default program."""
     accepted = (y for kind in _NAMING for y in robot.history.recent.get(kind, ()) if y.accepted)
     return name in robot.files or any(y.request_value == name for y in accepted)
 
@@ -121,20 +123,20 @@ def no_odd_name(x: Exchange, robot: RobotState) -> RuleResult | None:
         return None
     names = _names(x)
     for part in x.parts:
-        for complaint in part.parsed.decoded.issues if part.parsed else ():
-            if complaint.defect is Defect.EMPTY_NAME:
+        for issue in part.parsed.decoded.issues if part.parsed else ():
+            if issue.defect is Defect.EMPTY_NAME:
                 return failed("a name in the list is empty", observed=show(part.frame.data))
     [(name, count)] = Counter(names).most_common(1) or [(b"", 0)]
     if count <= 1:
         return PASSED
     return failed(
-        UserMessage("the list contains {name} {count} times", name=show(name), count=count),
+        UserMessage("the list contains {program} {count} times", program=show(name), count=count),
         expected="once",
         observed=f"{count} times",
     )
 
 
-# What must be in it, and what must not
+# Programs that must be in the list, and that must not
 
 
 def is_valid_program(transfer: Transfer) -> bool:
@@ -150,31 +152,31 @@ def _has_no_finding(transfer: Transfer) -> bool:
 
 @rule("4.10/11", on=Exchange, names=_LIST)
 def uploaded_is_listed(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """A valid program is listed from the end of its upload on (L246); other files need not be.
+    """A valid program is listed after its upload (L246); other files need not be.
 
-    What becomes of names that are too long or hold a bar is open (A-5-20, A-T-6).
+    Names that are too long or contain a bar are open points (A-5-20, A-T-6).
     """
     if not _is_complete(x, robot):
         return None
     listed = set(_names(x))
     before_ns = _begun_ns(x)
-    due = [
+    expected = [
         t
         for t in robot.files.values()
         if t.ended_ns < before_ns and len(t.name) <= NAME_MAX_BYTES and b"|" not in t.name
     ]
-    missing = [t for t in due if t.name not in listed]
+    missing = [t for t in expected if t.name not in listed]
     for transfer in missing:
         if is_valid_program(transfer):
             return failed(
                 UserMessage(
-                    "{transfer} was uploaded but is not listed", transfer=show(transfer.name)
+                    "{program} was uploaded but is not listed", program=show(transfer.name)
                 ),
                 expected="in the list",
                 observed=f"{len(listed)} other names",
                 at=(*places_of(transfer), *places_of(x)),
             )
-    return PASSED if len(missing) < len(due) else None
+    return PASSED if len(missing) < len(expected) else None
 
 
 @rule("4.10/11", "4.11/3", on=Exchange, names=_LIST)
@@ -187,8 +189,8 @@ def deleted_is_not_listed(x: Exchange, robot: RobotState) -> RuleResult | None:
         return PASSED
     return failed(
         UserMessage(
-            "{request_text} was deleted and is still listed",
-            request_text=show(deletions[0].request.text),
+            "{program} was deleted but is still listed",
+            program=show(deletions[0].request.text),
         ),
         expected="not in the list",
         observed="in the list",
@@ -197,7 +199,7 @@ def deleted_is_not_listed(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 
 def _deletions(names: list[bytes], before_ns: int, robot: RobotState) -> Iterator[Exchange]:
-    """Yield the deletions of these names, if not uploaded again before this time."""
+    """Yield the deletions of these names that were answered before this time."""
     for name in names:
         deletion = robot.history.deleted.get(name)
         if deletion and answered_ns(deletion) < before_ns:
@@ -206,7 +208,7 @@ def _deletions(names: list[bytes], before_ns: int, robot: RobotState) -> Iterato
 
 @rule("4.11/3", on=Exchange, names=("download_name", *_RUNS))
 def deleted_is_gone(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """What was deleted can be neither downloaded nor run (L260); it may fail late (A-4.15-1)."""
+    """A deleted program cannot be downloaded or run (L260); a run may fail late (A-4.15-1)."""
     deletion = next(_deletions([x.request.text], x.time_ns, robot), None)
     if deletion is None or x.accepted is None:
         return None
@@ -217,9 +219,9 @@ def deleted_is_gone(x: Exchange, robot: RobotState) -> RuleResult | None:
         return None
     return failed(
         UserMessage(
-            "{request_text} was deleted, but {x} was accepted for it",
-            request_text=show(x.request.text),
-            x=x.name,
+            "{program} was deleted, but {command} was accepted for it",
+            program=show(x.request.text),
+            command=x.name,
         ),
         expected="0",
         observed="1",
@@ -238,7 +240,7 @@ def running_is_not_deleted(x: Exchange, _: RobotState) -> RuleResult | None:
     return tolerated(
         "delete_guard",
         "allow",
-        UserMessage("{value} was deleted while it ran", value=show(x.request_value or b"")),
+        UserMessage("{program} was deleted while it ran", program=show(x.request_value or b"")),
     )
 
 
@@ -248,12 +250,14 @@ def running_is_not_deleted(x: Exchange, _: RobotState) -> RuleResult | None:
 @rule("8/5", on=Exchange, names=(*TWO_STAGE, "shutdown"))
 def code_20(x: Exchange, robot: RobotState) -> RuleResult | None:
     """Code 20 means that the program file does not exist (L1044)."""
-    said = x.reply_value if x.accepted is False else x.outcome
-    if said is None or said.code != _MISSING:
+    failure = x.reply_value if x.accepted is False else x.outcome
+    if failure is None or failure.code != _MISSING:
         return None
     if x.name not in _RUNS:
         return failed(
-            UserMessage("{x} names no program but was refused or failed with code 20", x=x.name),
+            UserMessage(
+                "{command} names no program but was refused or failed with code 20", command=x.name
+            ),
             expected="another code",
             observed="20",
         )
@@ -262,8 +266,8 @@ def code_20(x: Exchange, robot: RobotState) -> RuleResult | None:
     if stored and is_valid_program(stored):
         return failed(
             UserMessage(
-                "{name} was refused or failed with code 20 although it was uploaded",
-                name=show(name),
+                "{program} was refused or failed with code 20 although it was uploaded",
+                program=show(name),
             ),
             expected="1, or another code",
             observed="20",
@@ -274,8 +278,8 @@ def code_20(x: Exchange, robot: RobotState) -> RuleResult | None:
             "A-4.15-2",
             "20",
             UserMessage(
-                "code 20 was sent for {name}, which exists; the file may be damaged",
-                name=show(name),
+                "code 20 was sent for {program}, which exists; the file may be damaged",
+                program=show(name),
             ),
         )
     return PASSED

@@ -27,7 +27,7 @@ _SECOND_NS: Final = 1_000_000_000
 
 
 def _program(x: Exchange) -> Exchange | None:
-    """The program that surely ran, alone, when `x` was answered on the same connection."""
+    """Return the only program that certainly ran when `x` was answered; None if uncertain."""
     if (
         x.concurrent_uncertain
         or len(x.concurrent) != 1
@@ -38,7 +38,7 @@ def _program(x: Exchange) -> Exchange | None:
     return x.concurrent[0] if same else None
 
 
-def _says_none(x: Exchange) -> bool:
+def _reports_none(x: Exchange) -> bool:
     return x.reply is not None and x.reply.frame.data[:1] in (b"0", b"\0")
 
 
@@ -51,27 +51,27 @@ def program_is_reported(x: Exchange, _: RobotState) -> RuleResult | None:
     if not x.reply or not x.reply.parsed:
         return None
     program = _program(x)
-    if _says_none(x):
+    if _reports_none(x):
         if program is None or program.name != _RUN:
             return None
         return failed(
             UserMessage(
-                "the reply reports no running program while {value} runs",
-                value=show(program.request_value or b""),
+                "the reply reports no running program while {program} runs",
+                program=show(program.request_value or b""),
             ),
             expected="1|name|DDHHMMSS",
             observed=observed(x.reply),
             at=(program.request.place, *places_of(x)),
         )
-    for complaint in x.reply.parsed.decoded.issues:
-        if complaint.defect in (Defect.FLAG, Defect.FIELD_COUNT, Defect.SPACE_FOR_BAR):
-            return failed(complaint.text, expected="1|name|DDHHMMSS", observed=observed(x.reply))
+    for issue in x.reply.parsed.decoded.issues:
+        if issue.defect in (Defect.FLAG, Defect.FIELD_COUNT, Defect.SPACE_FOR_BAR):
+            return failed(issue.text, expected="1|name|DDHHMMSS", observed=observed(x.reply))
     return PASSED if x.reply_value else None
 
 
 @rule("4.9/4", on=Exchange, names=_INFO)
 def name_of_the_program(x: Exchange, _: RobotState) -> RuleResult | None:
-    """The name is the one that was asked to run or to be simulated (L226)."""
+    """The name is that of the program that was requested to run or to be simulated (L226)."""
     program = _program(x)
     if program is None or x.reply_value is None or not isinstance(program.request_value, bytes):
         return None
@@ -103,16 +103,18 @@ def run_time_runs(x: Exchange, robot: RobotState) -> RuleResult | None:
     ]
     if not earlier:
         return None
-    found = contradicted(
+    contradiction = contradicted(
         earlier, x, lambda y, z: float(z.reply_value.run_time_s - y.reply_value.run_time_s)
     )
-    if found is None:
+    if contradiction is None:
         return PASSED
-    y, step = found
+    y, step = contradiction
     if step:
-        return inconclusive("the run time or the recording's clock was set between two readings")
+        return inconclusive(
+            "the run time or the clock of the recorder was set between two requests"
+        )
     return failed(
-        "the run time does not gain one second a second",
+        "the run time does not advance by one second per second",
         expected=f"{(x.time_ns - y.time_ns) / 1e9:.1f} s more than {y.reply_value.run_time_s} s",
         observed=f"{x.reply_value.run_time_s} s",
         at=(*places_of(y), *places_of(x)),
@@ -122,10 +124,10 @@ def run_time_runs(x: Exchange, robot: RobotState) -> RuleResult | None:
 @rule("4.9/6", on=Exchange, names=_INFO)
 def nothing_after_none(x: Exchange, robot: RobotState) -> RuleResult | None:
     """Without a program the reply begins with "0" and gives no name and no time (L226, L237)."""
-    if not x.reply or not x.reply.parsed or not _says_none(x):
+    if not x.reply or not x.reply.parsed or not _reports_none(x):
         return None
-    complaints = x.reply.parsed.decoded.issues
-    surplus = next((c.text for c in complaints if c.defect is Defect.FLAG), "")
+    issues = x.reply.parsed.decoded.issues
+    surplus = next((c.text for c in issues if c.defect is Defect.FLAG), "")
     if surplus:
         return failed(surplus, expected="0", observed=observed(x.reply))
     return PASSED if not robot.busy else None
@@ -133,7 +135,7 @@ def nothing_after_none(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 @rule("4.9/6", on=Exchange, names=_STATUS)
 def no_program_when_idle(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """A robot that was idle before and after has reported no program in between."""
+    """A robot that is idle before and after reports no running program in between."""
     begin_ns = robot.history.idle_seen_ns
     idle = robot.history.idle_since_ns is not None and not robot.busy and x.reply_value == "00"
     if not idle or x.time_ns - begin_ns > _SECOND_NS:
@@ -142,8 +144,8 @@ def no_program_when_idle(x: Exchange, robot: RobotState) -> RuleResult | None:
         if y.reply_value:
             return failed(
                 UserMessage(
-                    "the reply reports {answer} as running although the robot is idle",
-                    answer=show(y.reply_value.name),
+                    "the reply reports {program} as running although the robot is idle",
+                    program=show(y.reply_value.name),
                 ),
                 expected="0",
                 observed=observed(y.reply) if y.reply else "",
@@ -176,16 +178,16 @@ def short_name(x: Exchange, _: RobotState) -> RuleResult | None:
         "A-4.9-5",
         "longer",
         UserMessage(
-            "the program's name has {answer_count} bytes", answer_count=len(x.reply_value.name)
+            "the program's name has {byte_count} bytes", byte_count=len(x.reply_value.name)
         ),
     )
 
 
 @rule("4.9/10", on=Exchange, names=_STATUS)
 def flag_agrees_with_status(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """The flag is "1" while the status is 01, or 02 where a simulation counts (A-4.9-4).
+    """The flag is "1" while the status is 01, or 02 if a simulation counts (A-4.9-4).
 
-    Compared with equal statuses before and after, with nothing begun between them.
+    Judged only if the statuses before and after are equal and no command was accepted in between.
     """
     before = robot.history.last("get_status", before_ns=x.time_ns)
     near = before is not None and x.time_ns - before.time_ns <= _SECOND_NS
@@ -201,7 +203,7 @@ def flag_agrees_with_status(x: Exchange, robot: RobotState) -> RuleResult | None
     for y in robot.history.between("get_running_program", answered_ns(before), x.time_ns):
         if y.reply_value:
             return PASSED
-        if not _says_none(y) or _program(y):  # 4.9/2 judges a known program
+        if not _reports_none(y) or _program(y):  # 4.9/2 judges a known program
             continue
         if x.reply_value == "02":
             return tolerated(

@@ -1,4 +1,4 @@
-"""Values read back as set: passwords, network, default program, gripper and home position.
+"""Values that must read back as set: passwords, network, default program, gripper, home position.
 
 A value is compared with the last setting only if no later request could change it.
 """
@@ -15,10 +15,10 @@ from scaraspec.traffic.robot_state import RobotState
 from scaraspec.user_message import UserMessage
 
 UNSEEN_NS: Final = 60_000_000_000
-"""Later the robot may have been switched off, or a client outside the recording may be
-logged in or have set something else."""
+"""After this time the robot may have been switched off, or an unrecorded client may have logged in
+or changed a setting."""
 _UNSEEN_HERE_NS: Final = 10 * UNSEEN_NS
-"""The same on one connection: only a serial line survives that a robot is switched off."""
+"""The same on one connection: only a serial line stays open if a robot is switched off."""
 
 PROGRAMS: Final = ("run_program", "simulate_program")
 """Programs, whose files contain their own positions (A-6.3-3)."""
@@ -27,22 +27,22 @@ PROGRAMS: Final = ("run_program", "simulate_program")
 def in_force(setter: str, x: Exchange, robot: RobotState) -> Exchange | None:
     """Return the accepted setting that is in force while `x` is answered; None if uncertain.
 
-    It was accepted shortly before the request `x`, it is the last setting requested, and the robot
-    was not switched off since: what survives that is open (A-4-6).
+    The setting was accepted shortly before the request `x`, it is the last one requested, and the
+    robot was not switched off since: which settings survive that is open (A-4-6).
     """
-    found = robot.history.last(setter, before_ns=x.time_ns)
+    setting = robot.history.last(setter, before_ns=x.time_ns)
     if (
-        found is None
-        or not found.accepted
-        or robot.history.last_requests.get(setter) is not found.request
+        setting is None
+        or not setting.accepted
+        or robot.history.last_requests.get(setter) is not setting.request
     ):
         return None
-    if found.request.parsed and found.request.parsed.decoded.issues:
+    if setting.request.parsed and setting.request.parsed.decoded.issues:
         return None
-    same = found.request.place.connection == x.request.place.connection
-    if x.time_ns - found.time_ns > (_UNSEEN_HERE_NS if same else UNSEEN_NS):
+    same = setting.request.place.connection == x.request.place.connection
+    if x.time_ns - setting.time_ns > (_UNSEEN_HERE_NS if same else UNSEEN_NS):
         return None
-    return None if switched_off_since(found, robot) else found
+    return None if switched_off_since(setting, robot) else setting
 
 
 def switched_off_since(x: Exchange, robot: RobotState) -> bool:
@@ -66,7 +66,11 @@ def executed_since(time_ns: int, robot: RobotState, names: Collection[str]) -> b
 
 def _other_value(setting: Exchange, x: Exchange) -> RuleResult:
     return failed(
-        UserMessage("{x} reports another value than {setting} set", x=x.name, setting=setting.name),
+        UserMessage(
+            "{query} reports a value that differs from the one set by {setter}",
+            query=x.name,
+            setter=setting.name,
+        ),
         expected=observed(setting.request),
         observed=observed(x.reply) if x.reply else "",
         at=(*places_of(setting), *places_of(x)),
@@ -82,30 +86,30 @@ def _read_back(
     return PASSED if same(setting, x.reply_value) else _other_value(setting, x)
 
 
-# What was refused
+# Refused settings
 
 
 @rule("4.4/2", on=Exchange, names=("get_network",))
 def refused_network(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """After "0" 0x04 gives what it gave before (L162)."""
+    """After "0" the reply to 0x04 is unchanged (L162)."""
     return _unchanged("set_network", x, robot, 3)
 
 
 @rule("4.13/2", on=Exchange, names=("get_default_program",))
 def refused_default(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """After "0" the default program is the one that it was (L284-L287)."""
+    """After "0" the default program is unchanged (L284-L287)."""
     return _unchanged("set_default_program", x, robot, 1)
 
 
 @rule("4.20/2", on=Exchange, names=("get_gripper_center",))
 def refused_gripper(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """After "0" 0x34 gives what it gave before (L440-L443)."""
+    """After "0" the reply to 0x34 is unchanged (L440-L443)."""
     return _unchanged("set_gripper_center", x, robot, 3)
 
 
 @rule("4.21/2", on=Exchange, names=("get_initial_tool_position",))
 def refused_position(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """After "0" 0x37 gives what it gave before (L452-L455)."""
+    """After "0" the reply to 0x37 is unchanged (L452-L455)."""
     return _unchanged("set_initial_tool_position", x, robot, 4)
 
 
@@ -126,17 +130,23 @@ def _unchanged(setter: str, x: Exchange, robot: RobotState, count: int) -> RuleR
         return None
     if executed_since(since_ns, robot, PROGRAMS):
         return None
-    now, former, asked = (
+    now, former, requested = (
         _fields(y)[:count] for y in (x.reply_value, before.reply_value, refused.request_value)
     )
-    changed = [pair for *pair, was in zip(now, asked, former, strict=True) if pair[0] != was]
+    changed = [
+        (value, wanted)
+        for value, wanted, was in zip(now, requested, former, strict=True)
+        if value != was
+    ]
     if not changed:
         return PASSED
     if any(value != wanted for value, wanted in changed):
-        return None  # it may have been set unseen
+        return None  # an unrecorded client may have set it
     return failed(
         UserMessage(
-            "{setter} was refused, but {x} reports the requested value", setter=setter, x=x.name
+            "{setter} was refused, but {query} reports the requested value",
+            setter=setter,
+            query=x.name,
         ),
         expected=observed(before.reply) if before.reply else "",
         observed=observed(x.reply) if x.reply else "",
@@ -164,22 +174,24 @@ def wrong_old_password(x: Exchange, robot: RobotState) -> RuleResult | None:
         return None
     if not x.accepted:
         return PASSED
-    return failed("a new password was set with a wrong old one", expected="0", observed="1")
+    return failed(
+        "a new password was accepted with a wrong old password", expected="0", observed="1"
+    )
 
 
 @rule("4.4/3", on=Exchange, names=("set_network",))
 def reply_before_the_change(x: Exchange, _: RobotState) -> RuleResult | None:
-    """The reply is sent before the new address cuts the connection (A-4.4-1)."""
+    """The reply is sent before the new address interrupts the connection (A-4.4-1)."""
     if x.accepted:
         return PASSED
     if x.reply or x.ending is not Ending.HUNG_UP:
         return None
-    return tolerated("A-4.4-1", "no reply", "the connection ended instead of a reply to 0x05")
+    return tolerated("A-4.4-1", "no reply", "the connection was closed without a reply to 0x05")
 
 
 @rule("4.4/4", on=Exchange, names=("get_network",))
 def network_reads_back(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """After "1" 0x04 gives the new values (L157); padding with zeros changes none (A-4.3-2)."""
+    """After "1" 0x04 returns the new values (L157); padding zeros do not matter (A-4.3-2)."""
     return _read_back(
         "set_network", x, robot, lambda setting, answer: setting.request_value == answer
     )
@@ -190,9 +202,9 @@ def network_reads_back(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 @rule("4.13/3", on=Exchange, names=("get_default_program",))
 def default_reads_back(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """After "1" the default program is the one that was named (L279, L272).
+    """After "1" the default program is the requested one (L279, L272).
 
-    Where it was deleted since, there may be none.
+    There may be none if a program was deleted since.
     """
     setting = in_force("set_default_program", x, robot)
     deletion = robot.history.last_requests.get("delete_program")
@@ -200,7 +212,7 @@ def default_reads_back(x: Exchange, robot: RobotState) -> RuleResult | None:
         return None
     if _may_be_unknown_opcode(x, robot, since_ns=setting.time_ns):
         message = UserMessage(
-            "0x{opcode:02X} is answered 0, perhaps because it is not known",
+            "0x{opcode:02X} was answered with 0; the controller may not support this opcode",
             opcode=x.request.frame.opcode,
         )
         return tolerated("on_unknown", "0", message)
@@ -210,9 +222,10 @@ def default_reads_back(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 
 def _may_be_unknown_opcode(x: Exchange, robot: RobotState, since_ns: int) -> bool:
-    """Whether this is "0" to that of the two opcodes which never named a program (A-4.12-1).
+    """Whether "0" may mean that the controller does not support this opcode (A-4.12-1).
 
-    One of them is known: where the other was answered "0", too, since then, it is not.
+    This opcode never returned a program name. The controller supports at least one of the two
+    opcodes: if the other one was also answered "0" since then, this one is supported.
     """
     if x.reply is None or x.reply.frame.data != b"0":
         return False
@@ -232,7 +245,7 @@ def _same_numbers(setting: Exchange, answer: Any, count: int) -> bool:
 
 @rule("4.20/3", on=Exchange, names=("get_gripper_center",))
 def gripper_reads_back(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """After "1" 0x34 gives the same numbers (L428, L440; A-4.19-2)."""
+    """After "1" 0x34 returns the same numbers (L428, L440; A-4.19-2)."""
     setting = in_force("set_gripper_center", x, robot)
     if setting is None or executed_since(setting.time_ns, robot, PROGRAMS):
         return None
@@ -241,7 +254,7 @@ def gripper_reads_back(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 @rule("4.21/3", on=Exchange, names=("get_initial_tool_position",))
 def position_reads_back(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """After "1" 0x37 gives the same x, y, z and thetaX (L452, L464); the other two are open."""
+    """After "1" 0x37 returns the same x, y, z, thetaX (L452, L464); thetaY and thetaZ are open."""
     setting = in_force("set_initial_tool_position", x, robot)
     if setting is None or executed_since(setting.time_ns, robot, PROGRAMS):
         return None
@@ -252,7 +265,7 @@ def position_reads_back(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 @rule("4.21/3", on=Exchange, names=("get_gripper_center",))
 def gripper_stays(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """Setting the initial position leaves 0x34 as it was."""
+    """Setting the initial position does not change the reply to 0x34."""
     setting = in_force("set_initial_tool_position", x, robot)
     if setting is None or x.reply_value is None:
         return None

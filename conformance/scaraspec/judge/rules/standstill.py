@@ -34,7 +34,7 @@ _SETTERS: Final = {
 }
 """Settings that cause no motion, with the requirement and the register entry."""
 _BLINK_NS: Final = 1_000_000_000
-"""Between two statuses 00 within this time nothing has moved the arm."""
+"""Maximum time between two statuses 00 between which nothing has moved the arm."""
 
 
 # Standing still
@@ -55,7 +55,7 @@ def still_after_a_lock(x: Exchange, robot: RobotState) -> RuleResult | None:
 @rule("4.27/4", on=Exchange, names=(JOINTS,))
 @rule("4.23/5", on=Exchange, names=(POSE,))
 def still_after_a_motion(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """Idle and locked, the robot gives the same values (L476, L591): a motion proves the lock."""
+    """An idle, locked robot reports constant values (L476, L591); a motion proves the lock."""
     return _still_after(MOTIONS, x, robot)
 
 
@@ -72,7 +72,9 @@ def _still_after(names: Sequence[str], x: Exchange, robot: RobotState) -> RuleRe
         return PASSED
     if x.name == POSE and gripper_set_since(first.time_ns, robot):
         return None
-    return changed(first, x, f"the arm went on moving although {motion.name} had ended")
+    return changed(
+        first, x, UserMessage("the arm kept moving after {command} had ended", command=motion.name)
+    )
 
 
 @rule("4.27/4", on=Exchange, names=("get_status",))
@@ -109,11 +111,11 @@ def _still_between_statuses(name: str, x: Exchange, robot: RobotState) -> RuleRe
     return PASSED if len(readings) > 1 else None
 
 
-# Commands that move nothing
+# Commands without motion
 
 
 def _moves_nothing(x: Exchange, robot: RobotState, *, setter: str) -> RuleResult | None:
-    """A setting between two readings of the joints moves none of them."""
+    """A setting does not change the joint angles before and after it."""
     if setter not in robot.history.recent:
         return None
     before = robot.history.last(JOINTS, before_ns=x.time_ns)
@@ -138,7 +140,7 @@ def _moves_nothing(x: Exchange, robot: RobotState, *, setter: str) -> RuleResult
         return tolerated(
             _SETTERS[setter][1], "moves", UserMessage("the arm moved after {setter}", setter=setter)
         )
-    return changed(before, x, f"the arm moved after {setter}")
+    return changed(before, x, UserMessage("the arm moved after {setter}", setter=setter))
 
 
 for _setter, (_requirement, _) in _SETTERS.items():
@@ -154,8 +156,8 @@ def simulation_does_nothing(x: Exchange, robot: RobotState) -> RuleResult | None
     before = reading_before(simulation, x.name, robot)
     if before is None or x.concurrent_uncertain or x.time_ns < answered_ns(simulation):
         return None
-    asked = robot.history.last_requests.get("set_digital_output")
-    if x.name == _OUTPUTS and asked and asked.place.time_ns > before.time_ns:
+    request = robot.history.last_requests.get("set_digital_output")
+    if x.name == _OUTPUTS and request and request.place.time_ns > before.time_ns:
         return None
     same = x.reply_value == before.reply_value or (
         x.name == JOINTS and max_deviation(before.reply_value, x.reply_value) <= STANDSTILL

@@ -12,7 +12,7 @@ from scaraspec.user_message import UserMessage
 
 _STOP: Final = "emergency_stop"
 _CLEARLY_NS: Final = 500_000_000
-"""A command that continues for so long after a refused stop had not just ended."""
+"""A command that continues for this long after a refused stop was still executing at the stop."""
 
 
 @rule("4.17/2", on=Exchange, names=(_STOP,))
@@ -20,11 +20,11 @@ def refusal_is_bare(x: Exchange, _: RobotState) -> RuleResult | None:
     """When no stop is needed the reply is "0" (L363-366)."""
     if not x.reply or x.reply.frame.data[:1] != b"0":
         return None
-    said = x.reply.text
-    if said == b"0":
+    refusal = x.reply.text
+    if refusal == b"0":
         return PASSED
     return tolerated(
-        "A-4.17-1", "0|…", UserMessage("the stop was refused with {said}", said=show(said))
+        "A-4.17-1", "0|…", UserMessage("the stop was refused with {reply}", reply=show(refusal))
     )
 
 
@@ -37,7 +37,7 @@ def stop_is_accepted(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 @rule("4.17/3", "4.17/6", on=Exchange, names=STATE_OF)
 def stop_was_needed(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """A command that ends long after a stop was refused needed it."""
+    """A stop is needed if the command ends long after the stop was refused."""
     if not x.stop_requested or not x.result:
         return None
     for stop in robot.history.between(_STOP, answered_ns(x), x.result.begun_ns - _CLEARLY_NS):
@@ -48,7 +48,7 @@ def stop_was_needed(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 @rule("4.17/3", "4.17/6", on=Exchange, names=("get_status",))
 def stop_is_still_needed(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """A command that the robot reports after a refused stop needed the stop, too."""
+    """A stop is needed if the status still shows the command after the stop was refused."""
     if x.reply_value not in BUSY:
         return None
     for y in x.concurrent:
@@ -60,7 +60,7 @@ def stop_is_still_needed(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 def _needed(stop: Exchange, y: Exchange) -> RuleResult:
     return failed(
-        UserMessage("the stop was refused while {y} executed", y=y.name),
+        UserMessage("the stop was refused while {command} executed", command=y.name),
         expected="1",
         observed="0",
         at=(y.request.place, *places_of(stop)),
@@ -75,7 +75,7 @@ def stopped_is_no_success(x: Exchange, _: RobotState) -> RuleResult | None:
     if not x.outcome.done or x.name == "jog":
         return PASSED
     return failed(
-        UserMessage("{x} ended with 11 although a stop had interrupted it", x=x.name),
+        UserMessage("{command} ended with 11 although a stop interrupted it", command=x.name),
         expected="00|code",
         observed="11",
         at=(*places_of(x.interrupted_by), x.result.place),

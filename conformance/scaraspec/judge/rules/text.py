@@ -1,4 +1,4 @@
-"""The text conventions T/1 to T/7, over every payload that the table can read."""
+"""The text conventions T/1 to T/7, for every payload that the command table can decode."""
 
 from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, payload_of, rule, tolerated
 from scaraspec.protocol.direction import A2C, C2A
@@ -21,7 +21,7 @@ from scaraspec.traffic.robot_state import RobotState
 
 
 def observed(seen: FrameSeen) -> str:
-    """The payload's text as evidence; passwords are never shown."""
+    """Return the payload's text as evidence; passwords are never shown."""
     if is_secret(seen.frame):
         return f"{len(seen.frame.data)} bytes"
     return show(seen.frame.data)
@@ -32,8 +32,8 @@ def _is_text(payload: Payload) -> bool:
 
 
 def _has_bars(payload: Payload) -> bool:
-    several = isinstance(payload, OptionalRecord | NameList | FirstReply | FinalResult)
-    return several or len(payload.fields) > 1
+    has_bars = isinstance(payload, OptionalRecord | NameList | FirstReply | FinalResult)
+    return has_bars or len(payload.fields) > 1
 
 
 def _has_numbers(payload: Payload) -> bool:
@@ -50,16 +50,16 @@ def has_codes(payload: Payload) -> bool:
     return status or isinstance(payload, FirstReply | FinalResult)
 
 
-def _complaint(seen: FrameSeen, *wrongs: Defect) -> str:
-    """The first complaint of these kinds, empty where there is none."""
+def _first_issue(seen: FrameSeen, *defects: Defect) -> str:
+    """Return the first issue with one of these defects; empty if there is none."""
     if not seen.parsed or not seen.parsed.decoded.issues:
         return ""
-    return next((c.text for c in seen.parsed.decoded.issues if c.defect in wrongs), "")
+    return next((c.text for c in seen.parsed.decoded.issues if c.defect in defects), "")
 
 
-def _without(seen: FrameSeen, *wrongs: Defect) -> RuleResult:
-    """Pass where there is no such complaint."""
-    text = _complaint(seen, *wrongs)
+def _without(seen: FrameSeen, *defects: Defect) -> RuleResult:
+    """Pass if no issue has one of these defects."""
+    text = _first_issue(seen, *defects)
     return _broken(seen, text) if text else PASSED
 
 
@@ -72,10 +72,11 @@ def _broken(seen: FrameSeen, text: str) -> RuleResult:
 def bars(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """Fields are separated by one bar (L125, L150, L226)."""
     data = seen.frame.data
-    wrongs = [Defect.SPACE_FOR_BAR, Defect.BLANKS]
-    if b"||" in data or b"|" not in data:  # with a bar each, the number of fields is not its matter
-        wrongs.append(Defect.FIELD_COUNT)
-    return _without(seen, *wrongs)
+    defects = [Defect.SPACE_FOR_BAR, Defect.BLANKS]
+    # If single bars separate the fields, another requirement judges their number.
+    if b"||" in data or b"|" not in data:
+        defects.append(Defect.FIELD_COUNT)
+    return _without(seen, *defects)
 
 
 @rule("T/2", on=FrameSeen, payload=_is_text)
@@ -86,7 +87,7 @@ def quotes(seen: FrameSeen, _: RobotState) -> RuleResult | None:
 
 @rule("T/3", on=FrameSeen, payload=_is_text)
 def ascii_digits(seen: FrameSeen, _: RobotState) -> RuleResult | None:
-    """Flags and digits are ASCII; in 0x0A, which draws them unquoted, binary passes (A-T-1)."""
+    """Flags and digits are ASCII; in 0x0A, printed without quotes, binary is tolerated (A-T-1)."""
     if seen.name == "get_running_program" and seen.parsed:
         readings = dict(seen.parsed.decoded.readings)
         if readings.get("runinfo_binary") == "binary":
@@ -97,33 +98,33 @@ def ascii_digits(seen: FrameSeen, _: RobotState) -> RuleResult | None:
 @rule("T/4", on=FrameSeen, payload=_is_text)
 def no_trailer(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """No NUL and no bar ends a text (A-T-3, A-T-4)."""
-    text = _complaint(seen, Defect.TRAILING_NUL)
+    text = _first_issue(seen, Defect.TRAILING_NUL)
     if text:
         return tolerated("trailing_nul", "yes", text)
-    text = _complaint(seen, Defect.TRAILING_BAR)
+    text = _first_issue(seen, Defect.TRAILING_BAR)
     return tolerated("A-T-4", "trailing bar", text) if text else PASSED
 
 
 @rule("T/5", on=FrameSeen, payload=_has_numbers)
 def plain_numbers(seen: FrameSeen, _: RobotState) -> RuleResult | None:
-    """Numbers are plain decimal text (A-T-5); that one is an integer is its clause's matter."""
-    if not _complaint(seen, Defect.NUMBER):
+    """Numbers are plain decimal text (A-T-5); the clauses judge whether one must be an integer."""
+    if not _first_issue(seen, Defect.NUMBER):
         return PASSED if seen.value is not None else None
     payload = payload_of(seen)
     assert payload
     texts = normalize(seen.frame.data, Diagnostics()).split(b"|")[
         isinstance(payload, OptionalRecord) :
     ]
-    notes = Diagnostics()
+    diagnostics = Diagnostics()
     for field, text in zip(payload.fields, texts, strict=False):
         if isinstance(field, Number):
-            field.read(text.strip(b" "), notes)
-    return _broken(seen, notes.issues[0].text) if notes.issues else PASSED
+            field.read(text.strip(b" "), diagnostics)
+    return _broken(seen, diagnostics.issues[0].text) if diagnostics.issues else PASSED
 
 
 @rule("T/6", on=FrameSeen, sender=A2C, payload=_is_opaque)
 def no_bar_in_names(seen: FrameSeen, _: RobotState) -> RuleResult | None:
-    """Names and passwords of the client hold no bar (A-T-6); one may end a pair (A-T-4)."""
+    """Names and passwords of the client contain no bar (A-T-6); a pair may end in one (A-T-4)."""
     payload, data = payload_of(seen), seen.text
     if payload and len(payload.fields) > 1:
         data = data.removesuffix(b"|")
@@ -135,6 +136,6 @@ def no_bar_in_names(seen: FrameSeen, _: RobotState) -> RuleResult | None:
 @rule("T/7", on=FrameSeen, sender=C2A, payload=has_codes)
 def codes(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """Codes are two characters of table 8-1 (L1014)."""
-    judged, value = _without(seen, Defect.CODE), seen.value
+    result, value = _without(seen, Defect.CODE), seen.value
     without = isinstance(value, Acceptance | Outcome) and value.code is None
-    return None if judged is PASSED and without else judged
+    return None if result is PASSED and without else result

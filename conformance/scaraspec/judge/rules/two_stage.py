@@ -1,6 +1,6 @@
 """Two-stage commands (4/… and 4.15 to 4.18, 4.24 to 4.28, 4.35): replies and results.
 
-`busy` has the replies of a busy robot, `stop` the emergency stop.
+The module `busy` checks the replies of a busy robot, `stop` the emergency stop.
 """
 
 from typing import Final
@@ -18,36 +18,43 @@ TWO_STAGE: Final = tuple(c.name for c in COMMANDS if c.two_stage)
 NOT_STOP: Final = tuple(name for name in TWO_STAGE if name != "emergency_stop")
 _TAKING_TIME: Final = tuple(n for n in NOT_STOP if n not in ("release_joints", "lock_joints"))
 
-_ASKING: Final = ("get_status", "get_time", "get_version")
+_QUERIES: Final = ("get_status", "get_time", "get_version")
 _AT_ONCE_NS: Final = 50_000_000
 _LONG_NS: Final = 1_000_000_000
-_TIMES: Final = 10
+_SLOWER_FACTOR: Final = 10
 
 
 def _misses_its_form(seen: FrameSeen) -> bool:
-    complaints = seen.parsed.decoded.issues if seen.parsed else ()
-    return any(c.defect in (Defect.FLAG, Defect.FIELD_COUNT) for c in complaints)
+    issues = seen.parsed.decoded.issues if seen.parsed else ()
+    return any(c.defect in (Defect.FLAG, Defect.FIELD_COUNT) for c in issues)
 
 
 # First replies
 
 
 def _without_code(x: Exchange) -> RuleResult | None:
-    """A refusal of one character: the document prints its length for 0x39 alone (A-4.24-3).
+    """Judge a refusal without a code; None if it has one.
 
-    How a client is refused that has not logged in is open (A-4-4).
+    The document prints the length of such a refusal only for 0x39 (A-4.24-3). How a controller
+    refuses a client that has not logged in is open (A-4-4).
     """
     assert x.reply
     assert x.reply.parsed
-    decoded, said = x.reply.parsed.decoded, f"the refusal of {x.name} has no code"
+    decoded = x.reply.parsed.decoded
+    message = UserMessage("the refusal of {command} has no code", command=x.name)
     if ("err_bare0", "0") in decoded.readings:
-        return tolerated("err_bare0", "0", said)
-    if any(complaint.defect is Defect.NO_CODE for complaint in decoded.issues):
+        return tolerated("err_bare0", "0", message)
+    if any(issue.defect is Defect.NO_CODE for issue in decoded.issues):
         if x.logged_in is False:
             return tolerated(
-                "A-4-4", "0", UserMessage("{said}: its client has not logged in", said=said)
+                "A-4-4",
+                "0",
+                UserMessage(
+                    "the refusal of {command} has no code: the client has not logged in",
+                    command=x.name,
+                ),
             )
-        return failed(said, expected="0|code", observed=show(x.reply.frame.data))
+        return failed(message, expected="0|code", observed=show(x.reply.frame.data))
     return None
 
 
@@ -56,10 +63,15 @@ def first_reply(x: Exchange, _: RobotState) -> RuleResult | None:
     """The first reply is "1", or "0|code"; for 0x32 "1" or "0" (L311 and sisters)."""
     if not x.reply or not x.command:
         return None
-    stop_refused = x.name == "emergency_stop" and x.accepted is False  # 4.17/2 judges its rest
+    stop_refused = (
+        x.name == "emergency_stop" and x.accepted is False
+    )  # 4.17/2 judges its other bytes
     if _misses_its_form(x.reply) and not stop_refused:
         return failed(
-            UserMessage("the first reply to {x} is neither an acceptance nor a refusal", x=x.name),
+            UserMessage(
+                "the first reply to {command} is neither an acceptance nor a refusal",
+                command=x.name,
+            ),
             expected=x.command.reply.form,
             observed=show(x.reply.frame.data),
         )
@@ -72,13 +84,13 @@ def first_reply(x: Exchange, _: RobotState) -> RuleResult | None:
 @rule("4.24/3", on=Exchange, names=("set_tool_coordinates",))
 @rule("4.35/3", on=Exchange, names=("shutdown",))
 def refusal(x: Exchange, _: RobotState) -> RuleResult | None:
-    """What cannot be done is answered "0|code" (L314, L490-497, L701-706)."""
+    """A command that cannot be executed is answered "0|code" (L314, L490-497, L701-706)."""
     if not x.reply or x.accepted is not False:
         return None
     if x.reply_value.code:
         return PASSED
     return _without_code(x) or failed(
-        UserMessage("the refusal of {x} has no code of table 8-1", x=x.name),
+        UserMessage("the refusal of {command} has no code of table 8-1", command=x.name),
         expected="0|code",
         observed=show(x.reply.frame.data),
     )
@@ -89,7 +101,7 @@ def refusal(x: Exchange, _: RobotState) -> RuleResult | None:
 @rule("4.26/2", on=Exchange, names=("lock_joints",))
 @rule("4.28/4", on=Exchange, names=("jog",))
 def reason(x: Exchange, _: RobotState) -> RuleResult | None:
-    """A refusal says why (L342, L530, L563, L615)."""
+    """A refusal contains the reason (L342, L530, L563, L615)."""
     if not x.reply or not x.reply.parsed or x.accepted is not False:
         return None
     return _without_code(x) or PASSED
@@ -100,7 +112,7 @@ def reason(x: Exchange, _: RobotState) -> RuleResult | None:
 @rule("4.24/5", on=Exchange, names=("set_tool_coordinates",))
 @rule("4.35/2", on=Exchange, names=("shutdown",))
 def acceptance(x: Exchange, _: RobotState) -> RuleResult | None:
-    """What can be done is answered "1" (L316, L401-404, L499-502, L696-699)."""
+    """A command that can be executed is answered "1" (L316, L401-404, L499-502, L696-699)."""
     if not x.reply or x.reply.frame.data[:1] != b"1":
         return None
     if x.reply.text == b"1":
@@ -122,35 +134,42 @@ def checked_before_replying(x: Exchange, _: RobotState) -> RuleResult | None:
 def reply_before_execution(x: Exchange, robot: RobotState) -> RuleResult | None:
     """The first reply comes before the execution, not at its end (L311, L363, L392, L490).
 
-    It came at the end where it took long, the final result was with it, and queries take less.
-    Where the command was asked again it may be the answer to that, and once a packet may have been
-    lost on its way. Joints are released and locked at once (A-4.25-2): a late answer, both stages
-    in it, says nothing of them.
+    The first reply came at the end if it took long, the final result arrived with it, and queries
+    are answered faster. If the command was requested again, the reply may belong to the second
+    request. A single case is inconclusive: a packet may have been lost. Releasing and locking
+    joints takes no time (A-4.25-2), so these commands are not judged.
     """
     if not x.result or x.latency_ns is None or x.duration_ns is None or x.concurrent_uncertain:
-        return None  # what began or ended in between may have delayed it (A-4-2)
+        return None  # another command may have delayed it (A-4-2)
     if robot.history.last_requests.get(x.name) is not x.request:
         return None
     if not _comes_at_its_end(x):
         return PASSED
     queries = [
-        y for name in _ASKING if (y := robot.history.last(name)) and y.latency_ns is not None
+        y for name in _QUERIES if (y := robot.history.last(name)) and y.latency_ns is not None
     ]
-    if not any((y.latency_ns or 0) * _TIMES < x.latency_ns for y in queries):
+    if not any((y.latency_ns or 0) * _SLOWER_FACTOR < x.latency_ns for y in queries):
         return None
-    said = (
-        f"the first reply to {x.name} came after {x.latency_ns / 1e9:.1f} s, "
-        "together with its final result"
-    )
+    values = {"command": x.name, "latency_s": x.latency_ns / 1e9}
     before = [y for y in reversed(robot.history.recent.get(x.name, [])) if _took_long(y)]
     begun = (y for y in before if not _comes_at_its_end(y))
     if any((y.latency_ns or 0) * 2 > x.latency_ns for y in begun):
-        return None  # it takes as long to begin what lasts
+        return None  # the reply before a long execution also takes this long
     if not any(map(_comes_at_its_end, before[:1])):
         return inconclusive(
-            UserMessage("{said}: once, as where a packet is lost on its way", said=said)
+            UserMessage(
+                "the first reply to {command} came after {latency_s:.1f} s, together with its "
+                "final result; it happened once, and a packet may have been lost",
+                **values,
+            )
         )
-    return failed(said, expected="the first reply before the execution", observed="both at its end")
+    message = UserMessage(
+        "the first reply to {command} came after {latency_s:.1f} s, together with its final result",
+        **values,
+    )
+    return failed(
+        message, expected="the first reply before the execution", observed="both at its end"
+    )
 
 
 def _comes_at_its_end(x: Exchange) -> bool:
@@ -158,7 +177,7 @@ def _comes_at_its_end(x: Exchange) -> bool:
 
 
 def _took_long(x: Exchange) -> bool:
-    """Whether it is known to have lasted, from the request to the final result."""
+    """Whether the time from the request to the final result is known and long."""
     if x.latency_ns is None or x.duration_ns is None:
         return False
     return x.latency_ns + x.duration_ns >= _LONG_NS
@@ -183,7 +202,7 @@ def success(x: Exchange, _: RobotState) -> RuleResult | None:
     if x.outcome:
         return PASSED
     return failed(
-        UserMessage("the final result of {x} is neither success nor failure", x=x.name),
+        UserMessage("the final result of {command} is neither success nor failure", command=x.name),
         expected="11",
         observed=show(x.result.frame.data),
     )
@@ -205,7 +224,7 @@ def failure(x: Exchange, _: RobotState) -> RuleResult | None:
     if x.outcome and x.outcome.code:
         return PASSED
     return failed(
-        UserMessage("the failure of {x} has no code of table 8-1 after 00", x=x.name),
+        UserMessage("the failure of {command} has no code of table 8-1 after 00", command=x.name),
         expected="00|code",
         observed=show(x.result.frame.data),
     )
@@ -226,9 +245,9 @@ def refusal_code(x: Exchange, _: RobotState) -> RuleResult | None:
         "A-0-7",
         code.text,
         UserMessage(
-            "{x} was refused with {code_text} ({meaning})",
-            x=x.name,
-            code_text=code.text,
+            "{command} was refused with {code} ({meaning})",
+            command=x.name,
+            code=code.text,
             meaning=code.meaning,
         ),
     )
@@ -247,9 +266,9 @@ def failure_code(x: Exchange, _: RobotState) -> RuleResult | None:
         "A-8-5",
         code.text,
         UserMessage(
-            "{x} failed with {code_text} ({meaning})",
-            x=x.name,
-            code_text=code.text,
+            "{command} failed with {code} ({meaning})",
+            command=x.name,
+            code=code.text,
             meaning=code.meaning,
         ),
     )
@@ -262,14 +281,14 @@ def failure_code(x: Exchange, _: RobotState) -> RuleResult | None:
 def not_repeated(x: Exchange, _: RobotState) -> RuleResult | None:
     """The client does not repeat a request whose final result is outstanding (A-4-2).
 
-    A capture does not tell whether the client or its user asked again.
+    A capture does not show whether the client or its user repeated the request.
     """
     if all(y.name != x.name or y.request_value != x.request_value for y in x.concurrent):
         return PASSED
     return tolerated(
         "A-4-2",
         "asked again",
-        UserMessage("{x} was requested again before its final result", x=x.name),
+        UserMessage("{command} was requested again before its final result", command=x.name),
     )
 
 
@@ -286,7 +305,7 @@ def jog_byte(seen: FrameSeen, _robot: RobotState) -> RuleResult | None:
         )
     if dict(seen.parsed.decoded.readings)["jog_byte"] == "ascii":
         return PASSED
-    return tolerated("jog_byte", "binary", "the jog's direction was sent as a binary byte")
+    return tolerated("jog_byte", "binary", "the direction of the jog was sent as a binary byte")
 
 
 # Shutdown has no second stage
@@ -294,7 +313,7 @@ def jog_byte(seen: FrameSeen, _robot: RobotState) -> RuleResult | None:
 
 @rule("4.35/5", on=Exchange, names=("shutdown",))
 def shutdown_has_no_result(x: Exchange, _: RobotState) -> RuleResult | None:
-    """No tagged result follows (L696): one that does is an `UnsolicitedReply`."""
+    """No tagged result follows (L696); one that arrives is an `UnsolicitedReply`."""
     return PASSED if x.accepted else None
 
 

@@ -1,13 +1,13 @@
-"""Requirements that no rule decides although a recording could in principle, and why."""
+"""Requirements that no rule decides although a recording might decide them, with the reason."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
 
 _GEOMETRY = (
-    "the document gives no arm dimensions, zero pose or axes (A-7-1): numbers alone do not show "
-    "which point or angle they are"
+    "the document states no arm dimensions, zero pose or axes (A-7-1): numbers alone do not show "
+    "which point or angle they describe"
 )
-_NO_SECOND_SOURCE = "the recording has no second source to hold the digits against"
+_NO_SECOND_SOURCE = "the recording has no second source to compare the digits with"
 
 UNDECIDED: Mapping[str, str] = MappingProxyType(
     {
@@ -18,7 +18,7 @@ UNDECIDED: Mapping[str, str] = MappingProxyType(
         "7/1": _GEOMETRY,
         "7/3": _GEOMETRY,
         "7/4": _GEOMETRY,
-        "8/4": "which motors are faulty is known to the robot alone",
+        "8/4": "only the robot knows which motors are faulty",
     }
 )
 """The reason, by requirement."""

@@ -25,7 +25,7 @@ def dotted_version(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     if all(c.defect is not Defect.VERSION for c in seen.parsed.decoded.issues):
         return PASSED
     return tolerated(
-        "A-4.7-1", "free text", UserMessage("the version is {seen}", seen=observed(seen))
+        "A-4.7-1", "free text", UserMessage("the version is {version}", version=observed(seen))
     )
 
 
@@ -48,13 +48,13 @@ def constant_version(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 
 @rule("4.12/1", on=FrameSeen, names=_DEFAULT, sender=A2C)
-def default_is_asked_for(seen: FrameSeen, _: RobotState) -> RuleResult | None:
+def default_is_requested(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """The request is 0x0D or 0x13, without data (L265-270; A-4.12-1)."""
     if seen.frame.data:
         return failed("the request carries data", expected="length 0", observed=observed(seen))
     if seen.frame.opcode == BY_NAME["get_default_program"].opcode:
         return PASSED
-    return tolerated("op_get_default", "0x13", "the default program was asked for with 0x13")
+    return tolerated("op_get_default", "0x13", "the default program was requested with 0x13")
 
 
 @rule("4.12/2", on=Exchange, names=_DEFAULT)
@@ -62,13 +62,13 @@ def default_has_its_opcode(x: Exchange, _: RobotState) -> RuleResult | None:
     """The reply carries the opcode of the request (L272-275; A-4.12-1)."""
     if not x.reply:
         return None
-    asked, answered = x.request.frame.opcode, x.reply.frame.opcode
-    if asked == answered:
+    requested, replied = x.request.frame.opcode, x.reply.frame.opcode
+    if requested == replied:
         return PASSED
     return failed(
         "the reply has the alternate opcode of the command",
-        expected=f"{asked:02X}",
-        observed=f"{answered:02X}",
+        expected=f"{requested:02X}",
+        observed=f"{replied:02X}",
     )
 
 
@@ -103,7 +103,7 @@ def plausible_temperatures(x: Exchange, _: RobotState) -> RuleResult | None:
     if all(_COLDEST_C <= value <= _HOTTEST_C for value in x.reply_value):
         return PASSED
     return failed(
-        "a motor is colder or hotter than any motor in degrees Celsius",
+        "a motor temperature is implausible in degrees Celsius",
         expected=f"{_COLDEST_C} to {_HOTTEST_C}",
         observed=observed(x.reply),
     )
