@@ -39,6 +39,23 @@ class UserMessage(str):
         message.template, message.values = template, values
         return message
 
+    @classmethod
+    def joined(cls, message: str, template: str, /, **values: Any) -> Self:
+        """Return a message followed by a further template; it keeps the values of both.
+
+        Args:
+            message: The first part, a `UserMessage` or a constant sentence.
+            template: The second part, with its leading space.
+            values: The values of the second part; their names differ from those of the first.
+        """
+        suffix = UserMessage(template, **values)
+        if isinstance(message, UserMessage):
+            first_template, first_values = message.template, message.values
+        else:
+            first_template, first_values = message.replace("{", "{{").replace("}", "}}"), {}
+        shown = first_values | suffix.values
+        return cls._of(message + suffix, first_template + template, shown)
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Keep the text: a value that is shown as text no longer fits ``{value:.1f}``."""
         return self._of, (str(self), self.template, self.values)

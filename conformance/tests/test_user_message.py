@@ -22,6 +22,16 @@ def test_a_message_can_be_sent_to_another_process() -> None:
     assert (copy, copy.template, copy.values) == (message, message.template, message.values)
 
 
+def test_a_joined_message_keeps_both_templates() -> None:
+    """A message or a constant sentence, then a further template with its own values."""
+    joined = UserMessage.joined(UserMessage("{time_s:.1f} s", time_s=1.25), " ({times})", times=3)
+    assert joined == "1.2 s (3)"
+    assert joined.template == "{time_s:.1f} s ({times})"
+    assert joined.values == {"time_s": "1.25", "times": "3"}
+    constant = UserMessage.joined("a {brace}", " ({times})", times=3)
+    assert (constant, constant.template) == ("a {brace} (3)", "a {{brace}} ({times})")
+
+
 def test_a_missing_value_is_an_error() -> None:
     """A template that names a value must get it."""
     with pytest.raises(KeyError, match="name"):

@@ -104,7 +104,7 @@ def _cases(
             requirements=(requirement,),
             verdict=first.verdict,
             cause=first.cause,
-            message=first.message + _count_suffix(len(findings), incomplete=incomplete),
+            message=_with_count(first.message, len(findings), incomplete=incomplete),
             expected=first.expected,
             observed=first.observed or " = ".join(first.reading or ()),
             replay=replay,
@@ -115,11 +115,11 @@ def _cases(
         )
 
 
-def _count_suffix(count: int, *, incomplete: bool) -> str:
-    """Return the count after a message; a lower bound if not all findings were stored."""
+def _with_count(message: str, count: int, *, incomplete: bool) -> str:
+    """Return a message with its count; a lower bound if not all findings were stored."""
     if incomplete:
-        return f" (at least {_times(count)})"
-    return f" ({_times(count)})" if count > 1 else ""
+        return UserMessage.joined(message, " (at least {times})", times=_times(count))
+    return UserMessage.joined(message, " ({times})", times=_times(count)) if count > 1 else message
 
 
 def _times(count: int) -> str:
