@@ -190,8 +190,10 @@ class AsyncClient(ClientBase):
         self._core.connection_lost(reason, _now_s())
         self._update()
 
-    def _tick(self, due_s: float) -> None:
-        self._core.tick(max(due_s, _now_s()))  # a timer may fire early by the clock's resolution
+    def _tick(self, deadline_s: float) -> None:
+        self._core.tick(
+            max(deadline_s, _now_s())
+        )  # a timer may fire early by the clock's resolution
         self._update()
 
     def _update(self) -> None:
@@ -203,8 +205,8 @@ class AsyncClient(ClientBase):
             self._timer = None
         if self._core.deadline_s is not None:
             loop = asyncio.get_running_loop()
-            due_s = self._core.deadline_s
-            self._timer = loop.call_at(due_s, self._tick, due_s)
+            deadline_s = self._core.deadline_s
+            self._timer = loop.call_at(deadline_s, self._tick, deadline_s)
         waiters, self._waiters = self._waiters, set()
         for waiter in waiters:
             if not waiter.done():

@@ -32,11 +32,13 @@ class ClientBase(Operations):
     @property
     def observed_readings(self) -> Mapping[str, frozenset[str]]:
         """The readings that the controller's frames show, each with the options observed."""
-        return {key: frozenset(seen) for key, seen in tuple(self._core.observed_readings.items())}
+        return {
+            key: frozenset(options) for key, options in tuple(self._core.observed_readings.items())
+        }
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What did not conform in the controller's frames: one sentence each, latest last."""
+        """The latest deviations of the controller's frames, one sentence each, latest last."""
         return tuple(self._core.remarks)
 
 

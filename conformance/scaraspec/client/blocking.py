@@ -29,7 +29,9 @@ from scaraspec.transports.url import Tcp, parse
 
 T = TypeVar("T")
 
-_LISTEN_S = 0.25  # how long a receiving thread may not notice that another one closed the client
+_LISTEN_S = (
+    0.25  # time within which a receiving thread notices that another thread closed the client
+)
 
 
 class Pending(PendingBase):
@@ -189,8 +191,8 @@ class Client(ClientBase):
             now_s = self._link.now_s
             if limit_s is not None and now_s >= limit_s:
                 return False
-            instants = (now_s + _LISTEN_S, self._core.deadline_s, limit_s)
-            until_s = min(instant for instant in instants if instant is not None)
+            deadlines_s = (now_s + _LISTEN_S, self._core.deadline_s, limit_s)
+            until_s = min(each_s for each_s in deadlines_s if each_s is not None)
             if self._listening:
                 self._condition.wait(max(0.0, until_s - now_s))
             else:
@@ -216,7 +218,7 @@ class Client(ClientBase):
             self._core.connection_lost(LINK_LOST_REASONS[arrival.content], now_s)
         else:
             self._core.feed(arrival.content, now_s)
-            self._core.tick(now_s)  # what arrives does not extend a timeout
+            self._core.tick(now_s)  # received bytes do not extend a timeout
         self._flush()
 
     def _flush(self) -> None:

@@ -62,7 +62,7 @@ class ClientCore:
     """The client of one connection.
 
     Timeouts expire only in `tick`. Call it when nothing has arrived until `deadline_s`, and after
-    bytes that arrived later: bytes that wait in a socket while the caller is busy never count as
+    bytes that arrived later. So bytes that wait in a socket while the caller is busy never count as
     late, and received bytes do not extend a timeout.
 
     Args:
@@ -120,16 +120,19 @@ class ClientCore:
         name = operation.command.name
         if self._lost_reason is not None:
             raise LinkLost(
-                UserMessage("{name} is not sent: {reason}", name=name, reason=self._lost_reason)
+                UserMessage(
+                    "{command} is not sent: {reason}", command=name, reason=self._lost_reason
+                )
             )
         if not self.logged_in and not isinstance(operation, Login):
             raise LoginFailed(
-                UserMessage("{name} is not sent: log in first (4.1, L104)", name=name)
+                UserMessage("{command} is not sent: log in first (4.1, L104)", command=name)
             )
         if not self.is_free(operation.slot):
             raise ClientError(
                 UserMessage(
-                    "{name} is not sent: a request of the same kind is pending (A-3-14)", name=name
+                    "{command} is not sent: a request of the same kind is pending (A-3-14)",
+                    command=name,
                 )
             )
         self._open.append(operation)
@@ -159,7 +162,7 @@ class ClientCore:
         return self._process_items(self._framer.feed(data), now_s)
 
     def tick(self, now_s: float) -> list[Event]:
-        """Expire what is due at `now_s`; nothing more has arrived until then."""
+        """Expire timeouts that have passed; feed all bytes that arrived until `now_s` first."""
         events: list[Event] = []
         if self._partial_until_s is not None and now_s >= self._partial_until_s:
             events += self._process_items(self._framer.finish(), now_s)
@@ -170,7 +173,7 @@ class ClientCore:
         return events
 
     def connection_lost(self, reason: str, now_s: float) -> list[Event]:
-        """The link has ended: fail all pending operations."""
+        """Fail all pending operations, because the link has ended for `reason`."""
         if self._lost_reason is not None:
             return []
         events = self._process_items(self._framer.finish(), now_s)
@@ -204,9 +207,9 @@ class ClientCore:
         for frame in frames:
             self._outbox += frame.encode()
 
-    def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
+    def _process_items(self, items: Iterable[StreamItem], now_s: float) -> list[Event]:
         events: list[Event] = []
-        for item in found:
+        for item in items:
             if isinstance(item, Skipped):
                 self.remarks.append(
                     UserMessage(

@@ -118,11 +118,13 @@ def _arguments(name: str, values: Mapping[str, Any]) -> list[Any]:
     names = [parameter.strip("[]") for parameter in OPERATIONS[name]]
     if unknown := values.keys() - set(names):
         raise PayloadError(
-            UserMessage("{name} has no argument {unknown}", name=name, unknown=min(unknown))
+            UserMessage("{command} has no argument {argument}", command=name, argument=min(unknown))
         )
     if missing := [parameter for parameter in names if parameter not in values]:
         raise PayloadError(
-            UserMessage("{name} needs the argument {missing}", name=name, missing=missing[0])
+            UserMessage(
+                "{command} needs the argument {argument}", command=name, argument=missing[0]
+            )
         )
     if name in TRANSFERS:
         return [values[parameter] for parameter in names]

@@ -72,7 +72,7 @@ class PendingOperation:
 
     @property
     def occupies_slot(self) -> bool:
-        """Whether another operation of this slot has to wait."""
+        """Whether another operation of this slot must wait."""
         return self.stage is not Stage.SETTLED
 
     @property
@@ -137,7 +137,7 @@ class PendingOperation:
         return []
 
     def abort(self) -> None:
-        """The caller gave up. A single request cannot be cancelled, so this does nothing."""
+        """Cancel the operation. A single request cannot be cancelled, so this does nothing."""
 
     def settle(self, value: Any) -> None:
         """End the operation with a value."""

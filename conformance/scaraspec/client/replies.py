@@ -14,6 +14,7 @@ from scaraspec.protocol.payloads import Acceptance, OptionalRecord, Outcome
 from scaraspec.user_message import UserMessage
 
 _SPELLING: Final = frozenset({Defect.TRAILING_NUL, Defect.QUOTES, Defect.BINARY})
+"""Defects of the encoding of a text."""
 _CODE_LENGTH: Final = 2
 
 
@@ -81,13 +82,13 @@ def _code(text: str | None, raw: bytes) -> errors.Code | None:
 
 
 def _undecodable(parsed: Parsed, data: bytes) -> ProtocolError:
-    message = "final result" if parsed.part == "result" else "reply"
+    reply_kind = "final result" if parsed.part == "result" else "reply"
     issues = parsed.decoded.issues
     reason = issues[0].text if issues else show(data)
     return ProtocolError(
         UserMessage(
-            "the {message} of {command} cannot be decoded: {reason}",
-            message=message,
+            "the {reply_kind} of {command} cannot be decoded: {reason}",
+            reply_kind=reply_kind,
             command=parsed.command.name,
             reason=reason,
         )

@@ -58,8 +58,8 @@ def parse_arguments(name: str, texts: Sequence[str]) -> list[Any]:
     if not required_count <= len(texts) <= len(names):
         raise PayloadError(
             UserMessage(
-                "{name} takes {parameters}: {given_count} given",
-                name=name,
+                "{command} takes {parameters}: {given_count} given",
+                command=name,
                 parameters=" ".join(names).upper() or "no arguments",
                 given_count=len(texts),
             )
@@ -80,10 +80,10 @@ def _parse(field: Field, text: str) -> Any:
             return datetime.fromisoformat(text)
         except ValueError:
             pass  # the field reports the error
-    notes = Diagnostics()
-    value = field.read(text.encode("utf-8", "surrogateescape"), notes)
-    if notes.issues:
-        raise PayloadError(notes.issues[0].text)
+    diagnostics = Diagnostics()
+    value = field.read(text.encode("utf-8", "surrogateescape"), diagnostics)
+    if diagnostics.issues:
+        raise PayloadError(diagnostics.issues[0].text)
     return value
 
 

@@ -50,7 +50,7 @@ class FileTransfer(PendingOperation):
 
     @property
     def slot(self) -> str:
-        """The key that both directions share."""
+        """The key that uploads and downloads share."""
         return "transfer"
 
     @property
@@ -76,7 +76,7 @@ class FileTransfer(PendingOperation):
         return []
 
     def abort(self) -> None:
-        """Abort at the next frame, the first opportunity to signal it to the controller."""
+        """Abort at the next frame, when the controller can be notified."""
         self._aborted = True
 
     def _send_request(self, now_s: float) -> list[Frame]:

@@ -54,7 +54,7 @@ class Console:
             self._answer(f"error: a line has at most {MAX_LINE_BYTES} bytes")
 
     def _execute(self, line: str) -> None:
-        self._server.advance()  # first process what is due before the line
+        self._server.advance()  # process earlier events before the line changes the plant
         try:
             done = execute(line, self._server.core.plant, self._server.now_s)
         except ConsoleCommandError as error:

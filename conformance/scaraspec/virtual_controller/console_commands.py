@@ -86,7 +86,7 @@ def _fault(code: str) -> Callable[[list[str], Plant, float], str]:
         if others:
             raise ConsoleCommandError(
                 UserMessage(
-                    "a fault has no argument {argument}, only the word lasting",
+                    "a fault takes no argument {argument}, only the word lasting",
                     argument=reprlib.repr(others[0]),
                 )
             )
@@ -107,14 +107,14 @@ def _with_lasting(words: list[str]) -> tuple[list[str], bool]:
 def _repair(words: list[str], plant: Plant, _: float) -> str:
     _require_no_arguments(words)
     plant.repair()
-    return "the causes of all faults are gone"
+    return "the causes of all faults are removed"
 
 
 def _clear(words: list[str], plant: Plant, _: float) -> str:
     _require_no_arguments(words)
     plant.repair()
     plant.clear_faults()
-    return "all faults are gone"
+    return "all faults are removed"
 
 
 def _disk_full(words: list[str], plant: Plant, _: float) -> str:
@@ -167,7 +167,10 @@ def _help(words: list[str], _plant: Plant, _now_s: float) -> str:
 def _require_no_arguments(words: list[str]) -> None:
     if words:
         raise ConsoleCommandError(
-            UserMessage("this command has no argument {argument}", argument=reprlib.repr(words[0]))
+            UserMessage(
+                "this command takes no argument, but {argument} was given",
+                argument=reprlib.repr(words[0]),
+            )
         )
 
 

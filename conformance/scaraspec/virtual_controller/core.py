@@ -2,7 +2,7 @@
 
 It contains the connections, the logins and the order of requests and replies. Every frame enters
 through `ControllerCore.handle` and leaves through `ControllerCore.emit`. The method with the name
-of the command does the work (see `behaviour`). The server owns sockets, files and clocks: it passes
+of the command executes it (see `behaviour`). The server owns sockets, files and clocks: it passes
 the time in, in seconds of a monotonic clock that the plant also uses, and performs the actions
 that the core returns.
 """
@@ -64,7 +64,7 @@ class ControllerCore(Behaviour):
     # ------------------------------------------------------------------ events
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
-        """A client has connected.
+        """Handle a new connection of a client.
 
         Args:
             connection: The connection number, unique among the open connections.
@@ -93,7 +93,7 @@ class ControllerCore(Behaviour):
         return self._take_actions()
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
-        """Bytes have arrived from a client; return the actions to perform."""
+        """Handle bytes received from a client; return the actions to perform."""
         self._process_due(now_s)
         session = self.sessions.get(connection)
         if session is not None and not self._is_masked(session):
@@ -101,7 +101,7 @@ class ControllerCore(Behaviour):
         return self._take_actions()
 
     def close(self, connection: int, now_s: float) -> list[Action]:
-        """A client disconnected or half-closed: its jog stops, finite motion continues (A-2-8)."""
+        """Handle a disconnect or half-close: a jog stops, a finite motion continues (A-2-8)."""
         self._process_due(now_s)
         session = self.sessions.get(connection)
         if session is not None:
@@ -109,13 +109,13 @@ class ControllerCore(Behaviour):
         return self._take_actions()
 
     def advance(self, now_s: float) -> list[Action]:
-        """Time has passed, or the plant was changed from outside; return the actions to perform."""
+        """Handle the passage of time or a change of the plant; return the actions to perform."""
         self._process_due(now_s)
         return self._take_actions()
 
     @property
     def next_event_s(self) -> float | None:
-        """When to call `advance` next; None if nothing is due."""
+        """When to call `advance` next; None if no time is scheduled."""
         times_s = [self.robot.task.activity.next_event_s] if self.robot.task else []
         for session in self.sessions.values():
             if session.framer.deadline_s is not None:
@@ -155,7 +155,7 @@ class ControllerCore(Behaviour):
                 self._end(other, now_s)
 
     def _command(self, frame: Frame) -> Command | None:
-        """Return the command of a frame; None if the dialect lacks its opcode (A-4.12-1)."""
+        """Return the command of a frame; None if the dialect has no such opcode (A-4.12-1)."""
         command = BY_OPCODE.get(frame.opcode)
         if command and command.alternate_opcode and self.dialect["op_get_default"] == "0x13":
             return command if frame.opcode == command.alternate_opcode else None
@@ -171,13 +171,15 @@ class ControllerCore(Behaviour):
     def _answer_unknown(self, session: Session, frame: Frame, now_s: float) -> None:
         """Answer an undefined opcode (A-3-9)."""
         match self.dialect["on_unknown"]:
-            case "0" if frame.opcode != TAG:  # after a start byte it would be the tag (A-3-5)
+            case "0" if (
+                frame.opcode != TAG
+            ):  # a reply with this opcode would look like a tagged frame (A-3-5)
                 self.emit(session, Frame(C2A, frame.opcode, b"0"))
             case "close":
                 self._end(session, now_s)
 
     def _defer_while_busy(self, session: Session, command: Command, frame: Frame) -> bool:
-        """Whether a busy robot queues or ignores this request, with a non-default ``busy_reply``.
+        """Queue or ignore the request if ``busy_reply`` is not the default; return whether it did.
 
         The emergency stop is never deferred. It clears the queue, because queued commands must
         not start after it (A-4-2).
@@ -257,11 +259,11 @@ class ControllerCore(Behaviour):
             self.robot.stop(now_s)
             self._finish_tasks(now_s)
 
-    def _process_items(self, session: Session, found: list[StreamItem], now_s: float) -> None:
+    def _process_items(self, session: Session, items: list[StreamItem], now_s: float) -> None:
         """Process items that arrived together, in order, until the session ends (A-3-14)."""
         held: list[Action] = []  # with the reading "any-order": actions to perform last
         frames = 0
-        for item in found:
+        for item in items:
             if self.sessions.get(session.connection) is not session:
                 break
             self._watch(session.connection, item)
@@ -281,7 +283,7 @@ class ControllerCore(Behaviour):
         self._actions += held
 
     def _process_due(self, now_s: float) -> None:
-        """Process everything that is due at `now_s`."""
+        """Expire partial frames and transfers, and finish tasks that have ended by `now_s`."""
         for session in list(self.sessions.values()):
             self._process_items(session, session.framer.expire(now_s), now_s)
             if session.transfer is not None:

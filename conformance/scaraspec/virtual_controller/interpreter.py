@@ -107,7 +107,7 @@ class Run:
         self._seen_s = now_s
 
     def advance(self, now_s: float) -> Outcome | None:
-        """Execute what is due at `now_s`, and return the outcome if the run has ended.
+        """Execute the nodes that start by `now_s`; return the outcome if the run has ended.
 
         Call it at `next_event_s` or later, and after a change of an input, the clock or a fault of
         the plant.
@@ -236,8 +236,8 @@ class Run:
         """Return when a wait ends with the current inputs; or infinity (L930-938, A-6.5-10)."""
         match wait:
             case WaitTimer(seconds, microseconds):
-                due_s = self._plant.clock.when_s(seconds + microseconds / SECOND_US)
-                return max(due_s, self._seen_s)  # a clock change is not retroactive
+                ends_s = self._plant.clock.when_s(seconds + microseconds / SECOND_US)
+                return max(ends_s, self._seen_s)  # a clock change is not retroactive
             case WaitInput(port, value, condition):
                 state = self._input(port)
                 if self._dialect["wait_scale"] == "all" and not self._is_analog(port):

@@ -51,49 +51,49 @@ class RequestFramer:
     def _new_framer(self) -> "Framer | _WholeCandidates":
         return _WholeCandidates() if self._resync == "framewise" else Framer(A2C)
 
-    def _flushed(self, found: list[StreamItem]) -> list[StreamItem]:
+    def _flushed(self, items: list[StreamItem]) -> list[StreamItem]:
         """With the reading "flush": discard everything buffered after the first invalid bytes."""
         if self._resync == "flush":
-            for index, item in enumerate(found):
+            for index, item in enumerate(items):
                 if isinstance(item, Skipped):
                     self._framer = self._new_framer()
-                    return found[: index + 1]
-        return found
+                    return items[: index + 1]
+        return items
 
 
 class _WholeCandidates:
     """Finds frames like `Framer`, but continues after the whole of an invalid candidate."""
 
     def __init__(self) -> None:
-        self._held = b""
+        self._buffer = b""
 
     @property
     def buffered_bytes(self) -> int:
-        return len(self._held)
+        return len(self._buffer)
 
     def feed(self, data: bytes) -> list[StreamItem]:
-        buffer = self._held + data
-        found: list[StreamItem] = []
+        buffer = self._buffer + data
+        items: list[StreamItem] = []
         at = 0
         while len(buffer) - at >= _HEAD_BYTES:
             if buffer[at] != A2C.start:
                 start = buffer.find(A2C.start, at)
                 until = start if start >= 0 else len(buffer)
-                found.append(Skipped(buffer[at:until], SkipReason.STRAY))
+                items.append(Skipped(buffer[at:until], SkipReason.STRAY))
             else:
                 until = at + _FRAME_BYTES + buffer[at + 2]
                 if until > len(buffer):
                     break
                 candidate = buffer[at:until]
-                found.append(
+                items.append(
                     Frame(A2C, candidate[1], candidate[_HEAD_BYTES:-1])
                     if candidate[-1] == A2C.end
                     else Skipped(candidate, SkipReason.BAD_END)
                 )
             at = until
-        self._held = buffer[at:]
-        return found
+        self._buffer = buffer[at:]
+        return items
 
     def finish(self) -> list[StreamItem]:
-        held, self._held = self._held, b""
-        return [Skipped(held, SkipReason.TRUNCATED)] if held else []
+        rest, self._buffer = self._buffer, b""
+        return [Skipped(rest, SkipReason.TRUNCATED)] if rest else []

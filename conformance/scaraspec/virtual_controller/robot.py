@@ -1,7 +1,7 @@
 """The robot: the command under execution, what the robot refuses during it, and its outcome.
 
-It implements the states of table 8-1 (A-4-5). It handles no frames; of the clients it only knows
-the request of its task.
+It implements the states of table 8-1 (A-4-5). It handles no frames and knows no client except
+through the request of its task.
 """
 
 from dataclasses import dataclass
@@ -32,10 +32,10 @@ class Activity(Protocol):
 
     @property
     def next_event_s(self) -> float:
-        """When to call `advance`; infinite if nothing is due."""
+        """When to call `advance`; infinite if only an external change can end the wait."""
 
     def advance(self, now_s: float) -> Outcome | None:
-        """Do what is due, and return the outcome or None."""
+        """Advance to `now_s`; return the outcome, or None if the activity continues."""
 
 
 @dataclass(frozen=True, slots=True)

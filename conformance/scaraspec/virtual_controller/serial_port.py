@@ -13,7 +13,7 @@ from scaraspec.user_message import UserMessage
 from scaraspec.virtual_controller.server import SLICE_BYTES, UNREAD_BYTES, Server
 
 REOPEN_S: Final = 1.0
-"""Seconds between two attempts to open a device that has disappeared."""
+"""Interval in seconds between attempts to reopen a device that has disappeared."""
 
 log = logging.getLogger("scaraspec.virtual_controller")
 
@@ -107,7 +107,7 @@ class SerialPort:
                 self._loop.add_reader(self._line, self._read)
 
     def _device_lost(self) -> None:
-        """The device has disappeared: end the session and wait for the device."""
+        """Handle the loss of the device: end the session and wait for the device."""
         log.info("%s has disappeared", self._device)
         self._end_session()
         self._close()

@@ -17,13 +17,13 @@ MAX_CLIENTS: Final = 64
 SLICE_BYTES: Final = 64
 """Bytes per call of the core: at most 16 requests, which limits the replies in the buffer."""
 SLICES_PER_TURN: Final = 64
-"""How many slices of one client are processed before the other clients."""
+"""Maximum number of slices of one client per turn of the event loop."""
 UNREAD_BYTES: Final = 64 * 1024
 """Limit of unread reply bytes; above it, the server stops reading from the client."""
 STALL_S: Final = 10.0
-"""How long a client may leave its replies unread before the server disconnects it."""
+"""How long a client may leave replies unread before it is disconnected, in seconds."""
 GRACE_S: Final = 2.0
-"""How long the server waits at its end until the clients have read the last replies."""
+"""How long `Server.close` waits until the clients have read the last replies, in seconds."""
 
 # Seconds of silence, seconds between probes, probes: a lost peer is detected within a minute, which
 # stops its jog (A-2-8).
@@ -91,7 +91,7 @@ class Server:
         return used[0], used[1]
 
     def stop(self) -> None:
-        """Request the end of the server; `close` closes the connections."""
+        """Set `stopped`, so that the owner ends the server with `close`."""
         self.stopped.set()
 
     async def close(self) -> None:
@@ -141,7 +141,7 @@ class Server:
                 self._empty.set()
 
     def advance(self) -> None:
-        """Process what is due, or a change of the plant."""
+        """Advance the core to the current time, also after a change of the plant."""
         self._perform(self.core.advance(self.now_s))
 
     def _perform(self, actions: list[Action]) -> None:

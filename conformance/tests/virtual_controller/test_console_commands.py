@@ -22,7 +22,7 @@ def test_faults_are_made_and_cleared(plant: Plant, line: str, code: str) -> None
     """Each fault code of table 8-1 can be injected."""
     assert execute(line, plant, 1.0) == f"status {code}"
     assert plant.fault_code == code
-    assert execute("clear", plant, 1.0) == "all faults are gone"
+    assert execute("clear", plant, 1.0) == "all faults are removed"
     assert plant.fault_code is None
 
 
@@ -69,8 +69,8 @@ def test_help_names_every_command(plant: Plant) -> None:
         ("motor-fault", "takes joints separated by commas: inner_arm,"),
         ("motor-fault elbow", "there is no joint 'elbow': the joints are inner_arm,"),
         ("motor-fault wrist,", "there is no joint ''"),
-        ("position-fault now", "a fault has no argument 'now'"),
-        ("clear all", "has no argument 'all'"),
+        ("position-fault now", "a fault takes no argument 'now'"),
+        ("clear all", "takes no argument, but 'all' was given"),
         ("disk-full", "takes on or off"),
         ("disk-full maybe", "takes on or off"),
         ("input 3", "takes a port, 1 to 8, and 0 or 1"),

@@ -15,7 +15,7 @@ from scaraspec.virtual_controller.session import Request, Session
 from scaraspec.virtual_controller.store import Store, StoreError
 
 NAME_MAX_BYTES: Final = 244
-"""255 (A-5-20) minus the other bytes of the longest reply with a name (L226)."""
+"""The maximum frame data of 255 bytes (A-5-20), minus the other bytes of the 0x0A reply (L226)."""
 
 
 MAX_COORDINATE: Final = 1e6

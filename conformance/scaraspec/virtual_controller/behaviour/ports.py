@@ -1,4 +1,4 @@
-"""Behaviour of the port commands, 4.31 to 4.34. Each kind has its own numbers (A-4.32-2)."""
+"""Behaviour of the port commands, 4.31 to 4.34; each kind has its own numbering (A-4.32-2)."""
 
 from collections.abc import Iterable
 
@@ -16,11 +16,11 @@ class Ports(Base):
     """The commands that read and set ports, also while a program runs."""
 
     def get_digital_inputs(self, _: Request) -> str:
-        """4.31."""
+        """4.31: the state of all digital inputs."""
         return _digits(self.plant.digital_inputs)
 
     def get_digital_outputs(self, _: Request) -> str:
-        """4.34."""
+        """4.34: the state of all digital outputs."""
         return _digits(self.plant.digital_outputs)
 
     def get_analog_input(self, request: Request) -> float | None:
@@ -31,7 +31,7 @@ class Ports(Base):
             return None
 
     def set_digital_output(self, request: Request) -> bool:
-        """4.32."""
+        """4.32: refused if the port does not exist."""
         port, value = request.value
         try:
             self.plant.digital_outputs[port] = value == 1

@@ -42,7 +42,7 @@ class Programs(Base):
     interpreter: type[Run] = Run
 
     def get_running_program(self, request: Request) -> RunningProgram | None:
-        """4.9: a simulated run counts (A-4.9-4)."""
+        """4.9: the running or simulated program and its run time (A-4.9-4)."""
         task = self.robot.task
         if task is None or not task.program:
             return None
@@ -61,7 +61,7 @@ class Programs(Base):
         return first
 
     def delete_program(self, request: Request) -> bool:
-        """4.11: refused while it runs or is transferred; accepts the default program (A-4.11-1)."""
+        """4.11: refused while the file runs or is transferred; may be the default (A-4.11-1)."""
         name: bytes = request.value
         if self.dialect["delete_guard"] == "refuse" and self.is_in_use(name):
             return False
@@ -80,7 +80,7 @@ class Programs(Base):
         )
 
     def get_default_program(self, _: Request) -> bytes | Silence:
-        """4.12: none if the default program was deleted (A-4.12-2)."""
+        """4.12: no name if no default program is set or it was deleted (A-4.12-2)."""
         name = self.store.settings.default_program
         if self.is_program(name):
             return name
@@ -91,7 +91,7 @@ class Programs(Base):
         return self.is_program(request.value) and self.save(default_program=request.value)
 
     def run_program(self, request: Request) -> Acceptance:
-        """4.15."""
+        """4.15: refused if the robot is busy, has a fault or cannot run the program."""
         return self._start(request, RUNNING)
 
     def simulate_program(self, request: Request) -> Acceptance:

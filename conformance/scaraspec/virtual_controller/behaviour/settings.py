@@ -16,23 +16,23 @@ PASSWORD_MAX_BYTES: Final = 127
 
 
 class Settings(Base):
-    """The commands that read and set without motion."""
+    """The commands that read or change settings without motion."""
 
     def login(self, request: Request) -> bool:
-        """4.1, for this connection (A-4.1-1); a wrong password changes nothing (A-4.1-2)."""
+        """4.1: valid for this connection (A-4.1-1); a wrong password changes nothing (A-4.1-2)."""
         correct = bool(request.value == self.store.settings.password)
         request.session.logged_in |= correct
         return correct
 
     def set_password(self, request: Request) -> bool:
-        """4.2, for the next login; a logged-in client stays logged in (A-4.2-2)."""
+        """4.2: applies to the next login; a logged-in client stays logged in (A-4.2-2)."""
         old, new = request.value
         if old != self.store.settings.password or len(new) > PASSWORD_MAX_BYTES:
             return False
         return self.is_text(new) and self.save(password=new)
 
     def get_network(self, _: Request) -> Network:
-        """4.3."""
+        """4.3: the stored network settings."""
         settings = self.store.settings
         return Network(settings.ip, settings.mask, settings.gateway)
 
@@ -41,24 +41,24 @@ class Settings(Base):
         return self.save(**request.value._asdict())
 
     def set_time(self, request: Request) -> bool:
-        """4.5, at any time (A-4.5-2)."""
+        """4.5: accepted at any time (A-4.5-2)."""
         self.plant.clock.set(request.value, request.now_s)
         return True
 
     def get_time(self, request: Request) -> datetime:
-        """4.6."""
+        """4.6: the time of the robot's clock."""
         return self.plant.clock.time(request.now_s)
 
     def get_version(self, _: Request) -> str:
-        """4.7."""
+        """4.7: the software version."""
         return VERSION
 
     def get_status(self, _: Request) -> str:
-        """4.8."""
+        """4.8: a fault, the state of the executing command, or idle."""
         return self.robot.status
 
     def get_gripper_center(self, _: Request) -> Point:
-        """4.19."""
+        """4.19: the stored gripper center."""
         return Point(*self.store.settings.gripper_center)
 
     def set_gripper_center(self, request: Request) -> bool:
@@ -68,7 +68,7 @@ class Settings(Base):
         return self.save(gripper_center=tuple(request.value))
 
     def get_initial_tool_position(self, _: Request) -> Pose:
-        """4.22."""
+        """4.22: the stored initial tool position."""
         return Pose(*self.store.settings.initial_tool_position)
 
     def set_initial_tool_position(self, request: Request) -> bool:
