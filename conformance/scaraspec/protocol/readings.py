@@ -46,7 +46,7 @@ class Detectable(Flag):
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """One plausible interpretation of an open point: its name on the command line, its meaning."""
+    """One interpretation of an open point: its name on the command line and its meaning."""
 
     name: str
     meaning: str
@@ -61,7 +61,7 @@ class Reading:
         entry: The entry of the register, such as "A-4.12-1"; its middle part is the clause.
         question: What the document leaves open.
         options: The options, the default first. If there is a unit, any positive decimal number
-            is allowed, too.
+            is also allowed.
         detectable: How the option of a peer can be detected.
         binds: The side whose behaviour it describes.
         unit: "s" for a duration in seconds, else None.
@@ -103,7 +103,7 @@ class Reading:
         )
 
 
-# Nine digits are 31 years; more digits could only exhaust the memory.
+# Nine digits are 31 years; a limit prevents a number that exhausts the memory.
 _NUMBER = re.compile(r"[0-9]{1,9}(\.[0-9]{1,9})?")
 
 ON_WIRE, BY_PROBE, IN_FILE = Detectable.ON_WIRE, Detectable.BY_PROBE, Detectable.IN_FILE
@@ -242,8 +242,8 @@ _TABLE = (
         "A-T-5",
         "How are decimal numbers written?",
         (
-            Option("free", "with as many decimals as needed, or none"),
-            Option("one-decimal", "with exactly one decimal"),
+            Option("free", "with as many digits after the point as needed, or none"),
+            Option("one-decimal", "with exactly one digit after the point"),
         ),
         ON_WIRE | BY_PROBE,
         Binds.BOTH,
@@ -734,7 +734,7 @@ class Dialect(Mapping[str, str]):
 def _find(key: str) -> Reading:
     if reading := READINGS.get(key):
         return reading
-    # The search takes time in proportion to the text, and no key is half as long as this.
+    # The time of the search grows with the text; no key has half of 40 characters.
     near = difflib.get_close_matches(key[:40], READINGS, n=1)
     hint = f"did you mean {near[0]}?" if near else f"the readings are {', '.join(READINGS)}"
     raise ReadingError(

@@ -15,7 +15,7 @@ from scaraspec.protocol.program_files.rules import RULES, LintContext, Problem, 
 from scaraspec.user_message import UserMessage
 
 MAX_FINDINGS = 1000
-"""The maximum number of findings; errors are found first."""
+"""The maximum number of findings; errors are reported first."""
 
 INVALID_PROGRAM_CODES = frozenset(
     {"P-key-twice", "P-curve-short", "P-curve-child", "P-loop", "P-if", "P-else"}
@@ -48,18 +48,18 @@ class LintFinding:
     offset_bytes: int | None = None
 
     def __str__(self) -> str:
-        places = [
-            f"{name} {place}"
-            for name, place in (
+        positions = [
+            f"{name} {number}"
+            for name, number in (
                 ("node", self.node),
                 ("variable", self.variable),
                 ("byte", self.offset_bytes),
             )
-            if place is not None
+            if number is not None
         ]
-        place = f" {', '.join(places)}:" if places else ""
-        about = f" ({self.requirements[0]})" if self.requirements else ""
-        return f"{self.severity.value} {self.code}{about}{place} {self.message}"
+        position = f" {', '.join(positions)}:" if positions else ""
+        requirement = f" ({self.requirements[0]})" if self.requirements else ""
+        return f"{self.severity.value} {self.code}{requirement}{position} {self.message}"
 
 
 def lint(subject: Program | bytes) -> tuple[LintFinding, ...]:
@@ -71,24 +71,24 @@ def lint(subject: Program | bytes) -> tuple[LintFinding, ...]:
     Args:
         subject: A program, or the content of a file; it need not be valid.
     """
-    found = _lint_bytes(subject) if isinstance(subject, bytes) else _lint_program(subject, None)
-    findings = list(islice(found, MAX_FINDINGS + 1))
-    capped = len(findings) > MAX_FINDINGS
+    produced = _lint_bytes(subject) if isinstance(subject, bytes) else _lint_program(subject, None)
+    findings = list(islice(produced, MAX_FINDINGS + 1))
+    truncated = len(findings) > MAX_FINDINGS
     findings = sorted(findings[:MAX_FINDINGS], key=_sort_key)
-    if capped:
+    if truncated:
         findings.append(
             LintFinding(
                 "P-more",
                 Severity.INFO,
                 (),
-                UserMessage("only {count} findings are listed", count=MAX_FINDINGS),
+                UserMessage("only {finding_count} findings are listed", finding_count=MAX_FINDINGS),
             )
         )
     return tuple(findings)
 
 
 def _sort_key(finding: LintFinding) -> tuple[int, int, int]:
-    """Sort by node (findings without a node first), then by variable, then worst first."""
+    """Return the order: by node, findings without a node first; by variable; worst first."""
     return finding.node or 0, finding.variable or 0, _WORST_FIRST.index(finding.severity)
 
 
@@ -96,23 +96,23 @@ def _lint_bytes(data: bytes) -> Iterator[LintFinding]:
     try:
         program = parse(data)
     except ProgramError as error:
-        defect, end = error.defect, error.offset_bytes
+        defect, offset_bytes = error.defect, error.offset_bytes
         severity = Severity.WARNING if defect is ProgramDefect.SURPLUS else Severity.ERROR
         yield LintFinding(
-            defect.code, severity, defect.requirements, error.reason, offset_bytes=end
+            defect.code, severity, defect.requirements, error.reason, offset_bytes=offset_bytes
         )
         if defect in (ProgramDefect.SURPLUS, ProgramDefect.SECOND):
-            yield from _lint_bytes(data[:end])
+            yield from _lint_bytes(data[:offset_bytes])
     else:
         yield from _lint_program(program, detect(data)[0])
 
 
 def _lint_program(program: Program, layout: Layout | None) -> Iterator[LintFinding]:
-    subject = LintContext(program, layout)
+    context = LintContext(program, layout)
     for severity in _WORST_FIRST:
         for rule in RULES:
             if rule.severity is severity:
-                for problem in rule.check(subject):
+                for problem in rule.check(context):
                     yield LintFinding(
                         rule.code,
                         severity,
