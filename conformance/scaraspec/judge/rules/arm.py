@@ -19,7 +19,7 @@ MOTIONS: Final = ("run_program", "reset", MOVE, JOG)
 
 MOMENT_NS: Final = 2_000_000_000
 """Within this time after a motion no other client can have begun another one."""
-_SOON_NS: Final = 60_000_000_000
+_MAX_AGE_NS: Final = 60_000_000_000
 """Maximum age of a reported value that shows the state before a command."""
 
 
@@ -40,7 +40,7 @@ def reading_before(motion: Exchange, name: str, robot: RobotState) -> Exchange |
     """Return the last query `name` between the end of the previous command and `motion`."""
     earlier = [y for y in robot.history.accepted if y.time_ns < motion.time_ns]
     query = robot.history.last(name, before_ns=motion.time_ns)
-    if query is None or not query.reply_value or motion.time_ns - query.time_ns > _SOON_NS:
+    if query is None or not query.reply_value or motion.time_ns - query.time_ns > _MAX_AGE_NS:
         return None
     return query if all(0 < ended_ns(y) < query.time_ns for y in earlier) else None
 

@@ -27,15 +27,15 @@ _STATUS: Final = ("get_status",)
 _SECOND_NS: Final = 1_000_000_000
 """An unrecorded client cannot begin and end a command unnoticed within this time. A capture may
 reorder the frames of two connections by up to this time."""
-_REPLY_NS: Final = 5_000_000_000
+_MAX_REPLY_NS: Final = 5_000_000_000
 """Maximum time from a request to its first reply (A-3-15)."""
-_MOMENT_NS: Final = 100_000_000
+_STATUS_LAG_NS: Final = 100_000_000
 """How long a status may still be that of a command after the command ended."""
-_SWAPPED_NS: Final = 50_000_000
+_MAX_REORDERING_NS: Final = 50_000_000
 """The most by which a capture swaps packets of two connections."""
 
 
-def surely_executes(y: Exchange, x: Exchange, robot: RobotState) -> bool:
+def certainly_executes(y: Exchange, x: Exchange, robot: RobotState) -> bool:
     """Return whether a command `y` of `x.concurrent` certainly executed when `x` was answered.
 
     On one connection the order of the frames is certain. On two connections the final result of
@@ -49,8 +49,8 @@ def surely_executes(y: Exchange, x: Exchange, robot: RobotState) -> bool:
         return True
     now = next((z for z in robot.history.accepted if z.request is y.request), y)
     if now.result is None:
-        late_ns = x.result.begun_ns - answered_ns(x) if x.result else _SWAPPED_NS
-        return now in robot.executing and late_ns >= _SWAPPED_NS
+        late_ns = x.result.begun_ns - answered_ns(x) if x.result else _MAX_REORDERING_NS
+        return now in robot.executing and late_ns >= _MAX_REORDERING_NS
     return now.result.begun_ns - answered_ns(x) > _SECOND_NS
 
 
@@ -58,7 +58,7 @@ def surely_executes(y: Exchange, x: Exchange, robot: RobotState) -> bool:
 
 
 def _not_accepted(x: Exchange, robot: RobotState, during: Iterable[Exchange]) -> RuleResult | None:
-    executing = [y for y in during if surely_executes(y, x, robot)]
+    executing = [y for y in during if certainly_executes(y, x, robot)]
     if not executing or x.concurrent_uncertain:
         return None
     if x.accepted is False:
@@ -118,7 +118,7 @@ def refused_during_a_program(x: Exchange, robot: RobotState) -> RuleResult | Non
     code = errors.lookup(x.reply_value.code) if x.reply_value and x.reply_value.code else None
     if refusal == b"0|01" or (code and code.kind is errors.Kind.FAULT):
         return PASSED
-    if not surely_executes(x.concurrent[0], x, robot):
+    if not certainly_executes(x.concurrent[0], x, robot):
         return None
     return failed(
         UserMessage("{command} was not refused with 01 while a program ran", command=x.name),
@@ -129,7 +129,7 @@ def refused_during_a_program(x: Exchange, robot: RobotState) -> RuleResult | Non
 
 
 @rule("4/15", on=Exchange, names=(*NOT_STOP, "shutdown"))
-def busy_code_is_the_state(x: Exchange, robot: RobotState) -> RuleResult | None:
+def busy_code_is_status(x: Exchange, robot: RobotState) -> RuleResult | None:
     """The code of a busy refusal is the state that 0x09 reports then (A-4-2)."""
     code = x.reply_value.code if x.accepted is False else None
     if code not in BUSY or len(x.concurrent) != 1 or x.concurrent_uncertain:
@@ -138,7 +138,7 @@ def busy_code_is_the_state(x: Exchange, robot: RobotState) -> RuleResult | None:
     expected = STATE_OF.get(executing.name)
     if code == expected:
         return PASSED
-    if expected is None or not surely_executes(executing, x, robot):
+    if expected is None or not certainly_executes(executing, x, robot):
         return None
     return failed(
         UserMessage(
@@ -217,9 +217,9 @@ def idle_after_success(x: Exchange, robot: RobotState) -> RuleResult | None:
         return None
     if x.reply_value == "00":
         return PASSED
-    if since_ns < _MOMENT_NS:
+    if since_ns < _STATUS_LAG_NS:
         return None
-    begun = any(robot.history.is_pending(name, x.time_ns - _REPLY_NS) for name in STATE_OF)
+    begun = any(robot.history.is_pending(name, x.time_ns - _MAX_REPLY_NS) for name in STATE_OF)
     if begun or x.reply_value not in BUSY:
         return None
     return failed(

@@ -16,7 +16,7 @@ from scaraspec.traffic.exchange_history import answered_ns
 from scaraspec.traffic.robot_state import RobotState
 from scaraspec.user_message import UserMessage
 
-_SOON_NS: Final = 1_000_000_000
+_MAX_AGE_NS: Final = 1_000_000_000
 """Maximum age of a status that shows the state."""
 
 # Frames and invalid bytes
@@ -46,7 +46,7 @@ def controller_frame(_seen: FrameSeen, _: RobotState) -> RuleResult | None:
     return PASSED
 
 
-def _blame(invalid: InvalidBytes, fault: Fault, what: str) -> RuleResult | None:
+def _fail_if(invalid: InvalidBytes, fault: Fault, what: str) -> RuleResult | None:
     diagnosis = diagnose(invalid)
     if diagnosis.fault is not fault:
         return None
@@ -58,37 +58,39 @@ def _blame(invalid: InvalidBytes, fault: Fault, what: str) -> RuleResult | None:
 @rule("3/1", on=InvalidBytes)
 def layout(invalid: InvalidBytes, _: RobotState) -> RuleResult | None:
     """Bytes that begin like a frame but are not a valid frame (L89-90)."""
-    return _blame(invalid, Fault.UNCLEAR, "the bytes start like a frame but are not a valid frame")
+    return _fail_if(
+        invalid, Fault.UNCLEAR, "the bytes start like a frame but are not a valid frame"
+    )
 
 
 @rule("3/2", on=InvalidBytes, sender=A2C)
 def client_start(invalid: InvalidBytes, _: RobotState) -> RuleResult | None:
     """Client frames start with AA (L92)."""
-    return _blame(invalid, Fault.START, "a client frame starts with a wrong byte")
+    return _fail_if(invalid, Fault.START, "a client frame starts with a wrong byte")
 
 
 @rule("3/3", on=InvalidBytes, sender=A2C)
 def client_end(invalid: InvalidBytes, _: RobotState) -> RuleResult | None:
     """Client frames end with CC (L92)."""
-    return _blame(invalid, Fault.END, "a client frame ends with a wrong byte")
+    return _fail_if(invalid, Fault.END, "a client frame ends with a wrong byte")
 
 
 @rule("3/4", on=InvalidBytes, sender=C2A)
 def controller_start(invalid: InvalidBytes, _: RobotState) -> RuleResult | None:
     """Controller frames start with CC (L94)."""
-    return _blame(invalid, Fault.START, "a controller frame starts with a wrong byte")
+    return _fail_if(invalid, Fault.START, "a controller frame starts with a wrong byte")
 
 
 @rule("3/5", on=InvalidBytes, sender=C2A)
 def controller_end(invalid: InvalidBytes, _: RobotState) -> RuleResult | None:
     """Controller frames end with AA (L94)."""
-    return _blame(invalid, Fault.END, "a controller frame ends with a wrong byte")
+    return _fail_if(invalid, Fault.END, "a controller frame ends with a wrong byte")
 
 
 @rule("3/6", "3/7", on=InvalidBytes)
 def length(invalid: InvalidBytes, _: RobotState) -> RuleResult | None:
     """The length is one byte, the number of data bytes that follow (L89, L98)."""
-    return _blame(invalid, Fault.LENGTH, "the length is not the number of data bytes")
+    return _fail_if(invalid, Fault.LENGTH, "the length is not the number of data bytes")
 
 
 @rule("3/8", on=InvalidBytes)
@@ -115,7 +117,7 @@ def one_byte_length(invalid: InvalidBytes, _: RobotState) -> RuleResult | None:
 @rule("3/32", on=InvalidBytes)
 def nothing_between(invalid: InvalidBytes, _: RobotState) -> RuleResult | None:
     """A sender sends nothing between frames."""
-    return _blame(invalid, Fault.STRAY, "there are bytes between frames that belong to no frame")
+    return _fail_if(invalid, Fault.STRAY, "there are bytes between frames that belong to no frame")
 
 
 @rule("3/10", on=FrameSeen)
@@ -184,7 +186,7 @@ def client_never_tags(seen: FrameSeen, _: RobotState) -> RuleResult | None:
 @rule("3/15", on=InvalidBytes, sender=A2C)
 def client_tagged(invalid: InvalidBytes, _: RobotState) -> RuleResult | None:
     """A client frame that is valid except for its tag."""
-    return _blame(invalid, Fault.TAG, "a client frame contains the tag 90")
+    return _fail_if(invalid, Fault.TAG, "a client frame contains the tag 90")
 
 
 # Which reply belongs to which request
@@ -210,7 +212,7 @@ def reply_has_its_opcode(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("3/26", on=Exchange, sender=A2C)
-def asked_for(x: Exchange, _: RobotState) -> RuleResult | None:
+def reply_is_solicited(x: Exchange, _: RobotState) -> RuleResult | None:
     """A reply to a request is solicited."""
     return PASSED if x.reply else None
 
@@ -261,7 +263,7 @@ def one_open_request(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 def _reply_expected(x: Exchange) -> bool:
-    """Return whether a reply is due: the request is valid, after a login, and in order."""
+    """Return whether a reply is expected: the request is valid, after a login, and in order."""
     valid = x.request.parsed is not None and not x.request.parsed.decoded.issues
     served = x.logged_in or x.name == "login"
     out_of_place = x.name == "upload_chunk" and (x.transfer is None or x.after_silence)  # A-5-16
@@ -297,14 +299,14 @@ def answered(x: Exchange, robot: RobotState) -> RuleResult | None:
         )
     if x.ending is not Ending.UNANSWERED or x.unmatched_reply:
         return None
-    return _silence(x, robot) or failed(
+    return _judge_silence(x, robot) or failed(
         UserMessage("{command} was not answered, although a later request was", command=x.name),
         expected="a reply",
         observed="none",
     )
 
 
-def _silence(x: Exchange, robot: RobotState) -> RuleResult | None:
+def _judge_silence(x: Exchange, robot: RobotState) -> RuleResult | None:
     """Return the toleration of a missing reply; inconclusive if the link may be dead."""
     if not x.certain:
         return inconclusive(
@@ -367,7 +369,7 @@ def _may_be_busy(x: Exchange, robot: RobotState) -> bool:
     command may be missing, because its client disconnected. The status may show a program that no
     recorded client started: another signal may start one (A-4.12-3).
     """
-    statuses = robot.history.between("get_status", x.time_ns, x.time_ns + _SOON_NS)
+    statuses = robot.history.between("get_status", x.time_ns, x.time_ns + _MAX_AGE_NS)
     for y in (robot.history.last("get_status", before_ns=x.time_ns), *statuses):
         if y and y.reply_value in BUSY and not y.concurrent:
             return True

@@ -2,7 +2,7 @@
 
 from scaraspec.judge.rules.flag import one_flag
 from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, rule
-from scaraspec.judge.rules.settings import UNSEEN_NS
+from scaraspec.judge.rules.settings import MAX_UNSEEN_NS
 from scaraspec.protocol.direction import A2C
 from scaraspec.traffic.events import Exchange, FrameSeen
 from scaraspec.traffic.robot_state import RobotState
@@ -12,14 +12,14 @@ _LOGIN = ("login",)
 
 
 @rule("4.1/1", on=FrameSeen, names=_LOGIN, sender=A2C)
-def request_holds_a_password(seen: FrameSeen, _: RobotState) -> RuleResult | None:
+def request_has_password(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """A login request carries the password as its data (L104-109)."""
     if seen.frame.data:
         return PASSED
     return failed("the login carries no password", expected="a password", observed="no data")
 
 
-def _right_before(x: Exchange, robot: RobotState) -> bool | None:
+def _is_last_accepted(x: Exchange, robot: RobotState) -> bool | None:
     """Return whether this is the last accepted password, not changed since; None if unknown.
 
     Whether quotation marks or a NUL make it another password is open (A-0-3, A-T-3).
@@ -43,10 +43,10 @@ def right_password_accepted(x: Exchange, robot: RobotState) -> RuleResult | None
     if x.accepted:
         return PASSED
     before = robot.last.get("login")
-    if before is None or x.time_ns - before.time_ns > UNSEEN_NS:
+    if before is None or x.time_ns - before.time_ns > MAX_UNSEEN_NS:
         return None
     others = robot.sessions - {x.request.place.connection}
-    if others or not _right_before(x, robot):
+    if others or not _is_last_accepted(x, robot):
         return None
     return failed(
         "a previously accepted password was refused, although no other was set",
@@ -62,7 +62,7 @@ def wrong_password_refused(x: Exchange, robot: RobotState) -> RuleResult | None:
         return None
     if not x.accepted:
         return PASSED
-    if _right_before(x, robot) is not False:
+    if _is_last_accepted(x, robot) is not False:
         return None
     return failed(
         "two different passwords were accepted, although none was set between them",

@@ -87,7 +87,7 @@ def fault_code(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("4.8/9", on=Exchange, names=_STATUS)
-def a_state(x: Exchange, _: RobotState) -> RuleResult | None:
+def status_is_a_state(x: Exchange, _: RobotState) -> RuleResult | None:
     """Reserved codes and 20 are no states (L1024-1028; A-8-3)."""
     code = errors.lookup(x.reply_value) if x.reply_value else None
     if code is None or code in errors.STATES:

@@ -280,7 +280,7 @@ def stop_and_wait(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("5.3/5", on=UnsolicitedReply, names=_DOWNLOAD_CHUNK, sender=A2C)
-def one_answer_a_chunk(unsolicited: UnsolicitedReply, _: RobotState) -> RuleResult | None:
+def one_reply_per_chunk(unsolicited: UnsolicitedReply, _: RobotState) -> RuleResult | None:
     """The client answers each chunk exactly once (L782-785)."""
     if unsolicited.late:
         return None

@@ -21,10 +21,10 @@ from scaraspec.traffic.robot_state import RobotState
 
 _TOLERANCE_S: Final = 2.0
 _DRIFT: Final = 0.01
-_SOON_NS: Final = 60_000_000_000
+_MAX_AGE_NS: Final = 60_000_000_000
 """After this time 4.6/4 judges the rate of the clock."""
 
-_NIGHT: Final = timedelta(hours=4)
+_NIGHT_END: Final = timedelta(hours=4)
 
 _NS_PER_S: Final = 1_000_000_000
 
@@ -35,7 +35,7 @@ def elapsed_s(first: Exchange, then: Exchange) -> tuple[float, float]:
     return max(least_ns, 0) / _NS_PER_S, (answered_ns(then) - first.time_ns) / _NS_PER_S
 
 
-def off_by_s(advance_s: float, first: Exchange, then: Exchange) -> float:
+def deviation_s(advance_s: float, first: Exchange, then: Exchange) -> float:
     """Return by how many seconds an advance is off the recording's clock, beyond the tolerance."""
     least_s, most_s = elapsed_s(first, then)
     tolerance_s = _TOLERANCE_S + _DRIFT * most_s
@@ -54,12 +54,12 @@ def contradicted(
     for y in (earlier[-1], earlier[0]):
         if advance_s(y, x) < 0:
             return y, False
-        if off_by_s(advance_s(y, x), y, x):
+        if deviation_s(advance_s(y, x), y, x):
             break
     else:
         return None
     legs = list(pairwise((*earlier, x)))
-    steps = [leg for leg in legs if off_by_s(advance_s(*leg), *leg)]
+    steps = [leg for leg in legs if deviation_s(advance_s(*leg), *leg)]
     runs = any(advance_s(*leg) > 0 for leg in legs if leg not in steps)
     lags = all(advance_s(*leg) < elapsed_s(*leg)[0] for leg in steps)
     if len(steps) != 1 or not runs or not lags:
@@ -71,10 +71,10 @@ def contradicted(
 def clock_as_set(x: Exchange, robot: RobotState) -> RuleResult | None:
     """After "1" 0x07 returns the set time plus the elapsed time, within 2 s (L169, L186)."""
     setting = in_force("set_time", x, robot)
-    if setting is None or x.reply_value is None or x.time_ns - setting.time_ns > _SOON_NS:
+    if setting is None or x.reply_value is None or x.time_ns - setting.time_ns > _MAX_AGE_NS:
         return None
     advance_s = (x.reply_value - setting.request_value).total_seconds()
-    if not off_by_s(advance_s, setting, x):
+    if not deviation_s(advance_s, setting, x):
         return PASSED
     return failed(
         "the clock does not show the time that was set plus the elapsed time",
@@ -125,10 +125,10 @@ def _is_summer_time(y: Exchange, x: Exchange) -> bool:
     Local time changes so; whether the clock shows local time or UTC is open (A-4.5-1).
     """
     advance_s = (x.reply_value - y.reply_value).total_seconds()
-    if all(off_by_s(advance_s + hour_s, y, x) for hour_s in (-3600, 3600)):
+    if all(deviation_s(advance_s + hour_s, y, x) for hour_s in (-3600, 3600)):
         return False
     midnight = x.reply_value.replace(hour=0, minute=0, second=0)
-    night_ends = timedelta(days=-((midnight.weekday() + 1) % 7)) + _NIGHT
+    night_ends = timedelta(days=-((midnight.weekday() + 1) % 7)) + _NIGHT_END
     return bool(y.reply_value - midnight < night_ends)  # a sum could leave the calendar
 
 

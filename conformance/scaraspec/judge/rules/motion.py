@@ -198,7 +198,7 @@ def jog_ends(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("4.28/8", on=Exchange, names=("get_status",))
-def jog_goes_on(x: Exchange, robot: RobotState) -> RuleResult | None:
+def jog_stops_after_stop(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A robot whose status is still that of a jog after a successful stop did not stop."""
     if len(robot.history.accepted) < 2 or x.reply_value != STATE_OF[JOG]:  # noqa: PLR2004 - jog and stop
         return None

@@ -4,7 +4,7 @@ from typing import Final
 
 from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule
 from scaraspec.judge.rules.settings import (
-    UNSEEN_NS,
+    MAX_UNSEEN_NS,
     executed_since,
     in_force,
     switched_off_since,
@@ -74,7 +74,7 @@ def _with(bits: str, port: int, value: int) -> str:
 def _before(x: Exchange, robot: RobotState) -> Exchange | None:
     """Return the previous reply if only recorded settings can have changed the outputs since."""
     before = robot.history.last(x.name, before_ns=x.time_ns)
-    if before is None or before.reply_value is None or x.time_ns - before.time_ns > UNSEEN_NS:
+    if before is None or before.reply_value is None or x.time_ns - before.time_ns > MAX_UNSEEN_NS:
         return None
     if switched_off_since(before, robot):
         return None

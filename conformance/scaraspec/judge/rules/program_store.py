@@ -20,9 +20,9 @@ _LIST: Final = ("list_programs",)
 _RUNS: Final = ("run_program", "simulate_program")
 _NAMING: Final = (*_RUNS, "set_default_program")
 _MISSING: Final = "20"
-_PUSHED_NS: Final = 1_000_000_000
+_PUSH_WAIT_NS: Final = 1_000_000_000
 """A client that requests again earlier may overlap with a pushed part (A-4.10-3)."""
-_FETCH_NS: Final = 5_000_000_000
+_MAX_FETCH_NS: Final = 5_000_000_000
 """Maximum time from the request of a list in parts to its first part."""
 
 
@@ -42,10 +42,10 @@ def _pushed_part_missing(x: Exchange) -> bool:
     ahead = list(takewhile(lambda part: part is not x.reply, x.parts))
     again = all(part.frame.data == ahead[0].frame.data for part in ahead)
     since_ns = ahead[0 if again else -1].begun_ns
-    return x.reply is not None and x.reply.begun_ns - since_ns >= _PUSHED_NS
+    return x.reply is not None and x.reply.begun_ns - since_ns >= _PUSH_WAIT_NS
 
 
-def _is_sure(x: Exchange, robot: RobotState) -> bool:
+def _is_unambiguous(x: Exchange, robot: RobotState) -> bool:
     """Return whether the parts belong to this list: concurrent lists may mix."""
     last = robot.history.last_requests.get(x.name, x.request)
     elsewhere = last.place.connection != x.request.place.connection
@@ -54,24 +54,24 @@ def _is_sure(x: Exchange, robot: RobotState) -> bool:
 
 def _is_complete(x: Exchange, robot: RobotState) -> bool:
     whole = bool(x.parts) and x.parts[-1].value is not None and not x.parts[-1].value.more
-    return whole and _is_sure(x, robot)
+    return whole and _is_unambiguous(x, robot)
 
 
 def _begun_ns(x: Exchange) -> int:
-    """Return the latest time at which the list was requested."""
+    """Return a time that is not later than the request of the first part."""
     fetched = x.parts[0] is not x.reply
-    return x.parts[0].begun_ns - _FETCH_NS if fetched else x.time_ns
+    return x.parts[0].begun_ns - _MAX_FETCH_NS if fetched else x.time_ns
 
 
 # The list itself
 
 
 @rule("4.10/4", on=Exchange, names=_LIST)
-def last_part_says_so(x: Exchange, robot: RobotState) -> RuleResult | None:
+def last_part_has_flag_0(x: Exchange, robot: RobotState) -> RuleResult | None:
     """The last part of a list begins with "0" (L251); after "1" another part follows."""
     if _is_complete(x, robot):
         return PASSED
-    if not (_starts_again(x) and _pushed_part_missing(x) and _is_sure(x, robot)):
+    if not (_starts_again(x) and _pushed_part_missing(x) and _is_unambiguous(x, robot)):
         return None
     return failed(
         "a list started again although the previous part announced another part",
@@ -101,7 +101,7 @@ def no_split_name(x: Exchange, robot: RobotState) -> RuleResult | None:
         if a.value and b.value and a.value.names and b.value.names
     ]
     for head, tail in boundaries:
-        if _is_known(head + tail, robot) and _is_sure(x, robot):
+        if _is_known(head + tail, robot) and _is_unambiguous(x, robot):
             return failed(
                 "a name is split between two parts of the list",
                 expected=show(head + tail),
@@ -117,9 +117,9 @@ def _is_known(name: bytes, robot: RobotState) -> bool:
 
 
 @rule("4.10/7", on=Exchange, names=_LIST)
-def no_odd_name(x: Exchange, robot: RobotState) -> RuleResult | None:
+def names_are_unique(x: Exchange, robot: RobotState) -> RuleResult | None:
     """No name is empty or repeated in one list (L246)."""
-    if not x.parts or _starts_again(x) or not _is_sure(x, robot):
+    if not x.parts or _starts_again(x) or not _is_unambiguous(x, robot):
         return None
     names = _names(x)
     for part in x.parts:

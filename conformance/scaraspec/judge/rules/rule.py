@@ -118,11 +118,11 @@ def rule(
 ) -> Callable[[Check], Check]:
     """Register a check for one or more requirements; it gives all of them the same result."""
 
-    def enter(check: Check) -> Check:
+    def register(check: Check) -> Check:
         RULES.extend(Rule(r, on, frozenset(names), sender, payload, check) for r in requirements)
         return check
 
-    return enter
+    return register
 
 
 def kind_of(traffic_event: TrafficEvent) -> tuple[object, ...]:

@@ -122,7 +122,7 @@ def run_time_runs(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 
 @rule("4.9/6", on=Exchange, names=_INFO)
-def nothing_after_none(x: Exchange, robot: RobotState) -> RuleResult | None:
+def no_name_without_program(x: Exchange, robot: RobotState) -> RuleResult | None:
     """Without a program the reply begins with "0" and gives no name and no time (L226, L237)."""
     if not x.reply or not x.reply.parsed or not _reports_none(x):
         return None

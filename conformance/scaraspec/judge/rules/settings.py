@@ -14,10 +14,10 @@ from scaraspec.traffic.exchange_history import answered_ns
 from scaraspec.traffic.robot_state import RobotState
 from scaraspec.user_message import UserMessage
 
-UNSEEN_NS: Final = 60_000_000_000
+MAX_UNSEEN_NS: Final = 60_000_000_000
 """After this time the robot may have been switched off, or an unrecorded client may have logged in
 or changed a setting."""
-_UNSEEN_HERE_NS: Final = 10 * UNSEEN_NS
+_MAX_UNSEEN_SAME_CONNECTION_NS: Final = 10 * MAX_UNSEEN_NS
 """The same on one connection: only a serial line stays open if a robot is switched off."""
 
 PROGRAMS: Final = ("run_program", "simulate_program")
@@ -40,7 +40,7 @@ def in_force(setter: str, x: Exchange, robot: RobotState) -> Exchange | None:
     if setting.request.parsed and setting.request.parsed.decoded.issues:
         return None
     same = setting.request.place.connection == x.request.place.connection
-    if x.time_ns - setting.time_ns > (_UNSEEN_HERE_NS if same else UNSEEN_NS):
+    if x.time_ns - setting.time_ns > (_MAX_UNSEEN_SAME_CONNECTION_NS if same else MAX_UNSEEN_NS):
         return None
     return None if switched_off_since(setting, robot) else setting
 
@@ -126,7 +126,7 @@ def _unchanged(setter: str, x: Exchange, robot: RobotState, count: int) -> RuleR
         return None
     if other and other.place.time_ns > before.time_ns:
         return None
-    if x.time_ns - since_ns > UNSEEN_NS or switched_off_since(before, robot):
+    if x.time_ns - since_ns > MAX_UNSEEN_NS or switched_off_since(before, robot):
         return None
     if executed_since(since_ns, robot, PROGRAMS):
         return None

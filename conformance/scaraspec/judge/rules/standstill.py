@@ -33,7 +33,7 @@ _SETTERS: Final = {
     "set_initial_tool_position": ("4.21/5", "A-4.21-2"),
 }
 """Settings that cause no motion, with the requirement and the register entry."""
-_BLINK_NS: Final = 1_000_000_000
+_MAX_STATUS_GAP_NS: Final = 1_000_000_000
 """Maximum time between two statuses 00 between which nothing has moved the arm."""
 
 
@@ -100,7 +100,7 @@ def _still_between_statuses(name: str, x: Exchange, robot: RobotState) -> RuleRe
         return None
     begin_ns = answered_ns(before)
     since_ns = robot.history.idle_since_ns
-    if since_ns is None or since_ns > begin_ns or x.time_ns - begin_ns > _BLINK_NS:
+    if since_ns is None or since_ns > begin_ns or x.time_ns - begin_ns > _MAX_STATUS_GAP_NS:
         return None
     readings = [y for y in robot.history.between(name, begin_ns, x.time_ns) if y.reply_value]
     for y in readings[1:]:

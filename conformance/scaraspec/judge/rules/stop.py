@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from scaraspec.judge.rules.busy import BUSY, STATE_OF, surely_executes
+from scaraspec.judge.rules.busy import BUSY, STATE_OF, certainly_executes
 from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule, tolerated
 from scaraspec.protocol.fields import show
 from scaraspec.traffic.events import Exchange
@@ -11,12 +11,12 @@ from scaraspec.traffic.robot_state import RobotState
 from scaraspec.user_message import UserMessage
 
 _STOP: Final = "emergency_stop"
-_CLEARLY_NS: Final = 500_000_000
+_CONTINUED_NS: Final = 500_000_000
 """A command that continues for this long after a refused stop was still executing at the stop."""
 
 
 @rule("4.17/2", on=Exchange, names=(_STOP,))
-def refusal_is_bare(x: Exchange, _: RobotState) -> RuleResult | None:
+def refusal_is_one_flag(x: Exchange, _: RobotState) -> RuleResult | None:
     """When no stop is needed the reply is "0" (L363-366)."""
     if not x.reply or x.reply.frame.data[:1] != b"0":
         return None
@@ -31,7 +31,7 @@ def refusal_is_bare(x: Exchange, _: RobotState) -> RuleResult | None:
 @rule("4.17/3", "4.17/6", on=Exchange, names=(_STOP,))
 def stop_is_accepted(x: Exchange, robot: RobotState) -> RuleResult | None:
     """While a command executes the stop is answered "1" (L363-371; A-4.17-1)."""
-    moving = [y for y in x.concurrent if y.name in STATE_OF and surely_executes(y, x, robot)]
+    moving = [y for y in x.concurrent if y.name in STATE_OF and certainly_executes(y, x, robot)]
     return PASSED if moving and x.accepted else None
 
 
@@ -40,7 +40,7 @@ def stop_was_needed(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A stop is needed if the command ends long after the stop was refused."""
     if not x.stop_requested or not x.result:
         return None
-    for stop in robot.history.between(_STOP, answered_ns(x), x.result.begun_ns - _CLEARLY_NS):
+    for stop in robot.history.between(_STOP, answered_ns(x), x.result.begun_ns - _CONTINUED_NS):
         if stop.accepted is False:
             return _needed(stop, x)
     return None
@@ -68,7 +68,7 @@ def _needed(stop: Exchange, y: Exchange) -> RuleResult:
 
 
 @rule("4.17/8", on=Exchange, names=STATE_OF)
-def stopped_is_no_success(x: Exchange, _: RobotState) -> RuleResult | None:
+def stopped_command_fails(x: Exchange, _: RobotState) -> RuleResult | None:
     """The stopped command's own result is a failure; a jog's may be "11" (A-4.17-4)."""
     if not x.interrupted_by or x.interrupted_by.name != _STOP or not x.outcome or not x.result:
         return None

@@ -16,10 +16,10 @@ from scaraspec.user_message import UserMessage
 
 TWO_STAGE: Final = tuple(c.name for c in COMMANDS if c.two_stage)
 NOT_STOP: Final = tuple(name for name in TWO_STAGE if name != "emergency_stop")
-_TAKING_TIME: Final = tuple(n for n in NOT_STOP if n not in ("release_joints", "lock_joints"))
+_LASTING_COMMANDS: Final = tuple(n for n in NOT_STOP if n not in ("release_joints", "lock_joints"))
 
 _QUERIES: Final = ("get_status", "get_time", "get_version")
-_AT_ONCE_NS: Final = 50_000_000
+_IMMEDIATE_NS: Final = 50_000_000
 _LONG_NS: Final = 1_000_000_000
 _SLOWER_FACTOR: Final = 10
 
@@ -60,7 +60,7 @@ def _without_code(x: Exchange) -> RuleResult | None:
 
 @rule("4/1", on=Exchange, names=TWO_STAGE)
 def first_reply(x: Exchange, _: RobotState) -> RuleResult | None:
-    """The first reply is "1", or "0|code"; for 0x32 "1" or "0" (L311 and sisters)."""
+    """The first reply is "1", or "0|code"; for 0x32 "1" or "0" (L311 and similar)."""
     if not x.reply or not x.command:
         return None
     stop_refused = (
@@ -130,7 +130,7 @@ def checked_before_replying(x: Exchange, _: RobotState) -> RuleResult | None:
     return PASSED if x.accepted is not None else None
 
 
-@rule("4/14", on=Exchange, names=_TAKING_TIME)
+@rule("4/14", on=Exchange, names=_LASTING_COMMANDS)
 def reply_before_execution(x: Exchange, robot: RobotState) -> RuleResult | None:
     """The first reply comes before the execution, not at its end (L311, L363, L392, L490).
 
@@ -173,7 +173,9 @@ def reply_before_execution(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 
 def _comes_at_its_end(x: Exchange) -> bool:
-    return _took_long(x) and (x.duration_ns or 0) <= _AT_ONCE_NS and (x.latency_ns or 0) >= _LONG_NS
+    return (
+        _took_long(x) and (x.duration_ns or 0) <= _IMMEDIATE_NS and (x.latency_ns or 0) >= _LONG_NS
+    )
 
 
 def _took_long(x: Exchange) -> bool:
@@ -196,7 +198,7 @@ def _took_long(x: Exchange) -> bool:
 @rule("4.26/3", on=Exchange, names=("lock_joints",))
 @rule("4.28/5", on=Exchange, names=("jog",))
 def success(x: Exchange, _: RobotState) -> RuleResult | None:
-    """A successful final result is "11" (L318 and sisters)."""
+    """A successful final result is "11" (L318 and similar)."""
     if not x.result or x.result.frame.data[:1] == b"0":
         return None
     if x.outcome:
@@ -218,7 +220,7 @@ def success(x: Exchange, _: RobotState) -> RuleResult | None:
 @rule("4.26/4", on=Exchange, names=("lock_joints",))
 @rule("4.28/6", on=Exchange, names=("jog",))
 def failure(x: Exchange, _: RobotState) -> RuleResult | None:
-    """A failed final result is "00|code", five bytes (L323-328 and sisters)."""
+    """A failed final result is "00|code", five bytes (L323-328 and similar)."""
     if not x.result or x.result.frame.data[:1] != b"0":
         return None
     if x.outcome and x.outcome.code:
