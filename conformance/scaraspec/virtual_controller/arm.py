@@ -8,6 +8,8 @@ angles in degrees, counter-clockwise positive.
 import math
 from typing import NamedTuple
 
+from scaraspec.user_message import UserMessage
+
 INNER_ARM_MM = 200.0
 OUTER_ARM_MM = 200.0
 
@@ -96,7 +98,16 @@ def clamp_to_limits(joints: Joints) -> Joints:
     for name, low, value, high in zip(Joints._fields, LOWER, joints, UPPER, strict=True):
         if not low - TOLERANCE <= value <= high + TOLERANCE:
             code = "05" if name == "wrist_mm" else "06"
-            raise UnreachableError(code, f"{name} {value:g} is outside {low:g} to {high:g}")
+            raise UnreachableError(
+                code,
+                UserMessage(
+                    "{joint} {value:g} is outside {low:g} to {high:g}",
+                    joint=name,
+                    value=value,
+                    low=low,
+                    high=high,
+                ),
+            )
     return Joints(*map(max, LOWER, map(min, joints, UPPER)))
 
 
@@ -124,8 +135,13 @@ def inverse(pose: Pose, near: Joints) -> Joints:
     if not INNER_REACH_MM - TOLERANCE <= radius_mm <= OUTER_REACH_MM + TOLERANCE:
         raise UnreachableError(
             "05",
-            f"distance {radius_mm:g} mm from the base axis is outside "
-            f"{INNER_REACH_MM:g} to {OUTER_REACH_MM:g} mm",
+            UserMessage(
+                "distance {radius_mm:g} mm from the base axis is outside {inner_mm:g} to "
+                "{outer_mm:g} mm",
+                radius_mm=radius_mm,
+                inner_mm=INNER_REACH_MM,
+                outer_mm=OUTER_REACH_MM,
+            ),
         )
     cosine = (radius_mm**2 - INNER_ARM_MM**2 - OUTER_ARM_MM**2) / (2 * INNER_ARM_MM * OUTER_ARM_MM)
     outer = math.acos(min(cosine, 1.0))

@@ -97,7 +97,7 @@ def _fault(code: str) -> Callable[[list[str], Plant, float], str]:
 
 def _fail(code: str, plant: Plant, now_s: float, *, lasting: bool) -> str:
     plant.fail(code, now_s, lasting=lasting)
-    return f"status {plant.fault_code}"
+    return UserMessage("status {code}", code=plant.fault_code)
 
 
 def _with_lasting(words: list[str]) -> tuple[list[str], bool]:
@@ -134,7 +134,7 @@ def _input(words: list[str], plant: Plant, _: float) -> str:
         plant.digital_inputs[port] = value == "1"
     except NoSuchPortError as error:
         raise ConsoleCommandError(str(error)) from None
-    return f"digital input {port} is {value}"
+    return UserMessage("digital input {port} is {value}", port=port, value=value)
 
 
 def _analog(words: list[str], plant: Plant, _: float) -> str:
@@ -147,7 +147,9 @@ def _analog(words: list[str], plant: Plant, _: float) -> str:
         raise ConsoleCommandError(
             UserMessage("{value} is not a valid analog value", value=reprlib.repr(value))
         ) from None
-    return f"analog input {port} is {plant.analog_inputs[port]:g}"
+    return UserMessage(
+        "analog input {port} is {value:g}", port=port, value=plant.analog_inputs[port]
+    )
 
 
 def _port(words: list[str], value_form: str) -> tuple[int, str]:

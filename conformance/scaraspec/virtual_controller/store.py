@@ -322,10 +322,10 @@ def _load_settings(path: Path) -> Settings:
 def _parse_settings(data: bytes) -> Settings:
     values = json.loads(data)
     if not isinstance(values, dict) or values.pop("version", None) != _VERSION:
-        raise ValueError(f"the version is not {_VERSION}")
+        raise ValueError(UserMessage("the version is not {version}", version=_VERSION))
     defaults = asdict(Settings())
     if values.keys() != defaults.keys():
-        raise ValueError(f"the keys are not version, {', '.join(defaults)}")
+        raise ValueError(UserMessage("the keys are not version, {keys}", keys=", ".join(defaults)))
     return Settings(**{key: _parse(key, values[key], defaults[key]) for key in defaults})
 
 
@@ -340,7 +340,9 @@ def _parse(key: str, value: Any, default: object) -> Any:
             numbers = tuple(float(v) for v in value if isinstance(v, int | float))
             if len(numbers) == len(default) and all(map(math.isfinite, numbers)):
                 return numbers
-    raise ValueError(f"{reprlib.repr(value)} is not a valid {key}")
+    raise ValueError(
+        UserMessage("{value} is not a valid {key}", value=reprlib.repr(value), key=key)
+    )
 
 
 # ---------------------------------------------------------------------- the disk
