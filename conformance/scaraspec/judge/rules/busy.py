@@ -25,8 +25,8 @@ BUSY: Final = frozenset(STATE_OF.values())
 
 _STATUS: Final = ("get_status",)
 _SECOND_NS: Final = 1_000_000_000
-"""An unrecorded client cannot begin and end a command unnoticed within this time. A capture may
-reorder the frames of two connections by up to this time."""
+"""An unrecorded client cannot begin and end a command unnoticed within this time. It is also a
+safe margin for frames of two connections, which a capture may reorder."""
 _MAX_REPLY_NS: Final = 5_000_000_000
 """Maximum time from a request to its first reply (A-3-15)."""
 _STATUS_LAG_NS: Final = 100_000_000

@@ -65,7 +65,7 @@ def login_first(x: Exchange, _: RobotState) -> RuleResult | None:
     """The client logs in before any other command (L79, L104); an emergency stop is tolerated."""
     if x.name == "login" or x.logged_in is None or x.refused_login:
         return None  # after a refused login 4.1/5 judges it
-    if x.logged_in or x.login_sent_before:  # only the reply was missing
+    if x.logged_in or x.login_sent_before:  # only the reply to the login was missing
         return PASSED
     if x.name == _STOP:
         return None
@@ -82,7 +82,7 @@ def nothing_done_without_login(x: Exchange, _: RobotState) -> RuleResult | None:
     if x.logged_in is not False or x.command is None or x.name == "login":
         return None
     if not x.refused_login and x.login_sent_before:
-        return None  # it may have been accepted by then
+        return None  # the login may have been accepted by then
     if not x.reply:
         return PASSED if x.ending in (Ending.UNANSWERED, Ending.HUNG_UP) else None
     if x.accepted is False:

@@ -129,7 +129,7 @@ def _is_summer_time(y: Exchange, x: Exchange) -> bool:
         return False
     midnight = x.reply_value.replace(hour=0, minute=0, second=0)
     night_ends = timedelta(days=-((midnight.weekday() + 1) % 7)) + _NIGHT_END
-    return bool(y.reply_value - midnight < night_ends)  # a sum could leave the calendar
+    return bool(y.reply_value - midnight < night_ends)  # a sum could exceed the range of datetime
 
 
 def _comparable(y: Exchange, x: Exchange, robot: RobotState) -> bool:

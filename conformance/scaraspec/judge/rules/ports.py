@@ -87,7 +87,7 @@ def _expected_reply(x: Exchange, robot: RobotState) -> str | None:
     if before is None:
         return None
     settings = list(robot.history.between(_SET, answered_ns(before), x.time_ns))
-    if len(settings) == KEPT_EXCHANGES:  # there may have been more
+    if len(settings) == KEPT_EXCHANGES:  # older settings may have been dropped
         return None
     if any(_overlap(setting, y) for setting in robot.history.recent[_SET] for y in (before, x)):
         return None

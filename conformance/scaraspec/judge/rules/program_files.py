@@ -19,7 +19,7 @@ from scaraspec.traffic.events import Transfer
 from scaraspec.traffic.robot_state import RobotState
 from scaraspec.user_message import UserMessage
 
-_UNREADABLE: Final = {fault.code for fault in ProgramDefect} - {
+_UNREADABLE: Final = {defect.code for defect in ProgramDefect} - {
     ProgramDefect.SURPLUS.code,
     ProgramDefect.SECOND.code,
 }

@@ -63,9 +63,8 @@ def first_reply(x: Exchange, _: RobotState) -> RuleResult | None:
     """The first reply is "1", or "0|code"; for 0x32 "1" or "0" (L311 and similar)."""
     if not x.reply or not x.command:
         return None
-    stop_refused = (
-        x.name == "emergency_stop" and x.accepted is False
-    )  # 4.17/2 judges its other bytes
+    # 4.17/2 judges the other bytes of a refused stop.
+    stop_refused = x.name == "emergency_stop" and x.accepted is False
     if _misses_its_form(x.reply) and not stop_refused:
         return failed(
             UserMessage(
