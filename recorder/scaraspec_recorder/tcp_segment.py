@@ -58,7 +58,7 @@ class Segment(NamedTuple):
 
 
 class UnreadablePacket(Exception):  # noqa: N818 - a property of the packet
-    """A packet that carries, or may carry, TCP and cannot be read; the message says why."""
+    """A packet may contain TCP and cannot be read; the message gives the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,7 @@ _TCP_HEADER: Final = Struct(">H H I I B B 6x")
 
 
 class _Ip(NamedTuple):
-    """What follows an IP header: who to whom, and where the payload begins and ends."""
+    """The content of an IP header: sender, receiver, and the begin and end of the payload."""
 
     src: bytes
     dst: bytes
@@ -112,12 +112,12 @@ def dissect(time_ns: int, link_type: int, packet: bytes, wire_bytes: int) -> Seg
 
     Args:
         time_ns: The packet's time stamp, nanoseconds since the Unix epoch.
-        link_type: What the packet begins with, a LINKTYPE number of the pcap registry.
-        packet: The bytes captured.
-        wire_bytes: How many bytes the packet had on the wire.
+        link_type: The type of the link header, a LINKTYPE number of the pcap registry.
+        packet: The captured bytes.
+        wire_bytes: The number of bytes of the packet on the wire.
 
     Returns:
-        The segment; None where the packet carries no TCP.
+        The segment; None if the packet contains no TCP.
 
     Raises:
         UnreadablePacket: The link type is unknown, the packet is an IP fragment of TCP, or its

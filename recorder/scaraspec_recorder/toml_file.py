@@ -10,7 +10,7 @@ _MAX_FILE_BYTES: Final = 1 << 20
 
 
 class TomlError(ValueError):
-    """The file cannot be read. The message continues a sentence after the file name or *it*."""
+    """The file cannot be read. The message is a sentence without its subject, the file name."""
 
 
 def read_toml(path: Path) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The judgement of a capture."""
+"""Audit: judges a capture file and returns the results."""
 
 from collections.abc import Callable
 from dataclasses import replace

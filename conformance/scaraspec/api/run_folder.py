@@ -81,7 +81,7 @@ class RunFolder:
         return CAPTURE if self._path and not self.earlier else ""
 
     def record(self, event: WireEvent) -> None:
-        """Record an event."""
+        """Write a wire event to the recording."""
         if self._recording:
             self._recording.write(event)
 

@@ -75,7 +75,10 @@ class UserTrigger(Trigger):
 
 
 class _Code(Trigger):
-    """A status code fires only when it changes, because clients poll it."""
+    """Fires for one code of table 8-1.
+
+    A status fires only when it changes, because clients poll it.
+    """
 
     def __init__(self, text: str) -> None:
         if not (row := lookup(text)):
@@ -133,9 +136,10 @@ class _FindingTrigger(Trigger):
 
 
 class _Silence(Trigger):
-    """Measures from the first tick or byte, so that a late OPENED event does not count as silence.
+    """Fires if an open connection carries no bytes for a time.
 
-    Each silence fires once: at a tick, or at the next byte.
+    The time begins at the first tick or byte, so that a late OPENED event does not count as
+    silence. Each silence fires once: at a tick, or at the next byte.
     """
 
     def __init__(self, text: str) -> None:
@@ -209,7 +213,7 @@ class _Late(Trigger):
 
 
 class _Malformed(Trigger):
-    """Bytes next to a gap do not count as malformed."""
+    """Fires for bytes that are not a frame and for malformed payloads, except next to a gap."""
 
     def on_item(self, item: Item) -> str:
         if isinstance(item, InvalidBytes) and item.certain:
@@ -225,7 +229,10 @@ class _Malformed(Trigger):
 
 
 class _Disconnect(Trigger):
-    """Ignores connections that the recorder itself closes after a gap of unknown length."""
+    """Fires when a connection is closed or reset.
+
+    Does not fire if the recorder itself closes the connection after a gap of unknown length.
+    """
 
     def __init__(self) -> None:
         self._unobserved: tuple[str, int] | None = (

@@ -37,7 +37,7 @@ class Route(Protocol):
     """Target of client connections. Must be picklable: the tap is a separate process."""
 
     def listen(self, host: str, port: int) -> socket.socket:
-        """Return a socket that listens for clients; port 0 takes a free one.
+        """Return a socket that listens for clients; for port 0, the system chooses a free port.
 
         Raises:
             OSError: The address is unknown, in use or not permitted, or the route is not permitted.

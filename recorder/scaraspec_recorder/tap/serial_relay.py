@@ -53,7 +53,7 @@ class Device(Protocol):
         """
 
     def write(self, data: bytes) -> None:
-        """Write all of it.
+        """Write all of `data`.
 
         Raises:
             OSError: The line has hung up.
@@ -74,7 +74,7 @@ def check_supported(address: SerialAddress) -> None:
     """Check that this system supports such lines.
 
     Raises:
-        OSError: It does not; the message states what to do.
+        OSError: The system does not support them; the message states what to do.
     """
     if isinstance(address, Serial):
         load_pyserial()

@@ -111,7 +111,7 @@ class Tap:
 
 
 def new_event_loop() -> asyncio.AbstractEventLoop:
-    """Return uvloop's event loop, which is faster; on Windows that of asyncio."""
+    """Return an event loop of uvloop, which is faster; on Windows, one of asyncio."""
     if sys.platform == "win32":
         return asyncio.new_event_loop()
     import uvloop  # noqa: PLC0415 - absent on Windows

@@ -29,7 +29,7 @@ _LINGER_NOT: Final = struct.pack("ii", 1, 0)  # close() then sends RST
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """Return a socket that listens; port 0 takes a free one.
+    """Return a listening socket; for port 0, the system chooses a free port.
 
     Raises:
         OSError: The address is unknown, in use or not permitted.

@@ -43,14 +43,14 @@ _LONGEST_NAME = 32  # far above any id: bounds the search for similar names in h
 
 
 class UnknownRequirementError(LookupError):
-    """A name that is no requirement, clause or selection; the message suggests near ones."""
+    """A name matches no requirement or clause; the message suggests similar names."""
 
 
 def requirement(requirement_id: str) -> Requirement:
-    """Return the requirement called, for example, ``"4.15/3"``.
+    """Return the requirement with an id, for example ``"4.15/3"``.
 
     Raises:
-        UnknownRequirementError: There is none of that id.
+        UnknownRequirementError: No requirement has this id.
     """
     try:
         return REQUIREMENTS[requirement_id]
@@ -61,11 +61,11 @@ def requirement(requirement_id: str) -> Requirement:
 def by_clause(prefix: str) -> tuple[Requirement, ...]:
     """Return the requirements of a clause and of its subclauses, in the order of the document.
 
-    A number is matched whole: ``"4.1"`` is clause 4.1 and not 4.15, ``"4"`` is all of clause 4,
-    ``"6.6"`` both clauses of that number.
+    Numbers are compared as a whole: ``"4.1"`` selects clause 4.1 and not 4.15. ``"4"`` selects all
+    of clause 4, and ``"6.6"`` selects both clauses with this number.
 
     Raises:
-        UnknownRequirementError: No clause is called so.
+        UnknownRequirementError: No clause has this number.
     """
     found = tuple(r for r in CATALOGUE if _is_within(r.clause, prefix))
     if not found:
@@ -74,9 +74,9 @@ def by_clause(prefix: str) -> tuple[Requirement, ...]:
 
 
 def select(selection: str) -> tuple[Requirement, ...]:
-    """Return what a comma list of clauses and requirement ids names, such as ``"4.15, 2/3"``.
+    """Return the requirements of a list of clauses and ids, such as ``"4.15, 2/3"``.
 
-    Each requirement comes once, in the order of the document.
+    Each requirement is returned once, in the order of the document.
 
     Raises:
         UnknownRequirementError: An item of the list is neither a clause nor a requirement.

@@ -1,4 +1,4 @@
-"""Clause 2, transport: TCP, its port, Bluetooth beside it (L75-83)."""
+"""Clause 2, transport: TCP, its port, and Bluetooth (L75-83)."""
 
 from scaraspec.judge.requirements.entry import (
     AC,

@@ -1,7 +1,7 @@
-"""The form of one entry of the requirement catalogue, and the short words of its tables.
+"""The types of the requirement catalogue, and short names for its tables.
 
-Only types live here. The sentences are in the table modules beside this one; looking them up is
-the business of ``scaraspec.judge.requirements``, from where the types are imported elsewhere.
+The ``clause_*`` modules contain the sentences. `scaraspec.judge.requirements` finds requirements by
+name; other packages import the types from there.
 """
 
 from dataclasses import KW_ONLY, dataclass
@@ -14,7 +14,7 @@ LineRange = int | tuple[int, int]
 
 
 class Binds(Enum):
-    """Whose duty a requirement is."""
+    """Who must fulfil a requirement."""
 
     CLIENT = "client"
     CONTROLLER = "controller"
@@ -22,7 +22,7 @@ class Binds(Enum):
 
 
 class Method(Flag):
-    """The ways in which a requirement can be decided; none where a network tool cannot do it."""
+    """The ways to test a requirement; no flag is set if a network tool cannot test it."""
 
     ACTIVE_CONTROLLER = auto()
     """The tool plays the client against a controller."""
@@ -35,25 +35,25 @@ class Method(Flag):
 
 
 class Strength(Enum):
-    """How hard the verdict on a requirement may be."""
+    """Which verdicts a requirement permits."""
 
     FIRM = "firm"
-    """Doing otherwise fails."""
+    """A violation fails."""
     TOLERANT = "tolerant"
-    """Every reading that the register lists passes, and the one seen is reported."""
+    """Every reading that the register lists passes, and the observed reading is reported."""
     INFO = "info"
-    """No pass or fail follows from the document: what was seen is recorded."""
+    """The document decides neither pass nor fail: the observation is recorded."""
 
 
 class Basis(Enum):
-    """Where a requirement comes from."""
+    """The source of a requirement."""
 
     TEXT = "text"
-    """The document says it, or draws it in a frame row."""
+    """The document states it in a sentence or in a frame row."""
     DERIVED = "derived"
-    """It follows from what the document says elsewhere, or of a sister command."""
+    """It follows from another place in the document, or from a similar command."""
     ROBUSTNESS = "robustness"
-    """The document is silent; a sound peer does it all the same."""
+    """The document does not state it, but a robust implementation does it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,18 +62,18 @@ class Requirement:
 
     Attributes:
         id: Clause and number, for example ``"4.15/3"``.
-        sentence: What is required. It says *must* where it is firm, *should* where it is tolerant
-            and *expected* where it is informative.
-        binds: Whose duty it is.
-        testable: How it can be decided.
-        hazard: The worst that provoking the situation can do to a real robot; deciding it from a
-            capture or a file does nothing.
-        strength: How hard the verdict may be.
-        basis: Where it comes from.
-        register: The open points of the document that bear on it, for example ``"A-0-2"``.
-        lines: The lines of the document it rests on; empty where the document is silent.
-        original: The document's own words from those lines, a frame row with ``" | "`` between its
-            cells, and ``" / "`` between one place and the next; empty where `lines` is.
+        sentence: The required behaviour. It contains *must* if it is firm, *should* if it is
+            tolerant and *expected* if it is informative.
+        binds: Who must fulfil it.
+        testable: How it can be tested.
+        hazard: The worst effect of an active test on a real robot. A test of a capture or a file
+            has no effect.
+        strength: Which verdicts it permits.
+        basis: Its source.
+        register: The open points of the document that affect it, for example ``"A-0-2"``.
+        lines: The lines of the document that state it; empty if no line does.
+        original: The text of these lines in the document. ``" | "`` separates the cells of a frame
+            row, ``" / "`` separates places. Empty if `lines` is empty.
     """
 
     id: str
@@ -92,21 +92,21 @@ class Requirement:
     def clause(self) -> str:
         """The clause group, for example ``"4.15"``.
 
-        ``"4"`` is what all two-stage commands share, ``"T"`` the conventions of text, ``"6.6a"``
-        and ``"6.6b"`` are the two clauses that the document numbers 6.6.
+        ``"4"`` contains the rules for all two-stage commands, ``"T"`` the conventions of text.
+        ``"6.6a"`` and ``"6.6b"`` are the two clauses with the number 6.6 in the document.
         """
         return self.id.partition("/")[0]
 
     @property
     def where(self) -> str:
-        """The lines as they are cited, for example ``"L89-90, L98"``."""
+        """The lines in the form of a citation, for example ``"L89-90, L98"``."""
         return ", ".join(
             f"L{lines}" if isinstance(lines, int) else f"L{lines[0]}-{lines[1]}"
             for lines in self.lines
         )
 
 
-# The vocabulary of the tables: short, so that a requirement stays one paragraph.
+# Short names for the tables.
 R = Requirement
 CLIENT, CONTROLLER, BOTH = Binds.CLIENT, Binds.CONTROLLER, Binds.BOTH
 AC, AK = Method.ACTIVE_CONTROLLER, Method.ACTIVE_CLIENT

@@ -20,7 +20,7 @@ _receive = RequestFramer.receive
 
 
 def _opens(actions: Callable[[int], list[Action] | None]) -> Core:
-    """A new connection has these actions; for None it is served."""
+    """When a connection opens, `actions` is called; None serves the connection normally."""
 
     class Opens(ControllerCore):
         def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:

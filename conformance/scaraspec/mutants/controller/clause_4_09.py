@@ -22,12 +22,12 @@ def _is_simulated(core: ControllerCore) -> bool:
 
 
 def _without_program(data: bytes) -> Core:
-    """The reply without a running program is replaced."""
+    """If no program runs, the reply is replaced by `data`."""
     return first_reply(_REPLY, {b"0": data})
 
 
 def _with_program(change: Callable[[bytes, bytes], bytes]) -> Core:
-    """A reply with a running program is a function of its name and its encoded run time."""
+    """If a program runs, the reply is what `change` returns for its name and encoded run time."""
 
     def changed(data: bytes) -> bytes:
         if data[:1] != b"1":
@@ -39,7 +39,7 @@ def _with_program(change: Callable[[bytes, bytes], bytes]) -> Core:
 
 
 def _program(change: Callable[[ControllerCore, RunningProgram], RunningProgram | None]) -> Core:
-    """The running program in the reply is changed."""
+    """`change` replaces the running program in the reply."""
     return after(
         _REPLY, lambda core, _request, program: None if program is None else change(core, program)
     )

@@ -1,4 +1,4 @@
-"""Mutants of clause 5.3: downloads, their course and their end."""
+"""Mutants of clause 5.3: downloads: requests, chunks and the end."""
 
 import math
 from collections.abc import Mapping

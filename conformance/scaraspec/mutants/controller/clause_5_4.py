@@ -1,4 +1,4 @@
-"""Mutants of clause 5.4: the receiver, the end of a transfer, and what an aborted one leaves."""
+"""Mutants of clause 5.4: the receiver, the end of a transfer, and aborted transfers."""
 
 import struct
 from collections.abc import Callable
@@ -212,10 +212,10 @@ row(
 
 
 class _NoticesAborts(ControllerCore):
-    """Calls a method when an upload is aborted."""
+    """Base class: calls `aborted` when an upload is aborted."""
 
     def aborted(self, name: bytes, receiver: Receiver) -> None:
-        """An upload was aborted."""
+        """Called when an upload was aborted."""
 
     def abort_transfer(self, session: Session) -> None:
         transfer = session.transfer

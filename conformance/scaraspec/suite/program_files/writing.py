@@ -117,30 +117,30 @@ Values = tuple[float, float, float, float]
 
 
 def wait(seconds: int) -> list[Node]:
-    """Wait for a time, in seconds, with as many nodes as necessary (L928)."""
+    """Return the nodes that wait for a time, in seconds (L928)."""
     whole, rest = divmod(seconds, LONGEST_WAIT_S)
     durations = [LONGEST_WAIT_S] * whole + [rest] * (rest > 0 or not whole)
     return [Node(b"", NodeType.WAIT_SECONDS, data=WaitSeconds(each)) for each in durations]
 
 
 def set_output(port: int, *, on: bool) -> Node:
-    """Set a digital output (TTL, L936)."""
+    """Return a node that sets a digital output (TTL, L936)."""
     data = SetOutput(PortType.DIGITAL_OUTPUT, port, int(on))
     return Node(b"", NodeType.SET_OUTPUT, data=data)
 
 
 def wait_until(epoch_us: int) -> Node:
-    """Wait until a point in time, in microseconds since 1970 (L938)."""
+    """Return a node that waits until a time, in microseconds since 1970 (L938)."""
     return Node(b"", NodeType.WAIT_TIMER, data=WaitTimer(*divmod(epoch_us, SECOND_US)))
 
 
 def straight(speed_percent: int, points: Sequence[Values]) -> list[Node]:
-    """Move in straight lines from point to point (L911)."""
+    """Return the nodes that move the arm in straight lines from point to point (L911)."""
     return _move(NodeType.STRAIGHT_MOVE, speed_percent, points)
 
 
 def curve(speed_percent: int, points: Sequence[Values]) -> list[Node]:
-    """Move along a curve through points (L912)."""
+    """Return the nodes that move the arm along a curve through points (L912)."""
     return _move(NodeType.CURVE_MOVE, speed_percent, points)
 
 
@@ -150,13 +150,16 @@ def _move(kind: NodeType, speed_percent: int, points: Sequence[Values]) -> list[
 
 
 def wait_input(port: int, condition: Condition, value_hundredths: int) -> Node:
-    """Wait until an input meets a condition (L930-934)."""
+    """Return a node that waits until an input meets a condition (L930-934)."""
     data = WaitInput(port, value_hundredths, condition)
     return Node(b"", NodeType.WAIT_INPUT, data=data)
 
 
 def loop(dialect: Dialect, body: Sequence[Node]) -> list[Node]:
-    """Repeat nodes that contain no loop and no move; the dialect defines how they are counted."""
+    """Return a loop around `body`, which must contain no loop and no move.
+
+    The dialect defines whether the count of nodes includes the end node.
+    """
     counts = len(body) + (dialect["counts_mode"] == "with-end")
     return [Node(b"", NodeType.LOOP, counts=counts), *body, Node(b"", NodeType.END_LOOP)]
 
@@ -164,7 +167,7 @@ def loop(dialect: Dialect, body: Sequence[Node]) -> list[Node]:
 def branch(
     comparison: Operation, then: Iterable[Node], otherwise: Iterable[Node] | None = None
 ) -> list[Node]:
-    """Return an IF; without an ELSE if `otherwise` is None (L917-919)."""
+    """Return the nodes of an IF; without an ELSE if `otherwise` is None (L917-919)."""
     middle = [] if otherwise is None else [Node(b"", NodeType.ELSE), *otherwise]
     return [
         Node(b"", NodeType.IF, data=comparison),
@@ -200,17 +203,20 @@ def compare(a: Operand, opt: int, b: Operand, *, result: int = 0) -> Operation:
 
 
 def calculate(key: int, a: Operand, opt: int, b: Operand) -> Node:
-    """Calculate into a variable (L963)."""
+    """Return a node that calculates `a` `opt` `b` and stores the result in a variable (L963)."""
     return _compute(Operation(ResultType.CALCULATION, key, *a, *b, opt))
 
 
 def assign(key: int, a: Operand) -> Node:
-    """Assign operand A to a variable, which all readings permit (L964; A-6.6a-2)."""
+    """Return a node that assigns an operand to a variable (L964).
+
+    All readings permit an assignment of operand A (A-6.6a-2).
+    """
     return _compute(Operation(ResultType.ASSIGNMENT, key, *a))
 
 
 def set_port(port: int, a: Operand) -> Node:
-    """Set an output port by an operation (L965)."""
+    """Return a node that sets an output port to the value of an operand (L965)."""
     return _compute(Operation(ResultType.SET_PORT, port, *a))
 
 

@@ -92,7 +92,10 @@ class ChunkWriter:
         self._record(Header(profile="", library=library))
 
     def schema(self, name: str, encoding: str, data: bytes) -> int:
-        """Declare a schema, outside chunks to survive their damage. Return its number."""
+        """Write a schema and return its number.
+
+        The record is outside of the chunks, so that it remains readable if a chunk is damaged.
+        """
         self._statistics.schema_count += 1
         schema = Schema(id=self._statistics.schema_count, name=name, encoding=encoding, data=data)
         self._record(schema)

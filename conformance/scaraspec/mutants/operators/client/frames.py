@@ -9,14 +9,14 @@ from scaraspec.protocol.frames import Frame, StreamItem
 
 
 def received(change: Callable[[Frame], Frame | None]) -> type[ClientCore]:
-    """Received frames are changed; None drops a frame."""
+    """Each received frame is changed before it is processed; None drops the frame."""
     return received_while(lambda frame, _: change(frame))
 
 
 def received_while(
     change: Callable[[Frame, list[PendingOperation]], Frame | None],
 ) -> type[ClientCore]:
-    """Received frames are changed, depending on the open operations; None drops a frame."""
+    """Received frames are changed, depending on the open operations; None drops the frame."""
 
     class Received(ClientCore):
         def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:

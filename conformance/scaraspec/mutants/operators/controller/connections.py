@@ -35,19 +35,19 @@ def with_framer(make: Callable[[Dialect], RequestFramer]) -> Core:
 
 
 def finds(receive: Callable[[RequestFramer, bytes, float], list[StreamItem]]) -> Core:
-    """`receive` of a session's framer is replaced."""
+    """`receive` replaces the method of the request framer of each session."""
     return with_framer(type("Finds", (RequestFramer,), {"receive": receive}))
 
 
 class Crashes(ControllerCore):
-    """Can crash: all connections are closed, and no new one is accepted."""
+    """Base class: `crash` closes all connections; later ones are closed at once."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self.crashed = False
 
     def crash(self, now_s: float) -> None:
-        """End every session."""
+        """Close all connections and accept no new one."""
         self.crashed = True
         for session in list(self.sessions.values()):
             self._end(session, now_s)
@@ -57,7 +57,7 @@ class Crashes(ControllerCore):
 
 
 class HandlesSkipped(Crashes, ABC):
-    """Does something about bytes that are no frame."""
+    """Base class: calls `skipped` for bytes that are no frame."""
 
     @abstractmethod
     def skipped(self, session: Session, item: Skipped, now_s: float) -> None:

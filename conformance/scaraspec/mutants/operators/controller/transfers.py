@@ -55,7 +55,7 @@ def chunk_data(encode: Callable[[Chunk, Dialect], bytes]) -> Core:
 
 
 def receives(*receivers: type[Receiver]) -> Core:
-    """Uploads are received by this receiver; if there are several, the first one acts first."""
+    """Uploads use this receiver class, or a class with these bases."""
     receiver = receivers[0] if len(receivers) == 1 else type("Receiver", receivers, {})
 
     class Receives(ControllerCore):
@@ -81,13 +81,13 @@ def stored(change: Callable[[bytes], bytes]) -> Core:
 
 
 class SendsAfterTheEnd(ControllerCore):
-    """Calls a method when a transfer is complete."""
+    """Base class: calls `uploaded` or `downloaded` when a transfer is complete."""
 
     def uploaded(self, session: Session, name: bytes) -> None:
-        """An upload is complete."""
+        """Called when an upload is complete."""
 
     def downloaded(self, session: Session, name: bytes) -> None:
-        """A download is complete."""
+        """Called when a download is complete."""
 
     def upload_chunk(self, request: Request) -> bool | Silence:
         transfer = request.session.transfer

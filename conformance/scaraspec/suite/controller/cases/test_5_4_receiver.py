@@ -329,7 +329,7 @@ def _expect_no_leftover(
         The connection that is open now.
 
     Raises:
-        CaseFailed: There is another content, or the name stays blocked.
+        CaseFailed: The file has other content, or the name cannot be used again.
     """
     remaining = leftover_content(line, name)
     if remaining is not None:
@@ -381,9 +381,9 @@ def _interrupt_uploads(
 
 @case("5.4/7", "5.4/1", name="closed")
 def test_connection_closed(subject: ControllerUnderTest) -> None:
-    """An upload whose connection is closed at any chunk leaves nothing but the sent part.
+    """After its connection is closed at any chunk, an upload leaves at most the sent part.
 
-    It may stay open until its timeout, and block others until then (A-5-17).
+    The upload may stay open until its timeout. Until then, it may block other transfers (A-5-17).
     """
     subject.require_close_detection()
     _interrupt_uploads(subject, OutgoingConnection.close)
@@ -394,14 +394,14 @@ def test_connection_closed(subject: ControllerUnderTest) -> None:
 
 @case("5.4/7", "5.4/1", name="reset")
 def test_connection_reset(subject: ControllerUnderTest) -> None:
-    """An upload whose connection is reset at any chunk leaves nothing but the sent part."""
+    """After its connection is reset at any chunk, an upload leaves at most the sent part."""
     subject.require_close_detection()
     _interrupt_uploads(subject, OutgoingConnection.reset)
 
 
 @case("5.4/7", "5.4/1", name="refused")
 def test_chunk_refused(subject: ControllerUnderTest) -> None:
-    """An upload leaves nothing but the sent part if one of its chunks is refused."""
+    """After one of its chunks is refused, an upload leaves at most the sent part."""
     _interrupt_uploads(subject, _offer_invalid_chunk)
 
 

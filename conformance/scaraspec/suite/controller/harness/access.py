@@ -58,7 +58,7 @@ class Access(Protocol):
         """Open a connection.
 
         Raises:
-            LinkError: It cannot be opened.
+            LinkError: The connection cannot be opened.
         """
 
     def pause(self, for_s: float) -> None:

@@ -326,7 +326,7 @@ class ControllerUnderTest:
         """Require that several connections can be open at once.
 
         Raises:
-            CaseSkipped: They cannot.
+            CaseSkipped: Only one connection can be open at a time.
         """
         if not self.access.multiple_connections:
             raise CaseSkipped("this link carries one connection at a time")
@@ -339,7 +339,7 @@ class ControllerUnderTest:
         """Require that the controller notices the end of a connection.
 
         Raises:
-            CaseSkipped: It does not.
+            CaseSkipped: The controller does not notice it.
         """
         if not self.access.detects_close:
             raise CaseSkipped("the subject does not notice the end of this link")

@@ -60,11 +60,14 @@ class _Stop:
         return " and ".join(BY_OPCODE[opcode].name for opcode in self.during)
 
     def age_s(self, now_ns: int) -> float:
-        """The time in seconds since it was refused."""
+        """The time in seconds since the stop was refused."""
         return (now_ns - self.refused_ns) / _NS
 
     def is_old(self, now_ns: int) -> bool:
-        """Whether it was refused so long ago that a command that executes now executed then."""
+        """Whether the stop was refused more than `MOMENT_S` ago.
+
+        If a command of `during` still executes then, it also executed at the refusal.
+        """
         return self.age_s(now_ns) > MOMENT_S
 
 
@@ -124,7 +127,7 @@ class StopMonitor:
             self.forget()  # an undefined opcode may start any motion
 
     def forget(self) -> None:
-        """Discard the known state: the robot may move for another reason than a known request."""
+        """Discard the known state: a hook or an unknown request may have started a motion."""
         self._executing.clear()
         self._refused = None
         self._rests_from_ns = self._still_from_ns = 0

@@ -115,7 +115,7 @@ class Guard:
         self._journal.write("password", value=self._named(new))
 
     def _named(self, password: bytes) -> str | None:
-        """The password for the journal: None if it is, or contains, the user's password."""
+        """Return the password as text for the journal; None if it contains the user's password."""
         contains = bool(self._password) and self._password in password
         if password == self._password or (contains and password not in _SUITES):
             return None

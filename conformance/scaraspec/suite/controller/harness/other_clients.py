@@ -117,7 +117,7 @@ class OtherClients(Interference):
         self._case.deviations.setdefault(name, sentence)
 
     def _reported(self, connection: str, seen: FrameSeen) -> Any:
-        """The value that a reply gives; None if it gives none, or not all of it yet."""
+        """Return the value in a reply; None without a value or for an incomplete list."""
         part = seen.value
         if not isinstance(part, NameListPart):
             return reported(seen)
@@ -126,7 +126,7 @@ class OtherClients(Interference):
         return None if part.more else self._other_programs(self._parts.pop(connection))
 
     def _other_programs(self, names: Iterable[bytes]) -> frozenset[str] | None:
-        """How a program list differs from that of the start; the suite's own files do not count."""
+        """Return the differences of a program list from the start, without the suite's files."""
         listed = self._subject.journal.changes.settings.get("programs")
         if listed is None:
             return None
@@ -135,7 +135,7 @@ class OtherClients(Interference):
         return frozenset(more | {f"without {show(name)}" for name in before - now})
 
     def _may_be_own(self, name: bytes) -> bool:
-        """Whether a name is one that the suite has sent, or part of one."""
+        """Whether the suite has sent this name, or this is a part of such a name."""
         if self._subject.files.prefix.lower() in name.lower():
             return True
         return any(name in own or (own and own in name) for own in self._uploads)

@@ -353,6 +353,6 @@ class OutgoingConnection(Connection):
 
 
 def _outcome(seen: FrameSeen) -> Outcome | None:
-    """Return the outcome of a frame as a final result, tagged or not; None if it is none."""
+    """Decode a frame as a final result, with or without the tag; None if it is not one."""
     outcome: Outcome | None = FinalResult().decode(seen.frame.data).value
     return outcome

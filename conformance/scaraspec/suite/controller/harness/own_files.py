@@ -90,10 +90,10 @@ class OwnFiles:
         } - {b""}
 
     def check(self, name: bytes) -> None:
-        """Require that this name is not that of a file of the user.
+        """Require that no file of the user has this name.
 
         Raises:
-            CaseSkipped: It is.
+            CaseSkipped: A file of the user has this name.
         """
         if _base(name) in self._foreign and not self.is_own(name):
             shown = name.decode("utf-8", "backslashreplace")

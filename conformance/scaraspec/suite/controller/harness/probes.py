@@ -35,7 +35,7 @@ _READ_ONLY, _STATE = Hazard.READ_ONLY, Hazard.STATE
 
 @dataclass(frozen=True, slots=True)
 class Probe:
-    """A probe for one open point."""
+    """A test that detects which reading of one open point the controller follows."""
 
     key: str
     hazard: Hazard

@@ -1,7 +1,7 @@
 """Sequences: requests in any order, each compared with all requests before it.
 
-They are drawn, taken step by step by a `Model` of the subject, and shrink to the few steps that
-matter, because each step may be left out.
+Sequences are drawn at random. A `Model` of the subject performs them step by step. Any step may be
+omitted, so a failing sequence can be shrunk to the few steps that cause the failure.
 """
 
 import itertools

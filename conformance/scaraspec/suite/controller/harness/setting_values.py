@@ -63,13 +63,13 @@ _NS: Final = 1e9
 
 
 class Clock(NamedTuple):
-    """The time that a clock showed, and when, both in seconds since the Unix epoch."""
+    """A time that a clock showed, and when it was read, in seconds since the Unix epoch."""
 
     shown_s: float
     at_s: float
 
     def off_s(self, then: "Clock", scale: float) -> float:
-        """Return the deviation of a later sample, in seconds, for this time scale."""
+        """Return how far a later sample deviates from the expected time, in seconds."""
         return abs(then.shown_s - self.shown_s - scale * (then.at_s - self.at_s))
 
 

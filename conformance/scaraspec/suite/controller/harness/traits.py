@@ -12,7 +12,7 @@ from scaraspec.protocol.program_files import Layout, Program
 
 
 class PointMeaning(StrEnum):
-    """What the four values of a point are: the options of the reading `point_meaning`."""
+    """The meaning of the four values of a point: the options of the reading `point_meaning`."""
 
     JOINTS = "joints"
     POSE = "pose"
@@ -28,7 +28,9 @@ class LayoutTrial(NamedTuple):
 
 @dataclass
 class ControllerTraits:
-    """The traits of a controller. Each group names the module that sets it.
+    """What a run has detected about a controller, besides its readings.
+
+    A comment above each group of fields names the module that sets it.
 
     Attributes:
         greeting_opcodes: The opcodes of the frames that it sends unsolicited on a new connection
@@ -61,7 +63,7 @@ class ControllerTraits:
         return replace(self, no_late_reply=self.no_late_reply.copy())
 
     def with_history_of(self, later: "ControllerTraits") -> "ControllerTraits":
-        """Return these traits with what has happened to the controller until later."""
+        """Return a copy of these traits with the events that `later` has recorded."""
         return replace(
             self,
             wrong_passwords_tried=later.wrong_passwords_tried,

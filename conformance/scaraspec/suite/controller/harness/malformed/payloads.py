@@ -142,13 +142,13 @@ def _zeros(text: bytes, room_bytes: int) -> bytes:
 
 
 def _underscore(text: bytes, _: int) -> bytes:
-    """Return the same value, so that a lenient controller moves nowhere else."""
+    """Insert ``0_`` before the digits; the value is unchanged if a lenient parser accepts it."""
     sign = b"-" * text.startswith(b"-")
     return sign + b"0_" + text[len(sign) :]
 
 
 def _binary(text: bytes, _: int) -> bytes:
-    """Return the same integer as a binary literal of some programming languages."""
+    """Return the integer as a binary literal, such as ``0b101``."""
     sign, digits = text[: text.startswith(b"-")], text.lstrip(b"-").partition(b".")[0]
     return sign + f"{int(digits):#b}".encode()
 
@@ -305,7 +305,7 @@ def _payload(payload: Payload, value: Any, dialect: Dialect) -> Iterator[Malform
 
 @_payload.register
 def _(_: NoData, value: None, dialect: Dialect) -> Iterator[Malformed]:  # noqa: ARG001 - as above
-    """Unexpected data may be ignored, or the whole request (A-3-12)."""
+    """Yield unexpected data. A controller may ignore the data or the whole request (A-3-12)."""
     for kind, data in (
         ("one-digit", b"0"),
         ("nul", b"\0"),
@@ -364,7 +364,7 @@ def _structures(texts: list[bytes]) -> Iterator[Malformed]:
 
 @_payload.register
 def _(_: Jog, value: Any, dialect: Dialect) -> Iterator[Malformed]:  # noqa: ARG001 - as above
-    """One byte, 1 to 4 (L600-608)."""
+    """Yield values that are not one byte from 1 to 4 (L600-608)."""
     for kind, data in (
         ("empty-payload", b""),
         ("zero", b"0"),
@@ -384,7 +384,7 @@ def _(_: Jog, value: Any, dialect: Dialect) -> Iterator[Malformed]:  # noqa: ARG
 
 @_payload.register
 def _(_: FileData, value: Any, dialect: Dialect) -> Iterator[Malformed]:
-    """A chunk that is cut or too long; the cases of clause 5 send numbers out of bounds."""
+    """Yield chunks that are cut or too long. The cases of clause 5 send numbers out of bounds."""
     whole = FileData().encode(value, dialect)
     for kind, data in (
         ("empty-payload", b""),

@@ -1,1 +1,1 @@
-"""Model: what the controller must be like after a sequence of requests."""
+"""Model: the expected state of the controller after a sequence of requests."""

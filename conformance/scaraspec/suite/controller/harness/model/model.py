@@ -1,8 +1,8 @@
-"""Model: what the controller must be like after a sequence of requests, step by step.
+"""Model: the expected state of the controller after each request of a sequence.
 
 The model remembers the requests: files, settings, outputs, the executing command. A step without
 a meaning in the current state, such as a query for the default program before one was set, is
-skipped. So every part of a sequence is a sequence again. If the document permits a refusal, the
+skipped. So every part of a sequence is a valid sequence. If the document permits a refusal, the
 model follows the reply. If the document leaves an outcome open, the model expects nothing.
 """
 
@@ -44,7 +44,7 @@ _WHILE_EXECUTING: Final = frozenset(
 
 
 class Model(ConnectionSteps, SettingSteps, ExecutionSteps):
-    """Performs the steps of a sequence and checks what follows from them; see `ModelState`."""
+    """Performs the steps of a sequence and checks the results; see `ModelState`."""
 
     def perform(self, step: Step) -> None:
         """Perform a step and check its result.

@@ -1,4 +1,4 @@
-"""The state of a model: what the controller must have after all requests so far."""
+"""The state of a model: the expected state of the controller after all requests so far."""
 
 import itertools
 from collections.abc import Sequence
@@ -64,7 +64,7 @@ class Step(NamedTuple):
 
 
 class ModelState:
-    """What the controller must be like, and the connections to it.
+    """The expected state of the controller, and the connections to it.
 
     Args:
         subject: The controller.

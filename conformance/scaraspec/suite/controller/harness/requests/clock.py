@@ -87,7 +87,7 @@ def expect_clock_ran(
     """Require that the clock ran correctly between two samples.
 
     Raises:
-        CaseFailed: It did not.
+        CaseFailed: The clock advanced too little or too much.
     """
     scale = subject.ics.time_scale
     min_s = max(then.asked_s - first.answered_s, 0.0) * scale

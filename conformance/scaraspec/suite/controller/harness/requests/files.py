@@ -276,7 +276,8 @@ def expect_nothing_more(
         line: The connection.
         message: The message of the failure.
         requirement: The requirement that such a frame violates.
-        stray: Whether the suite has answered no chunk, which may be answered 0 (A-5-16).
+        stray: Whether the suite sent a chunk answer although no chunk was pending. The subject
+            may reply 0 to it (A-5-16).
 
     Raises:
         CaseFailed: The subject has sent such a frame.
@@ -294,7 +295,8 @@ def expect_nothing_more(
 def transfer_frames(line: OutgoingConnection, *, stray: bool = False) -> list[FrameSeen]:
     """Return the received frames of clause 5 that no case has read.
 
-    With `stray`, a 0 in reply to an answer without a chunk is ignored (A-5-16).
+    With `stray`, a reply 0 is ignored: the suite sent a chunk answer although no chunk was pending
+    (A-5-16).
     """
     line.separate_frames()
     try:
@@ -333,7 +335,9 @@ def delete(line: OutgoingConnection, name: bytes) -> None:
 def upload_some_file(
     subject: ControllerUnderTest, line: OutgoingConnection, content: bytes
 ) -> bytes:
-    """Return the name of a file to download: an uploaded one, or a stored one without permission.
+    """Return the name of a file to download.
+
+    The file is uploaded first. If uploads are not allowed, it is a file that is already stored.
 
     Raises:
         CaseSkipped: No file is stored, and an upload is not allowed.
@@ -355,7 +359,7 @@ def reconnect(subject: ControllerUnderTest, line: OutgoingConnection) -> Outgoin
 
 
 def leftover_content(line: OutgoingConnection, name: bytes) -> bytes | None:
-    """Return the content stored under a name under which nothing may be stored.
+    """Download a file that should not exist, and return its content.
 
     Returns:
         The content; b"" if no chunk arrives; None if the download is refused.

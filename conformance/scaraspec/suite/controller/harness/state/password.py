@@ -129,7 +129,7 @@ def _opens(subject: ControllerUnderTest, password: bytes) -> bool:
 
 
 def _as_kept_wrongly(passwords: list[bytes]) -> Iterator[bytes]:
-    """Yield what a faulty controller may have stored instead of a new password."""
+    """Yield passwords that a faulty controller may have stored instead of a new password."""
     for password in passwords:
         yield from (password[:size] for size in _BUFFERS_BYTES if size < len(password))
         ways: tuple[Callable[[bytes], bytes], ...] = (

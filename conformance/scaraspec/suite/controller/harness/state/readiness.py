@@ -57,7 +57,7 @@ def return_to_start_pose(subject: ControllerUnderTest) -> list[str]:
     Some of the poses reported then may be beyond the end of its travel: one of them is enough.
 
     Returns:
-        A sentence if it could not be brought back.
+        A sentence for the user if the arm could not be moved back.
     """
     stood, subject.traits.start_poses = subject.traits.start_poses, ()
     if not stood:
@@ -97,7 +97,7 @@ def _goes(
 
 
 def _has_room(subject: ControllerUnderTest, line: OutgoingConnection) -> bool:
-    """Whether it can move by the standstill tolerance along each axis in both directions."""
+    """Whether the arm can move by the standstill tolerance along each axis in both directions."""
     here = pose_of(line)
     for axis in AXES:
         beside = [_beside(here, axis, by) for by in (STANDSTILL, -STANDSTILL)]

@@ -162,7 +162,10 @@ def _restore_item(
 def _set_clock_again(
     clock: Item, subject: ControllerUnderTest, line: OutgoingConnection, wanted: Any
 ) -> Any:
-    """Set a clock that is within its tolerance: it drifts whenever a case restores it."""
+    """Set the clock again although it is within its tolerance.
+
+    Each case that restores the clock adds a small error.
+    """
     with suppress(CaseFailed, CaseInconclusive):
         if clock.hazard in subject.allowed:
             clock.write(subject, line, wanted)
@@ -255,7 +258,10 @@ def _read_clock(subject: ControllerUnderTest, line: OutgoingConnection) -> list[
 
 
 def _ahead_s(subject: ControllerUnderTest, before: list[float]) -> float:
-    """Return how far the clock must be ahead now; the clock of a fast simulator keeps gaining."""
+    """Return the expected lead of the controller's clock over ours now, in seconds.
+
+    The lead grows if the clock of a simulator is faster than real time.
+    """
     ahead_s, at_s = before
     return ahead_s + (subject.ics.time_scale - 1) * (subject.now_ns / _NS - at_s)
 

@@ -217,7 +217,7 @@ def _read(
     data: bytes | None = None,
     times: int = 1,
 ) -> Any:
-    """Set a setting if there is data, and read it several times in a row.
+    """Read a setting several times in a row; set it first if `data` is given.
 
     All requests are sent together if the controller permits it, so that no other client acts in
     between.

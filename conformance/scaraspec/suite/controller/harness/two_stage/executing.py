@@ -170,7 +170,7 @@ def expect_idle(subject: ControllerUnderTest, line: OutgoingConnection, message:
     """Require that the status becomes 00 within a second.
 
     Raises:
-        CaseFailed: It does not.
+        CaseFailed: The status has another value after a second.
     """
     try:
         subject.wait_until_idle(line, within_s=_REST_S)

@@ -34,7 +34,7 @@ def expect_first_reply(name: str, answer: ReceivedFrame) -> None:
     """Require that a first reply is "1" or "0|code" (4/1).
 
     Raises:
-        CaseFailed: It is not.
+        CaseFailed: The reply has another form.
     """
     if name == STOP and text_of(answer)[:1] == b"0":
         return  # 4.17/2 judges the data after the flag
@@ -55,7 +55,7 @@ def expect_refusal(subject: ControllerUnderTest, answer: ReceivedFrame) -> None:
     """Require that the code of a refusal is in table 8-1 (4/4).
 
     Raises:
-        CaseFailed: It is not.
+        CaseFailed: The code is not in the table.
     """
     _expect_code(subject, answer, errors.REFUSALS, "4/4", "A-0-7")
 
@@ -64,7 +64,7 @@ def expect_failure(subject: ControllerUnderTest, answer: ReceivedFrame) -> None:
     """Require that the code of a failure is in table 8-1 (4/5).
 
     Raises:
-        CaseFailed: It is not.
+        CaseFailed: The code is not in the table.
     """
     _expect_code(subject, answer, _FAILURES, "4/5", "A-8-5")
 
