@@ -57,5 +57,5 @@ class UserMessage(str):
         return cls._of(message + suffix, first_template + template, shown)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Keep the text: a value that is shown as text no longer fits ``{value:.1f}``."""
+        """Pickle the rendered text: a value that became text does not fit ``{value:.1f}``."""
         return self._of, (str(self), self.template, self.values)

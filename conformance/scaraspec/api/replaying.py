@@ -48,7 +48,8 @@ def replay(  # noqa: PLR0913 - independent options
         connection: The number of the connection in the capture.
         port: The controller's TCP port in packet captures; None for all connections.
         reply_timeout_s: How long to wait for a reply, in seconds.
-        speed: Keep the times of the capture, so many times as fast; None sends without pauses.
+        speed: Speed relative to the capture, for example 2 for twice as fast; None sends without
+            pauses.
 
     Yields:
         Each message of the client, after it was sent or skipped.

@@ -63,7 +63,7 @@ class MutantRegistry(Generic[T]):
         reading: tuple[str, ...] = (),
         subtle: bool = False,
     ) -> None:
-        """Register a mutant that operators describe; whatever keeps state is a class instead.
+        """Register a mutant that consists of operators; a mutant that keeps state is a class.
 
         Args:
             mutant_id: The id, in lower case with hyphens; it is public and never changes.

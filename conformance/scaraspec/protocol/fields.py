@@ -21,7 +21,7 @@ NAME_MAX_BYTES: Final = 30
 
 
 class PayloadError(ValueError):
-    """A value cannot be encoded as the document requires; the message states which and why."""
+    """A value cannot be encoded as the document requires; the message names it and the reason."""
 
 
 class Defect(Enum):

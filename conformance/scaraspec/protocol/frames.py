@@ -118,7 +118,8 @@ class Framer:
         """Add the next bytes of the stream and return the items that they complete, in order.
 
         The first item begins at the value of `offset_bytes` before the call. Each further item
-        begins where the previous one ends. The loop below is the hottest of the tool.
+        begins where the previous one ends. The tool spends more time in this loop than in any
+        other code.
         """
         buffer = self._buffer + data if self._buffer else data
         found: list[StreamItem] = []

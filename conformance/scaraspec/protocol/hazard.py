@@ -1,7 +1,7 @@
 """Hazard: the worst effect that a command can have on a real robot.
 
-The four hazards are kinds, not degrees: a run that allows motion does not thereby allow a change
-of state. The user allows each hazard by name. This module does not decide what a run allows.
+The four hazards are kinds and not degrees: a run that allows motion does not also allow a change of
+state. The user allows each hazard by name. This module does not decide what a run allows.
 """
 
 from enum import Enum

@@ -476,7 +476,7 @@ class OptionalName(Payload):
         return data
 
     def write(self, value: bytes, dialect: Dialect) -> bytes:
-        """Return the name, or the sign for none."""
+        """Return the name, or the encoding of no name."""
         if not value:
             return b"0" if dialect["default_none"] == "0" else b""
         return value

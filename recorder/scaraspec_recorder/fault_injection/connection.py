@@ -89,7 +89,7 @@ class InjectedConnection(Connection):
         return not self._ended and not peer.blocked and waiting_bytes <= HELD_BYTES
 
     def half_closed(self, end: SocketEnd) -> None:
-        """Process a half-close: it is forwarded after queued bytes."""
+        """Process a half-close; it is forwarded after the queued bytes."""
         self._do(self._injector.finish(self._direction(end), self._loop.time()))
 
     def _end(self, kind: Kind, end: SocketEnd, note: str) -> None:

@@ -143,7 +143,7 @@ class Injector:
         return self._actions()
 
     def flush(self) -> list[Action]:
-        """The connection ends: forward queued bytes now, and apply no more faults."""
+        """Forward the queued bytes now and apply no more faults, because the connection ends."""
         for lane in () if self._ended else self._lanes.values():
             waiting = takewhile(lambda parcel: not parcel.cut, lane.queue)
             data = b"".join(parcel.data for parcel in waiting)

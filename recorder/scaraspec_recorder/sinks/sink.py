@@ -42,7 +42,7 @@ class Sink(Protocol):
         """
 
     def close(self) -> None:
-        """Finish: no more events follow. Not called after a failure."""
+        """Finish after the last event. Not called after a failure."""
 
 
 class OutputFolder:
@@ -78,7 +78,7 @@ class OutputFolder:
         """Create an empty file, ``name.ext`` or else ``name-2.ext``, ``name-3.ext`` …; return it.
 
         Raises:
-            OSError: It cannot be created.
+            OSError: The file cannot be created.
         """
         number, first = 1, self.path / name
         path = first

@@ -188,7 +188,7 @@ class ByteStream:
             yield from self.advance()
 
     def _position(self, number: int) -> int:
-        """Return the position of a sequence number: of the possible ones, the nearest to `next`."""
+        """Return the position of a sequence number: the one that is nearest to `next`."""
         if self._origin is None:
             self._origin = number - self.next
         ahead = (number - self._origin - self.next + _MODULUS // 2) % _MODULUS - _MODULUS // 2

@@ -117,10 +117,10 @@ class RawLayerReader:
 
 
 def _event(time_ns: int, message: schemas.Message) -> WireEvent:
-    """The event that a message of the raw layer is.
+    """Convert a message of the raw layer to an event.
 
     Raises:
-        ValueError: It names a direction or a kind that does not exist.
+        ValueError: The direction or the kind of the message is unknown.
     """
     match message:
         case schemas.RawChunk(connection, direction, offset, data, note, forwarded_ns, kernel):
@@ -153,10 +153,10 @@ class McapCapture:
 
     @property
     def needs_login(self) -> bool:
-        """False where the file says that its link was serial (L83).
+        """Whether the link needs a login; False if the file states that it was serial (L83).
 
         Raises:
-            CaptureError: It cannot be opened, or is not an MCAP file.
+            CaptureError: The file cannot be opened, or is not an MCAP file.
         """
         for record in read_records(self.path, McapSummary()):
             if isinstance(record, Metadata) and record.name == SESSION:
@@ -169,7 +169,7 @@ class McapCapture:
         """Read the file.
 
         Raises:
-            CaptureError: It cannot be opened, is not an MCAP file, or has no raw layer.
+            CaptureError: The file cannot be opened, is not an MCAP file, or has no raw layer.
         """
         self.summary = summary = McapSummary()
         raw, gap_filler, audit = RawLayerReader(), GapFiller(), ByteAccountingCheck()
@@ -266,7 +266,7 @@ def _open(path: Path) -> Iterator[BinaryIO]:
 
 
 def _records_of(chunk: Chunk) -> list[McapRecord]:
-    """The records in a chunk, whose size is checked before anything is unpacked."""
+    """Return the records in a chunk. Its size is checked before it is decompressed."""
     if chunk.compression not in ("", "zstd"):
         raise UnsupportedCompressionError(chunk.compression)
     packed_bytes = zstandard.frame_content_size(chunk.data) if chunk.compression else 0

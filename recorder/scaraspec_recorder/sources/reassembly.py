@@ -1,12 +1,13 @@
 """Reassembles TCP segments of any number of connections into wire events in order of time.
 
-No I/O, bounded memory, no guesses. A byte is delivered once, at its own offset. A byte that was
-sent but not captured becomes part of a gap, but only when it cannot arrive any more:
+This module does no I/O, uses bounded memory and guesses nothing. A byte is delivered once, at its
+own offset. A byte that was sent but not captured becomes part of a gap, but only when it cannot
+arrive any more:
 
 - The receiver acknowledged it, and it is not among the next `Limits.late_segments` segments (a
   capture may swap packets, so that an acknowledgment precedes its data).
 - The connection was reset, its ports were reused, or the capture ended.
-- What waits for it takes more memory than `Limits.held_bytes`.
+- The segments that wait for it use more memory than `Limits.held_bytes`.
 
 Until then, all later events wait, including those of other connections: a reply is never delivered
 before its request, even if that request is lost.
@@ -43,8 +44,8 @@ class Limits:
     Attributes:
         late_segments: Number of segments by which a packet may be late in the capture.
         held_bytes: Memory for waiting events of all connections.
-        connections: Number of connections followed at once; beyond it the one that was silent
-            longest is given up.
+        connections: Maximum number of open connections. If there are more, the one with the
+            longest silence is given up.
     """
 
     late_segments: int = 256
@@ -159,7 +160,7 @@ class Reassembler:
         return self._settle()
 
     def _on_one_clock(self, segment: Segment) -> Segment:
-        """Return the segment with a monotonic time; without a time, with the latest one."""
+        """Return the segment with a monotonic time; by default, with the latest time."""
         time_ns = segment.time_ns + self._clock_offset_ns if segment.time_ns else self._latest_ns
         back_ns = self._latest_ns - time_ns
         if back_ns > STEP_NS:

@@ -1,7 +1,7 @@
-"""Requests of the user for a mark in the recording, passed on to the writing process.
+"""Passes requests of the user for a mark in the recording to the writer process.
 
-The spool holds a number. The recorder's own process increments it, and the writing process reads
-it. If a writing process dies before it acknowledges a request, the next one handles it.
+The spool holds a number. The recorder's own process increments it, and the writer process reads
+it. If the writer process dies before it acknowledges a request, its successor handles the request.
 """
 
 from contextlib import suppress

@@ -77,7 +77,7 @@ def run(robot: Client, folder: Path, now: datetime, say: Say) -> None:
 
 
 def _watch(robot: Client, pending: Pending, polls: int = 10_000) -> None:
-    """Query all changing values until the final result arrives, or so many times."""
+    """Query all changing values until the final result arrives, or a number of times."""
     for _ in range(polls):
         robot.get_status()
         robot.get_joint_angles()

@@ -165,7 +165,7 @@ def _is_empty(data: bytes) -> bool:
 def _passed_over(
     condition: Callable[[bytes], bool], *, reply: bool | None = None
 ) -> type[ClientCore]:
-    """A chunk that satisfies the condition is only answered, or ignored without `reply`."""
+    """A chunk that satisfies the condition is not stored. It is answered with `reply`, if given."""
 
     class PassedOver(Receiver):
         def receive_chunk(self, data: bytes, now_s: float) -> bool | None:

@@ -14,7 +14,7 @@ from scaraspec.virtual_controller.session import Request, Session
 
 
 def _tag(is_tagged: Callable[[Frame], bool]) -> Core:
-    """Whether a frame has the tag is changed."""
+    """Each frame has the tag if `is_tagged` returns True for it."""
 
     class Tag(ControllerCore):
         def emit(self, session: Session, frame: Frame) -> None:
@@ -24,7 +24,7 @@ def _tag(is_tagged: Callable[[Frame], bool]) -> Core:
 
 
 def _result_of_refusal(opcode: int, delay_s: float) -> Core:
-    """A refused command has a failed final result, some time later."""
+    """After a refusal, a final result that reports a failure is sent after `delay_s`."""
 
     class ResultOfRefusal(SendsLater):
         def emit(self, session: Session, frame: Frame) -> None:
@@ -37,7 +37,7 @@ def _result_of_refusal(opcode: int, delay_s: float) -> Core:
 
 
 def _repeats(opcode: int, delay_s: float = 0.0, every: int = 1) -> Core:
-    """A final result is sent again, or every so many results of one command."""
+    """Every final result of one command is sent twice, or only every Nth one."""
 
     class Repeats(SendsLater):
         _results = 0

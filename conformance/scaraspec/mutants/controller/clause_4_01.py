@@ -18,7 +18,7 @@ from scaraspec.virtual_controller.session import Request, Session
 
 
 def _compare(is_right: Callable[[bytes, bytes], bool]) -> Core:
-    """A login is right if the function of the sent and the set password says so."""
+    """A login succeeds if `is_right` accepts the sent and the set password."""
 
     def login(core: ControllerCore, request: Request) -> bool:
         right = is_right(request.value, core.store.settings.password)

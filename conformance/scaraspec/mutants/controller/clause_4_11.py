@@ -48,7 +48,7 @@ def _finds_deleted(command: str) -> Core:
 
 
 def _finds(fits: Callable[[bytes, bytes], bool]) -> Core:
-    """A missing name deletes the first stored name that fits it."""
+    """If the name is not stored, the first stored name that `fits` accepts is deleted."""
 
     def find(core: ControllerCore, frame: Frame, value: bytes | None) -> bytes | None:
         asked = frame.data

@@ -14,7 +14,7 @@ from scaraspec.virtual_controller.interpreter import Run
 
 
 def _ends_after(nodes: int) -> Core:
-    """A program ends after so many nodes."""
+    """A program ends after this number of nodes."""
 
     class EndsAfter(Run):
         def _step(self, now_s: float) -> None:

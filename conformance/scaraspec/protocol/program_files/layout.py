@@ -79,7 +79,7 @@ class Layout:
         return self.variables_offset + VARIABLE_BYTES * variables
 
     def file_bytes(self, nodes: int, variables: int) -> int:
-        """Return the size of a file with so many nodes and variables (register, section 10)."""
+        """Return the size of a file with these numbers of nodes and variables (section 10)."""
         return self.nodes_offset(variables) + self.node_bytes * nodes + len(FOOTER)
 
     @property

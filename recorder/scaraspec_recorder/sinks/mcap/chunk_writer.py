@@ -58,7 +58,7 @@ class Output(Protocol):
         """Write the next bytes of the file."""
 
     def flush(self) -> None:
-        """Hand what was written to the operating system."""
+        """Pass the written bytes to the operating system."""
 
 
 class ChunkWriter:
@@ -242,7 +242,7 @@ class ChunkWriter:
         self._summary[type(record)] += _serialize(record)
 
     def _record(self, record: McapRecord) -> tuple[int, int]:
-        """Write a record; return where it begins and how long it is."""
+        """Write a record; return its offset and its length."""
         begin, data = self._offset_bytes, _serialize(record)
         self._write(data)
         return begin, len(data)

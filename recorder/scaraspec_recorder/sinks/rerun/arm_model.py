@@ -45,11 +45,11 @@ class Segment(NamedTuple):
     Attributes:
         joint: The joint's name in the command table.
         link: The link that it moves.
-        parent: The link that carries it.
-        origin_mm: Where the joint is on its parent.
-        prismatic: It slides along Z instead of turning about it.
-        limits: In degrees, or mm where prismatic.
-        shapes: What the link looks like.
+        parent: The link to which the joint is attached.
+        origin_mm: The position of the joint on its parent.
+        prismatic: The joint moves along Z instead of about Z.
+        limits: The range of the joint, in degrees, or in mm if it is prismatic.
+        shapes: The shapes with which the link is drawn.
     """
 
     joint: str
@@ -144,7 +144,7 @@ def measured(tool: Pose) -> Placement:
 
 
 def to_si(joints: JointValues) -> tuple[float, ...]:
-    """Joint values in radians, the wrist in metres, as ROS has them (REP 103)."""
+    """Convert joint values to radians, and the wrist to metres, the units of ROS (REP 103)."""
     return tuple(
         value / 1000 if segment.prismatic else math.radians(value)
         for segment, value in zip(SEGMENTS, joints, strict=True)
@@ -152,7 +152,7 @@ def to_si(joints: JointValues) -> tuple[float, ...]:
 
 
 def urdf() -> str:
-    """The arm as a URDF document, in metres and radians."""
+    """Return the arm as a URDF document, in metres and radians."""
     robot = Element("robot", name=ROBOT)
     _add_link(robot, BASE, BASE_SHAPES)
     for segment in SEGMENTS:

@@ -89,17 +89,17 @@ DURATION: Final = "duration/two_stage"
 
 
 def input_lane(port: int) -> str:
-    """The entity of a digital input."""
+    """Return the entity path of a digital input."""
     return f"io/input/{port:02}"
 
 
 def output_lane(port: int) -> str:
-    """The entity of a digital output."""
+    """Return the entity path of a digital output."""
     return f"io/output/{port:02}"
 
 
 def analog_series(port: int) -> str:
-    """The entity of an analog input."""
+    """Return the entity path of an analog input."""
     return f"analog/{port:02}"
 
 
@@ -120,7 +120,7 @@ def styles() -> Iterator[tuple[str, Any]]:
 
 
 def names(texts: Iterable[str]) -> Any:
-    """Return the style of a lane of names, without colours that mean good or bad elsewhere."""
+    """Return the style of a lane of names; it avoids the colours of good and bad states."""
     colours = cycle((_BLUE, _TEAL, _VIOLET))
     return _lane({text: (text, colour) for text, colour in zip(texts, colours, strict=False)})
 
@@ -163,7 +163,7 @@ _AXIS: Final = rrb.TimeAxis(link="LinkToGlobal")
 
 
 def layout() -> Any:
-    """The layout: arm, states and plots at a glance, log and pages beside them."""
+    """Return the layout: arm, states and plots in one view, next to the log and the pages."""
     arm = rrb.Spatial3DView(
         origin="/",
         contents=[f"/{ARM}/**", f"/{TOOL_NOW}", f"/{TOOL_PATH}"],

@@ -1,4 +1,4 @@
-"""Rows for Rerun, batched into columns: a chunk of hundreds costs little more than one row."""
+"""Collects rows for Rerun in columns: a chunk of hundreds costs little more than one row."""
 
 from collections.abc import Callable
 from typing import Any, Final

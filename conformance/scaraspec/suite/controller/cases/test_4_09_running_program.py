@@ -250,7 +250,7 @@ def _expect_flag_and_status(line: OutgoingConnection, requirement: str) -> None:
 
 @case("4.9/4", "4.9/6", "4.9/10", name="simulated", hazards=PROGRAMS)
 def test_simulated(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A simulated program is reported with its name or not at all, also after another program."""
+    """A simulated program is reported with its name or not reported, also after another program."""
     if RUN not in subject.ics.unsupported:
         start_program(subject, line, RUN, seconds=0)
         wait_for_result(subject, line, RUN)

@@ -44,13 +44,13 @@ def descriptor_set(name: str) -> bytes:
 
 
 def log(time_ns: int, level: str, source: str, text: str) -> bytes:
-    """A foxglove.Log; its level is one of `wording.Level`."""
+    """Encode a foxglove.Log; its level is a value of `text.Level`."""
     stamp = _stamp(time_ns)
     return _bytes(Log(timestamp=stamp, level=_LEVELS[level], name=source, message=text))
 
 
 def transforms(time_ns: int, placements: Iterable[Placement]) -> bytes:
-    """A foxglove.FrameTransforms, in metres."""
+    """Encode a foxglove.FrameTransforms, in metres."""
     stamp = _stamp(time_ns)
     return _bytes(FrameTransforms(transforms=[_transform(stamp, p) for p in placements]))
 

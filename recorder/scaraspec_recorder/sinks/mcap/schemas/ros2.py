@@ -67,7 +67,7 @@ class _Cdr:
 
 
 def string(text: str) -> bytes:
-    """A std_msgs/String."""
+    """Encode a std_msgs/String."""
     cdr = _Cdr()
     cdr.text(text)
     return cdr.end()
@@ -80,7 +80,7 @@ def joint_state(
     velocity: Sequence[float],
     effort: Sequence[float],
 ) -> bytes:
-    """A sensor_msgs/JointState, in radians and metres and their rates per second."""
+    """Encode a sensor_msgs/JointState, in radians and metres, and the rates per second."""
     stamp = _STAMP.pack(min(time_ns // _NS, _LAST_SECOND), time_ns % _NS)
     cdr = _Cdr(stamp + _named(names))
     for values in (position, velocity, effort):

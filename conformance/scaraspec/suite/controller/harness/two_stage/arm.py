@@ -1,8 +1,8 @@
 """Arm: the position of the arm, and the points with which programs move it.
 
 The suite knows nothing about the geometry of the arm. A step goes from the reported position along
-one of four values, and back. The suite determines what the values of a point are (A-6.5-2). The
-cases judge what programs do with points.
+one of four values, and back. The suite determines the meaning of the values of a point (A-6.5-2).
+The cases judge what programs do with points.
 """
 
 from collections.abc import Iterator, Sequence
@@ -50,7 +50,7 @@ class Arm:
         subject: The controller under test.
         line: The connection.
         robot: Runs programs.
-        meaning: What the values of a point are.
+        meaning: The meaning of the values of a point.
         home: Its position at the start, to which it returns.
     """
 
@@ -184,7 +184,7 @@ def _place(line: OutgoingConnection, meaning: PointMeaning) -> Values:
 
 
 def _meaning(subject: ControllerUnderTest, line: OutgoingConnection, robot: Bench) -> PointMeaning:
-    """Return what the values of a point are; determined once by turning the gripper a little."""
+    """Return the meaning of the values of a point; determined once by a small turn."""
     traits = subject.traits
     if not traits.point_meaning_tried:
         require_responsive(subject, line)  # without observation the arm must not move
@@ -209,7 +209,7 @@ def _meaning(subject: ControllerUnderTest, line: OutgoingConnection, robot: Benc
 
 
 def _turns(made: Arm, share: float) -> bool:
-    """Whether a program that turns the gripper a little, and back, does only this.
+    """Whether a program turns the gripper a little and back, and moves nothing else.
 
     The program is simulated first, then run and observed. It is stopped if anything else moves.
     """

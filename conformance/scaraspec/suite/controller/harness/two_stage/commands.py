@@ -224,7 +224,7 @@ def try_request(
 
 
 def harmless_requests(subject: ControllerUnderTest, line: OutgoingConnection) -> Mapping[str, Any]:
-    """Return the value of a request with little effect for each two-stage command but the stop."""
+    """Return a request value with little effect for each two-stage command except the stop."""
     program = upload_wait_program(subject, line, 0)
     values: dict[str, Any] = {
         RUN: program,

@@ -1,4 +1,4 @@
-"""Executing: what the subject reports about itself while a two-stage command executes.
+"""Executing: the status and the replies of the subject while a two-stage command executes.
 
 A command may end just before a query. Such a reply is not counted as a failure.
 """
@@ -31,7 +31,7 @@ _REST_S: Final = 1.0  # the status must be idle within this time after a final r
 def store_wait_program(
     subject: ControllerUnderTest, line: OutgoingConnection, seconds: int, name: bytes = b""
 ) -> bytes:
-    """Upload a program that waits for a time, in seconds; without a name under a new name.
+    """Upload a program that waits for a time, in seconds; by default under a new name.
 
     Returns:
         The name of the program.

@@ -1,8 +1,8 @@
 """Stop proof: tries the emergency stop on the smallest motion before the first motion of a run.
 
 The smallest motion is a step at the slowest speed. If the robot accepts no step, it is a program
-that waits; if the robot runs no program, it is a jog. A robot that accepts none of them moves in
-no case.
+that waits; if the robot runs no program, it is a jog. If the robot accepts none
+of them, no case moves it.
 """
 
 from collections.abc import Callable
@@ -47,7 +47,7 @@ _LOOK_S: Final = 0.2
 def prove_stop(subject: ControllerUnderTest) -> None:
     """Try the emergency stop, unless it is known not to work.
 
-    Afterwards `StopMonitor.failure` states what is wrong with the stop, if anything is.
+    If the stop does not work, `StopMonitor.failure` states the failure.
     """
     stop = subject.guard.stop
     if STOP in subject.ics.unsupported:
