@@ -38,7 +38,7 @@ class Recording:
         spool: Folder of the spool.
         tap: The process that forwards.
         writer: The process that writes.
-        drain_s: Time limit for the writer process to write the rest when the recording ends.
+        drain_s: Time limit for writing the rest of the spool when the recording ends.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class Recording:
 
     @property
     def stall(self) -> WriteStall | None:
-        """Why writer is stalled; None if it is not."""
+        """Why the writer process is stalled; None if it is not stalled."""
         return stall_of(read_checkpoint(self.spool))
 
 
@@ -91,7 +91,7 @@ async def record(  # noqa: PLR0913 - independent options
 
     Args:
         route: Target of the connections; `routes.Upstream` for one controller.
-        listen: Host and port to listen on; port 0 takes a free one, see `Recording.address`.
+        listen: Host and port to listen on; for port 0, the system chooses one.
         out_dir: Output folder of the sinks; created if missing.
         sinks: Factories of the sinks.
         limit_bytes: Maximum size of the spool. Beyond it, traffic is forwarded but not recorded.

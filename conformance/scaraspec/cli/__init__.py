@@ -1,1 +1,1 @@
-"""The command line: arguments only, and the one place that joins all rooms."""
+"""The command line: arguments, help, progress and signals; `scaraspec.api` does the work."""

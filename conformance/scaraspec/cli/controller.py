@@ -172,7 +172,7 @@ def _log(connection: int, seen: StreamItem) -> None:
 
 
 def _pass(connection: int, seen: StreamItem) -> None:
-    """Log nothing."""
+    """Ignore a frame or invalid bytes: nothing is logged."""
 
 
 async def _serve(core: ControllerCore, options: _Options) -> None:

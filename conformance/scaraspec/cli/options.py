@@ -64,10 +64,10 @@ class Percentage(click.ParamType[float]):
 
 
 def password_option(default: str | None, text: str) -> Callable[[F], F]:
-    """Return the option ``--password``, which the environment can give, too.
+    """Return the option ``--password``, which can also be set by an environment variable.
 
     Args:
-        default: The password if neither gives one.
+        default: The password if neither the option nor the variable is set.
         text: Its help text.
     """
     return click.option(

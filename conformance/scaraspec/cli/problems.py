@@ -9,7 +9,7 @@ from scaraspec.user_message import UserMessage
 
 
 class Problem(Exception):  # noqa: N818 - it is a message for the user
-    """One sentence for the user: what was wrong, where, what to do."""
+    """An error that a user can cause: one sentence with the error, its place and the remedy."""
 
     def __init__(self, sentence: str, exit_status: ExitStatus = ExitStatus.USAGE) -> None:
         super().__init__(sentence)

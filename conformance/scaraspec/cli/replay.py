@@ -42,7 +42,7 @@ class _Tally:
                 self._shown.append(f"{step.name}: {now}, recorded: {step.recorded_reply}")
 
     def report(self, connection: str) -> None:
-        """Print the counts and exit with the status that follows from them.
+        """Print the counts and exit with the matching status.
 
         Raises:
             SystemExit: A reply differs, or nothing was sent.

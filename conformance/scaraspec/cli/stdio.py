@@ -28,7 +28,7 @@ _READER_GONE: Final = frozenset({errno.EPIPE, errno.EIO})
 
 @contextmanager
 def ending_alike() -> Iterator[None]:
-    """Let the ending signals act as Ctrl-C, so that a command cleans up.
+    """Handle SIGTERM and SIGHUP like Ctrl-C, so that a command cleans up.
 
     A command that handles signals itself installs its own handlers later.
     """
@@ -55,7 +55,7 @@ def insists(number: int) -> bool:
 
 @contextmanager
 def outliving_readers() -> Iterator[None]:
-    """Let a command continue if its output cannot be written.
+    """Continue a command if its output cannot be written, while the context is active.
 
     Raises:
         SystemExit: The command has ended. The status is 3 instead of 0 if output was lost, for

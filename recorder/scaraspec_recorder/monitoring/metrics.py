@@ -27,7 +27,7 @@ def serve(host: str, port: int, look: Callable[[], Sequence[Status]]) -> Iterato
 
     Args:
         host: A loopback address.
-        port: The port; 0 takes a free one.
+        port: The port; for 0, the system chooses one.
         look: Returns the status of all recordings; called in a separate thread.
 
     Raises:
@@ -69,7 +69,7 @@ class _Collector(Collector):
         self._read_statuses = look
 
     def describe(self) -> Iterable[Metric]:
-        """Return nothing: no status is read at registration."""
+        """Return no metrics, so that registration reads no status."""
         return ()
 
     def collect(self) -> Iterable[Metric]:

@@ -1,4 +1,4 @@
-"""The session that `scaraspec demo` records: what an integrator does on a first day."""
+"""The session that `scaraspec demo` records: typical first steps of an integrator."""
 
 from collections.abc import Callable
 from contextlib import suppress

@@ -89,9 +89,9 @@ class Bench:
         )
 
     def store(self, content: bytes) -> bytes:
-        """Upload a file in place of the one before, under the same name. Return the name.
+        """Replace the previous file by this one, under the same name. Return the name.
 
-        The file before is deleted, so that nothing of it remains and space suffices (A-5-21).
+        The previous file is deleted first, so that there is enough space (A-5-21).
         """
         self._content = content
         if not self._stored or not self._line.ask("delete_program", self._stored).accepted:
@@ -115,7 +115,7 @@ class Bench:
         """Start a program, and return its name.
 
         Raises:
-            CaseFailed: It is refused.
+            CaseFailed: The controller refuses the program.
         """
         name = self.store(self.file(nodes, variables))
         self.restart(name)
@@ -125,7 +125,7 @@ class Bench:
         """Start a stored program.
 
         Raises:
-            ProgramRefused: It is refused.
+            ProgramRefused: The controller refuses the program.
         """
         answer = self.ask(name)
         if not answer.accepted:
@@ -139,7 +139,7 @@ class Bench:
             lasts_s: The sum of its waits, in seconds of the subject's clock.
 
         Raises:
-            CaseFailed: It fails, or does not end.
+            CaseFailed: The program fails, or does not end.
         """
         within_s = self._subject.longest_s + self.ours_s(lasts_s)
         try:
@@ -157,7 +157,7 @@ class Bench:
         """Run a program to its successful end.
 
         Raises:
-            CaseFailed: It is refused, fails, or does not end.
+            CaseFailed: The program is refused, fails, or does not end.
         """
         with self._with_listing():
             self.start(nodes, variables)
@@ -177,10 +177,10 @@ class Bench:
             block: Its statements.
             variables: The variables by key.
             inputs: The digital inputs, if it reads any.
-            large: It may be refused because of its size, whose limit is open (A-5-21).
+            large: The program may be refused because of its size (A-5-21).
 
         Raises:
-            CaseFailed: It does not end successfully, or the outputs differ.
+            CaseFailed: The program does not end successfully, or the outputs differ.
         """
         initial = outputs(self._line)
         state = State(initial, inputs, dict(variables))
@@ -244,7 +244,7 @@ class Bench:
         return seconds / self._subject.ics.time_scale
 
     def theirs_s(self, seconds: float) -> int:
-        """Return the whole seconds of the subject's clock that last at least this long for us."""
+        """Return whole seconds of the subject's clock that are not shorter than these of ours."""
         return math.ceil(seconds * max(1.0, self._subject.ics.time_scale))
 
     # ------------------------------------------------------------------ watching
@@ -289,7 +289,7 @@ class Bench:
         return True
 
     def stop(self) -> None:
-        """End whatever runs."""
+        """Stop any command that executes."""
         stop_motion(self._subject, self._line)
         while self.ended() is not None:
             pass

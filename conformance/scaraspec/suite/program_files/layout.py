@@ -68,7 +68,7 @@ def known_layout(subject: ControllerUnderTest) -> Layout | None:
 
 
 def layout_in_use(subject: ControllerUnderTest) -> Layout:
-    """Return the layout in which the subject runs programs, else lists them, else the claim."""
+    """Return the layout in which the subject runs programs, or else lists them, or else claims."""
     traits = subject.traits
     return traits.program_layout or traits.listed_layout or layout_of(subject.dialect)
 

@@ -36,7 +36,7 @@ def long_name(subject: ControllerUnderTest, size_bytes: int) -> bytes:
 def store_program(
     subject: ControllerUnderTest, line: OutgoingConnection, name: bytes = b""
 ) -> bytes:
-    """Upload a program that waits for a second; without a name under a new name.
+    """Upload a program that waits for a second; by default under a new name.
 
     Returns:
         The name of the program.

@@ -36,7 +36,7 @@ class Assign(NamedTuple):
 
 
 class Calculate(NamedTuple):
-    """Calculate into a variable (L963)."""
+    """Calculate a value and store it in a variable (L963)."""
 
     key: int
     a: Operand
@@ -129,7 +129,7 @@ def calculated(opt: Opt, a: int, b: int) -> int:
     """Return the result of a calculation (L978-981).
 
     Raises:
-        UndefinedResultError: It overflows, divides by zero, or has a negative remainder.
+        UndefinedResultError: The result overflows, the divisor is 0, or the remainder is negative.
     """
     if opt is Opt.DIVIDE and (b == 0 or (a % b and (a < 0 or b < 0))):
         raise UndefinedResultError(f"{a} / {b}")

@@ -143,7 +143,7 @@ def test_long_session(subject: ControllerUnderTest, line: OutgoingConnection) ->
 
 @case("3/31", name="many-files", hazards=_STATE)
 def test_many_files(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Many files are uploaded, downloaded and deleted on one connection without a difference."""
+    """Many files are uploaded, downloaded and deleted on one connection, and all are unchanged."""
     content = content_of(_FILE_BYTES)
     for _ in range(settings().max_examples * _FILES_PER_EXAMPLE):
         expect_round_trip(subject, line, content)

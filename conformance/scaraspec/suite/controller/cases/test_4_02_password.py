@@ -117,7 +117,7 @@ def test_former_password(subject: ControllerUnderTest) -> None:
 
 @case("4.2/6", "4.2/5", name="malformed")
 def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A pair without separator or with an empty field does not change the password."""
+    """A pair of passwords without separator or with an empty field changes nothing."""
     correct = subject.password
     with password_preserved(subject):
         malformed_pairs = malformed("set_password", PasswordChange(correct, PLAIN_PASSWORD))

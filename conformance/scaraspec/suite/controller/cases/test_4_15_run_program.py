@@ -237,7 +237,7 @@ def test_unfinished_upload(subject: ControllerUnderTest, line: OutgoingConnectio
 
 @case("4.15/8", "4/6", hazards=_MOTION)
 def test_second_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """During a run, a second run is refused, of the same program or of another."""
+    """During a run, a second run of the same program or of another one is refused."""
     other = upload_wait_program(subject, line, 0)
     if subject.dialect["busy_reply"] == "queue":
         return

@@ -31,7 +31,7 @@ _MOTION = (Hazard.STATE, Hazard.MOTION)
 
 @case("4.25/2", "4.25/3", hazards=_MOTION)
 def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A release is answered "1", a repeated one "1" or "0|code"; each "1" has a final result."""
+    """A release is answered "1", and again "1" or "0|code". Each "1" has a final result."""
     require_command(subject, RELEASE, LOCK)
     with locked_afterwards(subject, line):
         reply, result = release_joints(subject, line)

@@ -28,7 +28,7 @@ _MOTION = (Hazard.MOTION,)
 
 @case("4.26/2", hazards=_MOTION)
 def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A lock of released joints is answered "1", one of locked joints "1" or "0|code"."""
+    """If joints are released, a lock is answered "1"; if they are locked, "1" or "0|code"."""
     require_command(subject, LOCK, RELEASE)
     subject.moved = True
     second = line.ask(LOCK)

@@ -145,7 +145,7 @@ def test_direction(
 
 @case("4.28/4", hazards=_MOTION)
 def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A jog is answered "1", one during a jog "0|04"; a controller may let it replace the first."""
+    """A jog is answered "1". A second jog is refused with "0|04", or replaces the first one."""
     with arm_returned(subject, line):
         reply = jog_somewhere(subject, line)
         expect(

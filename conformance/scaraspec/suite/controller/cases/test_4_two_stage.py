@@ -167,7 +167,7 @@ def test_result_in_transfers(subject: ControllerUnderTest, line: OutgoingConnect
 
 @case("4/1", "3/17", name="refused", hazards=_MOTION)
 def test_refusals_have_no_result(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A refusal is "0|code", for the stop "0", and no final result follows."""
+    """A refusal is "0|code", or "0" for the stop. No final result follows it."""
     subject.moved = True
     refused = []
     for name in examples((RUN, SIMULATE, STOP)):

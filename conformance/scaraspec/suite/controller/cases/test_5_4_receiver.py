@@ -55,7 +55,7 @@ _CLOCK_SHIFT = timedelta(hours=1)
 
 @case("5.4/1")
 def test_missing_name(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The name of a missing file is answered 1: new, deleted, or requested before."""
+    """An upload name is answered 1 if the file is missing, also after its deletion."""
     name = subject.new_name()
     line.ask("download_name", data=name)
     for _ in range(3):
@@ -320,7 +320,7 @@ def _expect_transfer(subject: ControllerUnderTest, line: OutgoingConnection, eve
 def _expect_no_leftover(
     subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, sent_part: bytes
 ) -> OutgoingConnection:
-    """Expect that an interrupted upload leaves no file, or the beginning of it (A-5-12).
+    """Expect that an interrupted upload leaves no file, or only its beginning (A-5-12).
 
     Its name can be used again. The file may contain everything that was sent. A robot that buffers
     its writes may have stored only a beginning of it, or an empty file.
@@ -381,7 +381,7 @@ def _interrupt_uploads(
 
 @case("5.4/7", "5.4/1", name="closed")
 def test_connection_closed(subject: ControllerUnderTest) -> None:
-    """After its connection is closed at any chunk, an upload leaves at most the sent part.
+    """If its connection is closed at any chunk, an upload leaves at most the sent part.
 
     The upload may stay open until its timeout. Until then, it may block other transfers (A-5-17).
     """
@@ -394,14 +394,14 @@ def test_connection_closed(subject: ControllerUnderTest) -> None:
 
 @case("5.4/7", "5.4/1", name="reset")
 def test_connection_reset(subject: ControllerUnderTest) -> None:
-    """After its connection is reset at any chunk, an upload leaves at most the sent part."""
+    """If its connection is reset at any chunk, an upload leaves at most the sent part."""
     subject.require_close_detection()
     _interrupt_uploads(subject, OutgoingConnection.reset)
 
 
 @case("5.4/7", "5.4/1", name="refused")
 def test_chunk_refused(subject: ControllerUnderTest) -> None:
-    """After one of its chunks is refused, an upload leaves at most the sent part."""
+    """If one of its chunks is refused, an upload leaves at most the sent part."""
     _interrupt_uploads(subject, _offer_invalid_chunk)
 
 

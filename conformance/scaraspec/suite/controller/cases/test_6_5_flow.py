@@ -47,7 +47,7 @@ _LATE_S: Final = 5.0
 
 @case("6.5/19", hazards=PROGRAMS)
 def test_output_nodes(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """An output node sets its port to 1 or 0, regardless of its value before, and no other port.
+    """An output node sets only its port to 1 or 0, regardless of the earlier value.
 
     A second node for the same port in the same program does the same.
     """

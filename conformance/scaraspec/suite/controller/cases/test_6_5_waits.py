@@ -406,7 +406,7 @@ def test_hundredths(subject: ControllerUnderTest, line: OutgoingConnection) -> N
 
 @case("6.5/9", "6.5/21", name="analog", needs=("set_analog",), hazards=PROGRAMS)
 def test_analog_conditions(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """An analog input is compared in hundredths, for each condition at and beside its limit."""
+    """An analog input is compared in hundredths: each condition is tried at and near its limit."""
     steps = (
         (Condition.GREATER, 250, 2.75),
         (Condition.LESS, 275, 2.5),

@@ -79,7 +79,7 @@ _PAIRS: Final = (
 
 @case("6.6a/11", hazards=PROGRAMS)
 def test_calculations(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Sums, differences, products and quotients of integers are right, each from the previous."""
+    """A chain of sums, differences, products and quotients of integers has the right results."""
     block: list[Statement] = [Calculate(_X, variable(_X), opt, number(b)) for _, opt, b in _CHAIN]
     a, opt, b = _CHAIN[-1]
     expected = number(calculated(opt, a, b))
