@@ -2,8 +2,8 @@
 
 The file has two layers. The raw layer (`/raw/…`, `/connection`, `/gap`) is the reference: it is
 written as received, and everything else can be derived from it again. The derived layer comes from
-a `Decoder` and contains no passwords. `mcap_reader` reads the file. After a write error, the file
-is not continued.
+a `Decoder` and contains no passwords. `mcap_reader` reads the file. After a write error,
+nothing more is written to the file.
 """
 
 import math

@@ -42,7 +42,7 @@ LEGEND: Final = """\
 - **Log**: findings, bytes that are no frame, gaps, commands. Queries are under *All exchanges*.
 - Timelines: `time` (clock of the recorder), `elapsed`, `exchange` (number of the request).
 """
-"""How to read the layout, for a newcomer."""
+"""Markdown text that explains the layout to new users."""
 
 INPUTS, OUTPUTS = 8, 16
 """How many digital ports the protocol shows (L651, L684)."""

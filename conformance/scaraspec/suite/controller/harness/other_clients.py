@@ -39,7 +39,7 @@ _NS: Final = 1e9
 
 @dataclass
 class _Case:
-    """What a case depended on, what deviated in it, and why a failure of it does not count.
+    """The settings that a case used, their deviations, and why its failure does not count.
 
     Attributes:
         touched: The settings on which its replies depended.
@@ -149,7 +149,7 @@ class OtherClients(Interference):
 
     @property
     def touched(self) -> set[str]:
-        """What the running case has depended on so far."""
+        """The settings on which the replies in the running case depended so far."""
         return self._case.touched
 
     @property

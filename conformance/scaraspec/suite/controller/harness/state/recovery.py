@@ -59,7 +59,7 @@ def recover(subject: ControllerUnderTest) -> None:
 
 
 def _recovered(subject: ControllerUnderTest, earlier: Changes) -> list[str]:
-    """Restore the changes; return what was done, in a few words each."""
+    """Restore the changes. Return a short description of each restored change."""
     done = []
     users = working = subject.password
     may_differ = bool(earlier.passwords) and subject.access.needs_login
@@ -113,7 +113,7 @@ def _stopped(subject: ControllerUnderTest) -> str:
 
 
 def _left(subject: ControllerUnderTest, earlier: Changes, users: bytes) -> dict[str, Hazard]:
-    """What must be restored, in a few words each, and the hazard that this needs."""
+    """Return descriptions of what must be restored, each with the hazard that it needs."""
     left = {}
     if subject.password != users:
         ours = subject.password.decode("latin-1") in earlier.passwords

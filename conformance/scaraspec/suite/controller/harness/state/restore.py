@@ -84,7 +84,7 @@ def restorable_settings(
 
 
 class Differences(NamedTuple):
-    """What differs from the start, one sentence each.
+    """The differences from the state at the start, one sentence each.
 
     Attributes:
         ours: What the suite has changed and could not restore.
