@@ -214,7 +214,7 @@ def test_a_killed_writer_loses_nothing(tmp_path: Path) -> None:
 
 
 def test_a_killed_tap_loses_only_its_connections(tmp_path: Path) -> None:
-    """SIGKILL under traffic: what it had spooled is whole, what is unknown is told, and the next
+    """SIGKILL under traffic: what was spooled is complete, the rest is reported, and the next
     connection to the same address is recorded."""
 
     async def talk(client: Client) -> None:

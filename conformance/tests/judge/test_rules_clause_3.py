@@ -100,7 +100,7 @@ CASES = (
     ("3/5", "fail", "login\n> get_status\n< = CC 09 02 30 30 BB\n> get_time"),
     ("3/5", "fail", "login\n> get_status\n< = CC 09 02 30 30 CC\n> get_time"),
     ("3/5", "fail", "login\n> reset\n< reset 1\n< = CC 90 33 02 31 31 BB\n> get_time"),
-    # "CC CC 09 .. AA" behind it would be a frame of 13 bytes with the opcode CC.
+    # "CC CC 09 .. AA" after it would be a frame of 13 bytes with the opcode CC.
     (
         "3/5",
         "fail",
@@ -235,7 +235,7 @@ CASES = (
         """,
     ),
     ("3/24", "pass", "login\n> get_time\n> get_status\n< get_time 20260101000000\n< get_status 00"),
-    # A request that nobody answers is overtaken by nothing.
+    # A request that is never answered is not overtaken.
     ("3/24", "pass 3/10", "login\n> 77\n> get_status\n< get_status 00"),
     (
         "3/24",
@@ -291,7 +291,7 @@ CASES = (
     # Asked again after the reply time, answered once: one of the two was not answered.
     ("3/31", "fail", "login\n> get_time\n+6\n> get_time\n< get_time 20260101000000\n+11\n> close"),
     ("3/31", "pass", "login\n> get_time\n> get_status\n< get_status 00\n> close"),
-    # A robot that serves one request at a time drops what is sent behind an open one (A-3-14) ...
+    # A robot that serves one request at a time drops what is sent while one is open (A-3-14) ...
     ("3/31", "tolerated pipelining=one", PIPELINED.format(asked="> get_time\n> get_status")),
     # ... and only while the answer to that one is due, and not out of one segment (2/6).
     ("3/31", "fail", PIPELINED.format(asked="> get_time\n+6\n> get_status")),
@@ -318,7 +318,7 @@ CASES = (
     ),
     # Who started it has gone, and with it the final result.
     ("3/31", "tolerated busy_reply=silence", LEFT + "2> reset" + LATER),
-    # Nobody here had begun what the robot says that it executes (A-4.12-3).
+    # No recorded client has started what the robot reports to execute (A-4.12-3).
     (
         "3/31",
         "tolerated busy_reply=silence",
@@ -378,7 +378,7 @@ CASES = (
         "login\n> get_status\n< = CC\n< get_status 00\n> get_time\n< get_time 20260101000000",
     ),
     ("3/32", "inconclusive", "> gap\n> = 00 00\n> get_status"),
-    # Someone else who knocks at the port, and perhaps is told so in his own language.
+    # Another program connects to the port, and may get a reply in its own protocol.
     ("3/32", "none", f"> = {b'GET / HTTP/1.1'.hex()}\n< = {b'HTTP/1.1 400'.hex()}"),
     ("3/32", "none", f"> = {b'SSH-2.0-x'.hex()}\n< close"),
     ("3/32", "fail", "> = 68 65 6C 6C 6F\n< close"),

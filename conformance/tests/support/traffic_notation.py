@@ -9,9 +9,9 @@ One line is one thing that happens, a millisecond after the one before it::
     > 3E 1                      an opcode in hex, where the command has another or none
     > chunk 0/300               file data: position, file size; then len=5, big, cut, other
     > =AA 09 00 CC              raw bytes
-    < gap 12                    bytes that nobody saw; without a number, how many is not known
+    < gap 12                    bytes that were not recorded; without a number, of unknown length
     > open                      half-close, close, rst, injected; a connection opens by itself; a
-                                text behind it is the event's note
+                                text after it is the event's note
     +5.2                        seconds pass
     2> get_time                 on the connection named 2
 """
@@ -54,7 +54,7 @@ _LINK = {
     "injected": Kind.INJECTED,
 }
 
-# File content as hostile as can be: full of frames, for whoever loses step.
+# Hostile file content: it is full of frames, for a framer that loses synchronisation.
 _CONTENT = b"".join(
     bytes.fromhex(frame) + bytes((i % 256,))
     for i in range(40)
@@ -304,10 +304,10 @@ def judged() -> Callable[..., Record]:
 
 @pytest.fixture(scope="session")
 def check_case() -> Callable[[str, str, str], None]:
-    """Holds a session against what is expected of one requirement.
+    """Compares the judgement of a session with what is expected for one requirement.
 
-    Expected is a verdict; behind "tolerated" stands the reading, behind another what else fails:
-    whoever breaks one requirement often breaks the one of the clause along with a general one.
+    Expected is a verdict; after "tolerated" the reading, after another verdict what else fails:
+    a violation of a clause often violates a general requirement, too.
     """
 
     def check(requirement: str, expected: str, session: str) -> None:

@@ -45,7 +45,7 @@ def test_an_exchange_has_its_frames_and_times(judged: Judged) -> None:
 
 
 def test_the_same_request_twice_is_answered_in_order(judged: Judged) -> None:
-    """No number tells the replies apart: the first is the older request's."""
+    """Replies have no number: the first one belongs to the older request."""
     record = judged("login\n> get_status\n> get_status\n< get_status 01\n< get_status 02")
     first, second = (x for x in record.exchanges if x.name == "get_status")
     assert (first.reply_value, second.reply_value) == ("01", "02")
@@ -68,7 +68,7 @@ def test_silence_then_a_late_reply(judged: Judged) -> None:
 
 
 def test_a_repeated_request_and_two_late_replies(judged: Judged) -> None:
-    """Whoever asks again after the reply time gets both answers, and none is unasked."""
+    """A request that is repeated after the timeout gets both replies; none is unsolicited."""
     record = judged(
         "login\n> get_status\n+6\n> get_status\n< get_status 01\n+1\n< get_status 02\n> close"
     )
@@ -254,7 +254,7 @@ def test_a_stopped_command_ends_in_three_ways(
 
 
 def test_a_stopped_command_may_end_late(judged: Judged) -> None:
-    """Even behind the acceptance of the next one its own result is explained."""
+    """Its result is assigned even after the next command was accepted."""
     record = judged(
         JOG_AND_STOP + "<90 emergency_stop 11\n> reset\n< reset 1\n<90 jog 11\n<90 reset 11"
     )
@@ -272,7 +272,7 @@ def test_a_stop_stops_what_others_asked_for(judged: Judged) -> None:
 
 
 def test_what_executes_is_known_to_every_exchange(judged: Judged) -> None:
-    """From acceptance to result; on all connections; and unsettled where it changes meanwhile."""
+    """From acceptance to result; on all connections; and uncertain where it changes in between."""
     record = judged(
         "login\n2> login password\n2< login 1\n> get_version\n> reset\n< get_version 1.0.0\n"
         "< reset 1\n2> get_status\n2< get_status 03\n> get_time\n<90 reset 11\n"

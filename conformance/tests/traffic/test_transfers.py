@@ -72,7 +72,7 @@ def test_a_chunk_knows_its_transfer_and_its_place(judged: Judged) -> None:
 def test_where_a_chunk_is_due(
     judged: Judged, positions: tuple[int, ...], expected: tuple[int, ...]
 ) -> None:
-    """Behind the one before it, as far as that can be told."""
+    """After the previous one, as far as this is known."""
     chunks = "".join(f"> chunk {at}/9000{ACK}" for at in positions)
     record = judged(NAME + chunks)
     assert tuple(x.expected_position for x in record.exchanges if x.chunk) == expected
@@ -107,7 +107,7 @@ def test_a_resumption_has_an_end(judged: Judged) -> None:
 
 
 def test_a_refused_name_begins_nothing(judged: Judged) -> None:
-    """A chunk behind it knows what it follows."""
+    """The chunk after it has a known predecessor."""
     record = judged("login\n> upload_name a\n< upload_name 0\n> chunk 0/300\n< upload_chunk 0")
     x = record.exchange("upload_chunk")
     assert x.transfer is None
@@ -155,7 +155,7 @@ def test_the_end_of_the_link_ends_the_transfer(judged: Judged) -> None:
 
 @pytest.mark.parametrize("gap", ["> gap 216", "< gap 5", "< gap"])
 def test_a_gap_ends_the_transfer_in_doubt(judged: Judged, gap: str) -> None:
-    """Nobody knows what was in it; chunks behind it belong to what cannot be named."""
+    """Its content is unknown; later chunks belong to an unknown transfer."""
     record = judged(f"{NAME}> chunk 0/900{ACK}{gap}\n+6\n> chunk 400/900{ACK}> chunk 600/900{ACK}")
     transfer = transfer_of(record)
     assert not transfer.certain

@@ -92,7 +92,7 @@ class Machine:
 
 
 class RunningTap:
-    """A tap in a thread of its own on some machine, and all that it tells."""
+    """A tap in a thread on one of the machines, and everything that it reports."""
 
     def __init__(self, machine: Machine, route: Route, listen: tuple[str, int]) -> None:
         self.records: list[Record] = []

@@ -132,7 +132,7 @@ def test_redirect_leads_the_machines_own_clients_but_not_its_recorder(
 
 @LED
 def test_who_comes_by_itself_is_not_led_in_a_circle(lab: Any, mode: Mode) -> None:
-    """A client that connects to the recorder's own address meant nobody else, and is cut off."""
+    """A client that connects to the recorder's own address is disconnected."""
     tap = lab.tap(mode)
     lab.install(mode)
     with pytest.raises(ConnectionResetError):
@@ -143,7 +143,7 @@ def test_who_comes_by_itself_is_not_led_in_a_circle(lab: Any, mode: Mode) -> Non
 
 @LED
 def test_a_dead_controller_looks_dead(lab: Any, mode: Mode) -> None:
-    """Nobody listens there: the client is cut off, and the record says why."""
+    """Nothing listens there: the client is disconnected, and the recording gives the reason."""
     tap = lab.tap(mode)
     lab.install(mode)
     with pytest.raises(ConnectionResetError):

@@ -78,7 +78,7 @@ def test_a_reset_comes_as_a_reset_behind_the_data(
 def test_a_reset_after_a_half_close_comes_through(
     lab: Any, cut: Cut, mode: Mode, direction: Direction
 ) -> None:
-    """A side that finished and then died frees the other, though nobody writes to it."""
+    """If a side half-closes and then dies, the other one is closed, without a write."""
     link = Link(lab, mode)
     one, other = link.ends(direction)
     one.shutdown(socket.SHUT_WR)

@@ -200,4 +200,4 @@ def test_bytes_pass_unchanged_and_are_all_recorded(
     assert clients == near.connections() == far.connections()
     assert clients == ledger(tmp_path)
     for capture in tmp_path.glob("*.pcap"):
-        capture.unlink()  # gigabytes, and nobody looks at what was right
+        capture.unlink()  # gigabytes, and no one reads what was right

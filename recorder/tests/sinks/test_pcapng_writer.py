@@ -88,7 +88,7 @@ def test_events_are_kept(shift: list[WireEvent], tmp_path: Path) -> None:
         return [
             (e.time_ns, e.connection, e.direction, e.kind, e.data)
             for e in events
-            if e.kind is not Kind.GAP  # when it was found missing is told by what follows it
+            if e.kind is not Kind.GAP  # the next packet shows when it was found missing
         ]
 
     found = write_and_read(shift, tmp_path / "out.pcapng")

@@ -21,7 +21,7 @@ SET = {
 
 
 def session(*lines: str) -> str:
-    """These lines behind a login."""
+    """These lines after a login."""
     return "\n".join(("login", *lines))
 
 
@@ -56,7 +56,7 @@ CASES = (
     ("4.17/7", "pass", session(done("emergency_stop"), joints(HERE, NEAR))),
     ("4.17/7", "fail", session(done("emergency_stop"), joints(HERE, THERE))),
     ("4.17/7", "none", session(done("emergency_stop", result="00|12"), joints(HERE, THERE))),
-    # Later somebody may have begun another motion.
+    # Later another client may have started a motion.
     ("4.17/7", "none", session(done("emergency_stop"), joints(HERE), "+3", joints(THERE))),
     ("4.17/7", "none", session(done("emergency_stop"), joints(HERE), MOVING, joints(THERE))),
     ("4.26/5", "pass", session(LOCKED, joints(HERE, HERE))),
@@ -66,10 +66,10 @@ CASES = (
     ("4.27/4", "fail", session(MOVED, joints(HERE, THERE))),
     ("4.27/4", "pass", session(LOCKED, "+5", STATUS, joints(HERE, HERE), STATUS)),
     ("4.27/4", "fail", session(LOCKED, "+5", STATUS, joints(HERE, THERE), STATUS)),
-    # A pendant's motion would show in the status behind it, or in time.
+    # A pendant's motion would show in the next status, or in its duration.
     ("4.27/4", "none", session(LOCKED, "+5", STATUS, joints(HERE, THERE), MOVING)),
     ("4.27/4", "none", session(LOCKED, "+5", STATUS, joints(HERE), "+2", joints(THERE), STATUS)),
-    # Nobody knows whether the joints are locked; a hand may move them.
+    # Whether the joints are locked is unknown; they may be moved by hand.
     ("4.27/4", "none", session(STATUS, joints(HERE, THERE), STATUS)),
     ("4.27/4", "none", session(done("release_joints"), "+5", STATUS, joints(HERE, THERE), STATUS)),
     ("4.23/5", "pass", session(MOVED, pose(HERE_XY, HERE_XY))),
@@ -106,7 +106,7 @@ CASES = (
             ),
         )
     ),
-    # Which of two settings moved the arm nobody can tell.
+    # Which of two settings moved the arm is unknown.
     ("4.20/5", "none", session(STATUS, joints(HERE), put("4.20/5"), put("4.21/5"), joints(THERE))),
     ("4.16/5", "pass", session(joints(HERE), SIMULATING, joints(HERE))),
     (

@@ -1,4 +1,4 @@
-"""What a case raises, and what its subject does meanwhile, make the right verdict."""
+"""The verdict follows from what a case raises and from what the subject does during it."""
 
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -117,7 +117,7 @@ class DiesOfStrayBytes(ControllerCore):
 
 
 def test_what_no_client_does_is_tried_at_the_end(trial: Try) -> None:
-    """Who dies of it has shown before what he does when he is asked properly."""
+    """A subject that crashes has shown before how it answers correct requests."""
     DiesOfStrayBytes.dead = False
     results = trial(
         "@case('3/19')\ndef test_one(line):\n    line.send_bytes(b'Hello')\n\n"
@@ -129,7 +129,7 @@ def test_what_no_client_does_is_tried_at_the_end(trial: Try) -> None:
 
 
 def test_what_ends_the_subject_is_tried_last_in_the_order_of_the_clauses(trial: Try) -> None:
-    """A case of clause 2 that asks for a shutdown in vain comes ahead of one that gets it."""
+    """A case of clause 2 whose shutdown is refused runs before one whose shutdown is accepted."""
     body = "\ndef test_{}(line):\n    line.ask('get_status')\n\n"
     results = trial(
         "@case('2/11', last=True)"
@@ -158,7 +158,7 @@ class Reboots(ControllerCore):
 
 
 def test_what_comes_back_is_put_back(trial: Try) -> None:
-    """Who has crashed is not left as the cases before made him, if he comes back in time."""
+    """If a crashed subject returns in time, the changes of earlier cases are restored."""
     results = trial(
         "from scaraspec.protocol.commands import Point\n\n"
         "@case('4.20/3')\ndef test_one(line):\n"
@@ -170,7 +170,7 @@ def test_what_comes_back_is_put_back(trial: Try) -> None:
 
 
 def test_who_comes_back_by_himself_is_tried_on(trial: Try) -> None:
-    """Whoever is watched over starts anew without a hook."""
+    """A device with a watchdog restarts without a hook."""
     results = trial(
         "@case('4.7/2')\ndef test_one(line):\n    line.send('get_version')\n\n"
         "@case('4.8/2')\ndef test_two(line):\n    line.ask('get_status')\n",
@@ -198,7 +198,7 @@ class LocksEverybodyOut(ControllerCore):
 
 
 def test_who_lets_nobody_in_is_not_asked_over_and_over(trial: Try) -> None:
-    """He is there, and may count wrong passwords."""
+    """It is reachable, and may count wrong passwords."""
     LocksEverybodyOut.logins, LocksEverybodyOut.locked = 0, False
     text = "@case('4.7/2')\ndef test_one(line):\n    line.ask('get_version')\n"
     trial(text, LocksEverybodyOut, Options())  # which has no password to put back
@@ -206,7 +206,7 @@ def test_who_lets_nobody_in_is_not_asked_over_and_over(trial: Try) -> None:
 
 
 def test_whose_status_is_unreadable_is_moved_no_more(trial: Try) -> None:
-    """Nobody can tell whether it rests; all else can be tried."""
+    """Whether it is at rest is unknown; cases without motion still run."""
     results = trial(
         "@case('4.24/3')\ndef test_one(subject):\n    subject.moved = True\n\n"
         "@case('4.24/6')\ndef test_two(line):\n    1 / 0\n\n"
@@ -227,7 +227,7 @@ class StaysAtFault(ControllerCore):
 
 
 def test_a_robot_at_fault_is_not_called_dead(trial: Try) -> None:
-    """It answers, but nothing can be found out; what it reports is told with each case."""
+    """It answers, but its state is unknown; each case reports what was observed."""
     results = trial(
         "@case('4.24/3')\ndef test_one(subject):\n    subject.moved = True\n\n"
         "@case('4.8/2')\ndef test_two(line):\n    line.ask('get_status')\n",
@@ -266,7 +266,7 @@ def test_two_cases_of_one_name_are_a_mistake(trial: Try) -> None:
 
 
 def test_a_wrong_claim_is_a_failure_of_its_own(trial: Try) -> None:
-    """The statement of conformance is held against what is seen."""
+    """The claims of the ICS are compared with what is observed."""
     text = "@case('4.8/2')\ndef test_one(line):\n    line.ask('get_status')\n"
     claim = Ics().with_claims(prelogin="all")
     results = trial(text, ics=claim)
@@ -274,7 +274,7 @@ def test_a_wrong_claim_is_a_failure_of_its_own(trial: Try) -> None:
 
 
 def test_what_was_changed_is_put_back(trial: Try) -> None:
-    """A case that leaves the password, the clock and a file behind does not leave them for ever."""
+    """Password, clock and file that a case leaves changed are restored."""
     text = """
 from datetime import datetime
 from scaraspec.protocol.commands import PasswordChange, Point
@@ -368,13 +368,13 @@ def test_two(subject, line):
     ],
 )
 def test_who_ends_a_run_ends_it(trial: Try, text: str) -> None:
-    """Also where hypothesis tells the signal among the failures of a case, or nobody does."""
+    """Also if hypothesis reports the signal among the failures of a case, or not at all."""
     assert "run.interrupted" in (found := {case.id for case in trial(text).cases})
     assert "4.8/2.b" not in found
 
 
 class KeepsSmallLetters(ControllerCore):
-    """Of a new password it keeps small letters; what it is told it compares as it is."""
+    """It stores a new password in small letters, and compares a given password unchanged."""
 
     def set_password(self, request: Request) -> bool:
         """Change the letters."""
