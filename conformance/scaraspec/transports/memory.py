@@ -37,16 +37,16 @@ class Machine(Protocol):
     def open(
         self, connection: int, now_s: float, link: Literal["tcp", "serial"]
     ) -> Sequence[Action]:
-        """A client has connected."""
+        """Process the connection of a client."""
 
     def receive(self, connection: int, data: bytes, now_s: float) -> Sequence[Action]:
-        """Bytes have arrived."""
+        """Process bytes that a client has sent."""
 
     def close(self, connection: int, now_s: float) -> Sequence[Action]:
-        """A client has closed its sending direction."""
+        """Process that a client has closed its sending direction."""
 
     def advance(self, now_s: float) -> Sequence[Action]:
-        """Time has passed."""
+        """Process the events up to this time."""
 
 
 class MemoryNetwork:

@@ -105,7 +105,7 @@ class _Transport(asyncio.Transport):
             self._link.enqueue(bytes(data))
 
     def can_write_eof(self) -> bool:
-        """Return True."""
+        """Return True: the sending direction can be closed alone."""
         return True
 
     def write_eof(self) -> None:

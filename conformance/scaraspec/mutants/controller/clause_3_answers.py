@@ -63,7 +63,7 @@ row(
 
 @mutant("opcode-of-the-last-request", "3/11", "3/31", subtle=True)
 class RepliesWithLastOpcode(ControllerCore):
-    """After two hundred requests, analog values have the opcode of the request before."""
+    """After two hundred requests, analog values have the opcode of the previous request."""
 
     _count, _last = 0, 0x09
 
