@@ -209,7 +209,7 @@ def client(  # noqa: PLR0913 - independent options of a run
 
 def _results(run: Run[Any], files: RunFolder) -> Results:
     results = run.results()
-    if run.start_failure and not results.counts[Verdict.FAIL]:
+    if run.start_failure and results.role is Role.CONTROLLER and not results.counts[Verdict.FAIL]:
         files.discard()
         raise StartError(run.start_failure)
     with run.interruption:  # a signal takes effect after the reports are written

@@ -236,7 +236,7 @@ class RequirementResult:
 
     @property
     def decided(self) -> bool:
-        """Whether the requirement was judged; inconclusive is not decisive."""
+        """Whether the verdict is pass, tolerated or fail."""
         return self.verdict in (Verdict.PASS, Verdict.TOLERATED, Verdict.FAIL)
 
 

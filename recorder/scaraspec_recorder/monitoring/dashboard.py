@@ -118,7 +118,7 @@ class _Problems:
         )
 
     def since(self, before: "_Problems") -> list[str]:
-        """Return lines about the changes."""
+        """Return a line for each problem that is new or has changed."""
         assert self.status
         lines = list(self.problems[len(before.problems) :])
         if self.gaps != before.gaps:

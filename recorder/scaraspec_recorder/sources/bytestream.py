@@ -1,6 +1,7 @@
 """Reassembles one direction of a TCP connection: segments in, ordered bytes and gaps out.
 
-Belongs here: sequence arithmetic only. Positions count bytes, are unwrapped from 32 bits and may be
+This module contains only sequence arithmetic.
+Positions count bytes, are unwrapped from 32 bits and may be
 negative until the stream's start is known. `reassembly` decides when to stop waiting for a missing
 byte.
 """

@@ -40,7 +40,7 @@ def one_code(x: Exchange, _: RobotState) -> RuleResult | None:
 
 @rule("4.8/3", on=Exchange, names=_STATUS)
 def idle(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """A robot that does nothing reports 00 (L1017); a capture shows only requested commands."""
+    """An idle robot reports 00 (L1017). Another status may have a command that is missing."""
     return PASSED if x.reply_value == "00" and not robot.executing else None
 
 

@@ -1,4 +1,4 @@
-"""Mutants of the text conventions: separators, digits, ends, numbers, codes and characters."""
+"""Mutants of the text conventions: separators, bytes after the text, numbers, codes, characters."""
 
 from collections.abc import Callable
 

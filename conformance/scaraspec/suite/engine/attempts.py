@@ -51,7 +51,7 @@ class Attempt:
 
     @property
     def result(self) -> AttemptResult:
-        """What the results report of it."""
+        """The part of this attempt that the results contain."""
         outcome = self.outcome
         return AttemptResult(
             outcome.verdict, outcome.requirement, outcome.message, self.late, self.stall_s

@@ -140,7 +140,7 @@ def _common_reading(context: LintContext) -> frozenset[CountsMode]:
 
 
 def _loop_counts(context: LintContext) -> Iterator[Problem]:
-    """The count of a loop is the number of its nodes, in one reading for all loops (A-6.5-4)."""
+    """The count of a loop is the number of its nodes; all loops use one reading (A-6.5-4)."""
     common = _common_reading(context)
     for index, modes in loop_readings(context.program.nodes, context.structure).items():
         if not modes:

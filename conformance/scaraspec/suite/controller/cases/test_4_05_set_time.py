@@ -106,7 +106,7 @@ def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnectio
 
 @case("4.5/6", "4.5/4")
 def test_every_moment(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Every time from 2000 to 2099 can be set and is shown."""
+    """Every time from 2000 to 2099 can be set, and the clock then reports it."""
 
     @given(payload_values(BY_NAME["set_time"].request))
     def set_and_check(time: datetime) -> None:

@@ -184,7 +184,7 @@ def test_input_operands(subject: ControllerUnderTest, line: OutgoingConnection) 
 
 @case("6.6a/14", name="driven-inputs", needs=("set_input",), hazards=PROGRAMS)
 def test_driven_input_operands(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Driven inputs work as operands, one after another."""
+    """Inputs that the hook `set_input` sets work as operands."""
     with bench(subject, line) as robot, driven_inputs(subject, line) as drive:
         for pattern in examples((0b101001, 0b010110)):
             for index, port in enumerate(INPUTS):

@@ -169,7 +169,7 @@ class OtherClients(Interference):
         self._notify(self._proofs[name])
 
     def passed_again(self) -> None:
-        """Record that the running case failed with a suspicious value and passed when repeated."""
+        """Record that the case failed after a change by another client and passed again."""
         sentence = "; ".join(self._case.deviations.values())
         self._case.reason = f"{REASON}, it seems: {sentence}; the case passed when it was repeated"
         self._notify(sentence)

@@ -196,7 +196,7 @@ def _endian(subject: ControllerUnderTest) -> str | None:
 
 
 def _prog_layout(subject: ControllerUnderTest) -> str | None:
-    """Upload a program in each layout until one is listed; others may be hidden (A-6.1-2)."""
+    """Upload a program in one layout after another until one is listed (A-6.1-2)."""
     with subject.observer.ignoring(_LISTED):
         for layout in candidates(subject):
             line, name = subject.open(), subject.new_name()
