@@ -46,9 +46,10 @@ _SENTENCE: Final = 500
 _WATCH_S: Final = 2.0
 _WATCH_MOST_S: Final = 10.0
 _WATCH_AGAIN_MOST_S: Final = 30.0
+"""For how long a subject is watched after a failure: minimum, maximum, maximum of a second time."""
 _TIMES: Final = 2.0
-"""How long a subject is watched after a failure: minimum, maximum, and multiple of the duration."""
 _LONGER: Final = 1.5
+"""Multiples of the duration of the case for which it is watched: the first and the second time."""
 _REPEATS: Final = 2
 """How often a failed case must pass when it is repeated: a fault may depend on the time of day."""
 _STOP_WORKS: Final = ("4.17/6", "4.17/7")

@@ -344,7 +344,7 @@ class Run(Generic[P]):
         return options.only.union(*(case.requirements for case in chosen))
 
     def _dialect(self) -> dict[str, ReadingSeen]:
-        """What was found out at the open points: what was seen, and else what a case tolerated."""
+        """Return the observed readings by key, or else those that a case tolerated."""
         readings = self._readings()
         told = {*chain.from_iterable(o.readings for o in self.case_runner.outcomes)}
         told |= {s.finding.reading for s in self._observer.findings if s.finding.reading}
@@ -358,9 +358,9 @@ class Run(Generic[P]):
         return {key: readings[key] for key in READINGS if key in readings}
 
     def _readings(self) -> dict[str, ReadingSeen]:
-        """What was seen at the open points, by the judge or by a probe, beside what is claimed.
+        """Return the readings that the judge or a probe observed, with the claims of the ICS.
 
-        A probe may have found what the subject takes; what it sends by itself outweighs that.
+        A probe shows what the subject accepts. What the subject itself sends takes precedence.
         """
         ics = self.adapter.ics
         claims = {key: ics.dialect[key] for key in ics.claimed}
@@ -375,7 +375,7 @@ class Run(Generic[P]):
         return readings
 
     def _wrong_claims(self) -> Iterator[Outcome]:
-        """A claim that is not what was seen, by the judge or by a case, is a failure of its own."""
+        """Yield a failure for each claimed reading that contradicts an observation."""
         told = {outcome.observed for outcome in self.case_runner.outcomes}
         for key, seen in self._readings().items():
             if seen.claimed is None:
@@ -385,11 +385,11 @@ class Run(Generic[P]):
             if not options or seen.claimed in options:
                 continue
             if key == "busy_reply" and seen.claimed == "queue" and {*options} == {"silence"}:
-                continue  # who lets a request wait is silent until then
+                continue  # a queued request has no reply until then
             if key == "op_get_default" and self._serves(seen):
                 continue
             if key == "default_none" and self.adapter.ics.dialect["on_unknown"] == "0":
-                continue  # of 0x0D and 0x13 the one that it does not know is answered so, too
+                continue  # the reply to the undefined one of 0x0D and 0x13 is the same
             if READINGS[key].unit is None:
                 message = UserMessage(
                     "the ICS claims {key} = {claimed}, but the subject behaves differently",
@@ -406,8 +406,8 @@ class Run(Generic[P]):
                 )
 
     def _serves(self, seen: ReadingSeen) -> bool:
-        """Whether a claim of opcodes may be true although others than those were seen."""
-        if seen.claimed == "both":  # each is seen by itself, and perhaps only one was asked for
+        """Whether a claim about opcodes may be true although other opcodes were observed."""
+        if seen.claimed == "both":  # each is observed separately, and perhaps only one was sent
             return "op_get_default" not in self._subject.detected_readings
         return seen.claimed == "0x0D" and "both" in seen.options
 
@@ -489,7 +489,7 @@ class Run(Generic[P]):
 
 _SHOWN: Final = 12
 _SHOWN_OUT_OF_SCOPE: Final = (Verdict.INCONCLUSIVE, Verdict.FAIL, Verdict.ERROR)
-_NUMBERED: Final = re.compile(r"\b[a-z]+\d+\b")  # as each of the suite's files is named
+_NUMBERED: Final = re.compile(r"\b[a-z]+\d+\b")  # names of the suite's files
 
 
 def _shortfall(requirements: Sequence[RequirementResult], options: Options) -> str:
@@ -522,25 +522,25 @@ def _set_up(name: str, message: str, reason: Reason) -> Outcome:
 
 
 def _wrong_from_the_start(error: CaseFailed) -> Outcome:
-    """The outcome for a client that reports a wrong state, or none, for an idle robot."""
+    """Return the outcome for a client that reports a wrong state, or none, of an idle robot."""
     case = cases.Case("run.begin", (), frozenset({Hazard.READ_ONLY}))
     wrong = (error.requirement, Cause.SUBJECT, f"{error}", error.expected, error.observed)
     return Outcome(case, Verdict.FAIL, *wrong)
 
 
 def _grouped(
-    sightings: list[CaseFinding], before: Iterable[Case]
+    findings: list[CaseFinding], before: Iterable[Case]
 ) -> Iterator[tuple[int, list[CaseFinding]]]:
-    """Sightings that say the same, numbered on within their requirement; doubts are none.
+    """Group equal findings, and number the groups of each requirement.
 
-    Of which of the suite's files they say it is no difference.
+    Inconclusive findings are omitted. Names of the suite's files do not make a difference.
     """
     groups: defaultdict[tuple[str, Verdict, object], list[CaseFinding]] = defaultdict(list)
-    for sighting in sightings:
-        finding = sighting.finding
+    for case_finding in findings:
+        finding = case_finding.finding
         if finding.verdict is not Verdict.INCONCLUSIVE:
             what = finding.reading or _NUMBERED.sub("", finding.message)
-            groups[finding.requirement, finding.verdict, what].append(sighting)
+            groups[finding.requirement, finding.verdict, what].append(case_finding)
     numbers = Counter(requirement for case in before for requirement in case.requirements)
     for (requirement, _, _), listed in groups.items():
         numbers[requirement] += 1
