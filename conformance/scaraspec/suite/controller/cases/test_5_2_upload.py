@@ -617,7 +617,7 @@ def _expect_too_large(subject: ControllerUnderTest, line: OutgoingConnection, si
             size=size,
             larger=larger,
         )
-        expect(not accepted, message, expected="1", observed="0", requirement="5.2/16")
+        expect(not accepted, message, expected="0", observed="1", requirement="5.2/16")
         line = reconnect(subject, line)
     subject.tolerate(
         "5.2/16",
