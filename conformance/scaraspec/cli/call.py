@@ -78,7 +78,7 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
         hint = f"did you mean {near[0]}?" if near else "scaraspec call --help lists them"
         raise Problem(UserMessage("there is no command {name!r}: {hint}", name=name, hint=hint))
     try:
-        result = _carry_out(url, name, texts, password, timeout_s)
+        result = _carry_out(url, name, texts, password, timeout_s, announce=not as_json)
     except (ClientError, *_USAGE) as error:
         status = _status(error)
         if not as_json:
@@ -92,8 +92,14 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
         click.echo("\n".join(format_result(name, result)))
 
 
-def _carry_out(
-    url: str, name: str, texts: tuple[str, ...], password: str | None, timeout_s: float | None
+def _carry_out(  # noqa: PLR0913 - the options of the command line
+    url: str,
+    name: str,
+    texts: tuple[str, ...],
+    password: str | None,
+    timeout_s: float | None,
+    *,
+    announce: bool,
 ) -> Any:
     values = parse_arguments(name, texts)
     if name == "login":
@@ -114,6 +120,8 @@ def _carry_out(
         if not BY_NAME[name].two_stage:
             return getattr(client, name)(*values)
         pending = getattr(client, f"start_{name}")(*values)
+        if announce and pending.accepted and not pending.done:
+            click.echo("accepted, waiting for the final result; Ctrl-C ends the wait", err=True)
         try:
             return pending.wait(timeout_s)
         except KeyboardInterrupt:

@@ -188,6 +188,18 @@ def test_timeout_applies_to_the_final_result(controller: str, tmp_path: Path) ->
     assert call(controller, "get_status") == (0, "idle (00)")
 
 
+def test_an_accepted_command_is_announced(controller: str, tmp_path: Path) -> None:
+    """A user sees that the robot moves, on standard error and not in JSON output."""
+    (tmp_path / "short.rob").write_bytes(program_of(20))
+    assert call(controller, "upload", str(tmp_path / "short.rob")) == (0, "done")
+    running = [SCARASPEC, "call", controller, "run_program", "short.rob"]
+    result = subprocess.run(
+        running, check=False, capture_output=True, text=True, timeout=ENDS_WITHIN_S
+    )
+    assert (result.returncode, result.stdout.strip()) == (0, "done")
+    assert result.stderr.startswith("accepted, waiting for the final result")
+
+
 def test_an_interrupt_does_not_stop_the_robot(
     controller: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
