@@ -3,7 +3,6 @@
 import re
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,18 +14,15 @@ _TIMEOUT_S = 120
 
 
 @pytest.fixture
-def controller(tmp_path: Path) -> Iterator[str]:
+def controller() -> Iterator[str]:
     """A virtual controller in a process of its own; the address is HOST:PORT."""
-    ready = tmp_path / "ready"
-    arguments = ("controller", "--listen", "127.0.0.1:0", "--ready-file", str(ready))
-    process = subprocess.Popen([sys.executable, "-m", "scaraspec", *arguments])
-    until_s = time.monotonic() + _TIMEOUT_S
-    while not ready.exists() and time.monotonic() < until_s:
-        assert process.poll() is None
-        time.sleep(0.05)
-    yield ready.read_text().strip()
-    process.terminate()
-    process.wait(_TIMEOUT_S)
+    command = [sys.executable, "-m", "scaraspec", "controller", "--listen", "127.0.0.1:0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        try:
+            yield process.stdout.readline().strip().removeprefix("listening on tcp://")
+        finally:
+            process.terminate()
 
 
 def test_examples(controller: str, tmp_path: Path) -> None:
