@@ -102,8 +102,9 @@ def command(  # noqa: PLR0913 - one for each option
 
     A mutant is killed if a case of a requirement that it violates fails. --quick runs only these
     cases: it kills the same mutants, in minutes instead of hours. Cases that kill none of the
-    mutants are printed. Exit status 0: every mutant is killed and the unmodified implementation
-    is conformant; 1: otherwise; 4: there is no mutant or no case to run.
+    mutants are printed. Exit status 0: every mutant is killed, and no case fails or is
+    inconclusive on the unmodified implementation; 1: otherwise; 4: there is no mutant or no case
+    to run.
     """
     mutant_ids += fault_ids
     subject = Role(role)
@@ -196,9 +197,9 @@ def _prove_dialects(role: Role, options: Options, jobs: int) -> None:
             click.echo(f"    {case}: {message}")
 
     alarms = prove_dialects(role, options, jobs=jobs, dialect_ends=show)
-    conformant = sum(not alarm.false for alarm in alarms)
-    click.echo(f"{conformant} of {count} dialects conformant")
-    if conformant < count:
+    passed = sum(not alarm.false for alarm in alarms)
+    click.echo(f"{passed} of {count} dialects without a failed or inconclusive case")
+    if passed < count:
         raise SystemExit(ExitStatus.NONCONFORMANT)
 
 
