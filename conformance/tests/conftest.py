@@ -1,5 +1,6 @@
 """What every test of the tool shares: how hypothesis behaves, and where the data is."""
 
+import gc
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,11 @@ from hypothesis import settings
 # A failure prints the blob that replays it; examples are drawn the same way on every machine.
 settings.register_profile("scaraspec", print_blob=True, deadline=None, derandomize=True)
 settings.load_profile("scaraspec")
+
+
+def pytest_collection_finish() -> None:
+    """Exempt the collected tests from garbage collection, which would visit them all each time."""
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, closing, suppress
 
 import pytest
+from warm_process import WarmProcess
 
 from scaraspec.cli.main import main
 
@@ -114,27 +115,20 @@ class Processes:
     """Starts `scaraspec` and sees to it that nothing outlives the test."""
 
     def __init__(self) -> None:
-        self._running: list[subprocess.Popen[str]] = []
+        self._running: list[WarmProcess] = []
 
     def run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        """Run to the end."""
-        return subprocess.run(
-            [sys.executable, "-m", "scaraspec", *arguments],
-            capture_output=True,
-            text=True,
-            timeout=TIMEOUT_S,
-            check=False,
-        )
+        """Run a command to its end."""
+        process = self._start(*arguments, merged=False)
+        out, error = process.communicate(TIMEOUT_S)
+        return subprocess.CompletedProcess(arguments, process.wait(), out, error)
 
-    def start(self, *arguments: str) -> subprocess.Popen[str]:
-        """Start, with its output at hand."""
-        process = subprocess.Popen(
-            [sys.executable, "-m", "scaraspec", *arguments],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            start_new_session=True,
-        )
+    def start(self, *arguments: str) -> WarmProcess:
+        """Start a command. Its errors are in its output."""
+        return self._start(*arguments, merged=True)
+
+    def _start(self, *arguments: str, merged: bool) -> WarmProcess:
+        process = WarmProcess(*arguments, merged=merged)
         self._running.append(process)
         return process
 
@@ -151,7 +145,7 @@ class Processes:
             process.communicate()
 
 
-def address_in(process: subprocess.Popen[str]) -> tuple[str, int]:
+def address_in(process: "WarmProcess | subprocess.Popen[str]") -> tuple[str, int]:
     """The first address that a process names in its first line."""
     assert process.stdout
     line = process.stdout.readline()

@@ -50,7 +50,10 @@ def test_a_terminal_without_every_character(
     """As for files on Windows: missing characters are escaped, and the status is the same."""
     host, port = processes.controller("--mutant", "status-of-one-digit")
     monkeypatch.setenv("PYTHONIOENCODING", "ascii")
-    done = processes.run("certify", "controller", f"tcp://{host}:{port}", "--only", "4.8")
+    words = ("certify", "controller", f"tcp://{host}:{port}", "--only", "4.8")
+    done = subprocess.run(
+        [*SCARASPEC, *words], capture_output=True, text=True, timeout=LIMIT_S, check=False
+    )
     assert done.returncode == 1
     assert "fail \\xb7 4.8/" in done.stdout
     assert "Traceback" not in done.stderr

@@ -336,7 +336,7 @@ def with_examples(examples: int) -> Callable[[Any], Any]:
     )
 
 
-@with_examples(3)
+@with_examples(2)
 @given(devices(), selections)
 def test_normal_end(device: Device, only: Only) -> None:
     """A run that ends normally leaves the user's files unchanged and no journal."""
@@ -347,7 +347,7 @@ def test_normal_end(device: Device, only: Only) -> None:
         assert not any(Path(folder).iterdir())
 
 
-@with_examples(5)
+@with_examples(3)
 @given(devices(), selections, parts)
 def test_interruption(device: Device, only: Only, part: int) -> None:
     """A run that is interrupted by Ctrl-C leaves the user's files unchanged and no journal."""
@@ -359,7 +359,7 @@ def test_interruption(device: Device, only: Only, part: int) -> None:
         assert not any(Path(folder).iterdir())
 
 
-@with_examples(5)
+@with_examples(3)
 @given(st.sampled_from(MUTANTS).flatmap(devices), selections)
 def test_faulty_controller(device: Device, only: Only) -> None:
     """A run against a faulty controller leaves the user's files unchanged."""
@@ -368,7 +368,7 @@ def test_faulty_controller(device: Device, only: Only) -> None:
         device.assert_unchanged()
 
 
-@with_examples(5)
+@with_examples(3)
 @given(devices(), selections, parts, st.integers(0, 60), st.sampled_from((1, 3, 10_000)))
 def test_full_disk(
     device: Device, only: Only, part: int, partial_bytes: int, failures: int
@@ -388,7 +388,7 @@ def test_full_disk(
         assert not any(Path(folder).iterdir())
 
 
-@with_examples(5)
+@with_examples(3)
 @given(
     devices(), st.tuples(selections, selections), st.lists(parts, min_size=1, max_size=2), tokens
 )

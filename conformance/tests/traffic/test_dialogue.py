@@ -471,13 +471,13 @@ def flood(data: bytes, direction: Direction, times: int) -> Iterator[WireEvent]:
 
 
 FLOODS = {
-    "garbage": (A2C, b"\x55" * 8192, 100),
-    "start bytes": (C2A, b"\xcc" * 64, 100),
-    "unanswered requests": (A2C, Frame(A2C, 0x09).encode() * 64, 8),
-    "unanswered unknown requests": (A2C, bytes.fromhex("AA7700CC") * 64, 8),
-    "unsolicited frames": (C2A, Frame(C2A, 0x09, b"00").encode() * 64, 8),
-    "unasked results": (C2A, Frame(C2A, 0x30, b"11", tagged=True).encode() * 64, 8),
-    "nothing": (A2C, b"", 4000),
+    "garbage": (A2C, b"\x55" * 8192, 30),
+    "start bytes": (C2A, b"\xcc" * 64, 30),
+    "unanswered requests": (A2C, Frame(A2C, 0x09).encode() * 64, 3),
+    "unanswered unknown requests": (A2C, bytes.fromhex("AA7700CC") * 64, 3),
+    "unsolicited frames": (C2A, Frame(C2A, 0x09, b"00").encode() * 64, 3),
+    "unasked results": (C2A, Frame(C2A, 0x30, b"11", tagged=True).encode() * 64, 3),
+    "nothing": (A2C, b"", 1200),
 }
 
 

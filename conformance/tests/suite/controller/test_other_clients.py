@@ -6,7 +6,6 @@ suite takes a few milliseconds, so that the other client can act between any two
 
 from collections.abc import Callable, Collection, Sequence
 from datetime import datetime, timedelta
-from functools import cache
 from typing import ClassVar, Final
 
 import pytest
@@ -209,16 +208,15 @@ def other_client_notices(results: Results) -> list[str]:
     return [notice for notice in results.notices if notice.startswith(REASON)]
 
 
-@cache
 def _duration_s(only: str) -> float:
     """Return the duration of these cases without another client."""
     return sum(case.duration_s for case in run(only).cases)
 
 
-@pytest.mark.parametrize("moment", [0.47, 0.83])
 @pytest.mark.parametrize(("act", "only"), _CASES, ids=_NAMES)
-def test_one_change(act: Act, only: str, moment: float) -> None:
+def test_one_change(act: Act, only: str) -> None:
     """A single change at any moment of the run fails no case."""
+    moment = 0.3 + 0.6 * _NAMES.index(act.__name__) / len(_NAMES)
     check_no_failure(run(only, act, moment * _duration_s(only)))
 
 
@@ -294,7 +292,7 @@ class ForgetsGripperCenter(ControllerCore):
         return super().get_gripper_center(request)
 
 
-@pytest.mark.parametrize("after_s", [0.01, 0.02, 0.05, 0.1])
+@pytest.mark.parametrize("after_s", [0.01, 0.1])
 def test_forgotten_setting(after_s: float) -> None:
     """A setting that is reset after a fixed time is not attributed to another client."""
     core = type("Forgets", (ForgetsGripperCenter,), {"after_s": after_s})
