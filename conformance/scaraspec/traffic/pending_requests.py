@@ -38,7 +38,8 @@ class PendingRequests:
 
     def __init__(self, dialect: Dialect) -> None:
         self.reply_ns = int((dialect.seconds("reply_timeout") or 5) * NS_PER_S)
-        self._chunk_ns = int((dialect.seconds("xfer_timeout") or 30) * NS_PER_S)
+        chunk_ns = int((dialect.seconds("xfer_timeout") or 30) * NS_PER_S)
+        self._chunk_ns = max(chunk_ns, self.reply_ns)
         self._open: list[_PendingRequest] = []
         self._late_replies_expected: Counter[str] = Counter()
 

@@ -13,7 +13,6 @@ from scaraspec.suite.controller.harness.malformed.delivery import SEGMENT_S, sen
 from scaraspec.suite.controller.harness.malformed.payloads import Malformed
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import (
-    CHUNK_S,
     NameRefused,
     begin_upload,
     delete,
@@ -551,7 +550,7 @@ def _upload_in_segments(
     chunk = line.request("upload_chunk", Chunk(len(content), 0, len(content), content)).encode()
     send_parts(line, split_bytes(chunk, sizes), subject, SEGMENT_S)
     try:
-        reply = line.reply("upload_chunk", within_s=CHUNK_S)
+        reply = line.reply("upload_chunk", within_s=line.chunk_timeout_s)
     except NoReply as error:
         error.requirement = "2/5"
         raise
@@ -595,7 +594,7 @@ def _check_large_file(subject: ControllerUnderTest, line: OutgoingConnection, si
     name, content = subject.new_name(), content_of(size)
     begin_upload(line, name)
     first, *others = chunks_of(content)
-    if not line.ask("upload_chunk", first, within_s=CHUNK_S).accepted:
+    if not line.ask("upload_chunk", first, within_s=line.chunk_timeout_s).accepted:
         line.require_timely()
         _expect_too_large(subject, reconnect(subject, line), size)
         return

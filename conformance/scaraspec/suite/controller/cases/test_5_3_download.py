@@ -20,7 +20,6 @@ from scaraspec.suite.controller.harness.malformed.timeouts import (
 )
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import (
-    CHUNK_S,
     begin_upload,
     delete,
     download,
@@ -286,7 +285,7 @@ def test_silence_of_the_client(subject: ControllerUnderTest, line: OutgoingConne
         message = "something was sent while the answer to a chunk was pending"
         expect(not chunks, message, observed=f"{chunks}", requirement="5.3/6")
         silence.require_within(limits.early_s)
-        if not _continues(connection, CHUNK_S):
+        if not _continues(connection, connection.chunk_timeout_s):
             message = UserMessage(
                 "an answer to a chunk was not accepted after {survived_s:g} s",
                 survived_s=limits.must_survive_s,

@@ -17,7 +17,6 @@ from scaraspec.suite.controller.harness.malformed.timeouts import Track, run_tra
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.clock import read_clock, shifted_time
 from scaraspec.suite.controller.harness.requests.files import (
-    CHUNK_S,
     begin_upload,
     delete,
     download,
@@ -211,9 +210,10 @@ def _track_of_pauses(subject: ControllerUnderTest, limits: TransferTimeouts) -> 
         start(line)
 
     def check_survived(line: OutgoingConnection, silence: Silence, chunk: Chunk) -> None:
-        accepted = try_chunk(line, chunk, within_s=CHUNK_S)
+        answer_s = line.chunk_timeout_s
+        accepted = try_chunk(line, chunk, within_s=answer_s)
         if not accepted:
-            silence.require_within(limits.early_s + (CHUNK_S if accepted is None else 0))
+            silence.require_within(limits.early_s + (answer_s if accepted is None else 0))
             _expect_served(subject, line, "a timeout")
             message = UserMessage(
                 "an upload was aborted after {survived_s:g} s of silence",

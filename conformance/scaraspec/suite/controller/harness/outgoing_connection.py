@@ -113,6 +113,14 @@ class OutgoingConnection(Connection):
             opcode = command.alternate_opcode
         return Frame(A2C, opcode, payload)
 
+    @property
+    def chunk_timeout_s(self) -> float:
+        """The timeout for a chunk or for its answer, in seconds (A-5-23, L763, L787).
+
+        It is the transfer timeout that the subject claims, but not less than the reply timeout.
+        """
+        return max(self._subject.reply_s, self._subject.transfer_s)
+
     def require_timely(self) -> None:
         """Require that the last two frames were sent without a pause that may end a transfer.
 

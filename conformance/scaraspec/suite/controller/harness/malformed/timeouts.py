@@ -10,7 +10,6 @@ from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import (
-    CHUNK_S,
     begin_upload,
     receive_chunks,
     try_chunk,
@@ -101,7 +100,8 @@ def uploads_at_once(subject: ControllerUnderTest) -> bool:
     try:
         for line in lines:
             begin_upload(line, subject.new_name())
-        taken = [try_chunk(line, Chunk(1, 0, 1, b"!"), within_s=CHUNK_S) for line in lines]
+        chunk = Chunk(1, 0, 1, b"!")
+        taken = [try_chunk(line, chunk, within_s=line.chunk_timeout_s) for line in lines]
     except CaseFailed:
         taken = [False]
     for line in lines:

@@ -26,9 +26,6 @@ from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.transfers import refuses_reply
 from scaraspec.user_message import UserMessage
 
-CHUNK_S: Final = 30.0
-"""The timeout for a chunk or for its answer, in seconds (A-5-23, L763, L787)."""
-
 _PLAIN: Final = re.compile(rb"[A-Za-z0-9]+\.[A-Za-z]+")
 _TRANSFER: Final = range(0x50, 0x57)
 _MOST_BYTES: Final = 2**20
@@ -94,7 +91,7 @@ def send_chunk(
         CaseFailed: The subject refuses the chunk.
         CaseInconclusive: The suite sent the chunk so late that the transfer may have ended.
     """
-    answer = line.ask("upload_chunk", chunk, within_s=CHUNK_S)
+    answer = line.ask("upload_chunk", chunk, within_s=line.chunk_timeout_s)
     if not answer.accepted:
         line.require_timely()
     expect(
@@ -220,7 +217,7 @@ def next_chunk(line: OutgoingConnection) -> Chunk:
     """Wait for the next chunk of a download.
 
     Raises:
-        NoReply: No chunk arrives within `CHUNK_S`.
+        NoReply: No chunk arrives in time.
         CaseFailed: The frame is not a valid chunk.
         CaseInconclusive: The suite answered so late that the transfer may have ended.
     """
@@ -257,7 +254,7 @@ def download_replies(line: OutgoingConnection, name: bytes) -> list[ReceivedFram
 
 def _chunk_frame(line: OutgoingConnection) -> ReceivedFrame:
     try:
-        return line.reply("download_chunk", within_s=CHUNK_S)
+        return line.reply("download_chunk", within_s=line.chunk_timeout_s)
     except NoReply as error:
         line.require_timely()
         error.requirement = "5.3/4"
