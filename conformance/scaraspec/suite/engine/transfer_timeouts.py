@@ -36,6 +36,26 @@ def transfer_timeouts_of(subject: SystemUnderTest) -> TransferTimeouts:
     return TransferTimeouts(25 * scale, 27 * scale, 35 * scale, 60 * scale)
 
 
+def silence_message(silence_s: float, own_s: float) -> UserMessage:
+    """Return why a silence during a transfer was too long for a verdict.
+
+    Args:
+        silence_s: The time between two frames of the suite, in seconds.
+        own_s: The part of it after the subject has sent a frame.
+    """
+    if own_s >= silence_s / 2:
+        return UserMessage(
+            "this machine is too slow: the suite was silent for {silence_s:.3f} s",
+            silence_s=silence_s,
+        )
+    return UserMessage(
+        "the subject or the network is too slow: the suite was silent for {silence_s:.3f} s, "
+        "because it waited for a frame for {waited_s:.3f} s",
+        silence_s=silence_s,
+        waited_s=silence_s - own_s,
+    )
+
+
 class Silence:
     """Measures for how long nothing has been sent on a connection."""
 
@@ -57,7 +77,7 @@ class Silence:
         if self.elapsed_s > limit_s:
             raise CaseInconclusive(
                 UserMessage(
-                    "this machine is too slow: a silence lasted {passed_s:.3f} s",
+                    "this machine is too slow: the suite was silent for {passed_s:.3f} s",
                     passed_s=self.elapsed_s,
                 )
             )

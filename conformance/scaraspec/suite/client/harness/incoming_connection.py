@@ -23,7 +23,7 @@ from scaraspec.suite.engine.expectations import (
     OperationRefused,
     expect_equal,
 )
-from scaraspec.suite.engine.transfer_timeouts import transfer_timeouts_of
+from scaraspec.suite.engine.transfer_timeouts import silence_message, transfer_timeouts_of
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.wire import Kind
 from scaraspec.transports.link import Link
@@ -66,6 +66,7 @@ class IncomingConnection(Connection):
         self._answering = False
         self._wanted: Callable[[FrameSeen], bool] = _nothing
         self._sent_ns: list[int] = []
+        self._received_ns: list[int] = []
         super().__init__(name, link, subject, C2A, judged=judged)
 
     # ------------------------------------------------------------------ listening
@@ -166,6 +167,9 @@ class IncomingConnection(Connection):
         self._sent_ns.append(seen.place.time_ns)
         self.auto_responder.case_sent(seen)
 
+    def _received(self, seen: FrameSeen) -> None:
+        self._received_ns.append(seen.place.time_ns)
+
     def require_timely(self, since_ns: int) -> None:
         """Require that the suite was never silent long enough to end a transfer.
 
@@ -173,7 +177,7 @@ class IncomingConnection(Connection):
             since_ns: The start of the period, in nanoseconds since the Unix epoch.
 
         Raises:
-            CaseInconclusive: This machine was too slow, or the client sent nothing to answer.
+            CaseInconclusive: This machine, the network or the client was too slow.
         """
         self.pump()
         due = (
@@ -182,15 +186,12 @@ class IncomingConnection(Connection):
             else []
         )
         spoken_ns = [since_ns, *(time_ns for time_ns in self._sent_ns if time_ns > since_ns), *due]
-        silence_s = max((then - at for at, then in pairwise(spoken_ns)), default=0) / _NS
-        if silence_s > transfer_timeouts_of(self._subject).early_s:
-            raise CaseInconclusive(
-                UserMessage(
-                    "this machine or the client is too slow: the suite sent nothing for"
-                    " {silence_s:.3f} s",
-                    silence_s=silence_s,
-                )
-            )
+        silences = [(then - at, at, then) for at, then in pairwise(spoken_ns)]
+        silence_ns, begun_ns, ended_ns = max(silences, default=(0, 0, 0))
+        if silence_ns / _NS > transfer_timeouts_of(self._subject).early_s:
+            received_ns = [at for at in self._received_ns if begun_ns <= at <= ended_ns]
+            own_ns = ended_ns - min(received_ns, default=begun_ns)
+            raise CaseInconclusive(silence_message(silence_ns / _NS, own_ns / _NS))
 
     # ------------------------------------------------------------------ sending
 

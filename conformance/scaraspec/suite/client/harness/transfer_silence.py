@@ -56,7 +56,7 @@ def expect_survives_silence(
         if passed_s > limits.early_s:
             raise CaseInconclusive(
                 UserMessage(
-                    "this machine is too slow: the suite was silent for {passed_s:g} s",
+                    "this machine is too slow: the suite was silent for {passed_s:.3f} s",
                     passed_s=passed_s,
                 )
             ) from None

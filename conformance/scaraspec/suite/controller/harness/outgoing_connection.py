@@ -17,7 +17,7 @@ from scaraspec.protocol.payloads import FinalResult, NameListPart, NoData, Outco
 from scaraspec.suite.controller.harness.timeouts import ExpectedReply
 from scaraspec.suite.engine.connection import Connection, ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
-from scaraspec.suite.engine.transfer_timeouts import transfer_timeouts_of
+from scaraspec.suite.engine.transfer_timeouts import silence_message, transfer_timeouts_of
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.transfers import NAMES
 from scaraspec.transports.link import Link
@@ -44,7 +44,7 @@ class OutgoingConnection(Connection):
         super().__init__(name, link, subject, A2C, judged=judged)
         self._subject = subject
         self.listing = self._names_files = False
-        self._sent_ns = self._pause_ns = 0
+        self._sent_ns = self._received_ns = self._pause_ns = self._own_pause_ns = 0
         self._outgoing = Framer(A2C, recovery_filter=is_known_opcode)
 
     # ------------------------------------------------------------------ sending
@@ -125,15 +125,10 @@ class OutgoingConnection(Connection):
         """Require that the last two frames were sent without a pause that may end a transfer.
 
         Raises:
-            CaseInconclusive: This machine was too slow.
+            CaseInconclusive: This machine, the network or the subject was too slow.
         """
         if (pause_s := self._pause_ns / _NS) > transfer_timeouts_of(self._subject).early_s:
-            raise CaseInconclusive(
-                UserMessage(
-                    "this machine is too slow: a frame followed after {pause_s:.3f} s",
-                    pause_s=pause_s,
-                )
-            )
+            raise CaseInconclusive(silence_message(pause_s, self._own_pause_ns / _NS))
 
     # ------------------------------------------------------------------ requests
 
@@ -351,12 +346,15 @@ class OutgoingConnection(Connection):
         return self._names_files
 
     def _sent(self, seen: FrameSeen) -> None:
-        self._pause_ns = seen.place.time_ns - self._sent_ns
-        self._sent_ns = seen.place.time_ns
+        time_ns = seen.place.time_ns
+        self._pause_ns = time_ns - self._sent_ns
+        self._own_pause_ns = time_ns - max(self._sent_ns, self._received_ns)
+        self._sent_ns = time_ns
         self._names_files = self._names_files or seen.name in NAMES
         self._subject.guard.sent(self.name, seen)
 
     def _received(self, seen: FrameSeen) -> None:
+        self._received_ns = seen.place.time_ns
         self._subject.guard.received(self.name, seen)
 
 

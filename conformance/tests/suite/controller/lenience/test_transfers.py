@@ -116,7 +116,9 @@ def test_characters_of_names_may_be_limited(run_cases: RunCases) -> None:
 
 
 class WritesSlowly(ControllerCore):
-    """A chunk is answered when it is written, after six seconds."""
+    """A chunk is answered when it is written, which takes some time."""
+
+    write_s = 6.0
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
@@ -126,7 +128,7 @@ class WritesSlowly(ControllerCore):
         reply = super().upload_chunk(request)
         if reply is not True:
             return reply
-        self._written.append((request.now_s + 6.0, request.session))
+        self._written.append((request.now_s + self.write_s, request.session))
         return SILENCE
 
     def _process_due(self, now_s: float) -> None:
@@ -143,6 +145,19 @@ class WritesSlowly(ControllerCore):
 def test_reply_to_a_chunk_may_be_slow(run_cases: RunCases) -> None:
     """The suite waits for the reply to a chunk as long as the document allows (L763)."""
     assert not run_cases(WritesSlowly, "5.2/6", "5.1/8").problems
+
+
+def test_chunks_are_waited_for_as_claimed(run_cases: RunCases) -> None:
+    """The limit is the transfer timeout that the subject claims."""
+    core = type("Slow", (WritesSlowly,), {"write_s": 40.0})
+    assert not run_cases(core, "5.2/6", dialect=DEFAULT.replace(xfer_timeout="60")).problems
+
+
+def test_late_subject_is_named(run_cases: RunCases) -> None:
+    """If the silence of the suite is a wait for the subject, the message says so."""
+    core = type("Slow", (WritesSlowly,), {"write_s": 3.0})
+    cases = run_cases(core, "5.2/6", dialect=DEFAULT.replace(xfer_timeout="1"))
+    assert "the subject or the network is too slow" in cases["5.2/6"].message
 
 
 class PollsConnections(ControllerCore):
