@@ -4,14 +4,13 @@ pytest runs the shipped cases in this process. The judge watches all traffic. It
 joined to the outcomes of the cases, and a requirement gets the most severe verdict of both.
 """
 
-import re
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from itertools import chain
-from typing import Any, Final, Generic, Protocol, TypeVar
+from typing import Any, Final, Generic
 
 from scaraspec.judge.requirements import REQUIREMENTS
 from scaraspec.judge.verdicts import Cause, Reason, Verdict, conclude, worst
@@ -26,91 +25,22 @@ from scaraspec.report.session import SessionStats
 from scaraspec.suite.engine import case as cases
 from scaraspec.suite.engine.case_runner import Callbacks, CaseRunner
 from scaraspec.suite.engine.collection import CASES, METHODS, cases_in, run_pytest
+from scaraspec.suite.engine.coverage import shortfall
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
-from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.journal import JournalError
 from scaraspec.suite.engine.observer import CaseFinding, Observer, Take, sending_direction
 from scaraspec.suite.engine.outcome import Outcome, unless_disturbed
-from scaraspec.suite.engine.plan import Options, is_selected
+from scaraspec.suite.engine.passive_findings import grouped, is_confirmed
+from scaraspec.suite.engine.plan import is_selected
+from scaraspec.suite.engine.role_adapter import P, RoleAdapter
 from scaraspec.suite.engine.stall_detector import Stall, StallDetector, threshold_s
-from scaraspec.suite.engine.system_under_test import SystemUnderTest
 from scaraspec.suite.engine.unsupported_claims import (
     excluded_requirements,
     unverified_notices,
     wrong_claims,
 )
 from scaraspec.user_message import UserMessage
-
-P = TypeVar("P", bound=SystemUnderTest)
-
-
-class RoleAdapter(Protocol[P]):
-    """The subject of a run, and how a subject of its role is tested."""
-
-    @property
-    def role(self) -> Role:
-        """The role of the subject."""
-
-    @property
-    def ics(self) -> Ics:
-        """Its implementation conformance statement."""
-
-    @property
-    def options(self) -> Options:
-        """The options of the user."""
-
-    @property
-    def link(self) -> str:
-        """The link to the subject, as the results name it."""
-
-    @property
-    def capture(self) -> str:
-        """The file name of the recording beside the results; empty if there is none."""
-
-    @property
-    def replay(self) -> str:
-        """The reproduction command of the run, without ``--only``."""
-
-    @property
-    def needs_login(self) -> bool:
-        """Whether a login is needed first; a serial link needs none (L83)."""
-
-    @property
-    def real_time(self) -> bool:
-        """Whether the subject's clock is not simulated, so that stalls of this machine matter."""
-
-    def subject(self, observer: Observer) -> P:
-        """The subject."""
-
-    def begin(self, subject: P) -> Mapping[str, Any]:
-        """Read the state that must be restored after the run; `put_back` receives it.
-
-        Raises:
-            CaseFailed: The subject cannot be reached.
-            CaseInconclusive: The subject cannot be tested.
-            JournalError: The state cannot be written to the journal.
-        """
-
-    def probe(self, subject: P) -> None:
-        """Find out which readings the subject follows at the open points.
-
-        Raises:
-            CaseFailed: The subject cannot be reached any more.
-            CaseInconclusive: The subject cannot be tested.
-        """
-
-    def make_ready(self, subject: P) -> None:
-        """Make the subject ready to move."""
-
-    def watch(self, subject: P, for_s: float) -> None:
-        """Watch for `for_s` seconds whether another client has caused the failure of a case."""
-
-    def put_back(self, subject: P, state: Mapping[str, Any]) -> list[str]:
-        """Restore the state from `begin`; return a sentence for each difference that remains."""
-
-    def finish(self, subject: P, state: Mapping[str, Any]) -> list[str]:
-        """End the run after `put_back`; return a sentence for each thing the user must do."""
 
 
 class Run(Generic[P]):
@@ -281,7 +211,7 @@ class Run(Generic[P]):
         outcomes = (*ran, *self._wrong_claims(), *wrong_claims(self._subject))
         tried = [self._earlier.get(o.case.id) or self._case(o) for o in outcomes]
         seen_before = [case for key, case in self._earlier.items() if model.SEEN in key]
-        groups = _grouped(self._observer.findings, seen_before)
+        groups = grouped(self._observer.findings, seen_before)
         made = (*tried, *seen_before, *(self._seen(n, same) for n, same in groups))
         by_requirement: defaultdict[str, list[Case]] = defaultdict(list)
         for each in made:
@@ -299,8 +229,8 @@ class Run(Generic[P]):
             for entry in REQUIREMENTS.values()
             if entry.id in scope or verdicts.get(entry.id) in _SHOWN_OUT_OF_SCOPE
         )
-        if shortfall := _shortfall(requirements, adapter.options):
-            made = (*made, self._case(_set_up("coverage", shortfall, Reason.COVERAGE)))
+        if lacking := shortfall(requirements, adapter.options):
+            made = (*made, self._case(_set_up("coverage", lacking, Reason.COVERAGE)))
         return Results(
             tool=Tool.own(),
             subject=model.Subject(
@@ -448,7 +378,7 @@ class Run(Generic[P]):
             message = UserMessage(
                 "{doubt}. The judge had found: {message}", doubt=doubt, message=finding.message
             )
-        elif finding.verdict is Verdict.FAIL and not _is_confirmed(findings):
+        elif finding.verdict is Verdict.FAIL and not is_confirmed(findings):
             reason = Reason.INTERMITTENT
             message = UserMessage(
                 "intermittent: found in one attempt only, in which a message was missing or late: "
@@ -489,30 +419,6 @@ class Run(Generic[P]):
 
 _SHOWN: Final = 12
 _SHOWN_OUT_OF_SCOPE: Final = (Verdict.INCONCLUSIVE, Verdict.FAIL, Verdict.ERROR)
-_NUMBERED: Final = re.compile(r"\b[a-z]+\d+\b")  # names of the suite's files
-
-
-def _shortfall(requirements: Sequence[RequirementResult], options: Options) -> str:
-    """Return how the coverage falls short of what the user requires; empty if it does not."""
-    judged = {each.id for each in requirements if each.decided}
-    percent = 100 * len(judged) / max(len(requirements), 1)
-    if missing := sorted(options.required - judged):
-        return UserMessage("required, but not judged: {missing}", missing=", ".join(missing))
-    if percent < options.required_percent:
-        return UserMessage(
-            "{judged} of {total} requirements were judged, which is less than {required:g} %",
-            judged=len(judged),
-            total=len(requirements),
-            required=options.required_percent,
-        )
-    return ""
-
-
-def _is_confirmed(findings: Iterable[CaseFinding]) -> bool:
-    """Return whether equal findings rest on received bytes, or were found in two attempts."""
-    if any(not each.late or not each.attempt.repeatable for each in findings):
-        return True
-    return len({id(each.attempt) for each in findings}) > 1
 
 
 def _set_up(name: str, message: str, reason: Reason) -> Outcome:
@@ -526,22 +432,3 @@ def _wrong_from_the_start(error: CaseFailed) -> Outcome:
     case = cases.Case("run.begin", (), frozenset({Hazard.READ_ONLY}))
     wrong = (error.requirement, Cause.SUBJECT, f"{error}", error.expected, error.observed)
     return Outcome(case, Verdict.FAIL, *wrong)
-
-
-def _grouped(
-    findings: list[CaseFinding], before: Iterable[Case]
-) -> Iterator[tuple[int, list[CaseFinding]]]:
-    """Group equal findings, and number the groups of each requirement.
-
-    Inconclusive findings are omitted. Names of the suite's files do not make a difference.
-    """
-    groups: defaultdict[tuple[str, Verdict, object], list[CaseFinding]] = defaultdict(list)
-    for case_finding in findings:
-        finding = case_finding.finding
-        if finding.verdict is not Verdict.INCONCLUSIVE:
-            what = finding.reading or _NUMBERED.sub("", finding.message)
-            groups[finding.requirement, finding.verdict, what].append(case_finding)
-    numbers = Counter(requirement for case in before for requirement in case.requirements)
-    for (requirement, _, _), listed in groups.items():
-        numbers[requirement] += 1
-        yield numbers[requirement], listed

@@ -17,7 +17,7 @@ _UNKNOWN_OPERATION = "levitate"
 
 @dataclass(frozen=True)
 class ClientAdapter:
-    """A run against a client; see `run.RoleAdapter`.
+    """A run against a client; see `role_adapter.RoleAdapter`.
 
     Attributes:
         access: The access to the client.

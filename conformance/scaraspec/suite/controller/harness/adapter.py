@@ -32,7 +32,7 @@ _NS: Final = 1e9
 
 @dataclass(frozen=True)
 class ControllerAdapter:
-    """A run against a controller; see `run.RoleAdapter`.
+    """A run against a controller; see `role_adapter.RoleAdapter`.
 
     Attributes:
         access: The access to the controller.
