@@ -140,6 +140,22 @@ def test_the_plan_of_what_takes_long(processes: Any, more: tuple[str, ...]) -> N
     assert ("skipped: it is slow" in done.stdout) is (not more)
 
 
+def test_a_hook_that_cannot_be_started(refused: Callable[..., str], tmp_path: Path) -> None:
+    """One sentence names the file, the hook and the program; nothing connects to the robot."""
+    ics = tmp_path / "ics.toml"
+    ics.write_text("[hooks]\nrestart = 'no-such-program now'\n", encoding="utf-8")
+    with closing(socket.create_server(("127.0.0.1", 0))) as listener:
+        listener.settimeout(0)
+        url = f"tcp://127.0.0.1:{listener.getsockname()[1]}"
+        says = refused("certify", "controller", url, "--ics", str(ics), "--only", "4.8/2")
+        assert says == (
+            f"scaraspec: {ics}: the program no-such-program of the hook restart does not exist or "
+            "is not executable\n"
+        )
+        with pytest.raises(BlockingIOError):
+            listener.accept()
+
+
 def test_a_wrong_password_is_not_held_against_the_subject(processes: Any) -> None:
     """Nothing can be found out: inconclusive, with one sentence."""
     host, port = processes.controller("--password", "secret")

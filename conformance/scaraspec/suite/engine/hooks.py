@@ -4,6 +4,8 @@ The ICS names them. They run without a shell and with a timeout.
 """
 
 import shlex
+import shutil
+import string
 import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -29,9 +31,10 @@ HOOKS: Final[Mapping[str, str]] = MappingProxyType(
         "factory_reset": "sets the password of --password without a login; deletes no file",
     }
 )
-"""Every hook: its name in ``[hooks]``, and what its command must do."""
+"""Every hook: its name in ``[hooks]``, what its command must do, and its placeholders."""
 
-
+_SAMPLES: Final[Mapping[str, object]] = {"port": 1, "value": 1, "joints": "inner_arm"}
+"""A value of each placeholder, to check a command line."""
 _MAX_OUTPUT: Final = 200
 
 
@@ -58,6 +61,25 @@ class CommandHook:
     command: str
     timeout_s: float
 
+    def check(self) -> None:
+        """Check that the command can be started; nothing is started.
+
+        Raises:
+            HookError: The command is not valid, or its program is not there or not executable.
+        """
+        fields = [field for _, field, *_ in string.Formatter().parse(HOOKS[self.name]) if field]
+        words = self._words({field: _SAMPLES[field] for field in fields})
+        if not words:
+            raise HookError(UserMessage("the hook {name} is empty", name=self.name))
+        if shutil.which(words[0]) is None:
+            raise HookError(
+                UserMessage(
+                    "the program {program} of the hook {name} does not exist or is not executable",
+                    program=words[0],
+                    name=self.name,
+                )
+            )
+
     def run(self, **values: object) -> None:
         """Run the command.
 
@@ -65,8 +87,8 @@ class CommandHook:
             HookError: The command cannot be started, does not end in time, or ends with a status
                 other than 0.
         """
+        words = self._words(values)
         try:
-            words = [word.format(**values) for word in shlex.split(self.command)]
             done = subprocess.run(  # noqa: S603 - the user's command, without a shell
                 words,
                 capture_output=True,
@@ -76,14 +98,6 @@ class CommandHook:
                 check=False,
                 stdin=subprocess.DEVNULL,
             )
-        except (KeyError, IndexError, ValueError) as error:
-            raise HookError(
-                UserMessage(
-                    "the hook {name} is not a valid command line: {error}",
-                    name=self.name,
-                    error=error,
-                )
-            ) from None
         except subprocess.TimeoutExpired:
             raise HookError(
                 UserMessage(
@@ -92,12 +106,12 @@ class CommandHook:
                     timeout_s=self.timeout_s,
                 )
             ) from None
-        except OSError as error:
+        except (OSError, ValueError) as error:
             raise HookError(
                 UserMessage(
-                    "the hook {name} cannot be started: {strerror}",
+                    "the hook {name} cannot be started: {reason}",
                     name=self.name,
-                    strerror=error.strerror,
+                    reason=getattr(error, "strerror", None) or error,
                 )
             ) from None
         if done.returncode:
@@ -111,3 +125,22 @@ class CommandHook:
                     detail=detail,
                 )
             )
+
+    def _words(self, values: Mapping[str, object]) -> list[str]:
+        """Return the words of the command line with these values.
+
+        Raises:
+            HookError: The command line is not valid, or has another placeholder.
+        """
+        try:
+            return [word.format(**values) for word in shlex.split(self.command)]
+        except (LookupError, AttributeError, ValueError) as error:
+            raise HookError(
+                UserMessage(
+                    "the hook {name} is not a valid command line: {error}; its placeholders are: "
+                    "{placeholders}",
+                    name=self.name,
+                    error=error,
+                    placeholders=", ".join(values) or "none",
+                )
+            ) from None

@@ -12,7 +12,7 @@ from typing import Any, Final, Self
 
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.readings import Dialect, ReadingError
-from scaraspec.suite.engine.hooks import HOOKS, CommandHook, Hook
+from scaraspec.suite.engine.hooks import HOOKS, CommandHook, Hook, HookError
 from scaraspec.user_message import UserMessage
 
 
@@ -150,7 +150,7 @@ class Ics:
         """Build an ICS from a TOML document.
 
         Raises:
-            IcsError: A key is unknown, or a value is invalid.
+            IcsError: A key is unknown, a value is invalid, or a hook cannot be started.
             ReadingError: A claimed reading does not exist.
         """
         _require_known_keys("", document, ("subject", "readings", "motion", "hooks"))
@@ -270,6 +270,12 @@ def _hooks(table: Mapping[str, Any]) -> dict[str, CommandHook]:
     _require_known_keys("hooks.", commands, HOOKS)
     for name, command in commands.items():
         _require_type(f"hooks.{name}", command, str)
-    return {
+    hooks = {
         name: CommandHook(name, command, float(timeout_s)) for name, command in commands.items()
     }
+    for hook in hooks.values():
+        try:
+            hook.check()
+        except HookError as error:
+            raise IcsError(*error.args) from None
+    return hooks

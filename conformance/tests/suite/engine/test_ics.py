@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from scaraspec.suite.engine.hooks import HookError
+from scaraspec.suite.engine.hooks import HOOKS, CommandHook, HookError
 from scaraspec.suite.engine.ics import Ics, IcsError
 
 WHOLE = """
@@ -57,6 +57,23 @@ def test_hooks_run_without_a_shell(tmp_path: Path) -> None:
         hook.run(port=3, value="0; true")
 
 
+def test_a_hook_whose_program_cannot_be_executed(tmp_path: Path) -> None:
+    """A file without the permission is refused, and with it is accepted."""
+    program = tmp_path / "restart.sh"
+    program.write_text("#!/bin/sh\n", encoding="utf-8")
+    text = f"[hooks]\nrestart = '{program}'"
+    with pytest.raises(IcsError, match="does not exist or is not executable"):
+        read(text, tmp_path)
+    program.chmod(0o700)
+    read(text, tmp_path).hooks["restart"].run()
+
+
+def test_every_placeholder_can_be_checked() -> None:
+    """Each hook has a sample of its placeholders."""
+    for name in HOOKS:
+        CommandHook(name, sys.executable, 1.0).check()
+
+
 def test_a_hook_that_hangs_is_ended(tmp_path: Path) -> None:
     """Its time limit holds."""
     hook = read(WHOLE.replace("timeout_s = 5", "timeout_s = 0.2"), tmp_path).hooks["restart"]
@@ -88,6 +105,19 @@ def test_a_hook_that_hangs_is_ended(tmp_path: Path) -> None:
         ("[hooks]\ntimeout_s = 0", "timeout_s must be above 0"),
         ("[hooks]\nexplode = 'true'", "hooks.explode is not known"),
         ("[hooks]\nrestart = 3", "hooks.restart must be str"),
+        ("[hooks]\nrestart = ''", "the hook restart is empty"),
+        ('[hooks]\nrestart = "sh -c \'true"', "restart is not a valid command line: No closing"),
+        (
+            "[hooks]\nset_input = 'PYTHON {prot} {value}'",
+            "not a valid command line: 'prot'; its placeholders are: port, value",
+        ),
+        ("[hooks]\nrestart = 'PYTHON {port}'", "its placeholders are: none"),
+        ("[hooks]\nrestart = 'PYTHON {}'", "restart is not a valid command line"),
+        (
+            "[hooks]\nrestart = '/no/such/program now'",
+            "the program /no/such/program of the hook restart does not exist or is not executable",
+        ),
+        ("[hooks]\nrestart = 'no-such-program-on-the-path'", "does not exist or is not executable"),
         ("readings = 3", "[readings] must be a table"),
         ("[subject\n", "is not valid TOML"),
         ("[more]\n", "more is not known"),
