@@ -384,6 +384,8 @@ class Results:
         notices: Important notices to show before the verdict, such as that the emergency stop
             does not work or that an interrupted run was recovered.
         run: How the results were produced; None for results of schema 1.
+        undecided: The number of findings of the judge that the traffic of a run does not decide,
+            by requirement. They have no case and do not count.
     """
 
     tool: Tool
@@ -397,6 +399,7 @@ class Results:
     session: Session | None = None
     notices: tuple[str, ...] = ()
     run: RunInfo | None = None
+    undecided: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def judged(self) -> int:

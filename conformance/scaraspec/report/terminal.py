@@ -128,7 +128,9 @@ def _not_judged(results: Results) -> Iterator[str]:
     for requirement in results.requirements:
         if not requirement.decided:
             tried = [cases[each] for each in requirement.cases if each in cases]
-            reasons[tried[0].message if tried else "no traffic that shows it"] += 1
+            seen = requirement.id in results.undecided
+            other = "the traffic does not decide it" if seen else "no traffic that shows it"
+            reasons[tried[0].message if tried else other] += 1
     for reason, count in reasons.most_common(_MAX_REASONS):
         yield f"{count} not judged: {reason}"
 

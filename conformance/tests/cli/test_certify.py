@@ -19,6 +19,7 @@ import pytest
 
 from scaraspec.cli.certify.running import end_on_signals
 from scaraspec.client import Client
+from scaraspec.judge.verdicts import Reason
 from scaraspec.protocol.commands import COMMANDS
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.model import Results
@@ -154,6 +155,23 @@ def test_a_hook_that_cannot_be_started(refused: Callable[..., str], tmp_path: Pa
         )
         with pytest.raises(BlockingIOError):
             listener.accept()
+
+
+def test_hooks_that_are_missing(processes: Any, tmp_path: Path) -> None:
+    """The plan and the notice name them; results.json has the reason code."""
+    host, port = processes.controller()
+    out = tmp_path / "out"
+    done = processes.run(
+        *("certify", "controller", f"tcp://{host}:{port}", "--only", "6.6a/14,4.8/2", *ALL),
+        *("--out", str(out)),
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "skipped: it needs set_input in [hooks] of the ICS" in done.stdout
+    (notice,) = Results.read(out / "results.json").notices
+    assert "which the ICS does not define (1: set_input)" in notice
+    assert notice in done.stdout
+    reasons = {case.id: case.reason for case in Results.read(out / "results.json").cases}
+    assert reasons["6.6a/14.driven-inputs"] is Reason.HOOK
 
 
 def test_a_wrong_password_is_not_held_against_the_subject(processes: Any) -> None:

@@ -93,7 +93,7 @@ def test_public_keys(full: Results) -> None:
     plain = json.loads(full.to_json())
     assert plain.keys() == {
         *("schema", "tool", "subject", "role", "verdict", "counts", "readings"),
-        *("requirements", "cases", "session", "notices", "run"),
+        *("requirements", "cases", "session", "notices", "run", "undecided"),
     }
     assert plain["schema"] == "scaraspec.results/2"
     assert plain["tool"].keys() == {"name", "version"}

@@ -24,6 +24,7 @@ from scaraspec.suite.engine.expectations import (
     CaseFailed,
     CaseInconclusive,
     CaseSkipped,
+    HookMissing,
     NoReply,
     Unreadable,
 )
@@ -233,6 +234,7 @@ class CaseRunner:
                 cause=Cause.SET_UP,
                 message=skip.message,
                 reason=skip.reason,
+                missing_hooks=skip.missing_hooks,
             )
         moves = Hazard.MOTION in case.hazards
         failure = self.subject.stop_failure
@@ -414,7 +416,8 @@ class CaseRunner:
                     Verdict.NONE,
                     cause=Cause.SET_UP,
                     message=message_of(raised),
-                    reason=Reason.NOT_APPLICABLE,
+                    reason=raised.reason,
+                    missing_hooks=raised.hooks if isinstance(raised, HookMissing) else (),
                 )
             case CaseInconclusive():
                 if isinstance(raised, JournalError):

@@ -7,7 +7,9 @@ raises another exception than those of this module is itself defective.
 from collections.abc import Collection
 from typing import Any
 
+from scaraspec.judge.verdicts import Reason
 from scaraspec.protocol.fields import show
+from scaraspec.suite.engine.hooks import missing_hooks_message
 
 
 class CaseFailed(AssertionError):  # noqa: N818 - it is the subject's error, not ours
@@ -61,7 +63,27 @@ class Unreadable(CaseInconclusive):
 
 
 class CaseSkipped(CaseInconclusive):
-    """The case did not run; the message states what it needs."""
+    """The case did not run; the message states what it needs.
+
+    Attributes:
+        reason: Why, as a code for programs.
+    """
+
+    reason = Reason.NOT_APPLICABLE
+
+
+class HookMissing(CaseSkipped):
+    """The ICS does not define the hooks that the case needs.
+
+    Args:
+        hooks: Their names.
+    """
+
+    reason = Reason.HOOK
+
+    def __init__(self, *hooks: str) -> None:
+        super().__init__(missing_hooks_message(hooks))
+        self.hooks = hooks
 
 
 def expect(

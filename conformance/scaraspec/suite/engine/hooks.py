@@ -7,7 +7,7 @@ import shlex
 import shutil
 import string
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, Protocol
@@ -36,6 +36,11 @@ HOOKS: Final[Mapping[str, str]] = MappingProxyType(
 _SAMPLES: Final[Mapping[str, object]] = {"port": 1, "value": 1, "joints": "inner_arm"}
 """A value of each placeholder, to check a command line."""
 _MAX_OUTPUT: Final = 200
+
+
+def missing_hooks_message(names: Iterable[str]) -> UserMessage:
+    """Return why a case does not run that needs hooks which the ICS does not define."""
+    return UserMessage("it needs {hooks} in [hooks] of the ICS", hooks=", ".join(names))
 
 
 class HookError(Exception):

@@ -33,6 +33,7 @@ class Outcome:
         readings: The readings that were tolerated, as key and option.
         attempts: The results of all attempts, if there were several.
         reason: Why the verdict is none or inconclusive.
+        missing_hooks: The hooks that the case needs and that the ICS does not define.
     """
 
     case: Case
@@ -48,6 +49,7 @@ class Outcome:
     readings: tuple[tuple[str, str], ...] = ()
     attempts: tuple[AttemptResult, ...] = ()
     reason: Reason | None = None
+    missing_hooks: tuple[str, ...] = ()
 
 
 def unless_disturbed(outcome: Outcome, reason: str) -> Outcome:

@@ -5,6 +5,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 from typing import Final
 
+from scaraspec.judge.requirements import REQUIREMENTS
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.report.model import Case
 from scaraspec.suite.engine.observer import CaseFinding
@@ -17,7 +18,8 @@ def grouped(
 ) -> Iterator[tuple[int, list[CaseFinding]]]:
     """Group equal findings, and number the groups of each requirement.
 
-    Inconclusive findings are omitted. Names of the suite's files do not make a difference.
+    Inconclusive findings are omitted; `undecided` counts them. Names of the suite's files do not
+    make a difference.
 
     Args:
         findings: The findings of this run.
@@ -33,6 +35,17 @@ def grouped(
     for (requirement, _, _), listed in groups.items():
         numbers[requirement] += 1
         yield numbers[requirement], listed
+
+
+def undecided(findings: Iterable[CaseFinding]) -> dict[str, int]:
+    """Count the inconclusive findings by requirement, in the order of the document.
+
+    They do not count: the suite often sends on purpose what the judge cannot decide, and the case
+    decides it. A requirement without other evidence is not judged.
+    """
+    found = (each.finding for each in findings)
+    counts = Counter(f.requirement for f in found if f.verdict is Verdict.INCONCLUSIVE)
+    return {key: counts[key] for key in REQUIREMENTS if key in counts}
 
 
 def is_confirmed(findings: Iterable[CaseFinding]) -> bool:

@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 from scaraspec.judge.verdicts import Reason
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.engine.case import Case
+from scaraspec.suite.engine.hooks import missing_hooks_message
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.user_message import UserMessage
 
@@ -86,10 +87,11 @@ def hazards(text: str) -> frozenset[Hazard]:
 
 
 class Skip(NamedTuple):
-    """Why a case cannot run: a code for programs, and a sentence."""
+    """Why a case cannot run: a code for programs, a sentence, and the hooks that it needs."""
 
     reason: Reason
     message: str
+    missing_hooks: tuple[str, ...] = ()
 
 
 def skip_reason(case: Case, options: Options, ics: Ics) -> Skip | None:
@@ -104,9 +106,8 @@ def skip_reason(case: Case, options: Options, ics: Ics) -> Skip | None:
     if options.brief and case.slow:
         message = "it is slow, and other cases judge its requirements, too: --exhaustive runs it"
         return Skip(Reason.SLOW, message)
-    if missing_hooks := [name for name in case.needs if name not in ics.hooks]:
-        hooks = ", ".join(missing_hooks)
-        return Skip(Reason.HOOK, UserMessage("it needs {hooks} in [hooks] of the ICS", hooks=hooks))
+    if missing_hooks := tuple(name for name in case.needs if name not in ics.hooks):
+        return Skip(Reason.HOOK, missing_hooks_message(missing_hooks), missing_hooks)
     return None
 
 

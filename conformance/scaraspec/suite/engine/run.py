@@ -25,13 +25,13 @@ from scaraspec.report.session import SessionStats
 from scaraspec.suite.engine import case as cases
 from scaraspec.suite.engine.case_runner import Callbacks, CaseRunner
 from scaraspec.suite.engine.collection import CASES, METHODS, cases_in, run_pytest
-from scaraspec.suite.engine.coverage import shortfall
+from scaraspec.suite.engine.coverage import hook_notices, shortfall, undecided_notices
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.journal import JournalError
 from scaraspec.suite.engine.observer import CaseFinding, Observer, Take, sending_direction
 from scaraspec.suite.engine.outcome import Outcome, unless_disturbed
-from scaraspec.suite.engine.passive_findings import grouped, is_confirmed
+from scaraspec.suite.engine.passive_findings import grouped, is_confirmed, undecided
 from scaraspec.suite.engine.plan import is_selected
 from scaraspec.suite.engine.role_adapter import P, RoleAdapter
 from scaraspec.suite.engine.stall_detector import Stall, StallDetector, threshold_s
@@ -211,7 +211,9 @@ class Run(Generic[P]):
         outcomes = (*ran, *self._wrong_claims(), *wrong_claims(self._subject))
         tried = [self._earlier.get(o.case.id) or self._case(o) for o in outcomes]
         seen_before = [case for key, case in self._earlier.items() if model.SEEN in key]
-        groups = grouped(self._observer.findings, seen_before)
+        findings = self._observer.findings
+        groups = grouped(findings, seen_before)
+        unsettled = undecided(findings)
         made = (*tried, *seen_before, *(self._seen(n, same) for n, same in groups))
         by_requirement: defaultdict[str, list[Case]] = defaultdict(list)
         for each in made:
@@ -252,7 +254,13 @@ class Run(Generic[P]):
             requirements=requirements,
             cases=made,
             session=self._stats.session(),
-            notices=(*self._subject.notices, *unverified_notices(self._subject)),
+            notices=(
+                *self._subject.notices,
+                *unverified_notices(self._subject),
+                *hook_notices(outcomes, requirements),
+                *undecided_notices(unsettled),
+            ),
+            undecided=unsettled,
             run=model.RunInfo(
                 self._begun_ns,
                 self._subject.now_ns,

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from scaraspec.judge.verdicts import Cause, Conclusion, Verdict
+from scaraspec.judge.verdicts import Cause, Conclusion, Reason, Verdict
 from scaraspec.mutants.controller import mutants
 from scaraspec.mutants.controller_run import Robot, certified
 from scaraspec.protocol.commands import PasswordChange
@@ -416,3 +416,63 @@ def test_one(subject, line):
 """
     results = trial(text, core)
     assert "run.restore" not in {case.id for case in results.cases}
+
+
+def test_missing_hooks(trial: Try) -> None:
+    """Cases without their hooks have a reason, and a notice names hooks and requirements."""
+    results = trial(
+        "@case('4.31/2', name='driven', needs=('set_input',))\ndef test_one(line):\n    pass\n\n"
+        "@case('4.33/2', name='driven', needs=('set_analog',))\ndef test_two(line):\n    pass\n\n"
+        "@case('4.33/2')\ndef test_three(line):\n    pass\n\n"
+        "@case('4.8/2')\ndef test_four(subject):\n    subject.hook('restart')\n",
+        options=Options(frozenset({"4.31/2", "4.33/2", "4.8/2"}), ALL),
+    )
+    reasons = {case.id: case.reason for case in results.cases if case.verdict is Verdict.NONE}
+    assert reasons == dict.fromkeys(("4.31/2.driven", "4.33/2.driven", "4.8/2"), Reason.HOOK)
+    (notice,) = results.notices
+    assert notice == (
+        "Not run: cases that need a hook which the ICS does not define (3: restart, set_analog, "
+        "set_input). Define it in [hooks] of the ICS to judge 4.8/2, 4.31/2"
+    )
+
+
+def test_missing_hooks_of_judged_requirements(trial: Try) -> None:
+    """The notice says that nothing is left to judge."""
+    results = trial(
+        "@case('4.31/2', name='driven', needs=('set_input',))\ndef test_one(line):\n    pass\n\n"
+        "@case('4.31/2')\ndef test_two(line):\n    pass\n",
+        options=Options(frozenset({"4.31/2"}), ALL),
+    )
+    assert results.verdict is Conclusion.CONFORMANT
+    (notice,) = results.notices
+    assert notice.endswith("(1: set_input). Other cases have judged their requirements")
+
+
+class SilentAfterVersion(ControllerCore):
+    """A connection that asks for the version gets no reply any more."""
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self._silent: set[int] = set()
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Serve the connections that have not asked for the version."""
+        if frame.opcode == 0x08:
+            self._silent.add(session.connection)
+        if session.connection not in self._silent:
+            super().handle(session, frame, now_s)
+
+
+def test_findings_that_the_traffic_does_not_decide_are_counted(trial: Try) -> None:
+    """They change no verdict, and a requirement without other evidence is not judged."""
+    results = trial(
+        "@case('4.8/2')\ndef test_one(line):\n    line.send('get_version')\n    line.wait(6)\n",
+        SilentAfterVersion,
+        options=Options(frozenset({"4.8/2", "3/31"}), ALL),
+    )
+    assert only(results).verdict is Verdict.PASS
+    assert results.undecided == {"3/31": 1}
+    assert "the traffic does not decide (3/31: 1)" in results.notices[-1]
+    judged = {each.id: each.verdict for each in results.requirements}
+    assert judged == {"4.8/2": Verdict.PASS, "3/31": Verdict.NONE}
+    assert results.verdict is Conclusion.NO_VIOLATION

@@ -23,6 +23,7 @@ from scaraspec.suite.engine.expectations import (
     CaseFailed,
     CaseInconclusive,
     CaseSkipped,
+    HookMissing,
     NoReply,
     Unreadable,
 )
@@ -352,14 +353,12 @@ class ControllerUnderTest:
         """Run a hook.
 
         Raises:
-            CaseSkipped: The ICS does not name this hook.
+            HookMissing: The ICS does not name this hook.
             CaseInconclusive: The hook failed.
         """
         hook = self.ics.hooks.get(name)
         if hook is None:
-            raise CaseSkipped(
-                UserMessage("it needs the hook {name} in [hooks] of the ICS", name=name)
-            )
+            raise HookMissing(name)
         self.guard.note_change(EVERYTHING)
         self.guard.stop.forget()
         try:
