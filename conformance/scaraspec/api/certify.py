@@ -1,12 +1,12 @@
 """Certification of a controller or a client against the protocol document."""
 
 from collections.abc import Callable, Sequence
-from contextlib import closing
-from dataclasses import dataclass
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from scaraspec.api.run_folder import RunFolder, RunFolderError
+from scaraspec.api.run_folder import RunFolder, RunFolderError, earlier_results
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.operating_system import state_directory
 from scaraspec.report.model import Results, Role
@@ -17,6 +17,7 @@ from scaraspec.suite.controller.harness.access import UrlAccess
 from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.engine.case import Case
 from scaraspec.suite.engine.collection import collect
+from scaraspec.suite.engine.earlier_sitting import difference
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.journal import Journal
@@ -24,6 +25,7 @@ from scaraspec.suite.engine.outcome import Outcome
 from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.run import Run
 from scaraspec.transports.connect import resolve_url
+from scaraspec.user_message import UserMessage
 
 
 class StartError(Exception):
@@ -167,14 +169,14 @@ def client(  # noqa: PLR0913 - independent options of a run
         ics: What the client claims; None for no claims.
         options: Requirements, seed and depth.
         out: Folder for results, reports and recording; None to write nothing. An attended run
-            continues an earlier one in the same folder.
+            continues an earlier one in the same folder, with the same ICS and options.
         reproduction: The command that repeats the run, for the report.
         progress: Callbacks.
         interruption: Ends the run early.
 
     Raises:
         DriverError: The driver cannot be started.
-        RunFolderError: `out` contains results of an earlier run.
+        RunFolderError: `out` contains results of an earlier run that this one cannot continue.
         StartError: The subject could not be used at the start of the run.
         IncompleteFilesError: The recording or a report could not be written.
         ResultsError: The results of an earlier attended run cannot be read.
@@ -182,28 +184,46 @@ def client(  # noqa: PLR0913 - independent options of a run
         OSError: `out` cannot be created.
     """
     access = DriverAccess(driver, answer_timeout_s) if isinstance(driver, str) else driver
-    with (
-        closing(access),
-        RunFolder(out, resume=access.attended) as files,
-    ):
-        adapter = ClientAdapter(
-            access,
-            ics or Ics(),
-            options or Options(attended=access.attended),
-            link=driver if isinstance(driver, str) else f"{access.host}:{access.port}",
-            capture=files.capture,
-            replay=reproduction,
-        )
+    adapter = ClientAdapter(
+        access,
+        ics or Ics(),
+        options or Options(attended=access.attended),
+        link=driver if isinstance(driver, str) else f"{access.host}:{access.port}",
+        replay=reproduction,
+    )
+    with ExitStack() as resources:
+        resources.enter_context(closing(access))
+        earlier = earlier_results(out) if access.attended else None
+        if earlier:
+            _require_same(earlier, adapter, out)
+        files = resources.enter_context(RunFolder(out, earlier=earlier))
         return _results(
             Run(
-                adapter,
-                earlier=files.earlier,
+                replace(adapter, capture=files.capture),
+                earlier=earlier,
                 take=files.record,
                 report=progress.case_ends,
                 announce=progress.case_begins,
                 interruption=interruption,
             ),
             files,
+        )
+
+
+def _require_same(earlier: Results, adapter: ClientAdapter, out: Path | None) -> None:
+    """Require that a run can continue an earlier one in its folder.
+
+    Raises:
+        RunFolderError: The run tests another build, or has other claims or settings.
+    """
+    if differs := difference(earlier, adapter):
+        raise RunFolderError(
+            UserMessage(
+                "{folder} contains results of a run with other settings: {difference}; continue "
+                "it with the same ICS and options, or name another folder",
+                folder=out,
+                difference=differs,
+            )
         )
 
 

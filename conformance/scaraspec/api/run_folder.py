@@ -31,34 +31,30 @@ class RunFolder:
 
     Args:
         path: The folder; None to write nothing.
-        resume: Continue an earlier run in this folder instead of refusing it. The new recording
-            goes into a subfolder ``sitting-2`` and so on.
+        earlier: The results of an earlier run in this folder, which this run continues. The new
+            recording goes into a subfolder ``sitting-2`` and so on.
         needs_login: False for a serial link (L83).
 
-    Attributes:
-        earlier: The results of the earlier run.
-
     Raises:
-        RunFolderError: The folder contains the results of an earlier run.
-        ResultsError: The results to continue cannot be read.
+        RunFolderError: The folder contains the results of another run.
         OSError: The folder cannot be created.
     """
 
     def __init__(
-        self, path: Path | None, *, resume: bool = False, needs_login: bool = True
+        self, path: Path | None, *, earlier: Results | None = None, needs_login: bool = True
     ) -> None:
         self._path = path
         self._recording: BackgroundRecorder | None = None
         self._reserve: Path | None = None
         self._created: Path | None = None
-        self.earlier: Results | None = None
+        self._earlier = earlier
         if path is None:
             return
         if not path.exists():
             path.mkdir(parents=True)
             self._created = path
-        existing = [name for name in RESULTS if (path / name).exists()]
-        if existing and not resume:
+        existing = _results_in(path)
+        if existing and not earlier:
             raise RunFolderError(
                 UserMessage(
                     "{folder} contains {file} of an earlier run: name another folder",
@@ -67,8 +63,7 @@ class RunFolder:
                 )
             )
         folder = path
-        if existing:
-            self.earlier = Results.read(path / RESULTS[0])
+        if earlier:
             folder = path / f"sitting-{len(list(path.glob('sitting-*'))) + 2}"
             folder.mkdir()
         self._reserve = _reserve_space(folder / RESERVE)
@@ -78,7 +73,7 @@ class RunFolder:
     @property
     def capture(self) -> str:
         """The recording, relative to the results; empty if there are several."""
-        return CAPTURE if self._path and not self.earlier else ""
+        return CAPTURE if self._path and not self._earlier else ""
 
     def record(self, event: WireEvent) -> None:
         """Write a wire event to the recording."""
@@ -144,6 +139,19 @@ class RunFolder:
         list(self._close_recording())
         if self._reserve:
             self._reserve.unlink(missing_ok=True)
+
+
+def earlier_results(path: Path | None) -> Results | None:
+    """Return the results of an earlier run in this folder; None if there are none.
+
+    Raises:
+        ResultsError: There are results, but they cannot be read.
+    """
+    return Results.read(path / RESULTS[0]) if path and _results_in(path) else None
+
+
+def _results_in(folder: Path) -> list[str]:
+    return [name for name in RESULTS if (folder / name).exists()]
 
 
 def _reserve_space(path: Path) -> Path | None:

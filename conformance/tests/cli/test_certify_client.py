@@ -201,3 +201,24 @@ def test_attended(attend: Callable[..., tuple[int, list[str]]], tmp_path: Path) 
     assert {"4.7/1", "4.8/1"} <= {case.id for case in results.cases}
     assert not any("get_version" in line for line in read)
     assert (tmp_path / "out/sitting-2/capture.mcap").stat().st_size
+    kept = (tmp_path / "out/results.json").read_bytes()
+    status, read = attend("--only", "4.7,4.8", "--seed", "3")
+    assert status == 2, read
+    assert "seed was 0 and is 3" in read[-1]
+    assert (tmp_path / "out/results.json").read_bytes() == kept
+    assert not (tmp_path / "out/sitting-3").exists()
+
+
+def test_a_folder_of_another_run(processes: Any, tmp_path: Path) -> None:
+    """An attended run does not continue a run of a driver: one sentence, and nothing changes."""
+    out = tmp_path / "out"
+    processes.run("certify", "client", "--driver", OWN, "--only", "4.8/1", "--out", str(out))
+    kept = {file: file.read_bytes() for file in out.iterdir()}
+    attended = ("--listen", "127.0.0.1:0", "--attended")
+    done = processes.run("certify", "client", *attended, "--only", "4.8/1", "--out", str(out))
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert done.stderr == (
+        f"scaraspec: {out} contains results of a run with other settings: attended was false and "
+        "is true; continue it with the same ICS and options, or name another folder\n"
+    )
+    assert {file: file.read_bytes() for file in out.iterdir()} == kept

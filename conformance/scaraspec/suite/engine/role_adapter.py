@@ -40,6 +40,10 @@ class RoleAdapter(Protocol[P]):
         """The reproduction command of the run, without ``--only``."""
 
     @property
+    def settings(self) -> Mapping[str, str]:
+        """The options, timeouts and time scale of the run by name, for the results."""
+
+    @property
     def needs_login(self) -> bool:
         """Whether a login is needed first; a serial link needs none (L83)."""
 

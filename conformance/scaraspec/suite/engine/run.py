@@ -26,6 +26,7 @@ from scaraspec.suite.engine import case as cases
 from scaraspec.suite.engine.case_runner import Callbacks, CaseRunner
 from scaraspec.suite.engine.collection import CASES, METHODS, cases_in, run_pytest
 from scaraspec.suite.engine.coverage import hook_notices, shortfall, undecided_notices
+from scaraspec.suite.engine.earlier_sitting import EarlierSitting
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.journal import JournalError
@@ -51,7 +52,8 @@ class Run(Generic[P]):
 
     Args:
         adapter: The subject, and how it is tested.
-        earlier: The results of an interrupted run. Its completed cases do not run again.
+        earlier: The results of an interrupted run with the same subject and settings (see
+            `earlier_sitting.difference`). Its completed cases do not run again.
         take: Receives every wire event, for a recording.
         report: Called with each outcome and the number of cases.
         announce: Called with each case before it runs.
@@ -90,10 +92,7 @@ class Run(Generic[P]):
         )
         self.interruption = self._observer.interruption
         self._subject = adapter.subject(self._observer)
-        cases_before = earlier.cases if earlier else ()
-        self._earlier = {
-            c.id: c for c in cases_before if c.verdict is not Verdict.NONE and c.requirements
-        }
+        self._earlier = EarlierSitting(earlier)
         self._resources = ExitStack()
         self._stall_detector: StallDetector | None = None
         if stalls is None and adapter.real_time:
@@ -112,7 +111,7 @@ class Run(Generic[P]):
                 watch=partial(adapter.watch, self._subject),
                 stalls=stalls or tuple,
             ),
-            completed=frozenset(self._earlier),
+            completed=frozenset(self._earlier.cases),
             verbose=verbose,
         )
         self._state: Mapping[str, Any] = {}
@@ -209,12 +208,13 @@ class Run(Generic[P]):
         reason = self._subject.others.reason
         ran = (unless_disturbed(o, reason(o.case.id)) for o in self.case_runner.outcomes)
         outcomes = (*ran, *self._wrong_claims(), *wrong_claims(self._subject))
-        tried = [self._earlier.get(o.case.id) or self._case(o) for o in outcomes]
-        seen_before = [case for key, case in self._earlier.items() if model.SEEN in key]
+        earlier, ids = self._earlier.cases, {o.case.id for o in outcomes}
+        tried = [earlier.get(o.case.id) or self._case(o) for o in outcomes]
+        before = [case for key, case in earlier.items() if key not in ids]
         findings = self._observer.findings
-        groups = grouped(findings, seen_before)
-        unsettled = undecided(findings)
-        made = (*tried, *seen_before, *(self._seen(n, same) for n, same in groups))
+        groups = grouped(findings, (case for case in before if model.SEEN in case.id))
+        made = (*tried, *before, *(self._seen(n, same) for n, same in groups))
+        unsettled = dict(Counter(self._earlier.undecided) + Counter(undecided(findings)))
         by_requirement: defaultdict[str, list[Case]] = defaultdict(list)
         for each in made:
             for requirement in each.requirements:
@@ -265,7 +265,7 @@ class Run(Generic[P]):
                 self._begun_ns,
                 self._subject.now_ns,
                 adapter.options.seed,
-                {**adapter.options.summary, **adapter.ics.timing_summary},
+                adapter.settings,
             ),
         )
 
@@ -293,6 +293,7 @@ class Run(Generic[P]):
                 readings[key] = replace(
                     seen, options=options, default=options == (reading.default,)
                 )
+        readings = self._earlier.with_readings(readings)
         return {key: readings[key] for key in READINGS if key in readings}
 
     def _readings(self) -> dict[str, ReadingSeen]:

@@ -38,6 +38,12 @@ class ClientAdapter:
     needs_login = True
 
     @property
+    def settings(self) -> Mapping[str, str]:
+        """The options, timeouts and time scale of the run by name, for the results."""
+        own = {"answer_timeout_s": f"{self.access.answer_timeout_s:g}"}
+        return {**self.options.summary, **self.ics.timing_summary, **own}
+
+    @property
     def real_time(self) -> bool:
         """Whether the subject's clock is not simulated."""
         return self.access.real_time

@@ -65,6 +65,12 @@ class ControllerAdapter:
         return self.access.needs_login
 
     @property
+    def settings(self) -> Mapping[str, str]:
+        """The options, timeouts and time scale of the run by name, for the results."""
+        own = {"patience_s": f"{self.access.wait_limit_s:g}"}
+        return {**self.options.summary, **self.ics.timing_summary, **own}
+
+    @property
     def real_time(self) -> bool:
         """Whether the subject's clock is not simulated."""
         return self.access.real_time
