@@ -70,7 +70,10 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
 ) -> None:
     """Send COMMAND with ARGS to the controller at URL, and print the result.
 
-    Exit status: 0 done, 1 refused or failed, 2 usage error, 3 no reply or link lost.
+    A two-stage command, such as run_program, is waited for until its final result. Ctrl-C ends only
+    the wait: the robot continues, and emergency_stop stops it.
+
+    Exit status: 0 done, 1 refused or failed, 2 usage error, 3 no reply, link lost or wait ended.
     """
     name = name.replace("-", "_")
     if name not in OPERATIONS:

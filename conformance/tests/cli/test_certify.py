@@ -125,6 +125,7 @@ def test_a_plan_sends_nothing(processes: Any) -> None:
         (("http://x",), "http"),
         (("tcp://127.0.0.1:1", "--allow", "everything"), "everything"),
         (("tcp://127.0.0.1:1", "--only", "9.99"), "9.99"),
+        (("tcp://127.0.0.1:1", "--reply-timeout", "1000h"), "reply_timeout"),
         (("tcp://127.0.0.1:1", "--ics", "/nowhere.toml"), "/nowhere.toml"),
     ],
 )
@@ -290,13 +291,11 @@ def _nonsense(connection: socket.socket) -> None:
 
 @pytest.mark.parametrize("treat", [lambda _: None, _hang, _flood, _nonsense])
 def test_hostile_subjects(
-    processes: Any, hostile: Any, tmp_path: Path, treat: Callable[[socket.socket], None]
+    processes: Any, hostile: Any, treat: Callable[[socket.socket], None]
 ) -> None:
     """One that closes at once, hangs, floods or answers nonsense: never a pass, never a hang."""
-    ics = tmp_path / "ics.toml"
-    ics.write_text('[readings]\nreply_timeout = "0.3"\n', encoding="utf-8")
     done = processes.run(
-        "certify", "controller", hostile(treat), "--ics", str(ics), "--only", "4.8,3"
+        "certify", "controller", hostile(treat), "--reply-timeout", "300ms", "--only", "4.8,3"
     )
     assert done.returncode in (1, 3), done.stdout + done.stderr
     assert "Traceback" not in done.stderr
@@ -435,9 +434,12 @@ def test_the_reproduction_command_repeats_the_failure(processes: Any, tmp_path: 
     """It names the case and every option, and gives the same fingerprint."""
     host, port = processes.controller("--mutant", "status-of-one-digit")
     url, out = f"tcp://{host}:{port}", tmp_path / "out"
-    options = ("--patience", "2", "--examples", "5", "--allow", "state")
+    options = ("--patience", "2", "--examples", "5", "--allow", "state", "--reply-timeout", "1.5s")
     processes.run("certify", "controller", url, "--only", "4.8", *options, "--out", str(out))
-    failed = [c for c in Results.read(out / "results.json").cases if c.verdict.value == "fail"]
+    results = Results.read(out / "results.json")
+    assert results.run
+    assert results.run.settings["reply_timeout_s"] == "1.5"
+    failed = [case for case in results.cases if case.verdict.value == "fail"]
     words = failed[0].replay.split()
     assert words[:4] == ["scaraspec", "certify", "controller", url]
     for name, value in zip(options[::2], options[1::2], strict=True):

@@ -29,7 +29,7 @@ from scaraspec.suite.engine.plan import Options, hazards
 from scaraspec.transports.url import parse
 
 _GROUPS = {
-    "The subject": ("password", "ics", "transfer_timeout", "wait_for_lock"),
+    "The subject": ("password", "ics", "reply_timeout", "transfer_timeout", "wait_for_lock"),
     "What to try": (
         *(
             "allow",
@@ -58,6 +58,12 @@ EXAMPLE = "Example: scaraspec certify controller tcp://192.168.1.2 --allow state
     help="Permit more than queries: state, motion, destructive; separated by commas.",
 )
 @suite_options
+@click.option(
+    "--reply-timeout",
+    type=Duration(),
+    metavar="DURATION",
+    help="Time that a first reply may take [5s].",
+)
 @click.option(
     "--patience",
     type=Real(0, 100_000),
@@ -92,6 +98,7 @@ def command(  # noqa: PLR0913 - one for each option
     password: str,
     ics: Path | None,
     transfer_timeout: float | None,
+    reply_timeout: float | None,
     allow: str,
     only: str | None,
     require: str | None,
@@ -114,7 +121,7 @@ def command(  # noqa: PLR0913 - one for each option
     controller, 4 nothing tested.
     """
     with user_errors():
-        statement = statement_of(ics, transfer_timeout)
+        statement = statement_of(ics, transfer_timeout, reply_timeout)
         where = url or statement.url
         if not where and not dry_run:
             raise Problem(

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from scaraspec.api.certify import IncompleteFilesError, StartError
 from scaraspec.api.run_folder import RunFolderError
-from scaraspec.cli.options import Percentage, Real
+from scaraspec.cli.options import Duration, Percentage, Real
 from scaraspec.cli.problems import Problem
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.readings import ReadingError
@@ -84,16 +84,24 @@ def suite_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-def statement_of(ics: Path | None, transfer_timeout: float | None) -> Ics:
-    """Return the ICS from the file and the command line.
+def statement_of(
+    ics: Path | None, transfer_timeout: float | None, reply_timeout: float | None = None
+) -> Ics:
+    """Return the ICS from the file and the command line, which has priority.
+
+    Args:
+        ics: The file; None for no claims.
+        transfer_timeout: The silence that ends a transfer, in seconds; None for the claim.
+        reply_timeout: The longest time of a first reply, in seconds; None for the claim.
 
     Raises:
         IcsError: The file cannot be read or has an unknown key.
+        ReadingError: A time is too short or too long.
     """
     statement = Ics.read(ics) if ics else Ics()
-    if transfer_timeout is not None:
-        statement = statement.with_claims(xfer_timeout=f"{transfer_timeout:g}")
-    return statement
+    times = {"xfer_timeout": transfer_timeout, "reply_timeout": reply_timeout}
+    claims = {key: f"{time_s:g}" for key, time_s in times.items() if time_s is not None}
+    return statement.with_claims(**claims)
 
 
 def selection_of(option: str, text: str | None, role: Role) -> Selection:
@@ -131,7 +139,8 @@ def reproduction(context: click.Context, url: str = "") -> str:
         if option.is_flag and value:
             words.append(option.opts[-1])
         elif name == "seed" or (given and not option.is_flag and value is not None):
-            words += [option.opts[-1], f"{value}"]
+            text = f"{value:g}s" if isinstance(option.type, Duration) else f"{value}"
+            words += [option.opts[-1], text]
     return shlex.join(filter(None, words))
 
 

@@ -144,7 +144,7 @@ def upload_wait_program(
     if seconds is None:
         requested_s = subject.now_ns / _NS
         reply_s = line.ask("get_status").time_s - requested_s
-        seconds = max(LASTS_S, int(_REQUESTS * reply_s))
+        seconds = max(LASTS_S, int(_REQUESTS * reply_s), math.ceil(subject.reply_s))
     name = name or subject.new_name()
     scaled = math.ceil(seconds * subject.ics.time_scale)
     _upload_wait(subject, line, name, scaled)

@@ -1,0 +1,70 @@
+"""A controller whose replies are slow, but correct, passes with the claim ``reply_timeout``."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from scaraspec.judge.requirements import select
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.virtual_controller.core import ControllerCore
+from scaraspec.virtual_controller.session import Session
+
+RunCases = Callable[..., Any]
+PROMPT = frozenset(
+    BY_NAME[name].opcode
+    for name in (
+        *("login", "get_status", "run_program", "simulate_program", "emergency_stop", "reset"),
+        *("jog", "upload_chunk", "download_chunk"),
+    )
+)
+SLOW_S = 7.0
+
+
+class SlowlyServed(ControllerCore):
+    """Serves the requests of a connection in order; most of them take some seconds."""
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self._waiting: list[tuple[float, Session, Frame]] = []
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Serve a request at once, or when its time has come."""
+        busy_until_s = max((due_s for due_s, x, _ in self._waiting if x is session), default=0.0)
+        due_s = max(busy_until_s, now_s + (0.0 if frame.opcode in PROMPT else SLOW_S))
+        if due_s > now_s:
+            self._waiting.append((due_s, session, frame))
+        else:
+            super().handle(session, frame, now_s)
+
+    @property
+    def next_event_s(self) -> float | None:
+        """The time of the next event."""
+        own = [due_s for due_s, _, _ in self._waiting]
+        other_s = super().next_event_s
+        return min(own if other_s is None else [*own, other_s], default=None)
+
+    def _process_due(self, now_s: float) -> None:
+        super()._process_due(now_s)
+        due = [entry for entry in self._waiting if entry[0] <= now_s]
+        self._waiting = [entry for entry in self._waiting if entry[0] > now_s]
+        for _, session, frame in due:
+            if session.connection in self.sessions:
+                super().handle(session, frame, now_s)
+
+
+SLOW = DEFAULT.replace(reply_timeout="10")
+
+
+@pytest.mark.parametrize("only", ["4.7/2", "4.12/5", "5.4/8", "3/30", "4.35/2"])
+def test_with_the_claim(run_cases: RunCases, only: str) -> None:
+    """No case fails. Transfers that would time out between slow replies are inconclusive."""
+    requirements = (entry.id for entry in select(only))
+    assert not run_cases(SlowlyServed, *requirements, dialect=SLOW).violated
+
+
+def test_without_the_claim(run_cases: RunCases) -> None:
+    """The default is five seconds."""
+    assert "4.7/2" in run_cases(SlowlyServed, "4.7/2").violated
