@@ -5,22 +5,15 @@ import os
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import click
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import TimeRemainingColumn
 
 from scaraspec.api.proving import EVERYTHING, KillMatrix, mutants, prove, prove_dialects
 from scaraspec.cli.problems import Problem, no_such_mutant
+from scaraspec.cli.progress_bar import ProgressBar
 from scaraspec.judge.requirements import UnknownRequirementError, select
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.mutants.kill_matrix import ROLE_SUITES, Alarm, Proof, dialects
@@ -128,7 +121,8 @@ def command(  # noqa: PLR0913 - one for each option
         for mutant in chosen:
             click.echo(_list_line(mutant))
         return
-    with _Progress(len(chosen)) as progress:
+    progress = _Progress(len(chosen))
+    with progress.bar:
         matrix = prove(
             subject,
             options,
@@ -213,33 +207,12 @@ class _Progress:
     def __init__(self, count: int) -> None:
         self._count, self._number = count, 0
         self._console = Console()
-        self._bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-            console=self._console,
-            disable=not self._console.is_terminal,
-        )
-        self._task = self._bar.add_task("proving", total=count)
-
-    def __enter__(self) -> Self:
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._bar.stop()
+        self.bar = ProgressBar(self._console, "proving", count, TimeRemainingColumn())
 
     def add(self, proof: Proof) -> None:
         """Show the result of a mutant."""
         self._number += 1
-        self._bar.update(self._task, advance=1, description=proof.fault)
+        self.bar.advance(proof.fault)
         if not self._console.is_terminal:
             by = ", ".join(proof.killers) or "nothing"
             click.echo(f"{self._number}/{self._count} {proof.fault}: killed by {by}")

@@ -1,0 +1,62 @@
+"""Progress bar: counts what a command has done, on a terminal only."""
+
+from types import TracebackType
+from typing import Any, Self
+
+from rich import progress as bars
+from rich.console import Console
+
+
+class ProgressBar:
+    """A bar with a count and the elapsed time; nothing is shown if the output is no terminal.
+
+    Args:
+        console: The output.
+        text: What is done.
+        count: How often it is done.
+        last: The last column: the time that is left.
+        hidden: Show nothing on a terminal, either.
+        transient: Remove the bar at the end.
+        fields: The initial fields of `last`.
+    """
+
+    def __init__(  # noqa: PLR0913 - independent properties of a bar
+        self,
+        console: Console,
+        text: str,
+        count: int,
+        last: bars.ProgressColumn,
+        *,
+        hidden: bool = False,
+        transient: bool = False,
+        **fields: Any,
+    ) -> None:
+        self._bar = bars.Progress(
+            bars.TextColumn("{task.description}"),
+            bars.BarColumn(),
+            bars.MofNCompleteColumn(),
+            bars.TimeElapsedColumn(),
+            last,
+            console=console,
+            disable=hidden or not console.is_terminal,
+            transient=transient,
+        )
+        self._task = self._bar.add_task(text, total=count, **fields)
+
+    def __enter__(self) -> Self:
+        """Show the bar."""
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """End the bar."""
+        self._bar.stop()
+
+    def advance(self, text: str, **fields: Any) -> None:
+        """Count one more, with its text and the fields of the last column."""
+        self._bar.update(self._task, advance=1, description=text, **fields)
