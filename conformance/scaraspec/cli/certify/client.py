@@ -15,7 +15,7 @@ from scaraspec.cli.certify.options import (
     suite_options,
     user_errors,
 )
-from scaraspec.cli.certify.running import Display, end_on_signals
+from scaraspec.cli.certify.running import Display, end_on_signals, estimate_of
 from scaraspec.cli.help import GroupedCommand
 from scaraspec.cli.options import Real
 from scaraspec.cli.problems import Problem
@@ -90,7 +90,8 @@ def command(  # noqa: PLR0913 - one for each option
             attended=attended,
         )
         cases = certify.plan(options, Role.CLIENT)
-        click.echo(f"{len(cases)} cases will run")
+        estimate = estimate_of(cases, options, statement)
+        click.echo(f"{len(cases)} cases will run, in {estimate}")
         if dry_run:
             return
         subject: str | Attended
@@ -101,10 +102,10 @@ def command(  # noqa: PLR0913 - one for each option
         else:
             raise Problem("no client: name its driver, such as --driver 'scaraspec client-driver'")
         interruption = Interruption()
-        display = Display(Console(), len(cases), ticks=attended)
+        display = Display(Console(), len(cases), estimate, ticks=attended)
 
         def run() -> Results:
-            with display:
+            with display.bar:
                 end_on_signals(interruption)
                 return certify.client(
                     subject,

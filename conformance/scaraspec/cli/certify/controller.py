@@ -18,6 +18,7 @@ from scaraspec.cli.certify.running import (
     Display,
     confirm_motion,
     end_on_signals,
+    estimate_of,
     show_plan,
 )
 from scaraspec.cli.help import GroupedCommand
@@ -144,16 +145,17 @@ def command(  # noqa: PLR0913 - one for each option
             brief=only is None and not exhaustive,
         )
         cases = certify.plan(options)
-        show_plan(cases, options, statement, Console())
+        estimate = estimate_of(cases, options, statement)
+        show_plan(cases, options, statement, Console(), estimate)
         if dry_run or not where:
             return
         if not yes:
             confirm_motion(cases, options, statement)
         interruption = Interruption()
-        display = Display(Console(), len(cases))
+        display = Display(Console(), len(cases), estimate)
 
         def run() -> Results:
-            with display:
+            with display.bar:
                 end_on_signals(interruption)
                 return certify.controller(
                     where,

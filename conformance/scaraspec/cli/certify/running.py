@@ -5,17 +5,19 @@ import signal
 import sys
 import time
 from collections import Counter
-from collections.abc import Sequence
-from types import FrameType, TracebackType
-from typing import Final, Self
+from collections.abc import Callable, Sequence
+from types import FrameType
+from typing import Final
 
 import click
-from rich import progress as bars
 from rich.console import Console
+from rich.progress import TextColumn
 from rich.text import Text
 
 from scaraspec.api.certify import Progress
+from scaraspec.cli.certify.time_estimate import TimeEstimate
 from scaraspec.cli.problems import Problem
+from scaraspec.cli.progress_bar import ProgressBar
 from scaraspec.cli.stdio import insists
 from scaraspec.judge.verdicts import Cause, Verdict
 from scaraspec.operating_system import ending_signals
@@ -35,12 +37,24 @@ _RISKS: Final = {
 }
 
 
-def show_plan(cases: Sequence[Case], options: Options, statement: Ics, console: Console) -> None:
-    """Print how many cases run, by hazard, and why the others are skipped."""
+def estimate_of(cases: Sequence[Case], options: Options, statement: Ics) -> TimeEstimate:
+    """Return an estimate of the time of a run."""
+    runs = [case for case in cases if not skip_reason(case, options, statement)]
+    return TimeEstimate(runs, statement.transfer_s, attended=options.attended)
+
+
+def show_plan(
+    cases: Sequence[Case],
+    options: Options,
+    statement: Ics,
+    console: Console,
+    estimate: TimeEstimate,
+) -> None:
+    """Print how many cases run, in what time, by hazard, and why the others are skipped."""
     runs = [case for case in cases if not skip_reason(case, options, statement)]
     skips = [skip for case in cases if (skip := skip_reason(case, options, statement))]
     skipped = Counter(skip.message for skip in skips)
-    console.print(f"{len(runs)} of {len(cases)} cases will run:", soft_wrap=True)
+    console.print(f"{len(runs)} of {len(cases)} cases will run, in {estimate}:", soft_wrap=True)
     counts = Counter(case.hazard for case in runs)
     for hazard in Hazard:
         if counts[hazard]:
@@ -72,48 +86,44 @@ def confirm_motion(cases: Sequence[Case], options: Options, statement: Ics) -> N
 
 
 class Display:
-    """A progress bar on a terminal, plain lines elsewhere.
+    """A progress bar on a terminal, plain lines elsewhere; both have the time that is left.
 
     Args:
         console: The output.
         count: Number of cases.
+        estimate: The time that is left.
         ticks: Print a line for each case instead of a bar.
+        clock: Returns the current time in seconds.
+
+    Attributes:
+        bar: The bar; a context that shows it.
     """
 
-    def __init__(self, console: Console, count: int, *, ticks: bool = False) -> None:
+    def __init__(
+        self,
+        console: Console,
+        count: int,
+        estimate: TimeEstimate,
+        *,
+        ticks: bool = False,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._console, self._ticks = console, ticks
         self._count, self._number = count, 0
-        self._bar = bars.Progress(
-            bars.TextColumn("{task.description}"),
-            bars.BarColumn(),
-            bars.MofNCompleteColumn(),
-            bars.TimeElapsedColumn(),
-            console=console,
-            disable=ticks or not console.is_terminal,
-            transient=True,
+        self._estimate, self._clock = estimate, clock
+        self._line_s = clock()
+        left = TextColumn("{task.fields[left]} left")
+        self.bar = ProgressBar(
+            console, "certifying", count, left, hidden=ticks, transient=True, left=f"{estimate}"
         )
-        self._task = self._bar.add_task("certifying", total=count)
         self._dependency_message = ""
-
-    def __enter__(self) -> Self:
-        """Show the bar."""
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Remove the bar."""
-        self._bar.stop()
 
     def begin_case(self, case: Case) -> None:
         """Print what a case tries before it begins, if each case has a line."""
         if self._ticks:
-            text = f"\ncase {self._number + 1} of {self._count}, {case.id}: {case.sentence}"
-            self._console.print(Text(text), soft_wrap=True)
+            where = f"case {self._number + 1} of {self._count}, {self._estimate} left"
+            self._console.print(Text(f"\n{where}, {case.id}: {case.sentence}"), soft_wrap=True)
+        self._estimate.begin()
 
     def say(self, sentence: str) -> None:
         """Print a sentence at once."""
@@ -127,7 +137,8 @@ class Display:
     def end_case(self, outcome: Outcome, _count: int) -> None:
         """Report a finished case. The reason why all later cases are skipped is printed once."""
         self._number += 1
-        self._bar.update(self._task, advance=1, description=outcome.case.id)
+        self._estimate.end(outcome.case)
+        self.bar.advance(outcome.case.id, left=f"{self._estimate}")
         shown = outcome.verdict not in (Verdict.PASS, Verdict.NONE)
         if outcome.cause is Cause.DEPENDENCY:
             failed_start = self._number == 1  # reported at the end
@@ -136,7 +147,20 @@ class Display:
         if self._ticks or shown:
             text = f"{outcome.verdict.value} {outcome.case.id}: {outcome.message}"
             self._console.print(Text(visible(text)), soft_wrap=True)
+        if not (self._ticks or self._console.is_terminal):
+            self._print_time_left()
 
+    def _print_time_left(self) -> None:
+        """Print the progress, at most once in a minute."""
+        now_s = self._clock()
+        if now_s - self._line_s >= _LINE_S:
+            self._line_s = now_s
+            text = f"{self._number} of {self._count} cases have ended, {self._estimate} left"
+            self._console.print(Text(text), soft_wrap=True)
+
+
+_LINE_S: Final = 60.0
+"""The time between two lines about the progress."""
 
 _AT_ONCE_S: Final = 0.5
 """Two signals within this time count as one: `timeout` signals a process and then its group."""
