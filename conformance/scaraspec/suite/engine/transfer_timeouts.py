@@ -77,7 +77,8 @@ class Silence:
         if self.elapsed_s > limit_s:
             raise CaseInconclusive(
                 UserMessage(
-                    "this machine or the subject is too slow: the suite was silent for {passed_s:.3f} s",
+                    "this machine or the subject is too slow: "
+                    "the suite was silent for {passed_s:.3f} s",
                     passed_s=self.elapsed_s,
                 )
             )
