@@ -1,13 +1,12 @@
 """Progress bar: counts what a command has done, on a terminal only."""
 
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from rich import progress as bars
 from rich.console import Console
 
 
-class ProgressBar:
+class ProgressBar(bars.Progress):
     """A bar with a count and the elapsed time; nothing is shown if the output is no terminal.
 
     Args:
@@ -31,7 +30,7 @@ class ProgressBar:
         transient: bool = False,
         **fields: Any,
     ) -> None:
-        self._bar = bars.Progress(
+        super().__init__(
             bars.TextColumn("{task.description}"),
             bars.BarColumn(),
             bars.MofNCompleteColumn(),
@@ -41,22 +40,8 @@ class ProgressBar:
             disable=hidden or not console.is_terminal,
             transient=transient,
         )
-        self._task = self._bar.add_task(text, total=count, **fields)
+        self._only_task = self.add_task(text, total=count, **fields)
 
-    def __enter__(self) -> Self:
-        """Show the bar."""
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """End the bar."""
-        self._bar.stop()
-
-    def advance(self, text: str, **fields: Any) -> None:
+    def count_one(self, text: str, **fields: Any) -> None:
         """Count one more, with its text and the fields of the last column."""
-        self._bar.update(self._task, advance=1, description=text, **fields)
+        self.update(self._only_task, advance=1, description=text, **fields)

@@ -212,7 +212,7 @@ class _Progress:
     def add(self, proof: Proof) -> None:
         """Show the result of a mutant."""
         self._number += 1
-        self.bar.advance(proof.fault)
+        self.bar.count_one(proof.fault)
         if not self._console.is_terminal:
             by = ", ".join(proof.killers) or "nothing"
             click.echo(f"{self._number}/{self._count} {proof.fault}: killed by {by}")

@@ -145,7 +145,7 @@ class Processes:
             process.communicate()
 
 
-def address_in(process: "WarmProcess | subprocess.Popen[str]") -> tuple[str, int]:
+def address_in(process: WarmProcess | subprocess.Popen[str]) -> tuple[str, int]:
     """The first address that a process names in its first line."""
     assert process.stdout
     line = process.stdout.readline()

@@ -138,7 +138,7 @@ class Display:
         """Report a finished case. The reason why all later cases are skipped is printed once."""
         self._number += 1
         self._estimate.end(outcome.case)
-        self.bar.advance(outcome.case.id, left=f"{self._estimate}")
+        self.bar.count_one(outcome.case.id, left=f"{self._estimate}")
         shown = outcome.verdict not in (Verdict.PASS, Verdict.NONE)
         if outcome.cause is Cause.DEPENDENCY:
             failed_start = self._number == 1  # reported at the end
