@@ -62,11 +62,17 @@ class Silence:
     def __init__(self, subject: SystemUnderTest) -> None:
         self._subject = subject
         self._since_ns = subject.now_ns
+        self._ended_ns: int | None = None
 
     @property
     def elapsed_s(self) -> float:
-        """The duration of the silence until now, in seconds."""
-        return (self._subject.now_ns - self._since_ns) / _NS
+        """The duration of the silence until now, or until its end, in seconds."""
+        ended_ns = self._subject.now_ns if self._ended_ns is None else self._ended_ns
+        return (ended_ns - self._since_ns) / _NS
+
+    def end(self) -> None:
+        """End the silence: the suite sends again."""
+        self._ended_ns = self._subject.now_ns
 
     def require_within(self, limit_s: float) -> None:
         """Require that the silence is not too long: a slow machine must not cause a failure.

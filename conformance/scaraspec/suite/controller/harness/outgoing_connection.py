@@ -19,7 +19,7 @@ from scaraspec.suite.engine.connection import Connection, ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
 from scaraspec.suite.engine.transfer_timeouts import silence_message, transfer_timeouts_of
 from scaraspec.traffic.events import FrameSeen
-from scaraspec.traffic.transfers import NAMES
+from scaraspec.traffic.transfers import CHUNKS, NAMES
 from scaraspec.transports.link import Link
 from scaraspec.user_message import UserMessage
 
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 _APART_S: Final = 0.05
 _INSTANT_S: Final = 0.001
 _NS: Final = 1e9
+_NAME_OPCODES: Final = frozenset(BY_NAME[name].opcode for name in NAMES)
+_CHUNK_OPCODES: Final = frozenset(BY_NAME[name].opcode for name in CHUNKS)
 
 
 class OutgoingConnection(Connection):
@@ -44,7 +46,8 @@ class OutgoingConnection(Connection):
         super().__init__(name, link, subject, A2C, judged=judged)
         self._subject = subject
         self.listing = self._names_files = False
-        self._sent_ns = self._received_ns = self._pause_ns = self._own_pause_ns = 0
+        self._sent_ns = self._received_ns = self._own_ns = 0
+        self._transfer_sent_ns = self._pause_ns = self._own_pause_ns = 0
         self._outgoing = Framer(A2C, recovery_filter=is_known_opcode)
 
     # ------------------------------------------------------------------ sending
@@ -122,7 +125,9 @@ class OutgoingConnection(Connection):
         return max(self._subject.reply_s, self._subject.transfer_s)
 
     def require_timely(self) -> None:
-        """Require that the last two frames were sent without a pause that may end a transfer.
+        """Require that the last two frames of a transfer were sent without a pause that may end it.
+
+        Other commands may have been sent between them.
 
         Raises:
             CaseInconclusive: This machine, the network or the subject was too slow.
@@ -347,9 +352,14 @@ class OutgoingConnection(Connection):
 
     def _sent(self, seen: FrameSeen) -> None:
         time_ns = seen.place.time_ns
-        self._pause_ns = time_ns - self._sent_ns
-        self._own_pause_ns = time_ns - max(self._sent_ns, self._received_ns)
+        self._own_ns += time_ns - max(self._sent_ns, self._received_ns)
         self._sent_ns = time_ns
+        if seen.frame.opcode in _NAME_OPCODES:
+            self._pause_ns = self._own_pause_ns = 0
+            self._transfer_sent_ns, self._own_ns = time_ns, 0
+        elif seen.frame.opcode in _CHUNK_OPCODES:
+            self._pause_ns, self._own_pause_ns = time_ns - self._transfer_sent_ns, self._own_ns
+            self._transfer_sent_ns, self._own_ns = time_ns, 0
         self._names_files = self._names_files or seen.name in NAMES
         self._subject.guard.sent(self.name, seen)
 

@@ -5,7 +5,6 @@ from typing import Any
 
 import pytest
 
-from scaraspec.judge.requirements import select
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
@@ -58,11 +57,18 @@ class SlowlyServed(ControllerCore):
 SLOW = DEFAULT.replace(reply_timeout="10")
 
 
-@pytest.mark.parametrize("only", ["4.7/2", "4.12/5", "5.4/8", "3/30", "4.35/2"])
+@pytest.mark.parametrize("only", ["4.7/2", "4.12/5", "3/30", "4.35/2"])
 def test_with_the_claim(run_cases: RunCases, only: str) -> None:
-    """No case fails. Transfers that would time out between slow replies are inconclusive."""
-    requirements = (entry.id for entry in select(only))
-    assert not run_cases(SlowlyServed, *requirements, dialect=SLOW).violated
+    """Every case passes. A clock that is set with a delay cannot be restored exactly."""
+    problems = run_cases(SlowlyServed, only, dialect=SLOW).problems
+    assert [p for p in problems if not p.startswith("run.restore: the clock")] == []
+
+
+def test_transfers_time_out_between_slow_replies(run_cases: RunCases) -> None:
+    """The case is inconclusive, and the message names the side that was late."""
+    cases = run_cases(SlowlyServed, "5.4/8", dialect=SLOW)
+    assert not cases.violated
+    assert [p for p in cases.problems if "the subject or the network is too slow" in p]
 
 
 def test_without_the_claim(run_cases: RunCases) -> None:
