@@ -35,10 +35,12 @@ test-lowest: $(READY)
 	$(LOWEST) -m pytest -n $(WORKERS) --dist worksteal
 
 # Kills the recorder's processes at 200 random moments under traffic, and 40 certifications during
-# their cases; SCARASPEC_KILLS sets another number for both. Takes an hour.
+# their cases, and tries 40 examples of the user's files; SCARASPEC_KILLS sets another number for
+# all. Takes an hour.
 test-kill: $(READY)
 	SCARASPEC_KILLS=$${SCARASPEC_KILLS:-200} $(BIN)/pytest -s -m campaign recorder/tests/endurance
 	$(BIN)/pytest -s -m campaign conformance/tests/cli/test_certify_killed.py
+	SCARASPEC_KILLS=$${SCARASPEC_KILLS:-40} $(BIN)/pytest conformance/tests/suite/test_user_files.py
 
 # Tests on simulated machines and disks (namespaces); need root or permission for user namespaces.
 # test-net-full sends a gigabyte in each direction and opens 10,000 connections in every mode, which

@@ -328,9 +328,12 @@ tokens = st.sampled_from(("aaaa", "zzzz"))
 
 
 def with_examples(examples: int) -> Callable[[Any], Any]:
-    """Limit the number of examples, and do not shrink them: each one is one run or more."""
+    """Limit the number of examples, and do not shrink them: each one is one run or more.
+
+    `make test-kill` tries as many as SCARASPEC_KILLS says.
+    """
     return settings(
-        max_examples=examples,
+        max_examples=int(os.environ.get("SCARASPEC_KILLS", examples)),
         phases=(Phase.explicit, Phase.generate),
         suppress_health_check=[HealthCheck.too_slow],
     )

@@ -93,6 +93,16 @@ def test_the_reply_time_may_be_claimed(judged: Judged) -> None:
     assert not judged(session, Dialect.of(reply_timeout="20")).failed
 
 
+@pytest.mark.parametrize(
+    ("timeout", "pause_s", "failed"), [("8", 7, set()), ("8", 9, {"3/31"}), ("1", 4, set())]
+)
+def test_the_limit_of_a_chunk(judged: Judged, timeout: str, pause_s: int, failed: set[str]) -> None:
+    """It is the claimed transfer timeout, but never less than the reply time of five seconds."""
+    chunk = "> chunk 0/300\n> get_status\n< get_status 00\n"
+    session = f"login\n> upload_name a\n< upload_name 1\n{chunk}+{pause_s}\n< upload_chunk 1"
+    assert judged(session, Dialect.of(xfer_timeout=timeout)).failed == failed
+
+
 @pytest.mark.parametrize("opcode", ["0D", "13"])
 def test_both_opcodes_of_the_default_program(judged: Judged, opcode: str) -> None:
     """0x0D or 0x13 in the request, either in the reply: one command."""
