@@ -1,11 +1,13 @@
 """Mutants of clause 4.28: jogs."""
 
+import math
 from dataclasses import replace
 from typing import Any
 
 from scaraspec.mutants.controller import Core, mutant, row
 from scaraspec.mutants.operators.controller.replies import final_result, first_reply, outcome
 from scaraspec.mutants.operators.controller.requests import (
+    after,
     before,
     completes,
     decoded,
@@ -54,6 +56,22 @@ row(
         ),
     ),
     subtle=True,
+)
+
+
+def _hold(core: ControllerCore, request: Request, reply: Acceptance) -> Acceptance:
+    if reply.accepted:
+        joints = core.plant.joints(request.now_s)
+        still = motion.Motion((joints,), (0.0,), duration_s=math.inf, smooth=False)
+        core.plant.start(still, request.now_s)
+    return reply
+
+
+row(
+    "jog-moves-nothing",
+    "4.28/3",
+    "A jog is accepted and lasts until it is stopped, but the arm does not move.",
+    after("jog", _hold),
 )
 row(
     "jog-is-answered-with-its-direction",

@@ -1,6 +1,6 @@
 """Clause 4.28: jog the arm until it is stopped (0x3D, L596-637). Every jog here is short."""
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import pytest
 
@@ -14,18 +14,22 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
     arm_returned,
+    begin_step,
     is_responsive,
     joints_of,
+    pose_deviation,
     pose_of,
     release_latch,
     status_of,
     stop,
     stop_motion,
     stop_without_reset,
+    wait_for_end,
 )
 from scaraspec.suite.controller.harness.state.preserve import ensure_open
 from scaraspec.suite.controller.harness.two_stage.commands import (
     JOG,
+    MOVE,
     STOP,
     expect_accepted,
     require_command,
@@ -40,7 +44,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import CaseSkipped, expect
+from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, expect
 from scaraspec.user_message import UserMessage
 
 _MOTION = (Hazard.MOTION,)
@@ -53,6 +57,11 @@ _AXES: Final = {
     JogDirection.MINUS_Y: ("y", -1),
     JogDirection.PLUS_X: ("x", 1),
     JogDirection.MINUS_X: ("x", -1),
+}
+
+_DIRECTIONS: Final = {
+    "y": (JogDirection.PLUS_Y, JogDirection.MINUS_Y),
+    "x": (JogDirection.PLUS_X, JogDirection.MINUS_X),
 }
 
 _INVALID_DIRECTIONS: Final = tuple(
@@ -141,6 +150,67 @@ def test_direction(
             expected=f"{direction}",
             observed=f"from {pose[:3]} to {current[:3]}",
         )
+
+
+@case("4.28/3", name="moves", hazards=_MOTION)
+def test_moves(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+    """A jog that is accepted and executes moves the arm, if a step along the same axis does."""
+    with arm_returned(subject, line):
+        for axis, directions in _DIRECTIONS.items():
+            jogs = [_jog_briefly(subject, line, direction) for direction in directions]
+            if any(jog.moved for jog in jogs):
+                return
+            if all(jog.executed for jog in jogs) and _step_moves(subject, line, axis):
+                raise CaseFailed(
+                    UserMessage(
+                        "no accepted jog along {axis} moves the arm, but a step does", axis=axis
+                    ),
+                    expected=f"a motion along {axis}",
+                    observed=f"04, then {pose_of(line)[:3]}",
+                )
+        raise CaseSkipped(
+            UserMessage(
+                "no jog moved the arm within {longest_s:g} s: it has no room, or needs a longer "
+                "[motion] jog_s",
+                longest_s=subject.ics.motion.jog_s,
+            )
+        )
+
+
+class _BriefJog(NamedTuple):
+    """A jog that was stopped: whether it executed until then, and whether it moved the arm."""
+
+    executed: bool
+    moved: bool
+
+
+def _jog_briefly(
+    subject: ControllerUnderTest, line: OutgoingConnection, direction: JogDirection
+) -> _BriefJog:
+    before = *pose_of(line), *joints_of(line)
+    reply = begin_jog(subject, line, direction)
+    if not reply.accepted:
+        expect_first_reply(JOG, reply)
+        return _BriefJog(executed=False, moved=False)
+    _wait_for_motion(subject, line)
+    executed = is_responsive(subject, line, jogs=True) and status_of(subject, line) in BUSY
+    stop_without_reset(subject, line)
+    after = *pose_of(line), *joints_of(line)
+    release_latch(subject, line)
+    return _BriefJog(executed, moved=max_deviation(after, before) > STANDSTILL)
+
+
+def _step_moves(subject: ControllerUnderTest, line: OutgoingConnection, axis: str) -> bool:
+    """Whether a step along an axis succeeds and changes the pose.
+
+    Raises:
+        CaseSkipped: There is no room for a step.
+    """
+    before = pose_of(line)
+    _, reply = begin_step(subject, line, axis)
+    result = wait_for_end(subject, line, MOVE) if reply.accepted else None
+    moved = pose_deviation(pose_of(line), before) > STANDSTILL
+    return result is not None and result.done is True and moved
 
 
 @case("4.28/4", hazards=_MOTION)

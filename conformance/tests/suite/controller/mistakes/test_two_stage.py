@@ -298,9 +298,10 @@ def test_fault_is_detected(
     assert requirement in run_cases(core, only, examples=1).violated
 
 
-def test_jog_without_motion_is_skipped(run_cases: RunCases) -> None:
-    """A jog without motion neither passes nor fails: there may be no room to move."""
+def test_jog_without_motion(run_cases: RunCases) -> None:
+    """One direction without motion is skipped: there may be no room. All four together fail."""
     directions = run_cases(JogDoesNotMove, "4.28/3")
+    assert directions.pop("4.28/3.moves").verdict is Verdict.FAIL
     assert {case.verdict for case in directions.values()} == {Verdict.NONE}
 
 
