@@ -33,6 +33,20 @@ def _deaf_after(why: SkipReason) -> Core:
     return with_framer(Deaf)
 
 
+class LosesNextFrame(RequestFramer):
+    """The frame after stray bytes that arrive alone is ignored."""
+
+    _loses = False
+
+    def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
+        found = super().receive(data, now_s)
+        if self._loses and found and isinstance(found[0], Frame):
+            self._loses = False
+            return found[1:]
+        self._loses |= bool(found) and all(isinstance(item, Skipped) for item in found)
+        return found
+
+
 def _restart(core: Crashes, _session: Session, item: Skipped, now_s: float) -> None:
     if item.reason is SkipReason.BAD_END:
         core.crash(now_s)
@@ -91,6 +105,12 @@ row(
     "3/19 3/31",
     "After stray bytes all bytes on a connection are ignored, but it stays open.",
     _deaf_after(SkipReason.STRAY),
+)
+row(
+    "loses-request-after-stray-bytes",
+    "3/19",
+    "The request after stray bytes that arrive alone is ignored; later ones are served.",
+    with_framer(LosesNextFrame),
 )
 row(
     "answers-stray-bytes",

@@ -39,6 +39,8 @@ from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, NoReply
 from scaraspec.user_message import UserMessage
 
 _LONG_BYTES: Final = 5000
+_ALONE: Final = (b"\0", b"help\r\n")
+_ALONE_S: Final = 1.0
 _MAX_PARTIAL_CONNECTIONS: Final = 4
 _FRAME_TIMEOUT_S: Final = 2.3  # longer than most receivers wait for the rest of a frame (A-3-11)
 _PARTIAL_FRAMES: Final = (
@@ -129,6 +131,25 @@ def test_much_garbage(subject: ControllerUnderTest) -> None:
     recovery = recovery_of(subject, line)
     expect_only_replies(line, requirement="3/19")
     _tolerate_close(subject, "3/19", recovery)
+
+
+@case("3/19", name="alone")
+def test_stray_bytes_alone(subject: ControllerUnderTest) -> None:
+    """The first request is answered one second after stray bytes; or the connection is closed."""
+    line = subject.open(judged=False)
+    for garbage in examples(_ALONE):
+        try:
+            line.send_bytes(garbage)
+            line.wait(_ALONE_S)
+            line.ask("get_version")
+        except NoReply as error:
+            if line.ending is None:
+                error.requirement = "3/19"
+                raise
+            recovery = recovery_of(subject, line)
+            _tolerate_close(subject, "3/19", recovery)
+            line = subject.open(judged=False)
+    expect_only_replies(line, requirement="3/19")
 
 
 # ---------------------------------------------------------------------- malformed frames
