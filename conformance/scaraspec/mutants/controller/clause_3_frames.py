@@ -118,6 +118,12 @@ row(
     _length(lambda opcode, size: bytes((3 if opcode == 0x49 else size,))),
 )
 row(
+    "counts-end-byte-of-login",
+    "3/7",
+    "The length of the reply to a login counts the end byte.",
+    _reply_bytes(0x01, lambda data: data[:2] + bytes((data[2] + 1,)) + data[3:]),
+)
+row(
     "pads-nothing",
     "3/8",
     "A reply without data contains a zero after its length.",

@@ -175,7 +175,8 @@ class Connection:
                     return ReceivedFrame(seen, seen.value)
             if self.link.now_s > deadline_s or not self._more(deadline_s):
                 timeout = "" if self.ending else f" in {within_s:g} s"
-                raise self.no_reply_error(f"{message}{timeout}")
+                unfinished = " completely" if self.unfinished else ""
+                raise self.no_reply_error(f"{message}{unfinished}{timeout}")
 
     def wait_for_any(self, within_s: float) -> bool:
         """Wait for a frame and leave it in the inbox; return whether one is there."""
@@ -189,6 +190,8 @@ class Connection:
         self._owner.observer.report_late(self.name)
         came = [f"{seen.frame}" for seen in self.inbox]
         came += [f"no frame: {show(noise.data)}" for noise in self.invalid_bytes]
+        if self.unfinished:
+            came.append("a part of a frame")
         if self.ending:
             came.append(f"the connection was {self.ending.value}")
         return NoReply(message, expected="an answer", observed="; ".join(came) or "silence")

@@ -194,7 +194,8 @@ class Observer:
                 continue
             elif responsible_role(item, event) is self._role:
                 connections = {place.connection for place in item.evidence}
-                late = bool(connections & self.attempt.late)
+                # Invalid bytes were received: they do not rest on a missing or late message.
+                late = bool(connections & self.attempt.late) and not isinstance(event, InvalidBytes)
                 begin_ns = self._begin_ns(item)
                 self.findings.append(CaseFinding(self.attempt, item, begin_ns, self._time_ns, late))
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 _APART_S: Final = 0.05
 _INSTANT_S: Final = 0.001
+_SHORT_REPLIES: Final = 45  # this many status replies fill the longest frame
 _NS: Final = 1e9
 _NAME_OPCODES: Final = frozenset(BY_NAME[name].opcode for name in NAMES)
 _CHUNK_OPCODES: Final = frozenset(BY_NAME[name].opcode for name in CHUNKS)
@@ -151,7 +152,26 @@ class OutgoingConnection(Connection):
             NoReply: No reply arrived within `within_s`, by default the reply timeout.
         """
         self._drop_unsolicited(self.send(name, value, data=data))
-        return self.reply(name, within_s=within_s)
+        try:
+            return self.reply(name, within_s=within_s)
+        except NoReply:
+            if within_s is None:
+                self.end_unfinished_reply()
+            raise
+
+    def end_unfinished_reply(self) -> None:
+        """Send requests until an unfinished reply ends, so that the judge can see its fault.
+
+        A reply whose length byte is too large contains the replies after it (3/7).
+        """
+        with suppress(NoReply):
+            for _ in range(_SHORT_REPLIES):
+                if not self.unfinished or self.invalid_bytes or self.ended:
+                    break
+                if self._subject.access.needs_login:  # the unfinished reply may be that to a login
+                    self.send("login", self._subject.password)
+                self.send("get_status")
+                self.wait(_APART_S)
 
     def _drop_unsolicited(self, command: Command) -> None:
         """Drop unsolicited replies: they answer no later request and may be outdated (A-3-16)."""

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from scaraspec.mutants.controller import mutants
 from scaraspec.mutants.operators.controller.connections import with_framer
 from scaraspec.protocol.frames import Frame, StreamItem
 from scaraspec.virtual_controller.core import ControllerCore
@@ -116,3 +117,10 @@ def test_fault_is_detected(
 ) -> None:
     """One of the cases that run fails for the violated requirement."""
     assert requirement in run_cases(core, only, examples=1).violated
+
+
+def test_wrong_length_of_the_first_reply(run_cases: RunCases) -> None:
+    """A login reply with a wrong length is proved by the next reply, and is not called missing."""
+    ran = run_cases(mutants()["counts-end-byte-of-login"].wrong, "3/7", examples=1)
+    assert "3/7" in ran.violated
+    assert "login was not answered completely" in ran["3/1"].message
