@@ -30,7 +30,7 @@ def test_requirements_of_a_clause() -> None:
     shown = run("requirements", "--clause", "4.1,3/31")
     assert "4.1/1" in shown.output
     assert "4.15/1" not in shown.output
-    assert shown.output.endswith("9 of 401 requirements\n")
+    assert shown.output.endswith("9 of 402 requirements\n")
 
 
 def test_requirements_as_json() -> None:

@@ -133,6 +133,12 @@ ROWS = (
                "or fail, with 05 or 06, and never count as reached.",
       original="05 | 坐标异常 / 06 | 角度异常",
       binds=CONTROLLER, testable=AC | PC, hazard=MOTION, strength=FIRM, basis=DERIVED),
+    R("4.24/10", lines=(483, 490), register=("A-T-5",),
+      sentence="A 0x39 without exactly seven fields, or with a "
+               "field that is no number, must not be answered '1'.",
+      original="坐标以如下格式表示(speed, x,y,z, ThetaX, ThetaY, ThetaZ) / "
+               "首先判断是否可以设置工具坐标，若不可以，则返回“失败”结果",
+      binds=CONTROLLER, testable=AC, hazard=MOTION, strength=FIRM, basis=DERIVED),
     # 4.25 and 4.26: release and lock all joints, 0x3A and 0x3B (L518-582).
     R("4.25/1", lines=((520, 523),), register=("A-3-12",),
       sentence="The request 0x3A must carry no data.",

@@ -154,6 +154,18 @@ row(
     _fields(lambda fields: fields[:_FIELDS]),
 )
 row(
+    "four-fields-are-a-position",
+    "4.21/4",
+    "Exactly four fields are read as x, y, z and thetaX.",
+    _fields(lambda fields: [*fields, b"0", b"0"] if len(fields) == 4 else fields),
+)
+row(
+    "two-fields-too-many-are-overlooked",
+    "4.21/4",
+    "Exactly two fields after the sixth are ignored.",
+    _fields(lambda fields: fields[:_FIELDS] if len(fields) == _FIELDS + 2 else fields),
+)
+row(
     "last-angles-are-not-read",
     "4.21/4",
     "thetaY and thetaZ may be anything and are read as 0.",

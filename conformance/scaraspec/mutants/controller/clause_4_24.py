@@ -73,13 +73,13 @@ row(
 )
 row(
     "reads-comma-as-point",
-    "4.24/3",
+    "4.24/3 4.24/10",
     "A comma in a number is read as a decimal point.",
     reads(_MOVE, lambda data: data.replace(b",", b".")),
 )
 row(
     "missing-text-is-alittle",
-    "4.24/3",
+    "4.24/3 4.24/10",
     "A move with text in place of a number goes to a pose near the initial one.",
     reads(_MOVE, lambda data: b"10|301|0|250|0|0|0" if b"abc" in data else data),
 )
@@ -219,4 +219,29 @@ row(
     "4.24/9",
     "A target far out of reach is refused with the code of a motor.",
     first_reply(_MOVE, {b"0|05": b"0|12"}),
+)
+
+
+def _fields(change: Callable[[list[bytes]], list[bytes]]) -> Core:
+    """The fields of a move are changed before they are decoded."""
+    return reads(_MOVE, lambda data: b"|".join(change(data.split(b"|"))))
+
+
+row(
+    "move-of-five-fields-is-made",
+    "4.24/10",
+    "Exactly five fields are read as speed, x, y, z and thetaX.",
+    _fields(lambda fields: [*fields, b"0", b"0"] if len(fields) == 5 else fields),
+)
+row(
+    "two-fields-too-many-of-a-move-are-overlooked",
+    "4.24/10",
+    "Exactly two fields after the seventh are ignored.",
+    _fields(lambda fields: fields[:7] if len(fields) == 9 else fields),
+)
+row(
+    "move-without-a-number-succeeds",
+    "4.24/10",
+    "A malformed move is reported as done, but the arm does not move.",
+    completes(_MOVE, lambda core, request: request.value is None and core.robot.task is None),
 )

@@ -337,7 +337,10 @@ def _structures(texts: list[bytes]) -> Iterator[Malformed]:
     yield Malformed("empty-payload", b"")
     yield Malformed("first-missing", b"|".join(texts[1:]))
     yield Malformed("last-missing", b"|".join(texts[:-1]))
+    for count in range(1, len(texts) - 1):
+        yield Malformed(f"first-{count}-alone", b"|".join(texts[:count]))
     yield Malformed("extra", b"|".join([*texts, texts[-1]]))
+    yield Malformed("two-extra", b"|".join([*texts, *texts[-1:] * 2]))
     yield Malformed(
         "many-extra", b"|".join([*texts, *[b"1"] * ((MAX_DATA_BYTES - len(good)) // 2)])
     )
