@@ -9,6 +9,7 @@ from scaraspec.mutants.operators.controller.requests import (
     answer,
     answer_when,
     decoded,
+    executes_first,
     on_request,
 )
 from scaraspec.protocol.commands import PasswordChange
@@ -84,6 +85,13 @@ class ForgetsSecondChange(ControllerCore):
         return self._changed
 
 
+row(
+    "one-change-per-connection",
+    "4.2/4",
+    "Only the first new password of a connection is stored; later ones are answered 1.",
+    executes_first("set_password", 1),
+    subtle=True,
+)
 row(
     "old-and-new-are-mixed-up",
     "4.2/4",

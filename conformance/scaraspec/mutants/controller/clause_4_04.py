@@ -4,7 +4,13 @@ from collections.abc import Callable
 
 from scaraspec.mutants.controller import Core, mutant, row
 from scaraspec.mutants.operators.controller.replies import first_reply
-from scaraspec.mutants.operators.controller.requests import answer, decoded, on_request, reads
+from scaraspec.mutants.operators.controller.requests import (
+    answer,
+    decoded,
+    executes_first,
+    on_request,
+    reads,
+)
 from scaraspec.protocol.commands import Network
 from scaraspec.protocol.fields import Address, Diagnostics
 from scaraspec.protocol.frames import Frame
@@ -173,4 +179,12 @@ row(
     "4.4/2",
     "A new network is stored but answered 0.",
     answer("set_network", lambda _done: False),
+)
+
+row(
+    "two-networks-per-connection",
+    "4.4/4",
+    "Only the first two networks of a connection are stored; later ones are answered 1.",
+    executes_first("set_network", 2),
+    subtle=True,
 )

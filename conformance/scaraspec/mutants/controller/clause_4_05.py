@@ -10,6 +10,7 @@ from scaraspec.mutants.operators.controller.requests import (
     answer_when,
     busy,
     decoded,
+    executes_first,
     on_request,
     reads,
 )
@@ -329,3 +330,12 @@ class SetsDateOfRefusedTime(ResetsClockOnRefusal):
             return None
         midnight = frame._replace(data=frame.data[:8] + b"000000")
         return ControllerCore._value(self, command, midnight)  # noqa: SLF001 - its own
+
+
+row(
+    "two-times-per-connection",
+    "4.5/4",
+    "Only the first two times of a connection are set; later ones are answered 1.",
+    executes_first("set_time", 2),
+    subtle=True,
+)

@@ -6,7 +6,13 @@ from typing import Any
 
 from scaraspec.mutants.controller import Core, mutant, row
 from scaraspec.mutants.operators.controller.replies import first_reply
-from scaraspec.mutants.operators.controller.requests import after, answer, answer_when, decoded
+from scaraspec.mutants.operators.controller.requests import (
+    after,
+    answer,
+    answer_when,
+    decoded,
+    executes_first,
+)
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
@@ -129,4 +135,12 @@ row(
     "4.13/6",
     "A new default program is simulated at once.",
     _starts("simulate_program"),
+)
+
+row(
+    "two-defaults-per-connection",
+    "4.13/3",
+    "Only the first two default programs of a connection are stored; later ones are answered 1.",
+    executes_first("set_default_program", 2),
+    subtle=True,
 )

@@ -12,6 +12,7 @@ from scaraspec.mutants.operators.controller.requests import (
     before,
     busy,
     decoded,
+    executes_first,
     on_request,
     reads,
 )
@@ -261,4 +262,12 @@ row(
     "4.20/5",
     "A new gripper center moves the arm up by 3 mm.",
     before(_SET, _move_up),
+)
+
+row(
+    "two-centres-per-connection",
+    "4.20/3",
+    "Only the first two gripper centers of a connection are stored; later ones are answered 1.",
+    executes_first("set_gripper_center", 2),
+    subtle=True,
 )

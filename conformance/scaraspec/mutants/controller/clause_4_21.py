@@ -11,6 +11,7 @@ from scaraspec.mutants.operators.controller.requests import (
     answer_when,
     busy,
     decoded,
+    executes_first,
     on_request,
     reads,
 )
@@ -211,3 +212,12 @@ class TurnsPositionAtReset(ControllerCore):
             x, y, z, theta_x, *rest = self.store.settings.initial_tool_position
             self.save(initial_tool_position=(x, y, z, theta_x + 0.5, *rest))
         return reply
+
+
+row(
+    "two-positions-per-connection",
+    "4.21/3",
+    "Only the first two initial positions of a connection are stored; later ones are answered 1.",
+    executes_first("set_initial_tool_position", 2),
+    subtle=True,
+)

@@ -10,6 +10,7 @@ from scaraspec.mutants.operators.controller.requests import (
     after,
     answer_when,
     decoded,
+    executes_first,
     executing,
     on_request,
 )
@@ -298,4 +299,12 @@ row(
     "4.32/7",
     "A value of two or more digits switches on the output before the port.",
     _parses(rb"([0-9]+)\|[0-9]{2,}", lambda found: PortValue(int(found[1]) - 1, 1)),
+)
+
+row(
+    "two-outputs-per-connection",
+    "4.32/6",
+    "Only the first two outputs of a connection are set; later ones are answered 1.",
+    executes_first("set_digital_output", 2),
+    subtle=True,
 )

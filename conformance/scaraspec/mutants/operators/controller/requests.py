@@ -4,6 +4,7 @@
 the answer that the conforming controller gives.
 """
 
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -57,6 +58,23 @@ def refuses(command: str, when: Condition, code: str) -> Core:
 def ignores(command: str, when: Condition) -> Core:
     """A request is neither executed nor answered, if the condition holds."""
     return answer_when(command, when, SILENCE)
+
+
+def executes_first(command: str, count: int) -> Core:
+    """Only the first `count` requests of a connection are executed; all are answered 1."""
+
+    class ExecutesFirst(ControllerCore):
+        def __init__(self, *args: Any, **kwargs: Any) -> None:
+            super().__init__(*args, **kwargs)
+            self.counts = Counter[int]()
+
+    def execute(core: ExecutesFirst, request: Request) -> Any:
+        core.counts[request.session.connection] += 1
+        if core.counts[request.session.connection] > count:
+            return True
+        return getattr(super(ExecutesFirst, core), command)(request)
+
+    return type("ExecutesFirst", (ExecutesFirst,), {command: execute})
 
 
 def completes(command: str, when: Condition) -> Core:

@@ -69,6 +69,34 @@ def test_changed(subject: ControllerUnderTest) -> None:
             old = new
 
 
+@case("4.2/4", "4.2/2", name="repeated")
+def test_changed_repeatedly(subject: ControllerUnderTest) -> None:
+    """After two and three changes on one connection, only the newest password is accepted."""
+    old, new = subject.password, PLAIN_PASSWORD
+    with password_preserved(subject):
+        for count in examples((2, 3)):
+            line = subject.open(login=False)
+            subject.log_in(line, old)
+            for number in range(count):
+                if number and not _is_served(line):
+                    raise CaseSkipped("a password change ends the login of its connection")
+                expect_password_changed(line, old, new)
+                old, new = new, old
+            line.close()
+            message = UserMessage("the newest of {count} passwords is refused", count=count)
+            _expect_login(subject, old, message, "4.2/4")
+            message = UserMessage("after {count} changes an earlier one is accepted", count=count)
+            _expect_login(subject, new, message, "4.2/4", accepted=False)
+
+
+def _is_served(line: OutgoingConnection) -> bool:
+    """Whether the login of this connection is still valid."""
+    try:
+        return line.ask("get_status").value is not None
+    except NoReply:
+        return False
+
+
 def _expect_refused(
     subject: ControllerUnderTest, line: OutgoingConnection, wrong: bytes, new: bytes, correct: bytes
 ) -> None:
@@ -103,11 +131,7 @@ def test_former_password(subject: ControllerUnderTest) -> None:
         lines = [subject.open() for _ in range(2 if subject.supports_multiple_connections else 1)]
         expect_password_changed(lines[0], former_password, PLAIN_PASSWORD)
         for line in lines:
-            try:
-                served = line.ask("get_status").value is not None
-            except NoReply:
-                served = False
-            if not served:
+            if not _is_served(line):
                 continue  # the change ended its login
             _expect_refused(subject, line, former_password, former_password, PLAIN_PASSWORD)
             checked = True

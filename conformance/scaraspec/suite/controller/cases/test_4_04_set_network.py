@@ -150,8 +150,8 @@ def test_mask_and_gateway(subject: ControllerUnderTest, line: OutgoingConnection
     """Another mask and another gateway are set and reported; the address stays."""
     alternatives = _alternatives(_read(line))
     with _network_restored(subject, line):
-        for network in examples(alternatives):
-            line = _expect_set(subject, line, network, retry=network != alternatives[0])
+        for number, network in enumerate(examples((*alternatives, alternatives[0]))):
+            line = _expect_set(subject, line, network, retry=number > 0)
 
 
 @case("4.4/4", "4.4/2", name="address")
