@@ -24,6 +24,7 @@ from scaraspec.protocol.transfer import (
     Chunk,
     Receiver,
     chunks_of,
+    read_as,
 )
 from scaraspec.virtual_controller.behaviour.base import Silence
 from scaraspec.virtual_controller.core import ControllerCore
@@ -224,6 +225,25 @@ row(
         )
     ),
     subtle=True,
+)
+
+
+class ReadsLittleEndian(Receiver):
+    """Big-endian chunks are refused."""
+
+    def receive_chunk(self, data: bytes, now_s: float) -> bool | None:
+        if len(data) >= HEAD_BYTES and not read_as(data, "little").legal:
+            self.fail("the chunk is out of bounds in this byte order")
+            return False
+        return super().receive_chunk(data, now_s)
+
+
+row(
+    "downloads-in-the-other-order",
+    "5.1/9",
+    "Downloads are big-endian, but uploads must be little-endian.",
+    chunk_data(lambda chunk, dialect: FILE_DATA.encode(chunk, dialect.replace(endian="big"))),
+    receives(ReadsLittleEndian),
 )
 
 

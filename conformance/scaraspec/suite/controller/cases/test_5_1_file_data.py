@@ -170,7 +170,7 @@ def test_ascending(subject: ControllerUnderTest, line: OutgoingConnection, size:
 
 @case("5.1/9")
 def test_one_byte_order(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The chunks of all downloads of a session have one byte order."""
+    """The chunks of all downloads of a session have one byte order, in which it reads uploads."""
     orders = set()
     for size in examples((1, 450, 70)):
         name = subject.new_name()
@@ -179,6 +179,15 @@ def test_one_byte_order(subject: ControllerUnderTest, line: OutgoingConnection) 
             parsed = frame.seen.parsed
             orders |= {v for k, v in parsed.decoded.readings if k == "endian"} if parsed else set()
     expect(len(orders) <= 1, "the byte order changes", expected="one", observed="both")
+    for order in orders:
+        dialect = subject.dialect.replace(endian=order)
+        begin_upload(line, subject.new_name())
+        expect(
+            try_chunk(line, data=FILE_DATA.encode(Chunk(1, 0, 1, b"!"), dialect)),
+            UserMessage("downloads are {order}-endian, but uploads are not", order=order),
+            expected="1",
+            observed="0",
+        )
     if "big" in orders:
         subject.tolerate("5.1/9", "endian", "big", "file data is big-endian")
 
