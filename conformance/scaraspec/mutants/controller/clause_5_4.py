@@ -81,6 +81,16 @@ class RefusesAbortedNames(_RefusesNames):
         super().abort_transfer(session)
 
 
+@mutant("signalled-uploads-block-their-name", "5.4/1", subtle=True)
+class RefusesSignalledNames(_RefusesNames):
+    """The name of an upload that ended with an empty chunk stays taken forever."""
+
+    def upload_chunk(self, request: Request) -> bool | Silence:
+        if not request.frame.data and request.session.transfer is not None:
+            self.refused |= {request.session.transfer.name}
+        return super().upload_chunk(request)
+
+
 @mutant("fetched-names-are-free", "5.4/2", "5.2/3", "5.1/10", subtle=True)
 class OverwritesDownloadedFiles(SendsAfterTheEnd):
     """A file that was completely downloaded may be overwritten."""
@@ -285,6 +295,54 @@ class FillsAbortedFiles(_NoticesAborts):
     def aborted(self, name: bytes, receiver: Receiver) -> None:
         if receiver.size_bytes:
             self._write(name, receiver.content.ljust(receiver.size_bytes, b"\0"))
+
+
+class _MixesContents(ControllerCore):
+    """The next upload keeps the bytes of an interrupted one, where `_keeps` is true."""
+
+    _left = b""
+
+    def _keeps(self, end: Receiver) -> bool:  # noqa: ARG002 - overridden
+        return True
+
+    def abort_transfer(self, session: Session) -> None:
+        end = receiver_of(session)
+        if end is not None and self._keeps(end):
+            self._left = end.content
+        super().abort_transfer(session)
+
+    def _write(self, name: bytes, content: bytes) -> bool:
+        left, self._left = self._left[: len(content)], b""
+        return super()._write(name, left + content[len(left) :])
+
+
+@mutant("next-upload-begins-with-the-broken-one", "5.4/7", "5.2/12", "5.4/6")
+class KeepsBrokenContent(_MixesContents):
+    """After an interrupted upload, the next file begins with the bytes of that upload."""
+
+
+@mutant("next-upload-begins-with-the-signalled-one", "5.4/7", "5.4/6", subtle=True)
+class KeepsSignalledContent(_MixesContents):
+    """After an upload with an error signal, the next file begins with the bytes of that upload."""
+
+    def _keeps(self, end: Receiver) -> bool:
+        return "signalled" in end.reason
+
+
+@mutant("broken-uploads-stay-listed", "4.10/11", subtle=True)
+class ListsBrokenUploads(ControllerCore):
+    """The name of an interrupted upload is listed, although there is no file."""
+
+    _broken: frozenset[bytes] = frozenset()
+
+    def abort_transfer(self, session: Session) -> None:
+        if session.transfer is not None and receiver_of(session):
+            self._broken |= {session.transfer.name}
+        super().abort_transfer(session)
+
+    def list_programs(self, request: Request) -> NameListPart:
+        part = super().list_programs(request)
+        return part._replace(names=(*part.names, *sorted(self._broken - {*part.names})))
 
 
 @mutant("keeps-what-it-refused", "5.4/7")

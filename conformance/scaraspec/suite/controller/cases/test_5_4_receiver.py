@@ -6,6 +6,7 @@ chunk, by the error signal of L787, and by silence.
 
 from collections.abc import Callable
 from datetime import timedelta
+from functools import partial
 
 from hypothesis import strategies as st
 
@@ -45,6 +46,13 @@ from scaraspec.user_message import UserMessage
 
 _CONTENT = content_of(650)
 _CHUNKS = tuple(chunks_of(_CONTENT))
+_NEXT = bytes(byte ^ 0xFF for byte in content_of(430))
+"""Content that differs from `_CONTENT` at every position, and in its length."""
+_NEXT_CHUNKS = tuple(
+    Chunk(len(_NEXT), at, len(piece), piece)
+    for at in range(0, len(_NEXT), 97)
+    for piece in [_NEXT[at : at + 97]]
+)
 _POLL_S = 0.5
 _CLOCK_SHIFT = timedelta(hours=1)
 
@@ -322,8 +330,9 @@ def _expect_no_leftover(
 ) -> OutgoingConnection:
     """Expect that an interrupted upload leaves no file, or only its beginning (A-5-12).
 
-    Its name can be used again. The file may contain everything that was sent. A robot that buffers
-    its writes may have stored only a beginning of it, or an empty file.
+    Its name can be used again, for another content. The file may contain everything that was sent.
+    A robot that buffers its writes may have stored only a beginning of it, or an empty file. The
+    name may be listed only if there is a file.
 
     Returns:
         The connection that is open now.
@@ -331,7 +340,18 @@ def _expect_no_leftover(
     Raises:
         CaseFailed: The file has other content, or the name cannot be used again.
     """
+    listed = name in _other_programs(subject, line)
     remaining = leftover_content(line, name)
+    if remaining is None and listed:
+        expect(
+            line.ask("delete_program", data=name).accepted,
+            "an interrupted upload is listed, but it can be neither downloaded nor deleted",
+            expected="a list without it",
+            observed="0 to the download, 0 to the deletion",
+            requirement="4.10/11",
+        )
+        message = "an empty file of an interrupted upload is kept"
+        subject.tolerate("5.4/7", "partial_keep", "keep", message)
     if remaining is not None:
         line = reconnect(subject, line)
         expect(
@@ -360,9 +380,9 @@ def _expect_no_leftover(
         observed=f"{reply}",
         requirement="5.4/1",
     )
-    for chunk in _CHUNKS:
+    for chunk in _NEXT_CHUNKS:
         send_chunk(line, chunk)
-    expect_stored(line, name, _CONTENT, "5.4/7")
+    expect_stored(line, name, _NEXT, "5.4/7")
     return line
 
 
@@ -379,7 +399,7 @@ def _interrupt_uploads(
         _expect_no_leftover(subject, line, name, _CONTENT[: 200 * count]).close()
 
 
-@case("5.4/7", "5.4/1", name="closed")
+@case("5.4/7", "5.4/1", "4.10/11", name="closed")
 def test_connection_closed(subject: ControllerUnderTest) -> None:
     """If its connection is closed at any chunk, an upload leaves at most the sent part.
 
@@ -392,14 +412,14 @@ def test_connection_closed(subject: ControllerUnderTest) -> None:
         subject.tolerate("5.4/7", "A-5-17", "outlives", message)
 
 
-@case("5.4/7", "5.4/1", name="reset")
+@case("5.4/7", "5.4/1", "4.10/11", name="reset")
 def test_connection_reset(subject: ControllerUnderTest) -> None:
     """If its connection is reset at any chunk, an upload leaves at most the sent part."""
     subject.require_close_detection()
     _interrupt_uploads(subject, OutgoingConnection.reset)
 
 
-@case("5.4/7", "5.4/1", name="refused")
+@case("5.4/7", "5.4/1", "4.10/11", name="refused")
 def test_chunk_refused(subject: ControllerUnderTest) -> None:
     """If one of its chunks is refused, an upload leaves at most the sent part."""
     _interrupt_uploads(subject, _offer_invalid_chunk)
@@ -408,6 +428,19 @@ def test_chunk_refused(subject: ControllerUnderTest) -> None:
 def _offer_invalid_chunk(line: OutgoingConnection) -> None:
     """Send an invalid chunk: longer than the buffer, and beyond the end."""
     try_chunk(line, Chunk(650, 500, 201, bytes(200)))
+
+
+@case("5.4/7", "5.4/1", "4.10/11", name="signal")
+def test_error_signal(subject: ControllerUnderTest) -> None:
+    """If its client signals an error, with a header or without, an upload leaves no more."""
+    for data in (None, b""):
+        _interrupt_uploads(subject, partial(_signal_error, data=data))
+
+
+def _signal_error(line: OutgoingConnection, data: bytes | None) -> None:
+    """Send a chunk of length 0 (L787)."""
+    line.send("upload_chunk", Chunk(len(_CONTENT), 0, 0, b""), data=data)
+    transfer_frames(line)  # the reply, if any, is open
 
 
 @case("5.4/6", name="refused-chunk")
@@ -465,9 +498,9 @@ def _expect_recovery(
     line = _expect_served(subject, line, event)
     name = subject.new_name()
     if line.ask("upload_name", data=name).accepted:
-        for chunk in _CHUNKS:
+        for chunk in _NEXT_CHUNKS:
             send_chunk(line, chunk, "5.4/6")
-        expect_stored(line, name, _CONTENT, "5.4/6")
+        expect_stored(line, name, _NEXT, "5.4/6")
     line = reconnect(subject, line)
     _expect_transfer(subject, line, event)
     return line
@@ -609,9 +642,9 @@ def _begin_second_transfer(
     message = "a second transfer replaces the first"
     subject.tolerate("5.4/8", "xfer_concurrency", "replace", message)
     if not is_download:
-        for chunk in _CHUNKS:
+        for chunk in _NEXT_CHUNKS:
             send_chunk(line, chunk)
-        expect_stored(line, second, _CONTENT, "5.4/8")
+        expect_stored(line, second, _NEXT, "5.4/8")
     else:
         next_chunk(line)
     remaining = leftover_content(reconnect(subject, line), first)
