@@ -3,6 +3,7 @@
 import posixpath
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
+from urllib.parse import unquote_to_bytes
 
 from scaraspec.mutants.controller import Core, mutant, row
 from scaraspec.mutants.operators.controller.replies import first_reply
@@ -44,6 +45,41 @@ row(
     answer_when(
         "upload_name", lambda _, request: request.value != request.value.lower(), value=False
     ),
+)
+
+
+def _in_names(change: Callable[[bytes], bytes]) -> tuple[Core, ...]:
+    """File names are changed in the requests of uploads, downloads and deletions."""
+    names = ("upload_name", "download_name", "delete_program")
+    return tuple(reads(name, change) for name in names)
+
+
+def _overwrite_other_case(core: ControllerCore, request: Request) -> None:
+    if request.frame.data != request.value:
+        core.remove(request.value)
+
+
+row(
+    "drops-blanks-in-new-names",
+    "5.2/12",
+    "A file whose name has a blank is stored under the name without it.",
+    reads("upload_name", lambda data: data.replace(b" ", b"")),
+    subtle=True,
+)
+row(
+    "decodes-percent-signs",
+    "4.10/11",
+    "A percent sign with two digits in a name is decoded, as in URLs.",
+    *_in_names(unquote_to_bytes),
+    subtle=True,
+)
+row(
+    "ignores-letter-case",
+    "5.2/12",
+    "Names are stored in lower case; a name in another case overwrites the file.",
+    *_in_names(bytes.lower),
+    before("upload_name", _overwrite_other_case),
+    subtle=True,
 )
 row(
     "refuses-thirty-bytes",

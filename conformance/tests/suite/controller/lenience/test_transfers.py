@@ -112,7 +112,7 @@ class TakesPlainNames(ControllerCore):
 
 def test_characters_of_names_may_be_limited(run_cases: RunCases) -> None:
     """The characters of names are open (A-5-20)."""
-    assert not run_cases(TakesPlainNames, "5.2/2", "5.2/11").problems
+    assert not run_cases(TakesPlainNames, "5.2/2", "5.2/11", "5.2/12").problems
 
 
 class WritesSlowly(ControllerCore):
@@ -352,6 +352,21 @@ def test_download_may_end_with_the_error_signal(run_cases: RunCases) -> None:
     assert not run_cases(
         SignalsFailedDownload, "5.3/6", "5.3/7", "5.3/9", "5.4/6", **_SHORT_TIMEOUT
     ).problems
+
+
+class IgnoresLetterCase(ControllerCore):
+    """A name that differs only in case from that of a stored file is refused (A-5-20)."""
+
+    def upload_name(self, request: Request) -> bool:
+        stored = {name.lower() for name in self.store.names()}
+        return request.value.lower() not in stored and super().upload_name(request)
+
+
+def test_letter_case_may_be_ignored(run_cases: RunCases) -> None:
+    """A second name in another case may count as taken."""
+    cases = run_cases(IgnoresLetterCase, "5.2/12")
+    assert cases["5.2/12.letter-case"].verdict is Verdict.TOLERATED
+    assert not cases.problems
 
 
 class AnswersTheErrorSignal(ControllerCore):
