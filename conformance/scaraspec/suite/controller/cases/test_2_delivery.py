@@ -71,6 +71,15 @@ def test_slowly(subject: ControllerUnderTest) -> None:
     _send_slowly(subject, parts)
 
 
+@case("2/5", name="pause")
+def test_pause(subject: ControllerUnderTest) -> None:
+    """A request with one pause of almost a second is answered."""
+    cuts = (1, 3) if subject.supports_multiple_connections else (2,)
+    _send_slowly(
+        subject, {subject.open(): ("get_status", split_bytes(GET_STATUS, (cut,))) for cut in cuts}
+    )
+
+
 def _send_slowly(
     subject: ControllerUnderTest, parts: Mapping[OutgoingConnection, tuple[str, list[bytes]]]
 ) -> None:
