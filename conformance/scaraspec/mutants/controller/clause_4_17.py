@@ -4,12 +4,13 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from scaraspec.mutants.controller import Core, mutant, row
-from scaraspec.mutants.operators.controller.replies import first_reply, outcome
+from scaraspec.mutants.operators.controller.replies import TWO_STAGE, first_reply, outcome
 from scaraspec.mutants.operators.controller.requests import (
     Condition,
     answer,
     answer_when,
     executing,
+    refuses,
 )
 from scaraspec.mutants.operators.controller.transfers import receiver_of, sender_of
 from scaraspec.protocol.frames import Frame
@@ -295,4 +296,36 @@ row(
     "4.17/8",
     "A stopped reset is reported as done.",
     _ends_as_done("reset"),
+)
+
+
+class Latches(ControllerCore):
+    """Keeps in `latched` whether a stop was accepted since the last reset."""
+
+    latched = False
+
+    def emergency_stop(self, request: Request) -> Acceptance:
+        reply = super().emergency_stop(request)
+        self.latched |= reply.accepted
+        return reply
+
+    def reset(self, request: Request) -> Acceptance:
+        self.latched = False
+        return super().reset(request)
+
+
+def _is_latched(core: ControllerCore, _request: Request) -> bool:
+    return isinstance(core, Latches) and core.latched
+
+
+row(
+    "busy-until-reset-after-stops",
+    "4/15",
+    "After a stop the status is 00, but every command is refused with 01 until a reset.",
+    Latches,
+    *(
+        refuses(name, _is_latched, "01")
+        for name in TWO_STAGE
+        if name not in ("emergency_stop", "reset")
+    ),
 )

