@@ -43,7 +43,8 @@ ROWS = (
       original="控制层返回信息包含结果，运行程序名称和运行时间",
       binds=CONTROLLER, testable=AC | PC, hazard=MOTION, strength=FIRM, basis=DERIVED),
     R("4.9/5", lines=(226,), register=("A-4.9-3",),
-      sentence="While the program runs, its run time must grow as real time passes.",
+      sentence="While the program runs, its run time must count from the "
+               "start of this run and grow as real time passes.",
       original="其中运行时间固定 8 个字节，以“DDHHMMSS”格式存放",
       binds=CONTROLLER, testable=AC | PC, hazard=MOTION, strength=FIRM, basis=DERIVED),
     R("4.9/6", lines=(226, 237), register=("A-4.9-2",),

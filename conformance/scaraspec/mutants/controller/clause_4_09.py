@@ -278,6 +278,12 @@ row(
     subtle=True,
 )
 row(
+    "run-time-begins-at-two-days",
+    "4.9/5",
+    "The run time of every program begins at two days.",
+    _run_time(lambda time_s: time_s + 2 * _DAY_S),
+)
+row(
     "run-time-overflows",
     "4.9/5",
     "The run time is stored in 16 bits of seconds.",

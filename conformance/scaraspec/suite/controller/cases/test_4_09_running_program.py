@@ -134,6 +134,20 @@ def _expect_increase(
     )
 
 
+def _expect_counted_from_start(
+    subject: ControllerUnderTest, requested_s: float, first: _RunTime
+) -> None:
+    """Expect that the run time is not longer than the run, which was requested at this time."""
+    max_s = (first.received_s - requested_s) * subject.ics.time_scale
+    expect(
+        first.run_time_s <= max_s + _TOLERANCE_S + _MAX_DRIFT * max_s,
+        "the run time is longer than this run of the program",
+        expected=f"at most {max_s:.1f} s",
+        observed=f"{first.run_time_s} s",
+        requirement="4.9/5",
+    )
+
+
 def _now_s(subject: ControllerUnderTest) -> float:
     return subject.now_ns / _NS_PER_S
 
@@ -172,6 +186,7 @@ def _run_and_check(
     subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, other: bytes
 ) -> None:
     second_line = subject.open() if subject.supports_multiple_connections else line
+    requested_s = _now_s(subject)
     try:
         begin_or_skip(subject, line, "run_program", name)
         first = clock_before = None
@@ -182,6 +197,7 @@ def _run_and_check(
             if current is None:
                 break
             if first is None:
+                _expect_counted_from_start(subject, requested_s, current)
                 first, clock_before = current, _read_clock(subject, line)
                 _expect_listed(subject, line, other, name)
             message = "the run time does not match the elapsed time"
