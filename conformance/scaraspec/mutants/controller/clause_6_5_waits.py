@@ -12,6 +12,8 @@ from scaraspec.virtual_controller.interpreter import Run
 
 Wait = WaitInput | WaitTimer
 
+_ANALOG = (7, 8)  # the ports that the programs of the suite configure as analog inputs
+
 # ---------------------------------------------------------------------- waits
 
 
@@ -228,6 +230,27 @@ row(
     "6.5/21 6.5/9",
     "A program does not wait for inputs.",
     _wait(WaitInput, lambda _input: None),
+)
+
+
+row(
+    "analog-inputs-are-passed",
+    "6.5/21 6.5/9",
+    "A program does not wait for analog inputs.",
+    _wait(WaitInput, lambda wait: None if wait.port in _ANALOG else wait),
+)
+row(
+    "analog-inputs-are-waited-for-forever",
+    "6.5/21 6.5/9",
+    "A wait for an analog input never ends.",
+    _wait(
+        WaitInput,
+        lambda wait: (
+            replace(wait, condition=Condition.GREATER, value_hundredths=2**32 - 1)
+            if wait.port in _ANALOG
+            else wait
+        ),
+    ),
 )
 
 

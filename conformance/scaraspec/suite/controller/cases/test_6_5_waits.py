@@ -1,8 +1,9 @@
 """Clause 6.5: nodes that wait: for a duration, for a time, for an input."""
 
 import itertools
+import math
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from typing import Final
 
@@ -433,3 +434,60 @@ def test_analog_conditions(subject: ControllerUnderTest, line: OutgoingConnectio
             robot.finish()
         finally:
             subject.hook("set_analog", port=ANALOG, value=before or 0)
+
+
+def _reported_analog_value(line: OutgoingConnection) -> float:
+    """Query the analog input of the programs.
+
+    Raises:
+        CaseSkipped: It is not reported.
+    """
+    value = line.ask("get_analog_input", ANALOG).value
+    if value is None:
+        raise CaseSkipped("the analog input that a program could wait for is not reported")
+    return float(value)
+
+
+@case("6.5/9", "6.5/21", name="reported-analog", hazards=PROGRAMS)
+def test_reported_analog_conditions(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+    """A program passes conditions that the reported analog value meets, and waits at the others.
+
+    The unit of the value is open (A-4.33-1): a hundred times the value is not exceeded in any.
+    """
+    with bench(subject, line) as robot:
+        value = _reported_analog_value(line)
+        above = math.ceil(200 * abs(value)) + 100
+        equal = (Condition.EQUAL, 0), (Condition.GREATER, 0)
+        met, unmet = equal if value == 0 else ((Condition.NOT_LESS, 0), (Condition.LESS, 0))
+        waiting = ((Condition.GREATER, above), (Condition.EQUAL, above), unmet)
+        for condition, limit in examples(((Condition.NOT_LESS, above), *waiting)):
+            before = outputs(line)  # a stop may have cleared outputs
+            node = wait_input(ANALOG, condition, limit)
+            robot.start([node, set_output(OUTPUTS[0], on=not before[OUTPUTS[0] - 1])])
+            description = UserMessage(
+                "the analog input is {value:g} and the condition is {condition} with {limit}",
+                value=value,
+                condition=condition,
+                limit=limit,
+            )
+            with _analog_value_unchanged(line, value):
+                _expect_waiting(line, robot, before, description, for_s=_SHORT_WATCH_S)
+            robot.stop()
+        passed = ((Condition.LESS, above), (Condition.NOT_GREATER, above), met)
+        with _analog_value_unchanged(line, value):
+            robot.run([wait_input(ANALOG, *each) for each in passed])
+
+
+@contextmanager
+def _analog_value_unchanged(line: OutgoingConnection, value: float) -> Iterator[None]:
+    """Let a failure count only if the analog input still has this value.
+
+    Raises:
+        CaseInconclusive: It has changed.
+    """
+    try:
+        yield
+    except CaseFailed:
+        if _reported_analog_value(line) != value:
+            raise CaseInconclusive("the analog input has changed during the case") from None
+        raise
