@@ -7,7 +7,7 @@ from dataclasses import replace
 from scaraspec.mutants.controller import Core, mutant, row
 from scaraspec.mutants.operators.controller.programs import with_interpreter
 from scaraspec.protocol.program_files import Node, Point
-from scaraspec.virtual_controller.arm import Joints
+from scaraspec.virtual_controller.arm import Joints, UnreachableError
 from scaraspec.virtual_controller.interpreter import Run
 from scaraspec.virtual_controller.motion import Motion, curve, hold, move
 
@@ -102,6 +102,17 @@ class MovesHalfWay(Run):
         target = self._target(point, self._joints)
         half = Joints(*((p + q) / 2 for p, q in zip(self._joints, target, strict=True)))
         return move(self._joints, half, 50)
+
+
+@mutant("skips-points-out-of-reach", "6.5/27")
+class SkipsUnreachablePoints(Run):
+    """A point that is out of reach is skipped, and the program reports success."""
+
+    def _motion_to(self, point: Point) -> Motion:
+        try:
+            return super()._motion_to(point)
+        except UnreachableError:
+            return hold(self._joints)
 
 
 @mutant("ends-before-it-arrives", "6.5/27")

@@ -11,6 +11,7 @@ from scaraspec.suite.controller.harness.controller_under_test import ControllerU
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.two_stage.arm import Arm, arm, near
 from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseInconclusive, expect
 from scaraspec.suite.program_files.bench import PROGRAMS, bench
@@ -22,6 +23,7 @@ _MIN_OBSERVATIONS: Final = 8
 """Minimum number of observed positions on a path for a statement about it."""
 _MANY_POINTS: Final = 20
 """Number of points of a straight move."""
+_UNREACHABLE_MM: Final = 1_000_000.0
 _START_S: Final = 0.05
 _STANDSTILL_S: Final = 0.5
 _OBSERVATION_TOLERANCE: Final = 3  # difference between observations of the same path
@@ -72,6 +74,41 @@ def test_curve(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
                     _expect_at(robot_arm, points[-1])
                 return
     raise CaseInconclusive("the arm cannot move along a small curve at its current pose")
+
+
+@case("6.5/27", name="out-of-reach", hazards=PROGRAMS)
+def test_out_of_reach(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+    """A program whose point is a kilometer away is refused or fails, and the arm does not move."""
+    with bench(subject, line) as robot, arm(subject, line, robot) as robot_arm:
+        a, b, _, d = robot_arm.home
+        for height_mm in examples((_UNREACHABLE_MM, -_UNREACHABLE_MM)):
+            nodes = straight(robot_arm.slow_percent, [(a, b, height_mm, d)])
+            reply = robot.ask(robot.store(robot.file(nodes)))
+            result = _result_at_rest(subject, line, robot_arm) if reply.accepted else reply
+            expect(
+                not result.done,
+                "a program whose point is out of reach reports success",
+                expected="0|05 or 00|05",
+                observed=f"{result}",
+            )
+
+
+def _result_at_rest(
+    subject: ControllerUnderTest, line: OutgoingConnection, robot_arm: Arm
+) -> ReceivedFrame:
+    """Wait for the final result of a program that must not move the arm.
+
+    Raises:
+        CaseInconclusive: The program moved the arm or did not end, and was stopped.
+    """
+    remaining_s = subject.longest_s
+    while (result := robot_arm.robot.ended()) is None:
+        if remaining_s <= 0 or not near(robot_arm.place(), robot_arm.home):
+            robot_arm.robot.stop()
+            raise CaseInconclusive("the program moved the arm, or did not end, and was stopped")
+        line.wait(_START_S)
+        remaining_s -= _START_S
+    return result
 
 
 @case("6.5/25", hazards=PROGRAMS)
