@@ -98,6 +98,11 @@ class Judge:
         """Whether a file transfer may be active on this connection, for one side at least."""
         return connection in self._dialogues and self._dialogues[connection].transferring
 
+    def status_is_current(self) -> None:
+        """Note that a status is never old, so that it is not tolerated (A-4.8-3)."""
+        for robot in self.robots.values():
+            robot.status_lag_ns = 0
+
     def _dialogue(self, event: WireEvent) -> Dialogue:
         """Return the dialogue of the connection, moved to the end."""
         connection = event.connection

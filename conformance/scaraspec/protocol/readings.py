@@ -275,6 +275,15 @@ _TABLE = (
         Binds.CONTROLLER,
     ),
     Reading(
+        "status_lag",
+        "A-4.8-3",
+        "How old may the status, the pose or the inputs in a reply be?",
+        (Option("0", "a reply reports the state at its time"),),
+        BY_PROBE,
+        Binds.CONTROLLER,
+        unit="s",
+    ),
+    Reading(
         "runinfo_none",
         "A-4.9-2",
         "How does the running-program reply report that no program runs?",

@@ -58,10 +58,16 @@ class PendingResults:
             self._idle(exchange)
 
     def _idle(self, status: Exchange) -> None:
-        """Process a status 00; the release of joints has no status of its own (A-4-5)."""
+        """Process a status 00; the release of joints has no status of its own (A-4-5).
+
+        A status shortly after the first reply may still be that from before it (A-4.8-3).
+        """
         for x in status.concurrent:
-            if x.name != "release_joints" and not x.stop_requested and not x.idle_status:
-                x.idle_status = status.reply
+            age_ns = status.time_ns - x.reply.place.time_ns if x.reply else 0
+            may_be_old = age_ns < self._robot.status_lag_ns
+            if x.name == "release_joints" or x.stop_requested or x.idle_status or may_be_old:
+                continue
+            x.idle_status = status.reply
 
     def accept(self, exchange: Exchange) -> Iterator[Exchange]:
         """Process an accepted two-stage command; yield the commands that have ended for certain.

@@ -13,6 +13,8 @@ from scaraspec.traffic.events import Exchange, TrafficEvent, Transfer
 from scaraspec.traffic.exchange_history import ExchangeHistory
 from scaraspec.traffic.gap_uncertainty import GapUncertainty
 
+STATE_LAG_NS: Final = 100_000_000
+"""How old a reported status, pose or input may be (A-4.8-3)."""
 FILES_LIMIT_BYTES: Final = 64 * 2**20
 FILES_LIMIT: Final = 4096
 
@@ -37,6 +39,8 @@ class RobotState:
         """Connections that have logged in and have not ended."""
         self.gaps = GapUncertainty()
         """Which events a capture gap may have affected."""
+        self.status_lag_ns = STATE_LAG_NS
+        """How old a status may be; 0 if it was measured that it is never old."""
         self.results_doubtful = False
         """Whether a two-stage command that was accepted in a gap may be executing."""
         self._files_bytes = 0

@@ -32,6 +32,7 @@ trailing_nul        A-T-3     no yes
 num_format          A-T-5     free one-decimal
 busy_reply          A-4-2     state silence queue
 prelogin            A-4-4     ignore failure close reads all
+status_lag          A-4.8-3   0
 runinfo_none        A-4.9-2   0 0||
 list_prefix_sep     A-4.10-2  0|a 0a
 list_cont           A-4.10-3  push request
@@ -66,7 +67,7 @@ assign_opt          A-6.6a-2  zero any expression
 """
 ROWS = [line.split() for line in REGISTER.strip().splitlines()]
 
-DURATIONS = ["partial_timeout", "reply_timeout", "xfer_timeout"]
+DURATIONS = ["partial_timeout", "reply_timeout", "status_lag", "xfer_timeout"]
 
 
 def choices(reading: Reading) -> st.SearchStrategy[str]:
@@ -81,8 +82,8 @@ dialects = st.fixed_dictionaries(
 
 
 def test_readings_match_the_register() -> None:
-    """The 45 keys, their entries and options (default first) are those of the register."""
-    assert len(ROWS) == 45
+    """The 46 keys, their entries and options (default first) are those of the register."""
+    assert len(ROWS) == 46
     assert [
         [key, reading.entry, *(option.name for option in reading.options)]
         for key, reading in READINGS.items()
@@ -109,7 +110,7 @@ def test_binds_and_detectable() -> None:
 
 
 def test_only_durations_have_a_unit() -> None:
-    """Only the three timeouts have a unit, which is seconds."""
+    """Only the timeouts and the lag have a unit, which is seconds."""
     assert {
         key: reading.unit for key, reading in READINGS.items() if reading.unit
     } == dict.fromkeys(DURATIONS, "s")
@@ -163,8 +164,8 @@ def test_durations(key: str, written: str, kept: str, seconds: float) -> None:
 
 
 def test_default_durations() -> None:
-    """The defaults are 2, 5 and 30 s; the timeout of an unfinished frame can be disabled."""
-    assert [DEFAULT.seconds(key) for key in DURATIONS] == [2.0, 5.0, 30.0]
+    """The defaults are 2, 5, 0 and 30 s; the timeout of an unfinished frame can be disabled."""
+    assert [DEFAULT.seconds(key) for key in DURATIONS] == [2.0, 5.0, 0.0, 30.0]
     assert Dialect.of(partial_timeout="none").seconds("partial_timeout") is None
 
 

@@ -1,6 +1,8 @@
 """A playbook: sessions as lines of text, what a judge makes of them, and other ways to cut them.
 
-One line is one thing that happens, a millisecond after the one before it::
+One line is one thing that happens, a millisecond after the one before it. The first query of a
+state after a reply or a result of a two-stage command comes later, so that the state is not old
+(A-4.8-3), unless a line with seconds is between them::
 
     login                       a login that succeeds
     > run_program a.rob         the client sends; a text of data follows, with \\xNN for bytes
@@ -42,7 +44,7 @@ from scaraspec.traffic.events import (
     Transfer,
     UnsolicitedReply,
 )
-from scaraspec.traffic.robot_state import RobotState
+from scaraspec.traffic.robot_state import STATE_LAG_NS, RobotState
 from scaraspec.traffic.wire import Kind, WireEvent
 
 _LINE = re.compile(r"(?P<name>\w*)(?P<who>[<>])(?P<tag>90)? (?P<what>[^ =]+|=)(?: ?(?P<data>.*))?")
@@ -53,6 +55,7 @@ _LINK = {
     "rst": Kind.RESET,
     "injected": Kind.INJECTED,
 }
+_SAMPLED = ("get_status", "get_tool_coordinates", "get_joint_angles")
 
 # Hostile file content: it is full of frames, for a framer that loses synchronisation.
 _CONTENT = b"".join(
@@ -79,12 +82,14 @@ class _Script:
     time_ns: int = 0
     events: list[WireEvent] = field(default_factory=list)
     offsets: dict[tuple[str, Direction], int] = field(default_factory=dict)
+    settles: bool = False
 
     def run(self, text: str) -> list[WireEvent]:
         for line in (raw.strip() for raw in text.splitlines()):
             if line == "login":
                 self.run("> login password\n< login 1")
             elif line.startswith("+"):
+                self.settles = False
                 self.time_ns += int(float(line[1:]) * 1e9)
             elif line:
                 self._line(line)
@@ -105,6 +110,11 @@ class _Script:
         elif what == "gap":
             self._add(connection, direction, Kind.GAP, length_bytes=int(data or -1))
         else:
+            if direction is A2C and self.settles and what in _SAMPLED:
+                self.settles = False
+                self.time_ns += 1_000_000 + STATE_LAG_NS
+            two_stage = what in BY_NAME and BY_NAME[what].two_stage
+            self.settles = self.settles or (direction is C2A and two_stage)
             octets = _octets(direction, what, data, tagged=bool(match["tag"]))
             self._add(connection, direction, Kind.BYTES, octets)
 

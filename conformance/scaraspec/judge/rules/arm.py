@@ -9,7 +9,7 @@ from typing import Final
 from scaraspec.judge.rules.rule import RuleResult, failed, places_of
 from scaraspec.judge.rules.text import observed
 from scaraspec.traffic.events import Exchange
-from scaraspec.traffic.robot_state import RobotState
+from scaraspec.traffic.robot_state import STATE_LAG_NS, RobotState
 
 JOINTS: Final = "get_joint_angles"
 POSE: Final = "get_tool_coordinates"
@@ -26,6 +26,11 @@ _MAX_AGE_NS: Final = 60_000_000_000
 def ended_ns(y: Exchange) -> int:
     """Return when its final result arrived; -1 without one."""
     return y.result.place.time_ns if y.result else -1
+
+
+def settled_ns(y: Exchange) -> int:
+    """Return from when a reported pose is that after its end (A-4.8-3)."""
+    return ended_ns(y) + STATE_LAG_NS
 
 
 def last_motion(x: Exchange, robot: RobotState) -> Exchange | None:

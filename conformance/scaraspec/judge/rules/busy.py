@@ -9,7 +9,7 @@ from scaraspec.protocol import errors
 from scaraspec.protocol.fields import show
 from scaraspec.traffic.events import Ending, Exchange
 from scaraspec.traffic.exchange_history import answered_ns
-from scaraspec.traffic.robot_state import RobotState
+from scaraspec.traffic.robot_state import STATE_LAG_NS, RobotState
 from scaraspec.user_message import UserMessage
 
 STATE_OF: Final = {
@@ -29,8 +29,6 @@ _SECOND_NS: Final = 1_000_000_000
 safe margin for frames of two connections, which a capture may reorder."""
 _MAX_REPLY_NS: Final = 5_000_000_000
 """Maximum time from a request to its first reply (A-3-15)."""
-_STATUS_LAG_NS: Final = 100_000_000
-"""How long a status may still be that of a command after the command ended."""
 _MAX_REORDERING_NS: Final = 50_000_000
 """The most by which a capture swaps packets of two connections."""
 
@@ -217,7 +215,7 @@ def idle_after_success(x: Exchange, robot: RobotState) -> RuleResult | None:
         return None
     if x.reply_value == "00":
         return PASSED
-    if since_ns < _STATUS_LAG_NS:
+    if since_ns < STATE_LAG_NS:
         return None
     begun = any(robot.history.is_pending(name, x.time_ns - _MAX_REPLY_NS) for name in STATE_OF)
     if begun or x.reply_value not in BUSY:

@@ -9,6 +9,7 @@ from scaraspec.protocol import errors
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import show
 from scaraspec.traffic.events import Ending, Exchange, FrameSeen
+from scaraspec.traffic.exchange_history import answered_ns
 from scaraspec.traffic.robot_state import RobotState
 from scaraspec.user_message import UserMessage
 
@@ -44,7 +45,7 @@ def idle(x: Exchange, robot: RobotState) -> RuleResult | None:
     return PASSED if x.reply_value == "00" and not robot.executing else None
 
 
-def _state(x: Exchange, _: RobotState, *, name: str) -> RuleResult | None:
+def _state(x: Exchange, robot: RobotState, *, name: str) -> RuleResult | None:
     """A status reported while only this command executed; a fault may take precedence (A-4.8-2).
 
     A status 00 is judged at the end of the command: without a final result it may be correct.
@@ -60,6 +61,8 @@ def _state(x: Exchange, _: RobotState, *, name: str) -> RuleResult | None:
         return PASSED
     if executing.request.place.connection != x.request.place.connection:
         return None  # the two may have been captured in another order
+    if x.time_ns - answered_ns(executing) < robot.status_lag_ns:
+        return None  # it may be the status from before the command (A-4.8-3)
     return failed(
         UserMessage(
             "the status is {code} ({meaning}) while {command} executes",

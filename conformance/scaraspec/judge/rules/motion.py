@@ -16,6 +16,7 @@ from scaraspec.judge.rules.arm import (
     gripper_set_since,
     last_motion,
     reading_before,
+    settled_ns,
 )
 from scaraspec.judge.rules.busy import STATE_OF
 from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule, tolerated
@@ -61,6 +62,8 @@ def pose_is_reached(x: Exchange, robot: RobotState) -> RuleResult | None:
         return None  # 4.24/9 judges it
     if max_deviation(target, x.reply_value[:4]) <= _REACHED:
         return PASSED
+    if x.time_ns <= settled_ns(move):
+        return None
     gripper = _gripper(x, robot)
     if gripper is None or any(gripper):
         return tolerated(
@@ -135,6 +138,8 @@ def _consistent(motion: Exchange, x: Exchange, robot: RobotState) -> RuleResult 
         return None
     if max_deviation(joints[0].reply_value, joints[1].reply_value) > 0:
         return PASSED
+    if joints[1].time_ns <= settled_ns(motion):
+        return None
     return changed(joints[0], joints[1], "the pose changed but the joint angles did not")
 
 
@@ -181,6 +186,8 @@ def jog_direction(x: Exchange, robot: RobotState) -> RuleResult | None:
     across = abs(pose_then.reply_value[1 - axis] - pose.reply_value[1 - axis])
     if max(abs(along), across) < _REACHED or along > across:
         return PASSED if along > across else None
+    if pose_then.time_ns <= settled_ns(jog):
+        return None
     return changed(
         pose,
         pose_then,
@@ -204,7 +211,11 @@ def jog_stops_after_stop(x: Exchange, robot: RobotState) -> RuleResult | None:
         return None
     jog, stop = list(robot.history.accepted)[-2:]
     stopped = stop.name == STOP and stop.outcome is not None and stop.outcome.done
-    if jog.name != JOG or not stopped or not 0 < x.time_ns - ended_ns(stop) < MOMENT_NS:
+    if (
+        jog.name != JOG
+        or not stopped
+        or not settled_ns(stop) < x.time_ns < ended_ns(stop) + MOMENT_NS
+    ):
         return None
     return failed(
         "the jog continued after the emergency stop",

@@ -17,12 +17,13 @@ from scaraspec.judge.rules.arm import (
     last_motion,
     locked,
     reading_before,
+    settled_ns,
 )
 from scaraspec.judge.rules.rule import PASSED, RuleResult, rule, tolerated
 from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.traffic.events import Exchange
 from scaraspec.traffic.exchange_history import answered_ns
-from scaraspec.traffic.robot_state import RobotState
+from scaraspec.traffic.robot_state import STATE_LAG_NS, RobotState
 from scaraspec.user_message import UserMessage
 
 _SIMULATE: Final = "simulate_program"
@@ -70,6 +71,9 @@ def _still_after(names: Sequence[str], x: Exchange, robot: RobotState) -> RuleRe
         return None
     if max_deviation(first.reply_value, x.reply_value) <= STANDSTILL:
         return PASSED
+    first = next(robot.history.between(x.name, settled_ns(motion), x.time_ns), x)
+    if max_deviation(first.reply_value or x.reply_value, x.reply_value) <= STANDSTILL:
+        return None
     if x.name == POSE and gripper_set_since(first.time_ns, robot):
         return None
     return changed(
@@ -103,6 +107,8 @@ def _still_between_statuses(name: str, x: Exchange, robot: RobotState) -> RuleRe
     if since_ns is None or since_ns > begin_ns or x.time_ns - begin_ns > _MAX_STATUS_GAP_NS:
         return None
     readings = [y for y in robot.history.between(name, begin_ns, x.time_ns) if y.reply_value]
+    if any(y.time_ns <= since_ns + STATE_LAG_NS for y in readings):
+        return None
     for y in readings[1:]:
         if max_deviation(readings[0].reply_value, y.reply_value) > STANDSTILL:
             if name == POSE and gripper_set_since(before.time_ns, robot):

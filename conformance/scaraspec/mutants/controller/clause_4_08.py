@@ -5,6 +5,7 @@ from typing import Any, Final
 from scaraspec.mutants.controller import Core, mutant, row
 from scaraspec.mutants.operators.controller.replies import first_reply
 from scaraspec.mutants.operators.controller.requests import answer_when, executing
+from scaraspec.mutants.operators.controller.sampling import POSE, STATUS, sampling
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.robot import IDLE, MOVING, RUNNING
@@ -206,4 +207,11 @@ row(
     "4.8/7",
     "During a jog the status is 01.",
     _during("jog", RUNNING),
+)
+row(
+    "states-are-sampled-slowly",
+    "4/8",
+    "Status and pose are those of the last cycle of 300 ms.",
+    sampling(0.3, *STATUS, *POSE),
+    subtle=True,
 )

@@ -121,7 +121,7 @@ class Observer:
         self.unsolicited: deque[FrameSeen] = deque(maxlen=_RECENT_FRAMES)
         self._role, self._undecidable = role, ics.undecidable_requirements
         self._take, self._hear = take, hear
-        self._ignored = ""
+        self._ignored: tuple[str, ...] = ()
 
     @property
     def case(self) -> str:
@@ -164,17 +164,17 @@ class Observer:
         return tuple(self.recent)[-_EVIDENCE_FRAMES:]
 
     @contextmanager
-    def ignoring(self, requirement: str) -> Iterator[None]:
-        """Ignore findings of the judge about this requirement while the context is active.
+    def ignoring(self, *requirements: str) -> Iterator[None]:
+        """Ignore findings of the judge about these requirements while the context is active.
 
         An example: a program file is valid for the judge, but invalid for a subject whose readings
         are not detected yet.
         """
-        self._ignored = requirement
+        self._ignored = requirements
         try:
             yield
         finally:
-            self._ignored = ""
+            self._ignored = ()
 
     def close(self) -> None:
         """End the run, and judge what is still pending."""
@@ -190,7 +190,7 @@ class Observer:
                     self.attempt.late.add(connection)
                 if isinstance(item, UnsolicitedReply) and not (item.late or item.seen.frame.tagged):
                     self.unsolicited.append(item.seen)
-            elif item.requirement in (self._ignored, *self._undecidable) or event is None:
+            elif item.requirement in (*self._ignored, *self._undecidable) or event is None:
                 continue
             elif responsible_role(item, event) is self._role:
                 connections = {place.connection for place in item.evidence}

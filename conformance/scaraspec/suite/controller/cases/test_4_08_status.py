@@ -8,7 +8,9 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import status_after_result, stop_motion
+from scaraspec.suite.controller.harness.requests.ports import driven_inputs
 from scaraspec.suite.controller.harness.requests.queries import supported_queries
+from scaraspec.suite.controller.harness.state_lag import TOLERATED_S, State
 from scaraspec.suite.controller.harness.two_stage.commands import JOG, MOVE, RESET, begin_or_skip
 from scaraspec.suite.controller.harness.two_stage.executing import (
     expect_status,
@@ -33,6 +35,8 @@ _MOTION: Final = (Hazard.STATE, Hazard.MOTION)
 _REPEATS: Final = 100
 _WAIT_S: Final = 1
 _STEP_S: Final = 0.25
+_LATE: Final = {State.STATUS: "4/8", State.POSE: "4.27/4", State.INPUTS: "4.31/3"}
+"""The requirement that a late state violates."""
 
 
 def _expect_idle(line: OutgoingConnection, message: str) -> None:
@@ -148,3 +152,33 @@ def _watch(
             )
     message = UserMessage("the robot is not idle although {command} has ended", command=command)
     _expect_idle(line, message)
+
+
+@case("4/8", name="lag", hazards=(Hazard.MOTION,))
+def test_state_lag(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+    """Status, pose and inputs in a reply are at most 0.1 s old (A-4.8-3)."""
+    lag = subject.lag
+    if subject.has_hook("set_input"):
+        with driven_inputs(subject, line):
+            pass
+    if not (lag.steps_taken or lag.inputs_driven):
+        raise CaseSkipped("the lag is measured with steps of the arm or with the hook set_input")
+    late = [state for state in State if state in lag.measured and not lag.measured[state].tolerated]
+    state = next(
+        iter(late or sorted(lag.measured, key=lag.measured.__getitem__, reverse=True)), None
+    )
+    if state is None:
+        return
+    shown_s, most_s = lag.measured[state]
+    option = f"{most_s:.3f}"
+    subject.set_reading("status_lag", option)
+    text = "a reply reports the {state} of up to {most_s:.3f} s before"
+    message = UserMessage(text, state=state, most_s=most_s)
+    expect(
+        not late,
+        message,
+        expected=f"at most {TOLERATED_S:g} s",
+        observed=f"more than {shown_s:.3f} s",
+        requirement=_LATE[state],
+    )
+    subject.tolerate("4/8", "status_lag", option, message)

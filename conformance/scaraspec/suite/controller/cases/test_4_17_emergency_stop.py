@@ -31,6 +31,7 @@ from scaraspec.suite.controller.harness.requests.motion import (
     stop_motion,
     wait_until_at_rest,
 )
+from scaraspec.suite.controller.harness.state_lag import TOLERATED_S
 from scaraspec.suite.controller.harness.two_stage.commands import (
     JOG,
     MOVE,
@@ -308,6 +309,7 @@ def test_standstill(subject: ControllerUnderTest, line: OutgoingConnection, name
         if not reply.accepted:
             task.require_executing()
         expect_stopped(subject, line, reply)
+        line.wait(TOLERATED_S)
         stopped_joints, stopped_pose = joints_of(line), pose_of(line)
         for pause_s in _PAUSES_S:
             line.wait(pause_s)

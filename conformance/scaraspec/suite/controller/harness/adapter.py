@@ -11,6 +11,7 @@ from scaraspec.suite.controller.harness.access import Access
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.own_files import random_token
 from scaraspec.suite.controller.harness.probes import probe_all, probe_unsupported
+from scaraspec.suite.controller.harness.requests.lag import probe_lag
 from scaraspec.suite.controller.harness.state.readiness import make_ready, return_to_start_pose
 from scaraspec.suite.controller.harness.state.recovery import recover
 from scaraspec.suite.controller.harness.state.restore import (
@@ -118,7 +119,7 @@ class ControllerAdapter:
         probe_unsupported(subject)
 
     def make_ready(self, subject: ControllerUnderTest) -> None:
-        """Prove the emergency stop, then make the robot ready to move.
+        """Prove the emergency stop, make the robot ready to move, and measure its state lag.
 
         Other defects that appear here are left to the cases.
         """
@@ -127,6 +128,8 @@ class ControllerAdapter:
             return
         with suppress(CaseFailed, CaseInconclusive):
             make_ready(subject)
+            subject.settle()
+            probe_lag(subject)
             subject.settle()
 
     def watch(self, subject: ControllerUnderTest, for_s: float) -> None:

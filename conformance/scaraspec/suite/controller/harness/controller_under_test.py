@@ -16,6 +16,7 @@ from scaraspec.suite.controller.harness.guard import EVERYTHING, Guard
 from scaraspec.suite.controller.harness.other_clients import OtherClients
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.own_files import OwnFiles, random_token
+from scaraspec.suite.controller.harness.state_lag import StateLag
 from scaraspec.suite.controller.harness.timeouts import ANSWERED, TimeoutPolicy
 from scaraspec.suite.controller.harness.traits import ControllerTraits
 from scaraspec.suite.engine.connection import Connection, ReceivedFrame, pump_all
@@ -78,6 +79,7 @@ class ControllerUnderTest:
         off: It was shut down and has not come back.
         traits: What was detected once for the whole run.
         patience: The timeouts for replies that have never come.
+        lag: How much later than the state its replies report it.
         unanswered: The commands that it never answered before the running case.
         files: The files on the controller that the suite has created.
         others: Detects other clients.
@@ -105,6 +107,7 @@ class ControllerUnderTest:
         self.served: dict[str, bool] = {}
         self.traits = ControllerTraits()
         self.patience = TimeoutPolicy()
+        self.lag = StateLag()
         self.unanswered: frozenset[str] = frozenset()
         self.survival_requirement = ANSWERED
         self.complaints = ""
@@ -365,6 +368,7 @@ class ControllerUnderTest:
             hook.run(**values)
         except HookError as error:
             raise CaseInconclusive(str(error)) from None
+        self.lag.changed(self.now_ns)
 
     def notify(self, sentence: str) -> None:
         """Show a sentence to the user now and at the head of the results."""

@@ -15,6 +15,7 @@ from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
+from scaraspec.suite.controller.harness.state_lag import TOLERATED_S
 from scaraspec.suite.engine.expectations import CaseInconclusive
 from scaraspec.suite.engine.system_under_test import StopFailure
 from scaraspec.traffic.events import FrameSeen
@@ -138,7 +139,8 @@ class StopMonitor:
         """Record a reply or a final result."""
         opcode, now_ns = seen.frame.opcode, seen.place.time_ns
         if opcode == _STOP and seen.frame.tagged:
-            self._still_from_ns = min(self._still_from_ns, now_ns)
+            still_from_ns = now_ns + round(TOLERATED_S * _NS)
+            self._still_from_ns = min(self._still_from_ns, still_from_ns)
         elif opcode == _STOP:
             self._stop_answered(connection, seen)
         elif seen.frame.tagged:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 _APART_S: Final = 0.05
 _INSTANT_S: Final = 0.001
 _SHORT_REPLIES: Final = 45  # this many status replies fill the longest frame
+_LAG_WAITS: Final = 3  # during a wait the state may change once more
 _NS: Final = 1e9
 _NAME_OPCODES: Final = frozenset(BY_NAME[name].opcode for name in NAMES)
 _CHUNK_OPCODES: Final = frozenset(BY_NAME[name].opcode for name in CHUNKS)
@@ -85,10 +86,19 @@ class OutgoingConnection(Connection):
 
     def send_bytes(self, data: bytes) -> None:
         """Send bytes as they are. The guard checks the frames that they complete first."""
-        for item in self._outgoing.feed(data):
-            if isinstance(item, Frame):
-                self._subject.guard.check(item)
+        frames = [item for item in self._outgoing.feed(data) if isinstance(item, Frame)]
+        for frame in frames:
+            self._subject.guard.check(frame)
+        self._wait_for_lag(frames)
         super().send_bytes(data)
+
+    def _wait_for_lag(self, frames: list[Frame]) -> None:
+        """Wait until the replies to these requests report the current state (A-4.8-3)."""
+        lag = self._subject.lag
+        if lag.measured:
+            self._subject.pump_others(self)
+            for _ in range(_LAG_WAITS):
+                self.wait(lag.wait_s(frames, self._subject.now_ns))
 
     def request(self, name: str, value: Any = None, *, data: bytes | None = None) -> Frame:
         """Return the frame of a request, in the dialect of the subject.
@@ -382,10 +392,12 @@ class OutgoingConnection(Connection):
             self._transfer_sent_ns, self._own_ns = time_ns, 0
         self._names_files = self._names_files or seen.name in NAMES
         self._subject.guard.sent(self.name, seen)
+        self._subject.lag.frame_seen(seen.frame, seen.place.time_ns)
 
     def _received(self, seen: FrameSeen) -> None:
         self._received_ns = seen.place.time_ns
         self._subject.guard.received(self.name, seen)
+        self._subject.lag.frame_seen(seen.frame, seen.place.time_ns)
 
 
 def _outcome(seen: FrameSeen) -> Outcome | None:

@@ -17,6 +17,7 @@ from scaraspec.suite.controller.harness.controller_under_test import (
 )
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.poses import numbers_of
+from scaraspec.suite.controller.harness.state_lag import TOLERATED_S
 from scaraspec.suite.controller.harness.timeouts import ExpectedReply
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
@@ -308,6 +309,7 @@ def stop_without_reset(subject: ControllerUnderTest, line: OutgoingConnection) -
             line.result("emergency_stop", within_s=subject.reply_s)
         _await_own_result(line)
         wait_until_at_rest(subject, line)
+        line.wait(TOLERATED_S)
     return answer
 
 

@@ -11,6 +11,8 @@ from typing import Final
 from scaraspec.protocol.commands import PortValue
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
+from scaraspec.suite.controller.harness.requests.lag import measure
+from scaraspec.suite.controller.harness.state_lag import State
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, expect, expect_equal
 from scaraspec.user_message import UserMessage
@@ -198,15 +200,28 @@ class InputDriver:
         now: The states that were set.
     """
 
-    def __init__(self, subject: ControllerUnderTest, now: Bits) -> None:
+    def __init__(self, subject: ControllerUnderTest, line: OutgoingConnection, now: Bits) -> None:
         self.now = now
-        self._subject = subject
+        self._subject, self._line = subject, line
 
     def __call__(self, port: int, *, on: bool) -> None:
         """Set one input."""
         if self.now[port - 1] != on:
             self._subject.hook("set_input", port=port, value=int(on))
             self.now = with_port(self.now, port, on=on)
+
+    def probe_lag(self) -> None:
+        """Measure once how late the inputs are reported, with a change and its reversal."""
+        lag = self._subject.lag
+        if lag.inputs_driven:
+            return
+        lag.inputs_driven = True
+        lags = []
+        for on in (not self.now[0], self.now[0]):
+            self(1, on=on)
+            lags.append(measure(self._subject, self._line, lambda: inputs(self._line) == self.now))
+        for each in filter(None, lags):
+            lag.note(State.INPUTS, each)
 
 
 @contextmanager
@@ -218,8 +233,9 @@ def driven_inputs(subject: ControllerUnderTest, line: OutgoingConnection) -> Ite
         CaseInconclusive: The hook failed.
     """
     before = inputs(line)
-    drive = InputDriver(subject, before)
+    drive = InputDriver(subject, line, before)
     try:
+        drive.probe_lag()
         yield drive
     finally:
         for port, on in enumerate(before, 1):

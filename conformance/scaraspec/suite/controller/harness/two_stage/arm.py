@@ -92,7 +92,7 @@ class Arm:
     def watched(self, nodes: Sequence[Node]) -> list[Values] | None:
         """Run a program that moves the arm, and observe the arm.
 
-        The status is queried, too, because the judge checks it.
+        The status is queried, too, because the judge checks it, unless it may be old (A-4.8-3).
 
         Returns:
             The observed positions; None if the arm cannot reach the points.
@@ -109,7 +109,8 @@ class Arm:
         remaining_s = self.subject.longest_s
         while (result := self.robot.ended()) is None:
             seen.append(self.place())
-            self.line.ask("get_status")
+            if not self.subject.lag.measured:
+                self.line.ask("get_status")
             if remaining_s <= 0:
                 raise CaseFailed("a move does not end", expected="11", observed="no result")
             self.line.wait(_POLL_S)
