@@ -18,12 +18,13 @@ _NOT_PASSED = (Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE)
 
 
 class CaseResults(dict[str, Case]):
-    """The results of the cases by their id, and the observed readings."""
+    """The results of the cases by their id, the observed readings and the notices."""
 
     def __init__(self, results: Results) -> None:
         super().__init__((case.id, case) for case in results.cases)
         self.counts = results.counts
         self.readings = results.readings[results.role.value]
+        self.notices = results.notices
 
     @property
     def not_passed(self) -> list[str]:

@@ -16,6 +16,7 @@ from scaraspec.suite.controller.harness.guard import EVERYTHING, Guard
 from scaraspec.suite.controller.harness.other_clients import OtherClients
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.own_files import OwnFiles, random_token
+from scaraspec.suite.controller.harness.places import RECONNECT_S, Places
 from scaraspec.suite.controller.harness.state_lag import StateLag
 from scaraspec.suite.controller.harness.timeouts import ANSWERED, TimeoutPolicy
 from scaraspec.suite.controller.harness.traits import ControllerTraits
@@ -44,11 +45,9 @@ MOMENT_S: Final = 0.1
 
 _READY: Final = "00"  # L209: idle
 _RECONNECTS: Final = 20
-_RECONNECT_S: Final = 0.1  # it may not have noticed yet that the last connection was closed
 _RETURN_S: Final = 30.0  # a crashed controller may restart by itself within this time
 _RETURN_POLL_S: Final = 1.0
 _REFUSAL_S: Final = 0.05  # a connection that is not served is closed within this time (A-2-2)
-_FEW_CLIENTS: Final = 2  # a controller may serve no more at the same time
 _CLOSED_LINES: Final = 8  # how many closed connections are remembered
 _POLL_S: Final = 0.05
 _ALWAYS: Final = ("login",)
@@ -80,6 +79,7 @@ class ControllerUnderTest:
         traits: What was detected once for the whole run.
         patience: The timeouts for replies that have never come.
         lag: How much later than the state its replies report it.
+        places: Knows when it may refuse a client because another one has just left.
         unanswered: The commands that it never answered before the running case.
         files: The files on the controller that the suite has created.
         others: Detects other clients.
@@ -108,6 +108,7 @@ class ControllerUnderTest:
         self.traits = ControllerTraits()
         self.patience = TimeoutPolicy()
         self.lag = StateLag()
+        self.places = Places(self)
         self.unanswered: frozenset[str] = frozenset()
         self.survival_requirement = ANSWERED
         self.complaints = ""
@@ -197,51 +198,40 @@ class ControllerUnderTest:
             CaseFailed: The login was refused.
             NoReply: The controller cannot be reached, or does not answer.
         """
-        attempts = self._attempts(login=login)
+        until_ns = self.places.may_refuse_until_ns(self._recent_lines, login=login)
+        refusals: list[NoReply] = []
         while True:
             line = self._open(judged=judged)
-            attempts -= 1
-            if login and self.access.needs_login:
-                try:
-                    self.log_in(line)
-                except CaseFailed as error:
-                    refused = isinstance(error, NoReply) and line.ending is not None
-                    line.close()  # a connection that is not served does not count
-                    if not refused or not attempts:
-                        raise
-                    self.traits.closes_late = True
-                else:
-                    return line
-            elif not attempts or line.ends(within_s=_REFUSAL_S) is None:
+            refusal = self._refusal(line, login=login, retries=until_ns > 0)
+            if refusal is None:
+                if refusals:
+                    self.places.note_refusals(self._recent_lines, refusals)
                 return line
-            self.access.pause(_RECONNECT_S)
+            if self.now_ns >= until_ns:
+                if login:
+                    raise refusal
+                return line
+            refusals.append(refusal)
+            self._lines.remove(line)  # a connection that is not served takes no place
+            self.access.pause(RECONNECT_S)
 
-    def _attempts(self, *, login: bool) -> int:
-        """Return how often to connect: the controller may not have noticed a closed connection yet.
-
-        A controller that serves several clients rejects another one only if open and recently
-        closed connections reach its limit. After the first such rejection, the suite waits before
-        it connects.
-        """
-        if not self.access.detects_close:
-            return 1
-        open_count = sum(not line.ended for line in self._lines)
-        if self._may_serve_one and not open_count:
-            return _RECONNECTS
-        since_ns = self.now_ns - round(_RECONNECT_S * 1e9)
-        closed = sum(line.closed_ns > since_ns for line in (*self._closed_lines, *self._lines))
-        if not closed or open_count + closed < _FEW_CLIENTS:
-            return 1
-        if self.traits.closes_late:
-            self.pause(_RECONNECT_S)
-            return 1
-        return 2 if login else 1
+    def _refusal(self, line: OutgoingConnection, *, login: bool, retries: bool) -> NoReply | None:
+        """Log in; return the error if it closes the connection instead, as without a free place."""
+        if login and self.access.needs_login:
+            try:
+                self.log_in(line)
+            except CaseFailed as error:
+                line.close()
+                if not isinstance(error, NoReply) or line.ending is None:
+                    raise
+                return error
+        elif retries and line.ends(within_s=_REFUSAL_S) is not None:
+            return NoReply("the subject closes the connection")
+        return None
 
     @property
-    def _may_serve_one(self) -> bool:
-        """Whether it serves one client at a time, or this is not known yet (A-2-2)."""
-        known = {*self.detected_readings, *self.ics.claimed}
-        return self.dialect["max_clients"] == "one" or "max_clients" not in known
+    def _recent_lines(self) -> list[OutgoingConnection]:
+        return [*self._closed_lines, *self._lines]
 
     def _open(self, *, judged: bool) -> OutgoingConnection:
         attempts = 1 if self.off else _RECONNECTS  # the caller retries
@@ -253,7 +243,7 @@ class ControllerUnderTest:
                     raise NoReply(
                         UserMessage("the subject accepts no connection: {error}", error=error)
                     ) from None
-                self.access.pause(_RECONNECT_S)
+                self.access.pause(RECONNECT_S)
                 continue
             break
         line = OutgoingConnection(str(next(self._connections)), link, self, judged=judged)

@@ -35,8 +35,8 @@ class ControllerTraits:
     Attributes:
         greeting_opcodes: The opcodes of the frames that it sends unsolicited on a new connection
             (A-3-16).
-        closes_late: It rejects a client while the connection of an earlier client is still open
-            on its side, although that client has closed it.
+        closes_late: It refuses a client for a time after an earlier one has left (A-2-11).
+        releases_late: This time is longer than a moment.
         displaces_first_client: It closes the first of several connections when another one opens.
         transfers_outlive_connection: A transfer whose connection has ended continues until its
             timeout (A-5-17).
@@ -72,9 +72,10 @@ class ControllerTraits:
             start_poses=later.start_poses,
         )
 
-    # set by controller_under_test
+    # set by controller_under_test and places
     greeting_opcodes: frozenset[int] | None = None
     closes_late: bool = False
+    releases_late: bool = False
     wrong_passwords_tried: int = 0
 
     # set by probes

@@ -348,3 +348,40 @@ class LeaksTheStatus(ControllerCore):
 def test_reply_to_another_client_is_not_unsolicited(run_cases: RunCases) -> None:
     """A status that is only sent when another client requests it is a failure."""
     assert "2/12" in run_cases(LeaksTheStatus, "2/12").violated
+
+
+def releases_late(places: int, release_s: float) -> type[ControllerCore]:
+    """Return a controller that frees the place of a client only after a time (A-2-11)."""
+
+    class ReleasesLate(ControllerCore):
+        def __init__(self, *args: Any, **kwargs: Any) -> None:
+            super().__init__(*args, **kwargs)
+            self._free_s: list[float] = []
+
+        def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+            self._free_s = [free_s for free_s in self._free_s if free_s > now_s]
+            full = len(self.sessions) + len(self._free_s) >= places
+            return [Close(connection)] if full else super().open(connection, now_s, link)
+
+        def _remove_session(self, session: Session, now_s: float) -> None:
+            super()._remove_session(session, now_s)
+            self._free_s.append(now_s + release_s)
+
+    return ReleasesLate
+
+
+@pytest.mark.parametrize("places", [1, 2, 3])
+@pytest.mark.parametrize("release_s", [0.1, 0.5, 2.0])
+def test_place_may_be_free_only_later(run_cases: RunCases, places: int, release_s: float) -> None:
+    """The next client may be refused for a time; the run reports it once."""
+    core = releases_late(places, release_s)
+    cases = run_cases(core, "4.1/2", "4.1/6", "4.2/3", "2/11", "2/12", "3/29")
+    assert not cases.problems
+    notices = [notice for notice in cases.notices if notice.startswith("a client is refused for")]
+    assert len(notices) == (release_s > 0.1)
+
+
+def test_place_that_stays_taken_is_a_failure(run_cases: RunCases) -> None:
+    """A controller that refuses the next client for longer does not survive the case."""
+    cases = run_cases(releases_late(2, 6.0), "4.1/2", "4.1/3")
+    assert "4.1/2" in cases.violated
