@@ -35,8 +35,6 @@ _MOTION: Final = (Hazard.STATE, Hazard.MOTION)
 _REPEATS: Final = 100
 _WAIT_S: Final = 1
 _STEP_S: Final = 0.25
-_LATE: Final = {State.STATUS: "4/8", State.POSE: "4.27/4", State.INPUTS: "4.31/3"}
-"""The requirement that a late state violates."""
 
 
 def _expect_idle(line: OutgoingConnection, message: str) -> None:
@@ -179,6 +177,5 @@ def test_state_lag(subject: ControllerUnderTest, line: OutgoingConnection) -> No
         message,
         expected=f"at most {TOLERATED_S:g} s",
         observed=f"more than {shown_s:.3f} s",
-        requirement=_LATE[state],
     )
     subject.tolerate("4/8", "status_lag", option, message)
