@@ -8,14 +8,28 @@ from bisect import bisect_left, bisect_right, insort
 from collections import OrderedDict, deque
 from collections.abc import Iterator
 from itertools import islice
-from typing import Final
+from typing import Final, NamedTuple
 
-from scaraspec.protocol.errors import Kind, lookup
-from scaraspec.traffic.events import Exchange, FrameSeen, TrafficEvent
+from scaraspec.protocol import errors
+from scaraspec.traffic.events import Ending, Exchange, FrameSeen, LinkChange, TrafficEvent
+from scaraspec.traffic.wire import Kind
 
 KEPT_EXCHANGES: Final = 64
 """Maximum number of kept exchanges of each command."""
 _MAX_NAMES: Final = 4096
+_WITHOUT_END: Final = (Ending.CUT_OFF, Ending.HUNG_UP, Ending.UNANSWERED)
+
+
+class LostCommand(NamedTuple):
+    """A two-stage command whose link ended before its first reply or its final result.
+
+    Attributes:
+        exchange: The command.
+        lost_ns: When its link ended.
+    """
+
+    exchange: Exchange
+    lost_ns: int
 
 
 class ExchangeHistory:
@@ -36,6 +50,9 @@ class ExchangeHistory:
         """The first two different passwords that were accepted since one was set; one is wrong."""
         self.all_closed_ns = -1
         """When the controller last closed all its connections: it may have been switched off."""
+        self.lost: dict[str, LostCommand] = {}
+        """The last lost two-stage command of each name, until one of this name is answered."""
+        self._last_link_end: tuple[str, int] = ("", -1)
         self.idle_since_ns: int | None = None
         """Since when the robot is idle, as far as results and statuses show; None if unknown."""
         self.idle_seen_ns = -1
@@ -76,7 +93,15 @@ class ExchangeHistory:
         if isinstance(traffic_event, FrameSeen):
             if traffic_event.parsed and traffic_event.parsed.part == "request":
                 self._add_request(traffic_event)
-        elif isinstance(traffic_event, Exchange) and traffic_event.reply and traffic_event.certain:
+        elif isinstance(traffic_event, LinkChange):
+            event = traffic_event.event
+            if event.kind in (Kind.CLOSED, Kind.RESET):
+                self._last_link_end = (event.connection, event.time_ns)
+        elif isinstance(traffic_event, Exchange) and traffic_event.certain:
+            if traffic_event.command and traffic_event.command.two_stage:
+                self._add_two_stage(traffic_event)
+            if not traffic_event.reply:
+                return
             if (
                 traffic_event.transfer or traffic_event.previous_transfer
             ):  # they contain file content
@@ -85,6 +110,13 @@ class ExchangeHistory:
             insort(recent, traffic_event, key=answered_ns)
             del recent[:-KEPT_EXCHANGES]
             self._add_reply(traffic_event, busy=busy)
+
+    def _add_two_stage(self, x: Exchange) -> None:
+        connection, ended_ns = self._last_link_end
+        if x.ending in _WITHOUT_END and x.request.place.connection == connection:
+            self.lost[x.name] = LostCommand(x, ended_ns)
+        else:
+            self.lost.pop(x.name, None)
 
     def _add_request(self, request: FrameSeen) -> None:
         name, before = request.name, self.last_requests.get(request.name)
@@ -119,8 +151,8 @@ class ExchangeHistory:
                 self.deleted.popitem(last=False)
 
     def _add_status(self, x: Exchange, *, busy: bool) -> None:
-        code = lookup(x.reply_value) if x.reply_value else None
-        if code is None or code.kind is not Kind.IDLE:
+        code = errors.lookup(x.reply_value) if x.reply_value else None
+        if code is None or code.kind is not errors.Kind.IDLE:
             self.idle_since_ns = None
         elif not busy:
             self.idle_seen_ns = answered_ns(x)

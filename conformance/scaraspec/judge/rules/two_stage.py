@@ -22,6 +22,8 @@ _QUERIES: Final = ("get_status", "get_time", "get_version")
 _IMMEDIATE_NS: Final = 50_000_000
 _LONG_NS: Final = 1_000_000_000
 _SLOWER_FACTOR: Final = 10
+_REPEATED_NS: Final = 60_000_000_000
+"""A client that repeats a request by itself after a lost link does so within this time."""
 
 
 def _misses_its_form(seen: FrameSeen) -> bool:
@@ -291,6 +293,30 @@ def not_repeated(x: Exchange, _: RobotState) -> RuleResult | None:
         "asked again",
         UserMessage("{command} was requested again before its final result", command=x.name),
     )
+
+
+@rule("4/16", on=Exchange, names=NOT_STOP)
+def not_repeated_after_a_lost_link(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """The client does not repeat a request whose final result was lost with the link (L318).
+
+    A capture does not show whether the client or its user repeated the request.
+    """
+    lost = robot.history.lost.get(x.name)
+    if lost is None or x.request_value != lost.exchange.request_value:
+        return None
+    since_ns = x.time_ns - lost.lost_ns
+    if not 0 <= since_ns <= _REPEATED_NS:
+        return None
+    result = inconclusive(
+        UserMessage(
+            "{command} was requested again {since_s:.1f} s after its link had ended before its"
+            " final result: either the client repeated it by itself, which is a violation, or its"
+            " user started it again",
+            command=x.name,
+            since_s=since_ns / 1e9,
+        )
+    )
+    return result._replace(places=(lost.exchange.request.place, x.request.place))
 
 
 @rule("4.28/2", on=FrameSeen, names=("jog",), sender=A2C)

@@ -1,17 +1,24 @@
 """Mutants of clause 4: final results that are misread, missed, or not awaited."""
 
+import asyncio
 from collections.abc import Callable, Iterable
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
+from scaraspec.client.aio import AsyncClient
+from scaraspec.client.base import CLOSED_LOCALLY
 from scaraspec.client.core import ClientCore, Event, FrameAccepted, OperationSettled
-from scaraspec.client.errors import ReplyTimeout
+from scaraspec.client.errors import LinkLost, ReplyTimeout
+from scaraspec.client.operations import Call
 from scaraspec.client.pending_operation import PendingOperation, Stage, TwoStage
 from scaraspec.mutants.client import mutant, row
 from scaraspec.mutants.operators.client.frames import received, received_items
 from scaraspec.mutants.operators.client.messages import operations, result_data
+from scaraspec.mutants.operators.client.process_memory import memory
 from scaraspec.protocol.commands import BY_NAME, BY_OPCODE, Parsed
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame, Framer, StreamItem
+
+T = TypeVar("T")
 
 
 def _executes(frame: Frame) -> bool:
@@ -295,3 +302,44 @@ class RepeatsAfterReconnect(ClientCore):
             elif self.logged_in and operation.command.name == "login":
                 self._send(tuple(self._left))
         return events
+
+
+def _reconnects(stage: Stage) -> type[AsyncClient]:
+    """A command whose link is lost at this stage is sent again on a new connection."""
+
+    class Remembers(ClientCore):
+        def connection_lost(self, reason: str, now_s: float) -> list[Event]:
+            if reason != CLOSED_LOCALLY and self._lost_reason is None:
+                memory()["lost"] = [e.stage for e in self._open if isinstance(e, TwoStage)]
+            return super().connection_lost(reason, now_s)
+
+    class Reconnects(AsyncClient):
+        core = Remembers
+
+        async def perform(self, call: Call[T]) -> T:
+            try:
+                return await super().perform(call)
+            except LinkLost:
+                if stage not in memory().pop("lost", ()):
+                    raise
+            await asyncio.sleep(2.0)
+            self._core = self.core(self.dialect)
+            await self.connect()
+            return await super().perform(call)
+
+    return Reconnects
+
+
+row(
+    "reconnects-and-asks-again",
+    "4/16",
+    "After a lost link, the client connects by itself and repeats the command that executed.",
+    _reconnects(Stage.EXECUTING),
+)
+row(
+    "reconnects-and-asks-again-until-accepted",
+    "4/16",
+    "After a lost link, the client connects by itself and repeats the request without reply.",
+    _reconnects(Stage.REQUESTED),
+    subtle=True,
+)

@@ -89,6 +89,19 @@ SLOW_AGAIN = """
     <90 run_program 11
 """
 
+_LOST = """
+login
+> run_program a.rob
+< run_program 1
+< rst
++2
+2> login password
+2< login 1
+2> run_program a.rob
+2< run_program 1
+2<90 run_program 11
+"""
+
 CASES = (
     *cases(),
     ("4/1", "pass", refused("run_program", "1")),
@@ -177,6 +190,14 @@ CASES = (
         "tolerated A-4-2=asked again",
         "login\n> reset\n< reset 1\n> reset\n< reset 0|03\n<90 reset 11",
     ),
+    # The link was lost before the result: did the client repeat the request, or its user?
+    ("4/16", "inconclusive", _LOST),
+    ("4/16", "inconclusive", _LOST.replace("< run_program 1\n< rst", "< close")),
+    ("4/16", "inconclusive", _LOST.replace("< rst", "+9\n> close")),
+    ("4/16", "pass", _LOST.replace("2> run_program a.rob", "2> run_program b.rob")),
+    ("4/16", "pass", _LOST.replace("+2", "+100")),
+    ("4/16", "pass", _LOST.replace("< rst", "<90 run_program 11\n< rst")),
+    ("4/16", "pass", _LOST.replace("< rst", "< gap\n< rst")),
     ("4.28/2", "pass", "login\n> jog 4"),
     ("4.28/2", "fail", "login\n> jog 5"),
     ("4.28/2", "fail", r"login" + "\n" + r"> jog \x00"),

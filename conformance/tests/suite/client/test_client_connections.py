@@ -106,6 +106,11 @@ class WaitsForReturns(Driver):
         await super()._do(number, name, values)
 
 
+def test_reconnecting_without_repeating(wrong: Defect) -> None:
+    """A client may reconnect and log in by itself after a lost link."""
+    assert not wrong(Returns, frozenset({"4/16"}))
+
+
 def test_connecting_anew(wrong: Defect) -> None:
     """A disconnect works while the client waits for the reply to a login of its own."""
     patient = DEFAULT.replace(reply_timeout="20")

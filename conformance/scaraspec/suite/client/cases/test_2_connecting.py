@@ -9,7 +9,7 @@ from scaraspec.user_message import UserMessage
 
 @client_case("2/1", attended=True)
 def test_reconnects(subject: ClientUnderTest) -> None:
-    """The controller resets the connection; the client connects again when told to."""
+    """The controller resets the connection; the next connect operation succeeds."""
     line = subject.open()
     line.reset()
     subject.wait_for_answer(subject.begin("disconnect"))

@@ -1,5 +1,6 @@
 """Clause 4: two-stage commands, with a first reply and a final result (L306-637)."""
 
+from collections.abc import Sequence
 from contextlib import suppress
 from itertools import cycle
 from typing import Final
@@ -36,9 +37,11 @@ from scaraspec.suite.client.harness.two_stage import (
     reports_code,
     require_query_while_executing,
 )
+from scaraspec.suite.client.harness.unrequested_connections import serve_unrequested
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import NoReply, expect
+from scaraspec.traffic.events import FrameSeen
 from scaraspec.user_message import UserMessage
 
 _LATE_S: Final = 10.5
@@ -47,6 +50,7 @@ _SHORT_S: Final = 0.03
 _QUEUED_S: Final = 1.0
 _POLLED_S: Final = 1.2  # a client may poll the status every second
 _LATE_REPLY_S: Final = 1.2  # a controller may take 5 s (3/31)
+_RECONNECTS_S: Final = 5.0  # until a client has reconnected by itself
 _UNKNOWN: Final = ("21", "30", "99", "0A", "ZZ", "--")
 """Codes that are not in table 8-1."""
 
@@ -292,25 +296,55 @@ def test_not_repeated_on_a_new_connection(
         line = subject.open()
         line.wait(subject.silence_s)
         _expect_not_repeated(line, operation)
+        _expect_no_success(call)
+
+
+@client_case("4/16", name="by-itself")
+def test_not_repeated_by_itself(subject: ClientUnderTest) -> None:
+    """The link is lost before or after the first reply; the client may only reconnect by itself."""
+    for operation, accepted in examples(((RUN, True), (MOVE, False))):
+        line = subject.open()
+        if accepted:
+            call = begin_and_accept(subject, line, operation)
+            line.close()
+        else:
+            call = begin_and_request(subject, line, operation)
+            line.reset()
+        again = serve_unrequested(subject, _RECONNECTS_S, (RUN.name, MOVE.name))
         message = UserMessage(
-            "the client reports success for {operation}, whose result was lost with the link",
-            operation=operation.name,
+            "the client reconnected by itself and repeated {operation}, whose result was lost with"
+            " the link",
+            operation=again[0].name if again else operation.name,
         )
-        expect(not call.ok or call.failed, message, expected="an error", observed=f"{call}")
+        _expect_none(again, message)
+        _expect_no_success(call)
 
 
 def _expect_not_repeated(line: IncomingConnection, operation: Operation) -> None:
     again = [seen for seen in line.inbox if seen.name == operation.name]
+    message = UserMessage(
+        "the client repeated {operation} while its final result was pending",
+        operation=operation.name,
+    )
+    _expect_none(again, message)
+
+
+def _expect_none(again: Sequence[FrameSeen], message: str) -> None:
     expect(
         not again,
-        UserMessage(
-            "the client repeated {operation} while its final result was pending",
-            operation=operation.name,
-        ),
+        message,
         expected="one request",
         observed=f"{1 + len(again)} requests",
         requirement="4/16",
     )
+
+
+def _expect_no_success(call: Call) -> None:
+    message = UserMessage(
+        "the client reports success for {operation}, whose result was lost with the link",
+        operation=call.name,
+    )
+    expect(not call.ok or call.failed, message, expected="an error", observed=f"{call}")
 
 
 # Refusals

@@ -1,4 +1,4 @@
-"""Automatic replies to polls: requests that a client sends without being told to.
+"""Automatic replies to polls: requests that a client sends without an operation.
 
 A client may send more requests than the suite starts. A window that shows the status ten times a
 second is an example. A poll is a request that no case waits for. Only queries, set_time (a client

@@ -63,7 +63,7 @@ class ClientUnderTest:
         traits: What was detected once for the whole run.
         idle_status: What the client reports for an idle robot. A value other than 00 has failed
             once; later it is accepted in place of 00.
-        polled: The requests that the client has sent without being told to.
+        polled: The requests that the client has sent without an operation of the suite.
         survival_requirement: Empty: see `system_under_test.SystemUnderTest`.
         off: Always False: a client is not switched off.
     """
@@ -225,6 +225,20 @@ class ClientUnderTest:
         silent = line.ended and not (line.inbox or line.invalid_bytes)
         link = self.access.accept(self.access.now_s + _SHORT_WAIT_S) if silent else None
         return None if link is None else self._connected(link, judged=judged)
+
+    def accept_unrequested(self, deadline_s: float) -> IncomingConnection | None:
+        """Accept a connection that the client opens by itself. It is judged and recorded.
+
+        Args:
+            deadline_s: Until when to wait, on the clock of `Access.now_s`.
+
+        Returns:
+            The connection, on which nothing is served yet; None if none came.
+        """
+        link = self.access.accept(self._slice(deadline_s))
+        line = None if link is None else self._connected(link, judged=True)
+        self._pump_all()
+        return line
 
     def require_single_connection(self) -> None:
         """Require that the client has no further connection: the suite serves one (A-2-2).
@@ -659,10 +673,10 @@ class ClientUnderTest:
 
     def _close_extra_connection(self, deadline_s: float) -> bool:
         """Close the next connection that the client opens. Return whether one came in time."""
-        link = self.access.accept(self._slice(deadline_s))
-        if link is not None:
-            link.close()
-        return link is not None
+        line = self.accept_unrequested(deadline_s)
+        if line is not None:
+            line.close()
+        return line is not None
 
     def revive(self) -> None:
         """Restart the client.
