@@ -12,11 +12,11 @@ from scaraspec.suite.client.harness.operations import (
     answer_request,
     begin_operation,
     expect_local_refusal,
-    expect_valid_bytes,
     for_each_supported,
     request_operation,
     sent_or_answered,
 )
+from scaraspec.suite.client.harness.valid_bytes import expect_valid_bytes
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseSkipped, expect

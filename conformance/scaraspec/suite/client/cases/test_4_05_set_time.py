@@ -10,10 +10,10 @@ from scaraspec.protocol.fields import Clock, Diagnostics
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import (
-    expect_valid_bytes,
     request_operation,
     sent_or_answered,
 )
+from scaraspec.suite.client.harness.valid_bytes import expect_valid_bytes
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect

@@ -12,7 +12,6 @@ from contextlib import suppress
 from datetime import datetime
 from typing import TYPE_CHECKING, Any, Final
 
-from scaraspec.judge.rules.diagnosis import Diagnosis, Fault, diagnose
 from scaraspec.protocol.commands import (
     BY_NAME,
     BY_OPCODE,
@@ -31,9 +30,9 @@ from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.driver_values import expected_value
 from scaraspec.suite.client.harness.incoming_connection import PASSWORD, IncomingConnection
 from scaraspec.suite.client.harness.poses import expect_pose_reported
+from scaraspec.suite.client.harness.valid_bytes import expect_valid_bytes
 from scaraspec.suite.engine.connection import ReceivedFrame as Request
 from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, NoReply
-from scaraspec.traffic.events import InvalidBytes
 from scaraspec.user_message import UserMessage
 
 if TYPE_CHECKING:
@@ -80,16 +79,9 @@ _TRAILERS: Final[Mapping[Defect, tuple[str, str]]] = {
 }
 _IGNORED_DEFECTS: Final = (Defect.LONG_NAME, Defect.PATH_IN_NAME)
 
-_FRAMING_REQUIREMENTS: Final[Mapping[Fault, str]] = {
-    Fault.STRAY: "3/32",
-    Fault.START: "3/2",
-    Fault.TAG: "3/15",
-    Fault.END: "3/3",
-}
 _EXACT: Final = 1e-6
 _CONTROL: Final = 0x20
 _DONE: Final = "11"
-_SHORTEST_BYTES: Final = 4  # start, opcode, length, end
 _FIXED: Final = re.compile(rb"-?[0-9]+\.([0-9]+)")
 _HALF_OF_IT: Final = 0.501  # of the last decimal
 _TURN_S: Final = 0.005
@@ -170,46 +162,6 @@ def await_request(line: IncomingConnection, name: str, call: Call) -> Request:
         line.finish()
         expect_valid_bytes(line)
         raise
-
-
-def expect_valid_bytes(line: IncomingConnection, *, length_requirement: str = "3/7") -> None:
-    """Require that the client sent no invalid bytes and no undefined opcode.
-
-    Args:
-        line: The connection.
-        length_requirement: The requirement that a wrong length violates.
-
-    Raises:
-        CaseFailed: The client sent such bytes or such an opcode.
-    """
-    line.flush()
-    for noise in line.invalid_bytes:
-        diagnosis = diagnose(noise)
-        raise CaseFailed(
-            UserMessage("the client sent invalid bytes: {fault}", fault=diagnosis.fault.value),
-            expected=diagnosis.expected or "start, opcode, length, data, end",
-            observed=f"{show(noise.data)} ({noise.data[:20].hex(' ').upper()})",
-            requirement=_violated(noise, diagnosis, length_requirement),
-        )
-    for seen in line.inbox:
-        if seen.frame.opcode not in BY_OPCODE:
-            raise CaseFailed(
-                "the client sent an undefined opcode",
-                expected="an opcode of clauses 4 and 5",
-                observed=f"{seen.frame}",
-                requirement="3/10",
-            )
-
-
-def _violated(noise: InvalidBytes, diagnosis: Diagnosis, length_requirement: str) -> str:
-    """Return the requirement that the invalid bytes violate."""
-    match diagnosis.fault:
-        case Fault.LENGTH:
-            wraps = not diagnosis.surplus_bytes % 256
-            return "3/8" if diagnosis.observed == "0" else "3/28" if wraps else length_requirement
-        case Fault.NONE if len(noise.data) >= _SHORTEST_BYTES:  # the length byte is too large
-            return length_requirement
-    return _FRAMING_REQUIREMENTS.get(diagnosis.fault, "3/1")
 
 
 def expect_carries(
