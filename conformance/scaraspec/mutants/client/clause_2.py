@@ -79,6 +79,40 @@ class RequestsStatusAfterReconnect(AsyncClient):
         await super()._login()
 
 
+def _logs_in(times: int) -> type[AsyncClient]:
+    """Only the first connections log in; on later ones, all requests are sent without a login."""
+
+    class Unlocked(ClientCore):
+        def begin(self, operation: PendingOperation, now_s: float) -> None:
+            self.logged_in = True
+            super().begin(operation, now_s)
+
+    class LogsIn(AsyncClient):
+        core = Unlocked
+
+        async def _login(self) -> None:
+            memory()["logins"] = memory().get("logins", 0) + 1
+            if memory()["logins"] <= times:
+                await super()._login()
+
+    return LogsIn
+
+
+row(
+    "connects-without-a-login",
+    "2/10",
+    "The client reports a connection as done without a login.",
+    _logs_in(0),
+)
+row(
+    "logs-in-three-times",
+    "2/10",
+    "From its fourth connection on, the client reports a connection as done without a login.",
+    _logs_in(3),
+    subtle=True,
+)
+
+
 # Frames in several segments
 
 

@@ -9,6 +9,7 @@ from scaraspec.client.pending_operation import PendingOperation
 from scaraspec.mutants.client import mutant, row
 from scaraspec.mutants.operators.client.frames import frame_bytes
 from scaraspec.mutants.operators.client.messages import request_frame
+from scaraspec.mutants.operators.client.process_memory import memory
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame
@@ -77,6 +78,27 @@ row(
     "3/7",
     "The request to set the network has the length 36 that the document prints.",
     frame_bytes("set_network", lambda frame: frame[:2] + bytes((36,)) + frame[3:]),
+)
+row(
+    "counts-the-end-of-a-login",
+    "3/7",
+    "The length of a login is one more than its number of data bytes.",
+    frame_bytes("login", lambda frame: frame[:2] + bytes((frame[2] + 1,)) + frame[3:]),
+)
+
+
+def _short_after_the_first(frame: bytes) -> bytes:
+    again = memory().setdefault("again", False)
+    memory()["again"] = True
+    return frame[:2] + bytes((frame[2] - again,)) + frame[3:]
+
+
+row(
+    "counts-less-in-later-logins",
+    "3/7",
+    "From the second login on, the length is one less than the number of data bytes.",
+    frame_bytes("login", _short_after_the_first),
+    subtle=True,
 )
 row(
     "sends-data-behind-zero",

@@ -40,7 +40,7 @@ _NOT_SUCCESS: Final = (
 """Replies other than the character 1."""
 
 
-@client_case("4.1/1", attended=True)
+@client_case("4.1/1", "3/7", attended=True)
 def test_connect_logs_in(subject: ClientUnderTest) -> None:
     """The client connects with several passwords and sends each password unchanged."""
     for password in examples(("password", "PassWord", "p")):

@@ -15,8 +15,10 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.client.harness.auto_responder import REPLIES, AutoResponder
 from scaraspec.suite.client.harness.call import Call
+from scaraspec.suite.client.harness.valid_bytes import expect_valid_bytes
 from scaraspec.suite.engine.connection import Connection, ReceivedFrame
 from scaraspec.suite.engine.expectations import (
+    CaseFailed,
     CaseInconclusive,
     CaseSkipped,
     NoReply,
@@ -263,12 +265,39 @@ class IncomingConnection(Connection):
 
         Raises:
             NoReply: The login did not come.
-            CaseFailed: The login carries another password.
+            CaseFailed: The login is not a frame or carries another password, or the client does
+                not log in.
         """
-        request = self.request("login", call)
+        try:
+            request = self.request("login", call)
+        except CaseFailed:
+            self.expect_login(call)
+            raise
         sent = request.seen.text  # a NUL may end it (A-T-3)
         expect_equal(sent, PASSWORD, "the login carries a wrong password", requirement="4.1/1")
         self.reply("login", data=reply)
+
+    def expect_login(self, call: Call) -> None:
+        """Explain why the login of a connect operation is missing.
+
+        A client that reports a connection without a login may log in before its first query.
+
+        Raises:
+            CaseFailed: The login is not a frame, or the client sends a query without a login.
+        """
+        self.finish()
+        expect_valid_bytes(self)
+        if not call.ok:
+            return
+        self._subject.begin("get_status")
+        self.wait_for_any(self._subject.answer_timeout_s)
+        if self.inbox and self.inbox[0].name != "login":
+            raise CaseFailed(
+                "the client reports a connection and sends a request without a login",
+                expected="login",
+                observed=f"{self.inbox[0].frame}",
+                requirement="2/10",
+            )
 
     def serve(
         self, call: Call, value: Any = YES, *, data: bytes | None = None, sent: bytes | None = None

@@ -33,8 +33,12 @@ def expect_valid_bytes(line: Connection, *, length_requirement: str = "3/7") -> 
     line.flush()
     for noise in line.invalid_bytes:
         diagnosis = diagnose(noise)
+        unfinished = diagnosis.fault is Fault.NONE
         raise CaseFailed(
-            UserMessage("the client sent invalid bytes: {fault}", fault=diagnosis.fault.value),
+            UserMessage(
+                "the client sent invalid bytes: {fault}",
+                fault="an unfinished frame" if unfinished else diagnosis.fault.value,
+            ),
             expected=diagnosis.expected or "start, opcode, length, data, end",
             observed=f"{show(noise.data)} ({noise.data[:20].hex(' ').upper()})",
             requirement=_violated(noise, diagnosis, length_requirement),
