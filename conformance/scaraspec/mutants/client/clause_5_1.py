@@ -2,6 +2,7 @@
 
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
 
 from scaraspec.client.core import ClientCore
 from scaraspec.client.transfer import Download, Upload
@@ -324,6 +325,16 @@ def _swapped_words(data: bytes) -> bytes:
     return data
 
 
+def _unless_big(data: bytes) -> bytes:
+    return b"" if len(data) == FILE_DATA_BYTES and read_as(data, "big").legal else data
+
+
+row(
+    "writes-big-and-reads-little-endian",
+    "5.1/9",
+    "Uploads are big-endian, but big-endian chunks of a download are refused.",
+    type("Little", (chunk_data(partial(_in_order, big=True)), chunk_taken(_unless_big)), {}),
+)
 row(
     "last-chunk-is-big-endian",
     "5.1/9",

@@ -31,7 +31,7 @@ from scaraspec.suite.engine.chunks import (
 )
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expectations import expect, expect_equal
+from scaraspec.suite.engine.expectations import CaseFailed, expect, expect_equal
 from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.user_message import UserMessage
 
@@ -152,13 +152,16 @@ def test_one_byte_order(subject: ClientUnderTest, line: IncomingConnection) -> N
     byte_orders = set()
     for size in examples((1, 450, 70)):
         for frame in _frames(subject, line, content_of(size)):
-            parsed = frame.seen.parsed
-            byte_orders |= (
-                {v for k, v in parsed.decoded.readings if k == "endian"} if parsed else set()
-            )
+            byte_orders |= _byte_orders_of(frame)
             expect(len(byte_orders) <= 1, "the byte order changes", expected="one", observed="both")
     if "big" in byte_orders:
         subject.tolerate("5.1/9", "endian", "big", "the client sends big-endian file data")
+
+
+def _byte_orders_of(frame: ReceivedFrame) -> set[str]:
+    """Return the byte order of a chunk; empty if its numbers are valid in both orders or none."""
+    parsed = frame.seen.parsed
+    return {v for k, v in parsed.decoded.readings if k == "endian"} if parsed else set()
 
 
 @client_case("5.1/11")
@@ -253,6 +256,26 @@ def test_other_byte_order(subject: ClientUnderTest, line: IncomingConnection) ->
         )
         subject.tolerate("5.1/9", "endian", subject.dialect["endian"], message)
         line = expect_served(subject, line, "a download in the other byte order")
+
+
+@client_case("5.1/9", name="own")
+def test_own_byte_order(subject: ClientUnderTest, line: IncomingConnection) -> None:
+    """The client understands a download in the byte order of its own uploads."""
+    frames = list(_frames(subject, line, _WHOLE))
+    byte_orders = set[str]().union(*map(_byte_orders_of, frames))
+    for byte_order in byte_orders:
+        for size in examples((1, 256, 450)):
+            download = begin_download(subject, line)
+            try:
+                for chunk in chunks_of(content_of(size)):
+                    line.send_frame(download.chunk_frame(chunk, byte_order))
+                    download.expect_taken(chunk)
+                download.expect_done()
+            except (
+                CaseFailed
+            ) as error:  # the same chunks in the other order have cases of their own
+                error.requirement = "5.1/9"
+                raise
 
 
 @client_case("5.1/12")
