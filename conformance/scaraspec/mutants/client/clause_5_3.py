@@ -1,6 +1,6 @@
 """Mutants of clause 5.3: downloads, the replies to chunks, and the local file."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -8,10 +8,10 @@ from typing import Any
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import DOWNLOAD_LIMIT_BYTES, ClientCore, Event
 from scaraspec.client.operations import Text
-from scaraspec.client.pending_operation import Progress
+from scaraspec.client.pending_operation import Progress, Stage
 from scaraspec.client.transfer import Download, chunk_reply
 from scaraspec.mutants.client import mutant, row
-from scaraspec.mutants.operators.client.frames import received_bytes, sent
+from scaraspec.mutants.operators.client.frames import received_bytes, received_items, sent
 from scaraspec.mutants.operators.client.messages import request_data
 from scaraspec.mutants.operators.client.transfers import (
     DOWNLOAD_CHUNK,
@@ -24,7 +24,7 @@ from scaraspec.mutants.operators.client.transfers import (
     downloads,
 )
 from scaraspec.protocol.commands import Parsed
-from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.frames import Frame, StreamItem
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, Chunk, Receiver, TransferState
 
 # The name
@@ -74,6 +74,42 @@ def _written(content: bytes, path: Path) -> Path:
     path.write_bytes(content)
     return path
 
+
+# The refusal
+
+
+class _WaitsAfterRefusal(Download):
+    def _take_name_reply(self, parsed: Parsed, data: bytes, now_s: float) -> None:
+        if data == b"0":
+            self.stage, self.deadline_s = Stage.EXECUTING, now_s + 0.2
+            self._receiver = self.receiver(now_s, self._dialect)
+        else:
+            super()._take_name_reply(parsed, data, now_s)
+
+
+def _accepted_with_a_chunk(items: list[StreamItem]) -> Iterable[StreamItem]:
+    chunk = any(isinstance(item, Frame) and item.opcode == DOWNLOAD_CHUNK for item in items)
+    for item in items:
+        if chunk and isinstance(item, Frame) and item.opcode == DOWNLOAD_NAME:
+            yield item._replace(data=b"1")
+        else:
+            yield item
+
+
+row(
+    "refusal-takes-a-moment",
+    "5.3/5 5.2/19",
+    "A chunk within 0.2 s after the refusal of a download is accepted.",
+    downloads(_WaitsAfterRefusal),
+    subtle=True,
+)
+row(
+    "chunk-overrides-the-refusal",
+    "5.3/5 5.2/19",
+    "The refusal of a download is ignored if a chunk arrives in the same segment.",
+    received_items(_accepted_with_a_chunk),
+    subtle=True,
+)
 
 # The replies
 

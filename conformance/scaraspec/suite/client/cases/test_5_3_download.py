@@ -1,6 +1,8 @@
 """Clause 5.3: downloading a file (0x54, 0x56; L765-787), and the file on the disk."""
 
+import itertools
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -25,7 +27,7 @@ from scaraspec.suite.client.harness.incoming_connection import IncomingConnectio
 from scaraspec.suite.client.harness.two_stage import reopen
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expectations import expect, expect_equal
+from scaraspec.suite.engine.expectations import NoReply, expect, expect_equal
 from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.suite.engine.strategies import NAME_CHARACTERS
 from scaraspec.user_message import UserMessage
@@ -139,6 +141,26 @@ def test_unasked_chunk(subject: ClientUnderTest, line: IncomingConnection) -> No
         download = _sent(subject, line, len(_CHUNKS))
         download.expect_done()
     expect_equal(download.stored, _WHOLE, "a chunk without a download changed the previous file")
+
+
+@client_case("5.3/5", "5.2/19", name="after-refusal")
+def test_chunk_after_a_refusal(subject: ClientUnderTest, line: IncomingConnection) -> None:
+    """A chunk with the refusal of a download, or 0.1 s after it, is not taken."""
+    content = content_of(BUFFER_BYTES)
+    for size, together in examples(itertools.product((BUFFER_BYTES, 450), (True, False))):
+        download = Download(subject, line)
+        refusal = line.frame("download_name", value=False).encode()
+        chunk = download.chunk_frame(Chunk(size, 0, BUFFER_BYTES, content)).encode()
+        with suppress(NoReply):  # the client has closed the connection
+            line.send_bytes(refusal + chunk if together else refusal)
+            if not together:
+                line.wait(_SHORT_S)
+                line.send_bytes(chunk)
+        message = "the client accepted a chunk of a refused download"
+        expect(not download.await_answer(), message, expected="0 or silence", observed="1")
+        download.expect_failed()
+        line = expect_served(subject, line, "a chunk of a refused download")
+        line.inbox.clear()
 
 
 def _refuses_stray(
