@@ -292,6 +292,26 @@ row(
     subtle=True,
 )
 
+
+@mutant("keeps-late-replies", "3/33", subtle=True)
+class KeepsLateReplies(ClientCore):
+    """A reply after the timeout of its request answers the next request of that command."""
+
+    _late: Frame | None = None
+
+    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+        events = super()._dispatch(frame, now_s)
+        if isinstance(events[0], UnexpectedFrame):
+            self._late = frame
+        return events
+
+    def begin(self, operation: PendingOperation, now_s: float) -> None:
+        super().begin(operation, now_s)
+        late, self._late = self._late, None
+        if late is not None:
+            self._dispatch(late, now_s)
+
+
 # Bytes that are not a frame
 
 

@@ -13,7 +13,14 @@ from typing import Any, TypeVar
 
 import pytest
 
-from scaraspec.client import AsyncClient, ClientCore, ClientError, ProtocolError, Refused
+from scaraspec.client import (
+    AsyncClient,
+    ClientCore,
+    ClientError,
+    ProtocolError,
+    Refused,
+    ReplyTimeout,
+)
 from scaraspec.client.core import Event, UnexpectedFrame
 from scaraspec.client.pending_operation import PendingOperation
 from scaraspec.client.results import RunningProgram, Status
@@ -221,6 +228,34 @@ class HangsUpAtStrays(AsyncClient):
 def test_hanging_up_at_strays(wrong: Defect) -> None:
     """A client that ends the connection after such a frame has aborted its operation."""
     assert not wrong(HangsUpAtStrays, frozenset({"3/22", "3/33", "5.2/19"}))
+
+
+class HangsUpAfterTimeouts(AsyncClient):
+    """Ends the connection if a reply is missing."""
+
+    async def perform(self, call: Any) -> Any:
+        try:
+            return await super().perform(call)
+        except ReplyTimeout:
+            await self.close()
+            raise
+
+
+class Patient(AsyncClient):
+    """Waits for a reply as long as the connection lasts."""
+
+    class core(ClientCore):  # noqa: N801 - it takes the place of an attribute
+        @property
+        def deadline_s(self) -> None:
+            return None
+
+
+@pytest.mark.parametrize("make", [HangsUpAfterTimeouts, Patient])
+def test_missing_replies(certified: Certified, make: type[AsyncClient]) -> None:
+    """A client may end the connection at a missing reply, or have no timeout."""
+    cases = {case.id: case.verdict for case in certified(make, frozenset({"3/33"}))}
+    assert cases.pop("3/33.late") is Verdict.NONE
+    assert set(cases.values()) <= set(GOOD)
 
 
 class LooksWhereItStopped(AsyncClient):

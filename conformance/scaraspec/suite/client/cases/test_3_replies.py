@@ -26,13 +26,14 @@ from scaraspec.suite.client.harness.operations import (
 from scaraspec.suite.client.harness.two_stage import (
     RUN,
     begin_and_accept,
+    ensure_open,
     expect_finished,
     require_while_executing,
 )
 from scaraspec.suite.client.harness.uploads import Upload
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import NoReply, expect, expect_equal
+from scaraspec.suite.engine.expectations import CaseSkipped, NoReply, expect, expect_equal
 from scaraspec.user_message import UserMessage
 
 _TWO_STAGE: Final = tuple(c.name for c in BY_NAME.values() if c.two_stage)
@@ -436,6 +437,50 @@ def test_flag_of_another(subject: ClientUnderTest, line: IncomingConnection) -> 
         line = subject.open()
 
     for_each_supported(_YES_TO_OTHERS, each)
+
+
+_LATE: Final = {
+    "get_version": (b"9.8.7", b"1.0.0"),
+    "get_time": (b"20200101000000", b"20141222143000"),
+    "get_status": (b"01", b"00"),
+    "set_digital_output": (b"1", b"0"),
+    "delete_program": (b"1", b"0"),
+}
+"""For each command, a reply that arrives after the timeout, and the reply to the next request."""
+
+
+@client_case("3/33", name="late")
+def test_reply_after_the_timeout(subject: ClientUnderTest, line: IncomingConnection) -> None:
+    """A reply that arrives after the timeout of its request does not answer the next request."""
+    query, _ = subject.prefer_unpolled("get_version", "get_time", "get_status")
+
+    def each(name: str) -> None:
+        nonlocal line
+        line = ensure_open(subject, line)
+        late, right = _LATE[name]
+        call = begin_operation(subject, name)
+        await_request(line, name, call)
+        timed_out = subject.answers_within(call, subject.answer_timeout_s) and not line.ended
+        with suppress(NoReply):  # the client has closed the connection
+            line.reply(name, data=late)
+            line.wait(_SHORT_S)
+        if not timed_out:
+            raise CaseSkipped("the client ends the connection at a missing reply, or waits for it")
+        expect(not call.ok, "the client reports success without a reply", observed=f"{call}")
+        if line.ended:
+            line = _given_up(subject, line, "3/33")
+            return
+        call = begin_operation(subject, name)
+        line.request(name, call)
+        line.wait(_SHORT_S)
+        subject.expect_pending(call, "the client took a late reply for the reply to this request")
+        line.reply(name, data=right)
+        if name == query:
+            expect_reply_reported(subject, call, name, right)
+        else:
+            subject.expect_failure(call)
+
+    for_each_supported((query, "set_digital_output", "delete_program"), each)
 
 
 @client_case("3/33", name="result-first")
