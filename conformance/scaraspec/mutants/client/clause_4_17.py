@@ -143,6 +143,23 @@ row(
     ),
     subtle=True,
 )
+
+
+@mutant("replies-hold-every-request", "4.17/10", subtle=True)
+class OneRequestAtATime(ClientCore):
+    """No request, not even the stop, is sent before the first reply to the previous one."""
+
+    def is_free(self, _slot: str) -> bool:
+        return all(operation.stage is not Stage.REQUESTED for operation in self._open)
+
+
+row(
+    "settings-hold-the-stop",
+    "4.17/10",
+    "The stop is not sent before the reply to a setting.",
+    _stop_waits_for(lambda operation: operation.command.name.startswith("set_")),
+    subtle=True,
+)
 row(
     "execution-holds-the-stop",
     "4.17/10",

@@ -1,10 +1,13 @@
 """4.17: the emergency stop (0x32, L356-383), and the command that it stops (A-4.17-4)."""
 
+from contextlib import suppress
+
 import pytest
 
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
+from scaraspec.suite.client.harness.operations import begin_operation, for_each_supported
 from scaraspec.suite.client.harness.request_checks import request_unless_refused
 from scaraspec.suite.client.harness.two_stage import (
     INTERRUPTIBLE,
@@ -23,10 +26,11 @@ from scaraspec.suite.client.harness.two_stage import (
 )
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import CaseSkipped, expect, expect_equal
+from scaraspec.suite.engine.expectations import CaseSkipped, NoReply, expect, expect_equal
 from scaraspec.user_message import UserMessage
 
 _WHILE_S = 1.0
+_AT_ONCE_S = 1.0  # shorter than the timeout of a reply
 _FATES = ("first", "after", "together", "none")
 """When the final result of the stopped command arrives, relative to that of the stop.
 
@@ -132,13 +136,13 @@ def test_stop_fails(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.17/10")
 def test_stop_beside_a_query(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The client sends the stop while the reply to a query is pending."""
-    subject.require_concurrency(line)
+    """The client sends the stop at once while the reply to a query is pending."""
+    if not _starts_another(subject, line):
+        return
     for name in examples(("get_version", "get_tool_coordinates", "list_programs")):
         query = subject.begin(name)
         line.request(name, query)
-        stop = subject.begin(STOP.name)
-        line.request(STOP.name, stop)
+        stop = _sent_at_once(subject, line)
         line.reply(STOP.name, data=b"0")
         line.reply(name, data=_REPLIES[name])  # a client that reads the position may wait for it
         expect_refused(subject, stop)
@@ -147,12 +151,12 @@ def test_stop_beside_a_query(subject: ClientUnderTest, line: IncomingConnection)
 
 @client_case("4.17/10", name="unaccepted")
 def test_stop_beside_an_order(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The client sends the stop while the first reply to a move is pending."""
-    subject.require_concurrency(line)
+    """The client sends the stop at once while the first reply to a move is pending."""
+    if not _starts_another(subject, line):
+        return
     for operation in examples((RUN, MOVE, JOG)):
         call = begin_and_request(subject, line, operation)
-        stop = subject.begin(STOP.name)
-        line.request(STOP.name, stop)
+        stop = _sent_at_once(subject, line)
         line.reply(STOP.name, data=b"0")
         expect_refused(subject, stop)
         line.reply(operation.name, data=b"1")
@@ -160,22 +164,33 @@ def test_stop_beside_an_order(subject: ClientUnderTest, line: IncomingConnection
         expect_finished(subject, call)
 
 
+@client_case("4.17/10", name="setting")
+def test_stop_beside_a_setting(subject: ClientUnderTest, line: IncomingConnection) -> None:
+    """The client sends the stop at once while the reply to a setting is pending."""
+    if not _starts_another(subject, line):
+        return
+
+    def each(name: str) -> None:
+        call = begin_operation(subject, name)
+        line.request(name, call)
+        stop = _sent_at_once(subject, line)
+        line.reply(STOP.name, data=b"0")
+        expect_refused(subject, stop)
+        line.reply(name)
+        subject.expect_done(call)
+
+    for_each_supported(("set_digital_output", "set_time", "delete_program"), each)
+
+
 @client_case("4.17/10", name="executing")
 def test_stop_beside_an_execution(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The client sends the stop while a command executes, if it can start a second operation."""
-    try:
-        require_query_while_executing(subject, line)
-    except CaseSkipped as why:
-        subject.tolerate(
-            "4.17/10",
-            "A-4-3",
-            "one at a time",
-            UserMessage("{reason}; this includes the stop", reason=why),
-        )
+    """The client sends the stop at once while a command executes."""
+    if not _starts_another(subject, line):
         return
     for operation in examples(INTERRUPTIBLE):
         call = begin_and_accept(subject, line, operation)
-        stop = _begun(subject, line)
+        stop = _sent_at_once(subject, line)
+        line.reply(STOP.name, data=b"1")
         line.result(operation.name, "00")
         line.result(STOP.name)
         expect_finished(subject, stop)
@@ -187,6 +202,39 @@ _REPLIES = {
     "get_tool_coordinates": b"200|300|324|34.6|0|0",
     "list_programs": b"0|pro1.rob",
 }
+
+
+def _starts_another(subject: ClientUnderTest, line: IncomingConnection) -> bool:
+    """Whether the client starts an operation while a reply or a final result is pending.
+
+    A client, or its driver, that never does so cannot send the stop either. This is tolerated.
+    """
+    with suppress(CaseSkipped):
+        subject.require_concurrency(line)
+        return True
+    try:
+        require_query_while_executing(subject, line)
+    except CaseSkipped as why:
+        message = UserMessage("{reason}; this includes the stop", reason=why)
+        subject.tolerate("4.17/10", "A-4-3", "one at a time", message)
+        return False
+    return True
+
+
+def _sent_at_once(subject: ClientUnderTest, line: IncomingConnection) -> Call:
+    """Begin a stop and require that its request does not wait for anything.
+
+    Raises:
+        CaseFailed: The client does not send it at once.
+        CaseInconclusive: The request may be on a further connection.
+    """
+    stop = subject.begin(STOP.name)
+    try:
+        line.request(STOP.name, stop, within_s=_AT_ONCE_S)
+    except NoReply:
+        subject.require_single_connection()
+        raise
+    return stop
 
 
 def _end(line: IncomingConnection, operation: Operation, fate: str) -> None:
