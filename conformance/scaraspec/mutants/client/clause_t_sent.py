@@ -1,8 +1,9 @@
 """Mutants of clause T: separators, quotation marks, digits, numbers and names that are sent."""
 
 import re
+import unicodedata
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 from scaraspec.client.core import ClientCore
 from scaraspec.client.pending_operation import PendingOperation
@@ -254,5 +255,32 @@ row(
     "T/10",
     "The name of a program to delete that is shorter than the previous one ends like that one.",
     request_over_last("delete_program"),
+    subtle=True,
+)
+
+
+def _normalized(form: Literal["NFC", "NFD"]) -> Callable[[bytes], bytes]:
+    def change(data: bytes) -> bytes:
+        return unicodedata.normalize(form, data.decode(errors="surrogateescape")).encode(
+            errors="surrogateescape"
+        )
+
+    return change
+
+
+row(
+    "composes-names",
+    "T/10",
+    "The characters of the name of a program to run or delete are composed.",
+    request_data("run_program", _normalized("NFC")),
+    request_data("delete_program", _normalized("NFC")),
+    subtle=True,
+)
+row(
+    "decomposes-names-of-files",
+    "T/10",
+    "The characters of the name of a file to upload or download are decomposed.",
+    request_data("upload_name", _normalized("NFD")),
+    request_data("download_name", _normalized("NFD")),
     subtle=True,
 )

@@ -17,9 +17,11 @@ from scaraspec.protocol.commands import (
 )
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.payloads import Record
+from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import (
+    OPENINGS,
     VALUES,
     answer_request,
     begin_operation,
@@ -33,7 +35,7 @@ from scaraspec.suite.client.harness.operations import (
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expectations import expect
+from scaraspec.suite.engine.expectations import expect, expect_in
 from scaraspec.suite.engine.strategies import payload_values
 from scaraspec.user_message import UserMessage
 
@@ -52,6 +54,15 @@ _TIDIED: Final = (
     *(b"pro[1].rob", b"pro{1.rob", b"007", b"1.50", b"1e3", b"0x1F"),
 )
 """Names that a program may normalize, expand, or take for a pattern, a list or a number."""
+_UNICODE: Final = (
+    "cafe\N{COMBINING ACUTE ACCENT}.rob",
+    "caf\N{LATIN SMALL LETTER E WITH ACUTE}.rob",
+    "\N{FULLWIDTH LATIN SMALL LETTER A}.rob",
+    "\N{ANGSTROM SIGN}.rob",
+    "\N{HANGUL CHOSEONG HIEUH}\N{HANGUL JUNGSEONG A}.rob",
+    "\N{CJK COMPATIBILITY IDEOGRAPH-F900}.rob",
+)
+"""Names that Unicode normalization alters: each form alters one of them."""
 _CONTROL: Final = 0x20
 _PORTS: Final = 8
 
@@ -283,6 +294,34 @@ def test_outer_blanks(subject: ClientUnderTest, line: IncomingConnection) -> Non
             subject.wait_for_answer(call)
 
     for_each_supported(_NAMED, each)
+
+
+@client_case("T/10", name="unicode")
+def test_unicode_forms(subject: ClientUnderTest, line: IncomingConnection) -> None:
+    """The client composes and decomposes no characters of a name, or refuses the name."""
+
+    def each(name: str) -> None:
+        opening = OPENINGS.get(name, name)
+        for text in examples(_UNICODE):
+            call = _begin_with_name(subject, name, text)
+            if sent_or_answered(subject, line, call) is None:
+                continue  # refused
+            request = line.request(opening, call)
+            answer_request(line, opening, request)
+            subject.wait_for_answer(call)
+            sent, forms = request.frame.data.rstrip(b"\0"), (text.encode(), text.encode("gb18030"))
+            expect_in(sent, forms, "the client altered the characters of a name")  # A-T-2
+
+    for_each_supported((*_NAMED, *OPENINGS), each)
+
+
+def _begin_with_name(subject: ClientUnderTest, name: str, text: str) -> Call:
+    match name:
+        case "upload":
+            return subject.begin(name, local=subject.make_file(b"!"), remote=text)
+        case "download":
+            return subject.begin(name, remote=text, local=subject.missing_file())
+    return begin_operation(subject, name, text.encode())
 
 
 @client_case("T/10", name="sequence")
