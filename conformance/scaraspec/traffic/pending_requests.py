@@ -16,6 +16,8 @@ from scaraspec.traffic.events import Ending, Exchange, FrameSeen
 NS_PER_S: Final = 1_000_000_000
 _MAX_PENDING: Final = 256
 _CHUNKS: Final = ("upload_chunk", "download_chunk")
+_WORST_RANK: Final = (True, True, True, True)
+"""Above the rank of every request that a reply may answer."""
 
 
 @dataclass(eq=False, slots=True)
@@ -72,15 +74,15 @@ class PendingRequests:
         """Remove and return the request that this first reply answers."""
         opcode, name = reply.frame.opcode, reply.name
         best: _PendingRequest | None = None
-        best_rank = 9
+        best_rank = _WORST_RANK
         for entry in self._open:
             request = entry.exchange.request
             if request.frame.direction is reply.frame.direction:
                 continue
-            rank = 4 * (entry.name != name) + 2 * (request.frame.opcode != opcode)
-            if rank > 4:  # noqa: PLR2004 - neither the name nor the opcode agrees
+            other_name, other_opcode = entry.name != name, request.frame.opcode != opcode
+            if other_name and other_opcode:
                 continue
-            rank += entry.repeated or entry.exchange.overtaken
+            rank = (other_name, other_opcode, entry.repeated, entry.exchange.overtaken)
             if rank < best_rank:
                 best, best_rank = entry, rank
         if best is None:

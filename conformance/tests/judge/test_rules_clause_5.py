@@ -46,6 +46,8 @@ def down(*chunks: str) -> str:
     return f"login\n> download_name a.bin\n< download_name 1\n{answers}"
 
 
+_POLL = "> get_status\n< get_status 00\n"
+
 CASES = (
     ("5.1/1", "pass", UPLOAD),
     ("5.1/1", "fail 5.2/5", up("upload_chunk 123")),
@@ -123,6 +125,16 @@ CASES = (
     ("5.2/7", "pass", up("chunk 0/300") + "> chunk 200/300 len=0" + UPLOAD.replace("login", "")),
     ("5.2/7", "pass", up("chunk 0/300") + "> chunk 200/300\n> upload_chunk"),
     ("5.2/7", "pass", up("chunk 0/300") + "> upload_chunk" + UPLOAD.replace("login", "")),
+    # After a silence, the reply belongs to the new upload, although queries overtook it.
+    (
+        "5.2/7",
+        "pass 3/31",
+        up("chunk 0/300")
+        + f"> chunk 200/300\n+28\n{_POLL}+3\n"
+        + AGAIN.format(1)
+        + f"> chunk 0/300\n"
+        f"{_POLL}< upload_chunk 1\n> chunk 200/300\n{_POLL}< upload_chunk 1",
+    ),
     ("5.2/8", "pass", UPLOAD),
     (
         "5.2/8",
