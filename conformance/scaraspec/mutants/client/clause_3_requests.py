@@ -1,5 +1,6 @@
 """Mutants of clause 3: malformed requests, and bytes between them."""
 
+import asyncio
 from collections.abc import Iterable
 from typing import Any
 
@@ -112,6 +113,18 @@ row(
     "The request to reset the robot has the tag 90 of its final result.",
     frame_bytes("reset", lambda frame: frame[:1] + b"\x90" + frame[1:]),
 )
+
+
+@mutant("mixes-requests", "3/1", subtle=True)
+class MixesRequests(AsyncClient):
+    """The bytes of two requests that are sent at the same time are mixed."""
+
+    def _update(self) -> None:
+        data = self._core.bytes_to_send()
+        if self._transport is not None and data:
+            self._transport.write(data[:3])
+            asyncio.get_running_loop().call_soon(self._transport.write, data[3:])
+        super()._update()
 
 
 @mutant("length-modulo256", "3/28")

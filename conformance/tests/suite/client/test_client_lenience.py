@@ -359,6 +359,29 @@ def test_one_by_one(wrong: Defect) -> None:
     assert set(told.values()) == {"the client runs one operation at a time"}
 
 
+class TwoAtATime(AsyncClient):
+    """Runs two operations at a time, the latest first."""
+
+    _running, _waiting = 0, 0
+
+    async def perform(self, call: Any) -> Any:
+        self._waiting += 1
+        number = self._waiting
+        await asyncio.sleep(0.1 / number)
+        await self.wait_for(lambda: self._running < 2)
+        self._running += 1
+        try:
+            return await super().perform(call)
+        finally:
+            self._running -= 1
+            self._update()
+
+
+def test_two_at_a_time(wrong: Defect) -> None:
+    """Requests are answered in the order in which they arrive."""
+    assert not wrong(TwoAtATime, frozenset({"3/1"}))
+
+
 class WritesInPieces(AsyncClient):
     """Writes each request in pieces with delays (A-2-6)."""
 

@@ -1,5 +1,6 @@
 """Clause 3: the frames that a client sends, and the bytes between them (L85-L98)."""
 
+from collections.abc import Sequence
 from typing import Final
 
 from scaraspec.protocol.commands import BY_NAME, PasswordChange
@@ -10,7 +11,9 @@ from scaraspec.suite.client.harness.incoming_connection import IncomingConnectio
 from scaraspec.suite.client.harness.operations import (
     VALUES,
     answer_request,
+    await_request,
     begin_operation,
+    expect_carries,
     expect_local_refusal,
     for_each_supported,
     request_operation,
@@ -19,7 +22,7 @@ from scaraspec.suite.client.harness.operations import (
 from scaraspec.suite.client.harness.valid_bytes import expect_valid_bytes
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import CaseSkipped, expect
+from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, expect
 from scaraspec.user_message import UserMessage
 
 _OPERATIONS: Final = tuple(c.name for c in BY_NAME.values() if c.clause.startswith("4."))
@@ -31,6 +34,12 @@ _WIDE: Final = (
     "程" * 130
 ).encode()  # fewer than 255 characters, but more bytes, also in GB18030 (A-T-2)
 _PAUSE_S: Final = 0.3
+_TOGETHER: Final = (
+    *("set_tool_coordinates", "get_version", "set_network", "get_joint_angles"),
+    *("delete_program", "get_tool_coordinates", "set_initial_tool_position", "get_time"),
+)
+"""Operations whose requests are long and short in turn."""
+_ROUNDS: Final = 20
 _TWICE: Final = {
     "get_status": ("00", "01"),
     "get_version": ("1.0.0", "1.0.1"),
@@ -126,6 +135,49 @@ def test_disconnect_sends_nothing(subject: ClientUnderTest, line: IncomingConnec
     subject.wait_for_answer(subject.begin("disconnect"))
     line.pump()
     expect_valid_bytes(line)
+
+
+# ---------------------------------------------------------------------- started together
+
+
+@client_case("3/1", name="together")
+def test_requests_started_together(subject: ClientUnderTest, line: IncomingConnection) -> None:
+    """Operations are started at the same time; the bytes of their requests are not mixed."""
+    subject.require_concurrency(line)
+    supported: list[str] = []
+
+    def each(name: str) -> None:
+        call, request = request_operation(subject, line, name)
+        answer_request(line, name, request)
+        subject.wait_for_answer(call)
+        supported.append(name)
+
+    for_each_supported(_TOGETHER, each)
+    for _ in examples(range(_ROUNDS)):
+        calls = [begin_operation(subject, name) for name in supported]
+        pending = calls.copy()
+        try:
+            while pending:
+                call = _next_requested(subject, line, pending)
+                pending.remove(call)
+                request = await_request(line, call.name, call)
+                expect_carries(subject, request, call.name, VALUES.get(call.name))
+                answer_request(line, call.name, request)
+            expect_valid_bytes(line)
+        except CaseFailed as error:  # each request alone is correct
+            error.requirement = "3/1"
+            raise
+        for call in calls:
+            subject.wait_for_answer(call)
+
+
+def _next_requested(
+    subject: ClientUnderTest, line: IncomingConnection, calls: Sequence[Call]
+) -> Call:
+    """Return the operation whose request has arrived; the first one if none arrives."""
+    line.wait_for_any(subject.answer_timeout_s)
+    sent = {seen.name for seen in line.inbox}
+    return next((call for call in calls if call.name in sent), calls[0])
 
 
 # ---------------------------------------------------------------------- one at a time
