@@ -24,6 +24,7 @@ from scaraspec.judge.rules.rule import (
     kind_of,
     places_of,
 )
+from scaraspec.judge.scope import EVERYTHING, Scope
 from scaraspec.judge.verdicts import Cause, Conclusion, Finding, Verdict, conclude, worst
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.traffic.dialogue import Dialogue
@@ -44,6 +45,13 @@ _CONTROLLER: Final = re.compile(r"[>→] ([^\s,)]+)")
 """Matches the second address in the note of a connection's first event."""
 
 _UNCERTAIN: Final = "a gap in the recording or a fault injected on purpose may be why"
+
+
+_Checks = tuple[tuple[Check, tuple[str, ...], tuple[str, ...]], ...]
+"""Check functions, each with the requirements that it decides, and those of them in scope."""
+
+_CHECKS: Final[dict[Scope, dict[tuple[object, ...], _Checks]]] = {}
+"""Cache of the checks by scope and kind of traffic event; every judge has the same rules."""
 
 
 @dataclass(slots=True)
@@ -71,17 +79,24 @@ class Judge:
     Args:
         dialect: The reply and transfer timeouts that the SUT claims.
         needs_login: False for a serial link, which needs no login (L83).
+        scope: Which findings count. The others are yielded, too, but not tallied.
     """
 
-    def __init__(self, dialect: Dialect = DEFAULT, *, needs_login: bool = True) -> None:
+    def __init__(
+        self, dialect: Dialect = DEFAULT, *, needs_login: bool = True, scope: Scope = EVERYTHING
+    ) -> None:
+        self.scope = scope
         self.tallies: dict[str, Tally] = defaultdict(Tally)
-        """The results by requirement id; only requirements with a result."""
+        """The results in scope by requirement id; only requirements with a result."""
+        self.other_side = 0
+        """The number of findings, other than passes, about the side that is not the subject."""
         self.dialect_seen = DialectDetector()
         self.robots: OrderedDict[str, RobotState] = OrderedDict()
         """The state of each controller, by address; without a known address they share one."""
         self._dialect = dialect
         self._needs_login = needs_login
         self._dialogues: dict[str, Dialogue] = {}
+        self._checks = _CHECKS.setdefault(scope, {})
 
     def feed(self, event: WireEvent) -> Iterator[TrafficEvent | Finding]:
         """Process the next event; yield each traffic event, followed by its findings."""
@@ -137,45 +152,49 @@ class Judge:
         if isinstance(traffic_event, Transfer):
             self.dialect_seen.counts.update(observed_file_readings(traffic_event))
         tallies = self.tallies
-        for check, requirements in _checks_for(traffic_event):
+        for check, requirements, in_scope in self._checks_for(traffic_event):
             judged = check(traffic_event, robot)
             if judged is None:
                 continue
             if judged is PASSED:
-                for requirement in requirements:
+                for requirement in in_scope:
                     tallies[requirement].passes += 1
                 continue
             for requirement in requirements:
                 finding = _finding(requirement, judged, traffic_event)
-                tally = tallies[requirement]
-                tally.others[finding.verdict] += 1
-                if tally.others[finding.verdict] <= _MAX_FINDINGS:
-                    tally.findings.append(finding)
+                if requirement in in_scope:
+                    self._tally(finding)
+                elif not self.scope.concerns(requirement, traffic_event):
+                    self.other_side += 1
                 yield finding
         robot.remember(traffic_event)
+
+    def _tally(self, finding: Finding) -> None:
+        tally = self.tallies[finding.requirement]
+        tally.others[finding.verdict] += 1
+        if tally.others[finding.verdict] <= _MAX_FINDINGS:
+            tally.findings.append(finding)
+
+    def _checks_for(self, traffic_event: TrafficEvent) -> _Checks:
+        """Return the checks for a traffic event, each once, with the requirements they decide."""
+        kind = kind_of(traffic_event)
+        checks = self._checks.get(kind)
+        if checks is None:
+            rules = [rule for rule in RULES if rule.applies_to(traffic_event)]
+            grouped = [
+                (check, tuple(rule.requirement for rule in group))
+                for check, group in groupby(rules, key=lambda rule: rule.check)
+            ]
+            checks = self._checks[kind] = tuple(
+                (check, ids, tuple(i for i in ids if self.scope.includes(i, traffic_event)))
+                for check, ids in grouped
+            )
+        return checks
 
     @property
     def conclusion(self) -> Conclusion:
         """The conclusion of the recording."""
         return conclude(Counter(tally.verdict for tally in self.tallies.values()))
-
-
-_Checks = tuple[tuple[Check, tuple[str, ...]], ...]
-
-_CHECKS: Final[dict[tuple[object, ...], _Checks]] = {}
-"""Cache of the checks by kind of traffic event; every judge has the same rules."""
-
-
-def _checks_for(traffic_event: TrafficEvent) -> _Checks:
-    """Return the checks for a traffic event, each once, with the requirements they decide."""
-    kind = kind_of(traffic_event)
-    checks = _CHECKS.get(kind)
-    if checks is None:
-        rules = [rule for rule in RULES if rule.applies_to(traffic_event)]
-        grouped = groupby(rules, key=lambda rule: rule.check)
-        checks = tuple((c, tuple(rule.requirement for rule in g)) for c, g in grouped)
-        _CHECKS[kind] = checks
-    return checks
 
 
 def _finding(requirement: str, judged: RuleResult, traffic_event: TrafficEvent) -> Finding:

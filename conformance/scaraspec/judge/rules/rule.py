@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from scaraspec.judge.verdicts import Verdict
-from scaraspec.protocol.direction import Direction
+from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.payloads import Payload
 from scaraspec.traffic.events import (
     CaptureGap,
@@ -167,7 +167,7 @@ def name_of(traffic_event: TrafficEvent) -> str:
 
 
 def sender_of(traffic_event: TrafficEvent) -> Direction | None:
-    """Return the side that sent the frame, bytes or request; None without a sender."""
+    """Return the side that sent the frame, bytes, request or file; None without a sender."""
     match traffic_event:
         case FrameSeen():
             return traffic_event.frame.direction
@@ -177,6 +177,8 @@ def sender_of(traffic_event: TrafficEvent) -> Direction | None:
             return traffic_event.seen.frame.direction
         case InvalidBytes():
             return traffic_event.place.direction
+        case Transfer():
+            return A2C if traffic_event.upload else C2A
         case _:
             return None
 
