@@ -10,7 +10,9 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Final, Self
 
+from scaraspec.judge.scope import Scope
 from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.readings import Dialect, ReadingError
 from scaraspec.suite.engine.hooks import HOOKS, CommandHook, Hook, HookError
 from scaraspec.user_message import UserMessage
@@ -96,10 +98,46 @@ class Ics:
         network = _ON_NETWORK if self.network_applies == "after-restart" else frozenset()
         return network | (_ON_TIME if self.time_scale != 1 else frozenset())
 
+    def scope(self, side: Direction | None) -> Scope:
+        """Return what is judged if the subject sends in this direction; None for both sides."""
+        return Scope(side, self.undecidable_requirements, self.unsupported)
+
+    @property
+    def recorded(self) -> dict[str, str]:
+        """The claims that the judge of a recording needs, as text; see `of_recording`."""
+        claims = {
+            key: value
+            for key, value in self.summary.items()
+            if not key.startswith(("motion.", "hooks."))
+        }
+        return {**claims, "time_scale": f"{self.time_scale}"}
+
+    @classmethod
+    def of_recording(cls, claims: Mapping[str, str]) -> Self:
+        """Build an ICS from the claims in a recording, the inverse of `recorded`.
+
+        Raises:
+            IcsError: A claim is unknown, or its value is invalid.
+        """
+        subject: dict[str, Any] = dict(claims)
+        readings = {key: subject.pop(key) for key in claims if key.startswith(_READING)}
+        if "lacks" in claims:
+            subject["lacks"] = claims["lacks"].split(", ")
+        try:
+            subject["time_scale"] = float(claims.get("time_scale", "1"))
+            return cls.of(
+                {
+                    "subject": subject,
+                    "readings": {key.removeprefix(_READING): readings[key] for key in readings},
+                }
+            )
+        except ValueError as error:  # also an invalid claim
+            raise IcsError(f"{error}") from None
+
     @property
     def summary(self) -> dict[str, str]:
         """The claims as in the file, without name, version and link; of hooks only the names."""
-        claims = {f"readings.{key}": self.dialect[key] for key in sorted(self.claimed)}
+        claims = {f"{_READING}{key}": self.dialect[key] for key in sorted(self.claimed)}
         claims |= {f"hooks.{name}": "given" for name in sorted(self.hooks)}
         if self.unsupported:
             claims["lacks"] = ", ".join(sorted(self.unsupported))
@@ -192,6 +230,7 @@ _SUBJECT: Final[Mapping[str, type | tuple[type, ...]]] = {
     "network_applies": str,
     "time_scale": (int, float),
 }
+_READING: Final = "readings."
 _ON_NETWORK: Final = frozenset({"4.4/4"})
 _ON_TIME: Final = frozenset({"4.5/4", "4.6/4", "4.9/5"})
 _NETWORK_APPLIES: Final = ("at-once", "after-restart")

@@ -49,6 +49,22 @@ def test_a_whole_statement(tmp_path: Path) -> None:
     assert ics.motion.box_mm == ((200, 300), (-50, 50), (200, 250))
 
 
+def test_claims_in_a_recording(tmp_path: Path) -> None:
+    """The recording of a run has what its judge needs, and no hooks."""
+    ics = read(WHOLE, tmp_path)
+    assert ics.recorded == {
+        "readings.op_get_default": "0x13",
+        "readings.xfer_timeout": "1",
+        "lacks": "shutdown",
+        "network_applies": "after-restart",
+        "time_scale": "10",
+    }
+    again = Ics.of_recording(ics.recorded)
+    assert again.scope(None) == ics.scope(None)
+    assert (again.dialect, again.claimed) == (ics.dialect, ics.claimed)
+    assert Ics.of_recording({}) == Ics.of_recording(Ics().recorded) == Ics()
+
+
 def test_hooks_run_without_a_shell(tmp_path: Path) -> None:
     """Placeholders are filled in; another status than 0 is an error that names the hook."""
     hook = read(WHOLE, tmp_path).hooks["set_input"]
