@@ -11,8 +11,6 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from scaraspec.judge.judge import Judge
-from scaraspec.judge.requirements import REQUIREMENTS, Binds
-from scaraspec.judge.rules.rule import sender_of
 from scaraspec.judge.verdicts import Finding
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.report.model import Role
@@ -25,7 +23,6 @@ from scaraspec.traffic.events import (
     FrameSeen,
     InvalidBytes,
     TrafficEvent,
-    Transfer,
     UnsolicitedReply,
 )
 from scaraspec.traffic.wire import WireEvent
@@ -113,13 +110,14 @@ class Observer:
         interruption: Interruption | None = None,
     ) -> None:
         self.interruption = interruption or Interruption()
-        self.judge = Judge(ics.dialect, needs_login=needs_login)
+        self.judge = Judge(
+            ics.dialect, needs_login=needs_login, scope=ics.scope(sending_direction(role))
+        )
         self.findings: list[CaseFinding] = []
         self.attempt = ObservedAttempt("")
         self._time_ns = 0
         self.recent: deque[FrameSeen | InvalidBytes] = deque(maxlen=_RECENT_FRAMES)
         self.unsolicited: deque[FrameSeen] = deque(maxlen=_RECENT_FRAMES)
-        self._role, self._undecidable = role, ics.undecidable_requirements
         self._take, self._hear = take, hear
         self._ignored: tuple[str, ...] = ()
 
@@ -190,9 +188,9 @@ class Observer:
                     self.attempt.late.add(connection)
                 if isinstance(item, UnsolicitedReply) and not (item.late or item.seen.frame.tagged):
                     self.unsolicited.append(item.seen)
-            elif item.requirement in (*self._ignored, *self._undecidable) or event is None:
+            elif item.requirement in self._ignored or event is None:
                 continue
-            elif responsible_role(item, event) is self._role:
+            elif self.judge.scope.includes(item.requirement, event):
                 connections = {place.connection for place in item.evidence}
                 # Invalid bytes were received: they do not rest on a missing or late message.
                 late = bool(connections & self.attempt.late) and not isinstance(event, InvalidBytes)
@@ -221,16 +219,3 @@ _MISSING: Final = (Ending.UNANSWERED, Ending.UNFINISHED)
 def sending_direction(role: Role) -> Direction:
     """Return the direction in which a subject of this role sends."""
     return C2A if role is Role.CONTROLLER else A2C
-
-
-def responsible_role(finding: Finding, event: TrafficEvent) -> Role | None:
-    """Return the role that a finding is about: the subject or the suite; None if unknown."""
-    binds = REQUIREMENTS[finding.requirement].binds
-    if binds is not Binds.BOTH:
-        return Role.CONTROLLER if binds is Binds.CONTROLLER else Role.CLIENT
-    if isinstance(event, Transfer):
-        return Role.CLIENT if event.upload else Role.CONTROLLER
-    if isinstance(event, Exchange):
-        return Role.CLIENT if event.name == "upload_chunk" else Role.CONTROLLER
-    sender = sender_of(event)
-    return None if sender is None else Role.CONTROLLER if sender is C2A else Role.CLIENT
