@@ -13,7 +13,7 @@ from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.recordings.capture import write_rrd
 from scaraspec_recorder.sinks.decoder import Decoder
-from scaraspec_recorder.sinks.mcap.mcap_sink import LINK, SERIAL, McapSink
+from scaraspec_recorder.sinks.mcap.mcap_sink import McapSink
 from scaraspec_recorder.sinks.pcapng_writer import PcapngWriter
 from scaraspec_recorder.sources.capture import McapCapture, PcapCapture, open_capture
 
@@ -23,9 +23,8 @@ _PATH = click.Path(path_type=Path)
 
 
 def _write_mcap(capture: McapCapture | PcapCapture, target: Path) -> None:
-    needs_login = capture.needs_login
-    session = {} if needs_login else {LINK: SERIAL}
-    decoder = Decoder([McapSink(target.open("wb"), session)], Judge(needs_login=needs_login))
+    sink = McapSink(target.open("wb"), capture.session)
+    decoder = Decoder([sink], Judge(needs_login=capture.needs_login))
     for event in capture:
         decoder.write(event)
     decoder.close()

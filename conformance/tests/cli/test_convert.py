@@ -7,8 +7,12 @@ from typing import Any
 
 import pytest
 
+from scaraspec.judge.judge import Judge
 from scaraspec.traffic.wire import Kind
+from scaraspec_recorder.sinks.decoder import Decoder
+from scaraspec_recorder.sinks.mcap.mcap_sink import McapSink
 from scaraspec_recorder.sources.capture import open_capture
+from scaraspec_recorder.sources.mcap_reader import read_mcap
 
 SHIFT = "plant-a-morning-shift"
 
@@ -39,6 +43,21 @@ def test_packets_become_a_recording_and_packets_again(
         assert (done.returncode, done.stderr) == (0, "")
     assert streams(source) == streams(recording) == streams(packets)
     assert processes.run("audit", str(packets)).returncode == 0
+
+
+def test_the_description_of_the_session_is_kept(
+    processes: Any, field: Path, tmp_path: Path
+) -> None:
+    """MCAP to MCAP: what the recording states about the link and the subject."""
+    source, target = tmp_path / "a.mcap", tmp_path / "b.mcap"
+    known = {"subject": "client", "subject.time_scale": "2", "link": "serial"}
+    decoder = Decoder([McapSink(source.open("wb"), known)], Judge())
+    for event in open_capture(field / f"{SHIFT}.pcapng", port=None):
+        decoder.write(event)
+    decoder.close()
+    assert processes.run("convert", f"{source}", f"{target}").returncode == 0
+    assert read_mcap(target).session == read_mcap(source).session
+    assert known.items() <= read_mcap(target).session.items()
 
 
 def test_a_picture(processes: Any, field: Path, tmp_path: Path) -> None:

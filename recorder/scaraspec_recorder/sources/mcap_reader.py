@@ -7,7 +7,7 @@ records and notes about what is missing. Nothing is written.
 import os
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,7 +26,7 @@ from scaraspec_recorder.sinks.byte_accounting import ByteAccountingCheck
 from scaraspec_recorder.sinks.gap_filler import GapFiller
 from scaraspec_recorder.sinks.mcap import schemas
 from scaraspec_recorder.sinks.mcap.chunk_writer import MAGIC
-from scaraspec_recorder.sinks.mcap.mcap_sink import LINK, SERIAL, SESSION
+from scaraspec_recorder.sinks.mcap.mcap_sink import LINK, SCHEMA, SERIAL, SESSION
 from scaraspec_recorder.spool.forwarded_chunks import ForwardedChunk
 
 _MAX_RECORD_BYTES: Final = 1 << 26  # more than any chunk or attachment of the recorder: damage
@@ -152,18 +152,38 @@ class McapCapture:
         self.summary = McapSummary()
 
     @property
+    def session(self) -> Mapping[str, str]:
+        """The description of the session; see `mcap_sink`. Empty if the file has none.
+
+        Raises:
+            CaptureError: The file cannot be opened, is not an MCAP file, or its description has
+                another version.
+        """
+        for record in read_records(self.path, McapSummary()):
+            if isinstance(record, Metadata) and record.name == SESSION:
+                if (schema := record.metadata.get("schema", SCHEMA)) != SCHEMA:
+                    raise CaptureError(
+                        UserMessage(
+                            "{path} describes its session as {schema!r}, but this version of "
+                            "scaraspec reads {supported}: use the version that wrote it",
+                            path=self.path,
+                            schema=schema[:40],
+                            supported=SCHEMA,
+                        )
+                    )
+                return record.metadata
+            if isinstance(record, Message):
+                break
+        return {}
+
+    @property
     def needs_login(self) -> bool:
         """Whether the link needs a login; False if the file states that it was serial (L83).
 
         Raises:
-            CaptureError: The file cannot be opened, or is not an MCAP file.
+            CaptureError: See `session`.
         """
-        for record in read_records(self.path, McapSummary()):
-            if isinstance(record, Metadata) and record.name == SESSION:
-                return record.metadata.get(LINK) != SERIAL
-            if isinstance(record, Message):
-                break
-        return True
+        return self.session.get(LINK) != SERIAL
 
     def __iter__(self) -> Iterator[WireEvent]:
         """Read the file.

@@ -10,11 +10,12 @@ import logging
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, BinaryIO, Final, NamedTuple
 
 from scaraspec.protocol.port import DEFAULT_PORT
@@ -65,12 +66,14 @@ class PcapCapture:
 
     Attributes:
         needs_login: Always True: the traffic is TCP.
+        session: Always empty: the file does not describe the session.
         path: The file.
         port: TCP port of the controller; None for every connection.
         summary: Complete when an iteration has ended.
     """
 
     needs_login: Final = True
+    session: Final[Mapping[str, str]] = MappingProxyType({})
 
     def __init__(self, path: Path, port: int | None) -> None:
         self.path = path

@@ -2,7 +2,8 @@
 
 The file has two layers. The raw layer (`/raw/…`, `/connection`, `/gap`) is the reference: it is
 written as received, and everything else can be derived from it again. The derived layer comes from
-a `Decoder` and contains no passwords. `mcap_reader` reads the file. After a write error,
+a `Decoder` and contains no passwords. Metadata records describe the session (`SESSION`), the bytes
+of each stream and the result. `mcap_reader` reads the file. After a write error,
 nothing more is written to the file.
 """
 
@@ -45,6 +46,15 @@ GAP_TOPIC: Final = "/gap"
 
 SESSION: Final = "session"
 """Name of the metadata record that describes the session; it precedes all messages."""
+
+SCHEMA: Final = "scaraspec.session/1"
+"""Version of that record, in its key ``schema``; files of scaraspec 0.1.0 have no such key."""
+
+SUBJECT: Final = "subject"
+"""Key in it of the side that a certification tested: ``controller`` or ``client``."""
+
+CLAIM: Final = "subject."
+"""Prefix in it of the keys of what the ICS claims, such as ``subject.time_scale``."""
 
 LINK: Final = "link"
 SERIAL: Final = "serial"
@@ -125,7 +135,7 @@ class McapSink:
         self._dirty = False
         self._joints: tuple[int, tuple[float, ...]] | None = None
         self._latencies = LatencyTracker()
-        self._writer.metadata(SESSION, {"tool": tool, **(session or {})})
+        self._writer.metadata(SESSION, {**(session or {}), "schema": SCHEMA, "tool": tool})
         self._writer.flush()
 
     def write(self, event: WireEvent) -> None:

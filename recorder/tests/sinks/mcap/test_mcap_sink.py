@@ -31,7 +31,7 @@ from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.recordings.capture import capture_sink
 from scaraspec_recorder.recordings.repair import repair
 from scaraspec_recorder.sinks.decoder import Decoder
-from scaraspec_recorder.sinks.mcap import schemas
+from scaraspec_recorder.sinks.mcap import mcap_sink, schemas
 from scaraspec_recorder.sinks.mcap.chunk_writer import ChunkWriter
 from scaraspec_recorder.sinks.mcap.mcap_sink import McapSink
 from scaraspec_recorder.sinks.redaction import Redactor
@@ -359,6 +359,22 @@ def test_the_link_is_in_the_metadata(
     capture.path.write_bytes(capture.path.read_bytes()[:-100])
     repair(capture.path)
     assert capture.needs_login is needs_login
+
+
+@pytest.mark.parametrize(("schema", "readable"), [("1", True), ("2", False)])
+def test_the_description_of_the_session_has_a_version(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, schema: str, *, readable: bool
+) -> None:
+    """A description of a later version is not misread."""
+    monkeypatch.setattr(mcap_sink, "SCHEMA", f"scaraspec.session/{schema}")
+    path = record(tmp_path / "capture.mcap", [])
+    if readable:
+        assert read_mcap(path).session["schema"] == "scaraspec.session/1"
+    else:
+        with pytest.raises(
+            CaptureError, match=r"'scaraspec.session/2', but .* scaraspec.session/1"
+        ):
+            _ = read_mcap(path).session
 
 
 def test_rerun_reads_the_file(capture: Path) -> None:
