@@ -120,15 +120,15 @@ def controller(  # noqa: PLR0913 - independent options of a run
         SuiteError: The suite is defective.
         OSError: `out` cannot be created.
     """
-    access = UrlAccess(url, patience_s)
+    access, ics = UrlAccess(url, patience_s), ics or Ics()
     folder = state_dir or state_directory()
     with (
         Journal.of(resolve_url(url), folder, wait_s=lock_timeout_s) as journal,
-        RunFolder(out, needs_login=access.needs_login) as files,
+        RunFolder(out, Role.CONTROLLER, ics, needs_login=access.needs_login) as files,
     ):
         adapter = ControllerAdapter(
             access,
-            ics or Ics(),
+            ics,
             password.encode(),
             options or Options(),
             link=url,
@@ -196,7 +196,7 @@ def client(  # noqa: PLR0913 - independent options of a run
         earlier = earlier_results(out) if access.attended else None
         if earlier:
             _require_same(earlier, adapter, out)
-        files = resources.enter_context(RunFolder(out, earlier=earlier))
+        files = resources.enter_context(RunFolder(out, Role.CLIENT, adapter.ics, earlier=earlier))
         return _results(
             Run(
                 replace(adapter, capture=files.capture),

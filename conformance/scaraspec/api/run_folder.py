@@ -9,11 +9,13 @@ from typing import Final, Self
 
 from scaraspec.api.viewer import has_viewer
 from scaraspec.report import ctrf, html, junit
-from scaraspec.report.model import Results
+from scaraspec.report.model import Results, Role
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.traffic.wire import WireEvent
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.recordings.capture import capture_sink
 from scaraspec_recorder.sinks.background_recorder import BackgroundRecorder
+from scaraspec_recorder.sinks.mcap.mcap_sink import CLAIM, SUBJECT
 from scaraspec_recorder.sinks.sink import SinkFailed
 
 RESULTS: Final = ("results.json", "report.html", "junit.xml", "ctrf.json")
@@ -31,6 +33,8 @@ class RunFolder:
 
     Args:
         path: The folder; None to write nothing.
+        role: The role of the subject.
+        ics: What it claims. The recording states both, for an audit of it.
         earlier: The results of an earlier run in this folder, which this run continues. The new
             recording goes into a subfolder ``sitting-2`` and so on.
         needs_login: False for a serial link (L83).
@@ -41,7 +45,13 @@ class RunFolder:
     """
 
     def __init__(
-        self, path: Path | None, *, earlier: Results | None = None, needs_login: bool = True
+        self,
+        path: Path | None,
+        role: Role,
+        ics: Ics,
+        *,
+        earlier: Results | None = None,
+        needs_login: bool = True,
     ) -> None:
         self._path = path
         self._recording: BackgroundRecorder | None = None
@@ -67,7 +77,9 @@ class RunFolder:
             folder = path / f"sitting-{len(list(path.glob('sitting-*'))) + 2}"
             folder.mkdir()
         self._reserve = _reserve_space(folder / RESERVE)
-        sink = partial(capture_sink, draw=has_viewer(), needs_login=needs_login)
+        claims = {f"{CLAIM}{key}": value for key, value in ics.recorded.items()}
+        session = {SUBJECT: role.value, **claims}
+        sink = partial(capture_sink, session=session, draw=has_viewer(), needs_login=needs_login)
         self._recording = BackgroundRecorder(folder, [sink])
 
     @property

@@ -6,7 +6,7 @@ mean is derived elsewhere; nothing here depends on frames.
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from scaraspec.protocol.direction import Direction
 
@@ -23,6 +23,10 @@ class Kind(Enum):
     INJECTED = "injected"  # bytes of this direction's sender were changed on purpose
 
     __hash__ = object.__hash__
+
+
+UNJUDGED: Final = "not judged: the suite sends invalid bytes on purpose"
+"""Note of the opening of a connection whose traffic says nothing about the subject."""
 
 
 @dataclass(frozen=True, slots=True)

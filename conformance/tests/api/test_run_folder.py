@@ -10,6 +10,7 @@ from scaraspec.api.run_folder import RunFolder, RunFolderError
 from scaraspec.judge.verdicts import Conclusion
 from scaraspec.report import html
 from scaraspec.report.model import Results, Role, Subject, Tool
+from scaraspec.suite.engine.ics import Ics
 
 RESULTS = Results(
     tool=Tool("scaraspec", "0"),
@@ -31,7 +32,7 @@ def test_what_can_be_written_is_written(tmp_path: Path, monkeypatch: pytest.Monk
 
     monkeypatch.setattr(html, "write", fill)
     folder = tmp_path / "out"
-    with RunFolder(folder) as files:
+    with RunFolder(folder, Role.CONTROLLER, Ics()) as files:
         assert (folder / ".results.reserve").stat().st_size == 4 * 2**20
         with pytest.raises(RunFolderError) as caught:
             files.finish(RESULTS)

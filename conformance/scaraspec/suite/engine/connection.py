@@ -17,7 +17,7 @@ from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, No
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.traffic.events import FrameSeen, InvalidBytes
 from scaraspec.traffic.stream import Stream
-from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec.traffic.wire import UNJUDGED, Kind, WireEvent
 from scaraspec.transports.link import Arrival, Ending, Link, LinkError
 from scaraspec.user_message import UserMessage
 
@@ -113,7 +113,7 @@ class Connection:
         self._sends, self._receives = sends, sends.opposite
         self._streams = {direction: Stream(name, direction) for direction in Direction}
         self._offsets_bytes = dict.fromkeys(Direction, 0)
-        self._event(A2C, Kind.OPENED, owner.now_ns)
+        self._event(A2C, Kind.OPENED, owner.now_ns, note="" if judged else UNJUDGED)
 
     # ------------------------------------------------------------------ sending
 
@@ -265,9 +265,11 @@ class Connection:
             message = "the subject keeps sending frames that no request asked for"
             raise CaseFailed(message, expected="silence", observed="a flood", requirement="3/32")
 
-    def _event(self, direction: Direction, kind: Kind, time_ns: int, data: bytes = b"") -> None:
+    def _event(
+        self, direction: Direction, kind: Kind, time_ns: int, data: bytes = b"", *, note: str = ""
+    ) -> None:
         offset_bytes = self._offsets_bytes[direction]
-        event = WireEvent(time_ns, self.name, direction, kind, data, offset_bytes)
+        event = WireEvent(time_ns, self.name, direction, kind, data, offset_bytes, note=note)
         self._offsets_bytes[direction] += len(data)
         with self._owner.observer.interruption:
             self._owner.observer.event(event, judged=self._judged)
