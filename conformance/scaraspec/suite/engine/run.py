@@ -207,9 +207,10 @@ class Run(Generic[P]):
         """Build the results from the outcomes and from the findings of the judge."""
         reason = self._subject.others.reason
         ran = (unless_disturbed(o, reason(o.case.id)) for o in self.case_runner.outcomes)
-        outcomes = (*ran, *self._wrong_claims(), *wrong_claims(self._subject))
+        outcomes = (*ran, *self._wrong_claims())
         earlier, ids = self._earlier.cases, {o.case.id for o in outcomes}
         tried = [earlier.get(o.case.id) or self._case(o) for o in outcomes]
+        tried += wrong_claims(self._subject.served, self._replay(""))
         before = [case for key, case in earlier.items() if key not in ids]
         findings = self._observer.findings
         groups = grouped(findings, (case for case in before if model.SEEN in case.id))
@@ -277,7 +278,7 @@ class Run(Generic[P]):
         options, method = self.adapter.options, METHODS[self.adapter.role]
         if options.only is None:
             testable = frozenset(e.id for e in REQUIREMENTS.values() if method in e.testable)
-            return testable - excluded_requirements(self._subject)
+            return testable - excluded_requirements(self._subject.served)
         chosen = [case for case in self.case_runner.cases if case.id in options.cases]
         return options.only.union(*(case.requirements for case in chosen))
 

@@ -22,6 +22,7 @@ from scaraspec.suite.controller.harness.controller_under_test import (
 from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
 from scaraspec.suite.engine.transfer_timeouts import transfer_timeouts_of
+from scaraspec.suite.engine.unsupported_claims import answers
 from scaraspec.suite.program_files.layout import candidates
 from scaraspec.suite.program_files.listed import program_names
 from scaraspec.suite.program_files.writing import wait_program
@@ -79,8 +80,7 @@ def _is_answered(subject: ControllerUnderTest, request: Frame) -> bool:
     line.send_frame(request)
     replies = [s.frame for s in line.collect_replies() if s.frame.opcode == request.opcode]
     line.close()
-    as_unknown = subject.dialect["on_unknown"] == "0"
-    return any(frame.tagged or not (as_unknown and frame.data == b"0") for frame in replies)
+    return any(answers(frame, subject.dialect) for frame in replies)
 
 
 def _op_get_default(subject: ControllerUnderTest) -> str | None:
