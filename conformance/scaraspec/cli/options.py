@@ -1,10 +1,11 @@
 """Options that several commands share."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterator
 from typing import Any, Final, TypeVar
 
 import click
+from click.core import ParameterSource
 
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.user_message import UserMessage
@@ -77,6 +78,31 @@ def password_option(default: str | None, text: str) -> Callable[[F], F]:
         metavar="PASSWORD",
         help=f"{text} [SCARASPEC_PASSWORD, or '{DEFAULT_PASSWORD}'].",
     )
+
+
+def given_options(
+    context: click.Context, *, without: Collection[str], always: Collection[str] = ()
+) -> Iterator[str]:
+    """Yield the words of the options that were given, to repeat a command.
+
+    Args:
+        context: The context of the command.
+        without: Parameters that are not repeated.
+        always: Parameters that are repeated even if they have their default.
+    """
+    for option in context.command.params:
+        name = option.name or ""
+        if not isinstance(option, click.Option) or name in without:
+            continue
+        given = context.get_parameter_source(name) is not ParameterSource.DEFAULT
+        value = context.params[name]
+        if option.is_flag:
+            if value:
+                yield option.opts[-1]
+        elif (given and value is not None) or name in always:
+            for each in value if option.multiple else (value,):
+                text = f"{each:g}s" if isinstance(option.type, Duration) else f"{each}"
+                yield from (option.opts[-1], text)
 
 
 capture_port: Final = click.option(

@@ -683,22 +683,7 @@ class Dialect(Mapping[str, str]):
             ReadingError: A setting has another form, a key is set twice, or a key or an option
                 does not exist.
         """
-        choices: dict[str, str] = {}
-        for setting in settings:
-            key, equals, choice = setting.partition("=")
-            if not equals:
-                raise ReadingError(
-                    UserMessage(
-                        "{setting} is not a setting: write key=option, such as endian=big",
-                        setting=reprlib.repr(setting),
-                    )
-                )
-            if key in choices:
-                raise ReadingError(
-                    UserMessage("{key} is set twice: remove one of the settings", key=key)
-                )
-            choices[_find(key).key] = choice
-        return cls(choices)
+        return cls(parse_settings(settings))
 
     def replace(self, **choices: str) -> Self:
         """Return this dialect with these choices.
@@ -738,6 +723,30 @@ class Dialect(Mapping[str, str]):
     def __repr__(self) -> str:
         choices = ", ".join(f"{key}={choice!r}" for key, choice in self.differences().items())
         return f"Dialect.of({choices})"
+
+
+def parse_settings(settings: Iterable[str]) -> dict[str, str]:
+    """Return the choices of settings ``key=option``; the options are not checked.
+
+    Raises:
+        ReadingError: A setting has another form, a key is set twice or does not exist.
+    """
+    choices: dict[str, str] = {}
+    for setting in settings:
+        key, equals, choice = setting.partition("=")
+        if not equals:
+            raise ReadingError(
+                UserMessage(
+                    "{setting} is not a setting: write key=option, such as endian=big",
+                    setting=reprlib.repr(setting),
+                )
+            )
+        if key in choices:
+            raise ReadingError(
+                UserMessage("{key} is set twice: remove one of the settings", key=key)
+            )
+        choices[_find(key).key] = choice
+    return choices
 
 
 def _find(key: str) -> Reading:

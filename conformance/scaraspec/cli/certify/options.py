@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Any, Final
 
 import click
-from click.core import ParameterSource
 from rich.console import Console
 
 from scaraspec.api.certify import IncompleteFilesError, StartError
 from scaraspec.api.run_folder import RunFolderError
-from scaraspec.cli.options import Duration, Percentage, Real
+from scaraspec.cli.options import Percentage, Real, given_options
 from scaraspec.cli.problems import Problem
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.readings import ReadingError
@@ -130,18 +129,8 @@ def reproduction(context: click.Context, url: str = "") -> str:
         url: The URL of the controller; empty for a client.
     """
     words = ["scaraspec", "certify", *([context.info_name] if context.info_name else []), url]
-    for option in context.command.params:
-        name = option.name or ""
-        given = context.get_parameter_source(name) is not ParameterSource.DEFAULT
-        if not isinstance(option, click.Option) or name in _NOT_REPEATED:
-            continue
-        value = context.params[name]
-        if option.is_flag and value:
-            words.append(option.opts[-1])
-        elif name == "seed" or (given and not option.is_flag and value is not None):
-            text = f"{value:g}s" if isinstance(option.type, Duration) else f"{value}"
-            words += [option.opts[-1], text]
-    return shlex.join(filter(None, words))
+    options = given_options(context, without=_NOT_REPEATED, always=("seed",))
+    return shlex.join([*filter(None, words), *options])
 
 
 def conclude(run: Callable[[], Results], out: Path | None) -> None:
