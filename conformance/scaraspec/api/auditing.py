@@ -1,36 +1,60 @@
 """Audit: judges a capture file and returns the results."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 from scaraspec.judge.judge import Judge
-from scaraspec.judge.verdicts import Conclusion
-from scaraspec.protocol.readings import DEFAULT, Dialect
+from scaraspec.judge.verdicts import Conclusion, Finding
+from scaraspec.protocol.direction import A2C
 from scaraspec.report.audit import from_audit
-from scaraspec.report.model import Results, Role, Subject
+from scaraspec.report.evidence import evidence_of
+from scaraspec.report.model import Case, Results, Role, Subject
 from scaraspec.report.session import SessionStats
-from scaraspec_recorder.sources.capture import McapCapture, open_capture
+from scaraspec.suite.engine.ics import Ics
+from scaraspec.suite.engine.observer import sending_direction
+from scaraspec.suite.engine.unsupported_claims import (
+    answers,
+    excluded_requirements,
+    wrong_claims,
+)
+from scaraspec.traffic.events import Ending, Exchange, TrafficEvent
+from scaraspec.traffic.wire import UNJUDGED, Kind, WireEvent
+from scaraspec.transports.url import Tcp, parse
+from scaraspec.user_message import UserMessage
+from scaraspec_recorder.errors import CaptureError
+from scaraspec_recorder.sinks.mcap.mcap_sink import CLAIM, SUBJECT
+from scaraspec_recorder.sources.capture import McapCapture, PcapCapture, open_capture
 
 _EVENTS_PER_UPDATE: Final = 1000
+_OTHER_SIDE: Final = {Role.CONTROLLER: "client", Role.CLIENT: "controller"}
 
 
-def audit(
+def audit(  # noqa: PLR0913 - independent options of an audit
     file: Path,
     *,
-    dialect: Dialect = DEFAULT,
+    subject: Role | None = None,
+    ics: Ics | None = None,
+    readings: Mapping[str, str] | None = None,
     port: int | None = None,
     serial: bool = False,
+    reproduction: str = "",
     progress: Callable[[int], None] = lambda _count: None,
 ) -> tuple[Results, tuple[str, ...]]:
     """Judge a capture: an MCAP recording, or a pcap or pcapng of any client and controller.
 
     Args:
         file: The capture.
-        dialect: The readings that the controller claims.
+        subject: The side that is judged; `Role.CAPTURE` for both sides. Findings about the other
+            side are only counted. None for the subject of the certification that wrote the
+            capture, or both sides of any other capture.
+        ics: What the subject claims, or the controller if both sides are judged. None for the
+            claims that the certification has written into the capture.
+        readings: Further claimed readings by key.
         port: The controller's TCP port in packet captures; None for all connections.
-        serial: Whether the link was serial (L83), even if the file does not state it.
+        serial: Whether the link was serial (L83), even if neither the file nor the ICS states it.
+        reproduction: The command that repeats the audit, for the report.
         progress: Called from time to time with the number of events judged so far.
 
     Returns:
@@ -38,25 +62,34 @@ def audit(
         wrong, the results are inconclusive at best.
 
     Raises:
-        CaptureError: The file cannot be read.
+        CaptureError: The file cannot be read, or its description of the subject is invalid.
+        ReadingError: A reading does not exist.
+        UrlError: The URL in the ICS is invalid.
     """
     capture = open_capture(file, port=port)
-    needs_login = capture.needs_login and not serial
-    judge, stats = Judge(dialect, needs_login=needs_login), SessionStats()
+    tested, claimed = _subject_of(capture)
+    subject, ics = subject or tested, (ics or claimed).with_claims(**(readings or {}))
+    serial = serial or not capture.needs_login or bool(ics.url and not _is_tcp(ics.url))
+    side = None if subject is Role.CAPTURE else sending_direction(subject)
+    judge = Judge(ics.dialect, needs_login=not serial, scope=ics.scope(side))
+    replay = reproduction or f"scaraspec audit {file}"
+    listener = _Listener(judge, ics)
     for number, event in enumerate(capture):
-        for item in judge.feed(event):
-            stats.add(item)
+        if subject is Role.CAPTURE or listener.is_judged(event):
+            listener.take(judge.feed(event))
         if number % _EVENTS_PER_UPDATE == 0:
             progress(number)
-    for item in judge.close():
-        stats.add(item)
+    listener.take(judge.close())
     results = from_audit(
         judge,
-        stats,
-        subject=Subject(Role.CAPTURE, file=str(file)),
-        claims=dialect.differences(),
-        replay=f"scaraspec audit {file}",
+        listener.stats,
+        subject=Subject(Role.CAPTURE, file=str(file), claims=ics.summary),
+        claims={key: ics.dialect[key] for key in ics.claimed},
+        replay=replay,
+        wrong_claims=tuple(listener.wrong_claims(replay)),
+        excluded=excluded_requirements(listener.served),
     )
+    results = replace(results, notices=tuple(_notices(subject, judge, listener)))
     counts_match = not (isinstance(capture, McapCapture) and capture.summary.wrong_accounts)
     if not counts_match and results.verdict is not Conclusion.NONCONFORMANT:
         results = replace(results, verdict=Conclusion.INCONCLUSIVE)
@@ -64,3 +97,104 @@ def audit(
     if results.verdict.good and not has_frames:
         results = replace(results, verdict=Conclusion.NOTHING_TESTED)
     return results, tuple(capture.summary.notes)
+
+
+def _subject_of(capture: McapCapture | PcapCapture) -> tuple[Role, Ics]:
+    """Return the subject that the capture states, and its claims; both sides if it states none.
+
+    Raises:
+        CaptureError: The file cannot be read, or the statement is invalid.
+    """
+    session = capture.session
+    claims = {k.removeprefix(CLAIM): v for k, v in session.items() if k.startswith(CLAIM)}
+    try:
+        return Role(session.get(SUBJECT, Role.CAPTURE.value)), Ics.of_recording(claims)
+    except ValueError as error:  # also IcsError
+        raise CaptureError(
+            UserMessage(
+                "{path} has an invalid description of its subject: {error}",
+                path=capture.path,
+                error=error,
+            )
+        ) from None
+
+
+class _Listener:
+    """Takes what the judge yields.
+
+    Attributes:
+        stats: The statistics of the traffic, with the evidence of the findings that count.
+        served: For each command that the ICS calls unsupported, and whose requests show it:
+            whether the controller answers it.
+        unjudged: The connections that are not judged.
+    """
+
+    def __init__(self, judge: Judge, ics: Ics) -> None:
+        self.stats = SessionStats()
+        self.served: dict[str, bool] = {}
+        self.unjudged: set[str] = set()
+        self._refuting: dict[str, Exchange] = {}
+        self._scope, self._dialect = judge.scope, ics.dialect
+
+    def is_judged(self, event: WireEvent) -> bool:
+        """Return whether the traffic of the event's connection says something about the subject."""
+        if event.kind is Kind.OPENED and event.note == UNJUDGED:
+            self.unjudged.add(event.connection)
+        return event.connection not in self.unjudged
+
+    def take(self, items: Iterator[TrafficEvent | Finding]) -> None:
+        """Take what follows from one wire event."""
+        event: TrafficEvent | None = None
+        for item in items:
+            if not isinstance(item, Finding):
+                event = item
+                self._check_claim(item)
+            elif event is None or not self._scope.includes(item.requirement, event):
+                continue
+            self.stats.add(item)
+
+    def _check_claim(self, event: TrafficEvent) -> None:
+        if not (isinstance(event, Exchange) and event.name in self.unsupported and event.certain):
+            return
+        if event.reply and answers(event.reply.frame, self._dialect):
+            self.served[event.name] = True
+            self._refuting.setdefault(event.name, event)
+        elif event.reply or event.overtaken or event.ending is Ending.UNANSWERED:
+            self.served.setdefault(event.name, False)
+
+    @property
+    def unsupported(self) -> frozenset[str]:
+        """The commands that the ICS of a controller calls unsupported."""
+        return frozenset() if self._scope.side is A2C else self._scope.unsupported
+
+    def wrong_claims(self, replay: str) -> Iterator[Case]:
+        """Yield a failure for each command that is answered although it is unsupported."""
+        cases = wrong_claims(self.served, replay)
+        for name, case in zip(sorted(self._refuting), cases, strict=True):
+            yield replace(case, wire=tuple(map(evidence_of, self._refuting[name].frames)))
+
+
+def _notices(subject: Role, judge: Judge, listener: _Listener) -> Iterator[str]:
+    if other := _OTHER_SIDE.get(subject):
+        yield UserMessage(
+            "Only the {subject} is judged. Findings about the {other} that are left out: {count}",
+            subject=subject.value,
+            other=other,
+            count=judge.other_side,
+        )
+    if listener.unjudged:
+        yield UserMessage(
+            "Connections that are not judged, because the suite sends invalid bytes on purpose: "
+            "{count}",
+            count=len(listener.unjudged),
+        )
+    for name in sorted(listener.unsupported - listener.served.keys()):
+        yield UserMessage(
+            "Not verified: the ICS claims that {command} is unsupported. No request in the capture "
+            "shows it",
+            command=name,
+        )
+
+
+def _is_tcp(url: str) -> bool:
+    return isinstance(parse(url), Tcp)

@@ -1,5 +1,6 @@
 """`scaraspec audit`: judge a capture."""
 
+import shlex
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,18 +10,23 @@ from rich.console import Console
 from rich.progress import Progress, TextColumn, TimeElapsedColumn
 
 from scaraspec.api.auditing import audit
-from scaraspec.cli.options import capture_port
+from scaraspec.cli.options import capture_port, given_options
 from scaraspec.cli.problems import Problem
-from scaraspec.protocol.readings import Dialect, ReadingError
+from scaraspec.protocol.readings import ReadingError, parse_settings
 from scaraspec.report import html, terminal
+from scaraspec.report.model import Role
 from scaraspec.report.sanitizing import visible
 from scaraspec.report.translations import Language
+from scaraspec.suite.engine.ics import Ics, IcsError
+from scaraspec.transports.link import LinkError
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
 
 EXAMPLE = "Example: scaraspec audit capture.mcap --html report.html"
 
 _PATH = click.Path(path_type=Path)
+_ROLES = {"controller": Role.CONTROLLER, "client": Role.CLIENT, "both": Role.CAPTURE, None: None}
+_OUTPUT = ("json_file", "html_file", "language")
 
 
 @click.command(epilog=EXAMPLE)
@@ -30,11 +36,22 @@ _PATH = click.Path(path_type=Path)
     "--serial", is_flag=True, help="The link was serial (clause 2), even if FILE does not state it."
 )
 @click.option(
+    "--subject",
+    type=click.Choice(["controller", "client", "both"]),
+    help="The side to judge [the subject of the certification that wrote FILE, else both].",
+)
+@click.option(
+    "--ics",
+    type=_PATH,
+    metavar="ICS",
+    help="Conformance statement of the subject, TOML [what FILE states].",
+)
+@click.option(
     "--reading",
     "readings",
     multiple=True,
     metavar="KEY=OPTION",
-    help="A reading that the controller claims, such as xfer_timeout=60; repeatable.",
+    help="A further reading that the subject claims, such as xfer_timeout=60; repeatable.",
 )
 @click.option("--json", "json_file", type=_PATH, help="Write results.json here.")
 @click.option("--html", "html_file", type=_PATH, help="Write the report here.")
@@ -49,6 +66,8 @@ def command(  # noqa: PLR0913 - one for each option
     port: int | None,
     *,
     serial: bool,
+    subject: str | None,
+    ics: Path | None,
     readings: tuple[str, ...],
     json_file: Path | None,
     html_file: Path | None,
@@ -56,7 +75,8 @@ def command(  # noqa: PLR0913 - one for each option
 ) -> None:
     """Judge FILE: an MCAP recording, or a pcap or pcapng of any client and controller.
 
-    Exit status 0 conformant, 1 nonconformant, 3 inconclusive, 4 nothing to judge.
+    Violations by the side that is not the subject do not count. Exit status 0 conformant,
+    1 nonconformant, 3 inconclusive, 4 nothing to judge.
     """
     for target in (json_file, html_file):
         if target and target.exists() and file.exists() and target.samefile(file):
@@ -64,16 +84,23 @@ def command(  # noqa: PLR0913 - one for each option
                 UserMessage("{target} is the capture: name another file to write", target=target)
             )
     try:
-        dialect = Dialect.parse(readings)
+        options = given_options(click.get_current_context(), without=_OUTPUT)
         with _shown_progress() as progress:
             results, notes = audit(
-                file, dialect=dialect, port=port, serial=serial, progress=progress
+                file,
+                subject=_ROLES.get(subject),
+                ics=Ics.read(ics) if ics else None,
+                readings=parse_settings(readings),
+                port=port,
+                serial=serial,
+                reproduction=shlex.join(["scaraspec", "audit", f"{file}", *options]),
+                progress=progress,
             )
         if json_file:
             results.write(json_file)
         if html_file:
             html.write(results, html_file, Language(language))
-    except (CaptureError, ReadingError) as error:
+    except (CaptureError, IcsError, LinkError, ReadingError) as error:
         raise Problem(str(error)) from None
     except OSError as error:
         raise Problem(

@@ -6,13 +6,13 @@ once. This module makes no verdicts.
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from typing import Final
 
 from scaraspec.judge.judge import Judge, Tally
 from scaraspec.judge.requirements import REQUIREMENTS, Method
-from scaraspec.judge.verdicts import Conclusion, Finding, Verdict
+from scaraspec.judge.verdicts import Finding, Reason, Verdict, conclude
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.readings import READINGS
 from scaraspec.report.evidence import EvidenceCollector
@@ -31,15 +31,18 @@ from scaraspec.user_message import UserMessage
 
 _MAX_SHOWN_RANGES: Final = 12
 _BY_SEVERITY: Final = list(Verdict)
+_SIDES: Final = {"client": A2C, "controller": C2A}
 
 
-def from_audit(
+def from_audit(  # noqa: PLR0913 - what the results are made of
     judge: Judge,
     stats: SessionStats,
     *,
     subject: Subject,
     claims: Mapping[str, str] | None = None,
     replay: str = "",
+    wrong_claims: Sequence[Case] = (),
+    excluded: frozenset[str] = frozenset(),
 ) -> Results:
     """Return the results of a recording that was judged completely.
 
@@ -47,11 +50,21 @@ def from_audit(
         judge: The judge, closed.
         stats: The statistics, with all items that the judge yielded.
         subject: The system under test.
-        claims: The readings that the ICS of the controller claims, by key.
+        claims: The readings that the ICS claims, by key: those of the client if only the client is
+            judged, else those of the controller.
         replay: The command that repeats the audit.
+        wrong_claims: A failure for each other claim that the recording refutes.
+        excluded: The requirements of commands that the subject does not support.
     """
+    scope = judge.scope
     tallies = {i: judge.tallies[i] for i in REQUIREMENTS if i in judge.tallies}
-    cases = {i: tuple(_cases(i, t, stats.evidence, replay)) for i, t in tallies.items()}
+    cases = {
+        i: tuple(_cases(i, tallies[i], stats.evidence, replay))
+        if i in tallies
+        else (_undecidable(i, replay),)
+        for i in REQUIREMENTS
+        if i in tallies or (i in scope.undecidable and scope.binds(i))
+    }
     requirements = tuple(
         RequirementResult(
             r.id,
@@ -59,26 +72,40 @@ def from_audit(
             tuple(case.id for case in cases.get(r.id, ())),
         )
         for r in REQUIREMENTS.values()
-        if Method.PASSIVE in r.testable or r.id in tallies
+        if r.id in tallies
+        or (Method.PASSIVE in r.testable and scope.binds(r.id) and r.id not in excluded)
     )
+    made = (*(case for group in cases.values() for case in group), *wrong_claims)
+    claiming = A2C if scope.side is A2C else C2A
     return Results(
         tool=Tool.own(),
         subject=subject,
         role=Role.CAPTURE,
-        verdict=(
-            Conclusion.NO_VIOLATION
-            if judge.conclusion is Conclusion.CONFORMANT
-            and not all(each.decided for each in requirements)
-            else judge.conclusion
+        verdict=conclude(
+            Counter(each.verdict for each in made),
+            complete=all(each.decided for each in requirements),
         ),
-        counts=dict.fromkeys(Verdict, 0) | Counter(c.verdict for cs in cases.values() for c in cs),
+        counts=dict.fromkeys(Verdict, 0) | Counter(each.verdict for each in made),
         readings={
-            "client": readings_of(judge, A2C, {}),
-            "controller": readings_of(judge, C2A, claims or {}),
+            name: readings_of(judge, side, (claims or {}) if side is claiming else {})
+            for name, side in _SIDES.items()
+            if scope.side in (None, side)
         },
         requirements=requirements,
-        cases=tuple(case for group in cases.values() for case in group),
+        cases=made,
         session=stats.session(),
+    )
+
+
+def _undecidable(requirement: str, replay: str) -> Case:
+    return Case(
+        requirement,
+        (requirement,),
+        Verdict.NONE,
+        message="the claims of the ICS make it undecidable in a capture",
+        replay=replay,
+        reason=Reason.UNDECIDED,
+        lines=document_lines((requirement,)),
     )
 
 
