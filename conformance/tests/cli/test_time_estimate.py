@@ -109,7 +109,7 @@ def test_the_plan(output: io.StringIO) -> None:
     for ics in (Ics(), Ics().with_claims(xfer_timeout="1")):
         show_plan(cases, options, ics, Console(file=output), estimate_of(cases, options, ics))
     first, second = (line for line in output.getvalue().splitlines() if "will run" in line)
-    assert first.endswith("cases will run, in about 3 min:")
+    assert first.endswith("cases will run, in about 4 min:")
     assert second.endswith("cases will run, in about 2 min:")
     attended = Options(attended=True)
     operated = collect(attended, Role.CLIENT)
