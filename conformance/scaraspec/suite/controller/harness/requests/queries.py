@@ -47,13 +47,19 @@ some_queries = st.lists(st.sampled_from(QUERIES), min_size=1, max_size=12)
 
 
 def supported_queries(
-    subject: ControllerUnderTest, queries: tuple[Query, ...] | list[Query] = QUERIES
+    subject: ControllerUnderTest,
+    queries: tuple[Query, ...] | list[Query] = QUERIES,
+    *,
+    unanswered: bool = False,
 ) -> list[Query]:
     """Return the queries that the ICS does not exclude and that have been answered so far.
 
-    A query that is never answered fails only its own case (3/31).
+    Args:
+        subject: The controller under test.
+        queries: The queries to select from.
+        unanswered: Also return queries that were never answered: they fail their own case, 3/31.
     """
-    excluded = subject.ics.unsupported | subject.unanswered
+    excluded = subject.ics.unsupported | (frozenset() if unanswered else subject.unanswered)
     return [query for query in queries if query.name not in excluded]
 
 
