@@ -31,10 +31,11 @@ class UserMessage(str):
     def __new__(cls, template: str, /, **values: Any) -> Self:
         """Format the template."""
         shown = {name: str(value) for name, value in values.items()}
-        return cls._of(template.format(**values), template, shown)
+        return cls.of(template.format(**values), template, shown)
 
     @classmethod
-    def _of(cls, text: str, template: str, values: dict[str, str]) -> Self:
+    def of(cls, text: str, template: str, values: dict[str, str]) -> Self:
+        """Return a message that was formatted before, such as one that was read from a file."""
         message = super().__new__(cls, text)
         message.template, message.values = template, values
         return message
@@ -54,8 +55,8 @@ class UserMessage(str):
         else:
             first_template, first_values = message.replace("{", "{{").replace("}", "}}"), {}
         shown = first_values | suffix.values
-        return cls._of(message + suffix, first_template + template, shown)
+        return cls.of(message + suffix, first_template + template, shown)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the rendered text: a value that became text does not fit ``{value:.1f}``."""
-        return self._of, (str(self), self.template, self.values)
+        return self.of, (str(self), self.template, self.values)

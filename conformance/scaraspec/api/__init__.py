@@ -1,6 +1,6 @@
 """The Python interface: what the command line can do, as documented and typed functions.
 
-    from scaraspec.api import audit, certify, prove, record, replay
+    from scaraspec.api import audit, certify, gate, prove, record, replay
 
 `certify` is a module with the functions `controller` and `client`; the others are functions. This
 package composes all others. Nothing in it prints, reads the command line or handles signals.
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from scaraspec.api import certify
     from scaraspec.api.auditing import audit
+    from scaraspec.api.gating import Baseline, gate, read_waivers
     from scaraspec.api.proving import prove, prove_dialects
     from scaraspec.api.recording import record
     from scaraspec.api.replaying import replay
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from scaraspec_recorder.config import RobotConfig
 
 __all__ = [
+    "Baseline",
     "Dialect",
     "Hazard",
     "Ics",
@@ -33,14 +35,17 @@ __all__ = [
     "Role",
     "audit",
     "certify",
+    "gate",
     "prove",
     "prove_dialects",
+    "read_waivers",
     "record",
     "replay",
     "select",
 ]
 
 _MODULES = {
+    "Baseline": "scaraspec.api.gating",
     "Dialect": "scaraspec.protocol.readings",
     "Hazard": "scaraspec.protocol.hazard",
     "Ics": "scaraspec.suite.engine.ics",
@@ -49,8 +54,10 @@ _MODULES = {
     "RobotConfig": "scaraspec_recorder.config",
     "Role": "scaraspec.report.model",
     "audit": "scaraspec.api.auditing",
+    "gate": "scaraspec.api.gating",
     "prove": "scaraspec.api.proving",
     "prove_dialects": "scaraspec.api.proving",
+    "read_waivers": "scaraspec.api.gating",
     "record": "scaraspec.api.recording",
     "replay": "scaraspec.api.replaying",
     "select": "scaraspec.judge.requirements",

@@ -26,6 +26,7 @@ COMMANDS = {
     "demo": "Record and judge a complete session with the virtual controller.",
     "driver-check": "Check the driver of a client.",
     "frame": "Explain frames given as hexadecimal digits.",
+    "gate": "Compare the results of a run with what is accepted.",
     "program": "List, check or convert user program files.",
     "prove": "Run the suite against mutants (faulty implementations).",
     "record": "Record the traffic between a client and a controller.",

@@ -139,6 +139,7 @@ def _cases(
             passing=collector.passing(wire) if first.verdict is Verdict.FAIL else (),
             lines=document_lines((requirement,)),
             fingerprint=fingerprint(requirement, requirement, first.message),
+            title=REQUIREMENTS[requirement].sentence,
         )
 
 

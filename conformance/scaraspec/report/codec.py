@@ -96,9 +96,18 @@ def _make_dataclass(target: Any, plain: Any, at: str) -> Any:
     for name, (hint, required) in _members(target).items():
         if name in values:
             result[name] = _make(hint, values[name], _join(at, name))
+            if (template := values.get(f"{name}_template")) is not None:
+                result[name] = _message(result[name], template, values, _join(at, name))
         elif required:
             raise InvalidValueError(UserMessage("{position} is missing", position=_join(at, name)))
     return target(**result)
+
+
+def _message(text: str, template: Any, values: Mapping[str, Any], at: str) -> UserMessage:
+    named = _make(
+        Mapping[str, str], values.get(f"{at.rpartition('.')[2]}_values", {}), f"{at}_values"
+    )
+    return UserMessage.of(text, _checked(str, template, f"{at}_template"), named)
 
 
 @cache

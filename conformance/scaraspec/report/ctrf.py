@@ -1,10 +1,12 @@
 """ctrf.json: the cases in the Common Test Report Format (https://ctrf.io).
 
 The format has the statuses passed, failed, skipped and other; the raw status is our own verdict.
-Inconclusive cases and errors of the suite are *other*: neither a pass nor a failure of the SUT.
+Inconclusive cases and errors of the suite are *other*: neither a pass nor a failure of the SUT. A
+failure that a gate accepts is *skipped*.
 """
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -35,10 +37,16 @@ def write(results: Results, path: Path) -> None:
     write_whole(path, render(results))
 
 
-def render(results: Results) -> str:
-    """Return the text of ctrf.json."""
-    cases = cases_for_machines(results)
-    statuses = [_STATUSES[case.verdict] for case in cases]
+def render(results: Results, accepted: Mapping[str, str] | None = None) -> str:
+    """Return the text of ctrf.json.
+
+    Args:
+        results: The results.
+        accepted: Why a gate accepts a failed case, by case id.
+    """
+    cases, accepted = cases_for_machines(results), accepted or {}
+    tests = [_test(case, results, accepted.get(case.id, "")) for case in cases]
+    statuses = [test["status"] for test in tests]
     took_ms = sum(_ms(case) for case in cases)
     begun_ms, ended_ms = 0, took_ms
     if results.session:
@@ -57,7 +65,7 @@ def render(results: Results) -> str:
                 "stop": ended_ms,
                 "extra": {"verdict": results.verdict.value},
             },
-            "tests": [_test(case, results) for case in cases],
+            "tests": tests,
             "environment": {
                 "appName": results.subject.title,
                 "appVersion": results.subject.version,
@@ -71,10 +79,10 @@ def _ms(case: Case) -> int:
     return round(case.duration_s * 1000)
 
 
-def _test(case: Case, results: Results) -> dict[str, Any]:
+def _test(case: Case, results: Results, accepted: str) -> dict[str, Any]:
     test: dict[str, Any] = {
-        "name": case.id,
-        "status": _STATUSES[case.verdict],
+        "name": f"{case.id}: {case.title}".removesuffix(": "),
+        "status": "skipped" if accepted else _STATUSES[case.verdict],
         "rawStatus": case.verdict.value,
         "duration": _ms(case),
         "suite": [results.role.value, case.id.partition("/")[0]],
@@ -88,6 +96,7 @@ def _test(case: Case, results: Results) -> dict[str, Any]:
         failed = [each.verdict is Verdict.FAIL for each in case.attempts]
         test |= {"retries": len(failed) - 1, "flaky": any(failed) and not all(failed)}
     extra = {
+        "accepted": accepted,
         "replay": case.replay,
         "reason": case.reason.value if case.reason else "",
         "fingerprint": case.fingerprint,

@@ -1,10 +1,12 @@
 """junit.xml: the cases for continuous integration, one test suite for each clause.
 
 A failure is a ``<failure>``. Inconclusive cases and errors of the suite are an ``<error>``, so that
-they never pass. Tolerated cases pass, with the reason as output.
+they never pass. Tolerated cases pass, with the reason as output. A failure that a gate accepts is
+``<skipped>``. The attributes are those that the xUnit plugin of Jenkins allows.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
 from itertools import groupby
 from pathlib import Path
 from typing import Final
@@ -33,14 +35,27 @@ def write(results: Results, path: Path) -> None:
     write_whole(path, render(results))
 
 
-def render(results: Results) -> str:
-    """Return the text of junit.xml."""
+def render(results: Results, accepted: Mapping[str, str] | None = None) -> str:
+    """Return the text of junit.xml.
+
+    Args:
+        results: The results.
+        accepted: Why a gate accepts a failed case, by case id.
+    """
+    accepted = accepted or {}
     cases = cases_for_machines(results)
-    root = _element("testsuites", name=f"{results.tool.name} {results.role.value}", **_sums(cases))
+    sums = _sums(cases, accepted)
+    del sums["skipped"]  # not allowed here
+    root = _element("testsuites", name=f"{results.tool.name} {results.role.value}", **sums)
     for clause, of_clause in groupby(cases, key=_clause):
         suite = list(of_clause)
-        suite_element = _element("testsuite", name=clause, **_sums(suite))
-        suite_element.extend(_testcase(case, clause, results) for case in suite)
+        suite_element = _element(
+            "testsuite", name=clause, timestamp=_begun(results), **_sums(suite, accepted)
+        )
+        suite_element.append(_properties(results))
+        suite_element.extend(
+            _testcase(case, clause, results, accepted.get(case.id, "")) for case in suite
+        )
         root.append(suite_element)
     ET.indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
@@ -57,8 +72,34 @@ def _element(tag: str, text: str = "", **attributes: str) -> ET.Element:
     return element
 
 
-def _sums(cases: list[Case]) -> dict[str, str]:
-    outcomes = [_OUTCOMES.get(case.verdict) for case in cases]
+def _begun(results: Results) -> str:
+    """Return the start of the run in UTC, without a time zone as the format requires."""
+    source = results.run or results.session
+    begun_s = source.begun_ns // 10**9 if source else 0
+    return datetime.fromtimestamp(begun_s, UTC).replace(tzinfo=None).isoformat()
+
+
+def _properties(results: Results) -> ET.Element:
+    """Return what identifies the run: the SUT, the verdict, the version and the settings."""
+    values = {
+        "subject": results.subject.title,
+        "subject.version": results.subject.version,
+        "verdict": results.label,
+        "version": results.tool.version,
+    }
+    if results.run:
+        values |= {"seed": f"{results.run.seed}", **results.run.settings}
+    properties = _element("properties")
+    properties.extend(_element("property", name=k, value=v) for k, v in values.items())
+    return properties
+
+
+def _outcome(case: Case, accepted: Mapping[str, str]) -> str | None:
+    return "skipped" if case.id in accepted else _OUTCOMES.get(case.verdict)
+
+
+def _sums(cases: list[Case], accepted: Mapping[str, str]) -> dict[str, str]:
+    outcomes = [_outcome(case, accepted) for case in cases]
     return {
         "tests": str(len(cases)),
         "failures": str(outcomes.count("failure")),
@@ -68,11 +109,14 @@ def _sums(cases: list[Case]) -> dict[str, str]:
     }
 
 
-def _testcase(case: Case, clause: str, results: Results) -> ET.Element:
+def _testcase(case: Case, clause: str, results: Results, accepted: str) -> ET.Element:
     classname = f"{results.tool.name}.{results.role.value}.{clause}"
-    element = _element("testcase", name=case.id, classname=classname, time=f"{case.duration_s:.3f}")
+    name = f"{case.id}: {case.title}".removesuffix(": ")
+    element = _element("testcase", name=name, classname=classname, time=f"{case.duration_s:.3f}")
     outcome, text = _OUTCOMES.get(case.verdict), "\n".join(_lines(case))
-    if outcome:
+    if accepted:
+        element.append(_element("skipped", text, message=accepted, type=case.verdict.value))
+    elif outcome:
         element.append(_element(outcome, text, message=case.message, type=case.verdict.value))
     elif text:
         element.append(_element("system-out", text))

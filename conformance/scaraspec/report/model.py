@@ -205,6 +205,7 @@ class Case:
         lines: The lines of the document that state the first requirement, such as ``L397``.
         fingerprint: A hash that is equal for equal findings of different runs: it does not depend
             on times, ports, connections, counters or bytes.
+        title: What the case tries, or the requirement of a finding, in one line.
     """
 
     id: str
@@ -224,6 +225,7 @@ class Case:
     reason: Reason | None = None
     lines: str = ""
     fingerprint: str = ""
+    title: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,13 +1,15 @@
 """Conversion between plain values and typed ones, with positions in errors."""
 
+import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any
 
 import pytest
 
 from scaraspec.report.codec import InvalidValueError, from_plain, to_plain
+from scaraspec.user_message import UserMessage
 
 
 class Colour(Enum):
@@ -86,3 +88,18 @@ def test_an_invalid_document() -> None:
     """The message names the whole document."""
     with pytest.raises(InvalidValueError, match="the document is 3, not an object"):
         from_plain(Outer, 3)
+
+
+def test_user_messages_keep_their_values() -> None:
+    """A message is read with its template and values; damaged ones are errors with a position."""
+    message = UserMessage("the code is {code}", code="07")
+    plain = json.loads(json.dumps(to_plain(replace(WHOLE, name=message))))
+    read = from_plain(Outer, plain)
+    assert isinstance(read.name, UserMessage)
+    assert (read.name, read.name.template, read.name.values) == (
+        *("the code is 07", "the code is {code}", {"code": "07"}),
+    )
+    assert to_plain(read) == plain
+    for key, value in (("name_template", 3), ("name_values", ["07"]), ("name_values", {"code": 7})):
+        with pytest.raises(InvalidValueError, match=key):
+            from_plain(Outer, {**plain, key: value})

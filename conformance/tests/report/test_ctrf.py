@@ -93,3 +93,12 @@ def test_hostile_text(
     ctrf.write(audited("complaint-1"), path)
     failed = json.loads(path.read_text(encoding="utf-8"))["results"]["summary"]["failed"]
     assert failed >= 2
+
+
+def test_an_accepted_failure_is_skipped(full: Results) -> None:
+    """A gate has accepted it; the raw status stays."""
+    document = json.loads(ctrf.render(full, {"3/18": "waived until 2027-01-31"}))
+    (test,) = (t for t in document["results"]["tests"] if t["name"] == "3/18")
+    assert (test["status"], test["rawStatus"]) == ("skipped", "fail")
+    assert test["extra"]["accepted"] == "waived until 2027-01-31"
+    assert document["results"]["summary"]["failed"] == 0

@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 
 from scaraspec.judge.verdicts import Conclusion
 from scaraspec.report import junit
-from scaraspec.report.model import Results
+from scaraspec.report.model import Results, RunInfo
 
 
 def tree_of(results: Results) -> ET.Element:
@@ -57,9 +57,9 @@ def test_the_sums_match_the_cases(full: Results) -> None:
         "tests": "6",
         "failures": "1",
         "errors": "2",
-        "skipped": "1",
         "time": "1.500",
     }
+    assert sum(int(suite.get("skipped", 0)) for suite in root) == 1
     assert [suite.get("name") for suite in root] == ["3", "4.1", "5.1", "5.2", "9"]
     assert sum(int(suite.get("tests", 0)) for suite in root) == 6
     case = root.find(".//testcase")
@@ -72,7 +72,8 @@ def test_hostile_text_stays_text(hostile: Results) -> None:
     text = junit.render(hostile)
     root = ET.fromstring(text)
     assert {element.tag for element in root.iter()} == {
-        *("testsuites", "testsuite", "testcase", "failure", "error", "skipped", "system-out")
+        *("testsuites", "testsuite", "properties", "property"),
+        *("testcase", "failure", "error", "skipped", "system-out"),
     }
     assert not [c for c in text if ord(c) < 32 and c != "\n"]
     failure = root.find(".//failure")
@@ -96,4 +97,55 @@ def test_a_file_is_written(audited: Callable[[str], Results], tmp_path: Path) ->
     junit.write(audited("complaint-1"), path)
     assert path.read_bytes().startswith(b'<?xml version="1.0" encoding="UTF-8"?>\n<testsuites')
     failures = [case.get("name") for case in ET.parse(path).iterfind(".//testcase[failure]")]
-    assert "3/18" in failures
+    assert any(name and name.startswith("3/18: ") for name in failures)
+
+
+ALLOWED = {
+    "testsuites": ({"name", "time", "tests", "failures", "errors"}, {"testsuite"}),
+    "testsuite": (
+        {"name", "tests", "failures", "errors", "skipped", "time", "timestamp"},
+        {"properties", "testcase"},
+    ),
+    "properties": (set(), {"property"}),
+    "property": ({"name", "value"}, set()),
+    "testcase": (
+        {"name", "classname", "time"},
+        {"skipped", "error", "failure", "system-out"},
+    ),
+    **dict.fromkeys(("skipped", "error", "failure"), ({"message", "type"}, set())),
+    "system-out": (set(), set()),
+}
+"""The attributes and elements that we write, all of which the xUnit plugin of Jenkins allows."""
+
+
+def test_only_allowed_elements(full: Results) -> None:
+    """The schema of the plugin refuses a file with any other attribute, such as `skipped` above."""
+    for element in tree_of(full).iter():
+        attributes, children = ALLOWED[element.tag]
+        assert set(element.attrib) <= attributes
+        assert {child.tag for child in element} <= children
+
+
+def test_what_identifies_the_run(full: Results) -> None:
+    """Properties, the time of the start in UTC, and the title of a case."""
+    run = RunInfo(1_700_000_000_000_000_000, 1_700_000_060_000_000_000, 7, {"allow": "state"})
+    cases = (replace(full.cases[0], title="The frame has a start."), *full.cases[1:])
+    suite = tree_of(replace(full, run=run, cases=cases)).find("testsuite")
+    assert suite is not None
+    assert suite.get("timestamp") == "2023-11-14T22:13:20"
+    properties = {each.get("name"): each.get("value") for each in suite.iter("property")}
+    assert (properties["seed"], properties["allow"], properties["subject.version"]) == (
+        *("7", "state", "1.0.0"),
+    )
+    case = suite.find("testcase")
+    assert case is not None
+    assert case.get("name") == "3/1: The frame has a start."
+
+
+def test_an_accepted_failure_is_skipped(full: Results) -> None:
+    """A gate has accepted it; the reason is its message."""
+    root = ET.fromstring(junit.render(full, {"3/18": "waived until 2027-01-31"}))
+    assert root.get("failures") == "0"
+    skipped = root.find(".//testcase[@name='3/18']/skipped")
+    assert skipped is not None
+    assert (skipped.get("message"), skipped.get("type")) == ("waived until 2027-01-31", "fail")

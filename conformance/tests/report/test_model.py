@@ -106,7 +106,7 @@ def test_public_keys(full: Results) -> None:
         == {
             *("id", "requirements", "verdict", "cause", "hazard", "message", "expected"),
             *("observed", "duration_s", "examples", "replay", "wire", "passing"),
-            *("attempts", "reason", "lines", "fingerprint"),
+            *("attempts", "reason", "lines", "fingerprint", "title"),
         }
         for case in plain["cases"]
     )

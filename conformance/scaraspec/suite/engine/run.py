@@ -375,6 +375,7 @@ class Run(Generic[P]):
             reason=outcome.reason,
             lines=document_lines(failed),
             fingerprint=fingerprint(case.id, outcome.requirement, outcome.message),
+            title=case.sentence,
         )
 
     def _seen(self, number: int, findings: list[CaseFinding]) -> Case:
@@ -399,16 +400,14 @@ class Run(Generic[P]):
             finding = replace(
                 finding, verdict=Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=message
             )
-        times = "" if len(findings) == 1 else f", {len(findings)} times"
         wire = tuple(self._stats.evidence.evidence(p) for p in finding.evidence[:_SHOWN])
         failed = finding.verdict is Verdict.FAIL
-        where = f"; first seen in case {first.case}{times}" if first.case else times
         return Case(
             id=f"{finding.requirement}{model.SEEN}{number}",
             requirements=(finding.requirement,),
             verdict=finding.verdict,
             cause=finding.cause,
-            message=f"{finding.message}{where}",
+            message=_with_place(finding.message, first.case, len(findings)),
             expected=finding.expected,
             observed=finding.observed or " = ".join(finding.reading or ()),
             replay=self._replay(first.case or finding.requirement),
@@ -419,6 +418,7 @@ class Run(Generic[P]):
             fingerprint=fingerprint(
                 finding.requirement, finding.requirement, first.finding.message
             ),
+            title=REQUIREMENTS[finding.requirement].sentence,
         )
 
     def _replay(self, selection: str) -> str:
@@ -429,6 +429,13 @@ class Run(Generic[P]):
 
 _SHOWN: Final = 12
 _SHOWN_OUT_OF_SCOPE: Final = (Verdict.INCONCLUSIVE, Verdict.FAIL, Verdict.ERROR)
+
+
+def _with_place(message: str, case: str, count: int) -> str:
+    """Return the message of a finding with the first case and the number of its occurrences."""
+    if case:
+        message = UserMessage.joined(message, "; first seen in case {first_case}", first_case=case)
+    return UserMessage.joined(message, ", {count} times", count=count) if count > 1 else message
 
 
 def _set_up(name: str, message: str, reason: Reason) -> Outcome:

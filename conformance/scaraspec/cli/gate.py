@@ -1,0 +1,137 @@
+"""`scaraspec gate`: compare the results of a run with what is accepted."""
+
+import os
+from collections.abc import Callable
+from datetime import date
+from pathlib import Path
+
+import click
+
+from scaraspec.api.gating import gate
+from scaraspec.cli.problems import Problem
+from scaraspec.judge.verdicts import ExitStatus
+from scaraspec.report import ctrf, junit
+from scaraspec.report.files import write_whole
+from scaraspec.report.model import Results, ResultsError
+from scaraspec.report.sanitizing import visible
+from scaraspec.results import gate_report
+from scaraspec.results.baseline import Baseline, BaselineError
+from scaraspec.results.findings import OldResultsError
+from scaraspec.results.gate import GateResult
+from scaraspec.results.waivers import WaiverError, read_waivers
+from scaraspec.user_message import UserMessage
+
+EXAMPLE = "Example: scaraspec gate out --baseline baseline.json --waivers waivers.toml"
+
+_PATH = click.Path(path_type=Path)
+
+
+@click.command(epilog=EXAMPLE)
+@click.argument("results_path", metavar="RESULTS", type=_PATH)
+@click.option(
+    "--baseline",
+    "baseline_path",
+    type=_PATH,
+    metavar="FILE",
+    help="What is accepted: a baseline, or the results.json of an earlier run.",
+)
+@click.option(
+    "--waivers", "waivers_path", type=_PATH, metavar="FILE", help="Accepted failures, TOML."
+)
+@click.option("--update", is_flag=True, help="Write these results to --baseline.")
+@click.option(
+    "--summary",
+    type=_PATH,
+    metavar="FILE",
+    envvar="GITHUB_STEP_SUMMARY",
+    help="Append a summary in Markdown [GITHUB_STEP_SUMMARY].",
+)
+@click.option("--junit", "junit_path", type=_PATH, metavar="FILE", help="Write junit.xml here.")
+@click.option("--ctrf", "ctrf_path", type=_PATH, metavar="FILE", help="Write ctrf.json here.")
+@click.option(
+    "--code-quality", type=_PATH, metavar="FILE", help="Write a code quality report of GitLab."
+)
+def command(  # noqa: PLR0913 - one for each option
+    results_path: Path,
+    *,
+    baseline_path: Path | None,
+    waivers_path: Path | None,
+    update: bool,
+    summary: Path | None,
+    junit_path: Path | None,
+    ctrf_path: Path | None,
+    code_quality: Path | None,
+) -> None:
+    """Compare RESULTS, a results.json or the folder of a run, with what is accepted.
+
+    Exit status 1 for a new or changed failure, a lost case or requirement, a stale or expired
+    waiver, an unknown id, or other settings; 0 for none of these, 3 inconclusive, 4 nothing tested.
+    """
+    if update and not baseline_path:
+        raise Problem("--update needs --baseline FILE, the file to write")
+    try:
+        results = Results.read(_file_of(results_path))
+        if update and baseline_path:
+            _update(results, baseline_path)
+        result = gate(
+            results,
+            baseline=Baseline.read(baseline_path) if baseline_path else None,
+            waivers=read_waivers(waivers_path) if waivers_path else (),
+            today=date.today(),  # noqa: DTZ011 - a waiver expires on the user's calendar
+        )
+        for path, text in (
+            (junit_path, lambda: junit.render(results, result.accepted)),
+            (ctrf_path, lambda: ctrf.render(results, result.accepted)),
+            (code_quality, lambda: gate_report.code_quality(result)),
+        ):
+            _write(path, text)
+        if summary:
+            with summary.open("a", encoding="utf-8") as file:
+                file.write(gate_report.markdown(result))
+    except (ResultsError, BaselineError, WaiverError, OldResultsError) as error:
+        raise Problem(str(error)) from None
+    except OSError as error:
+        raise Problem(
+            UserMessage(
+                "{file} cannot be written: {reason}", file=error.filename, reason=error.strerror
+            ),
+            ExitStatus.INCONCLUSIVE,
+        ) from None
+    _show(result)
+    raise SystemExit(result.exit_status)
+
+
+def _file_of(path: Path) -> Path:
+    return path / "results.json" if path.is_dir() else path
+
+
+def _update(results: Results, path: Path) -> None:
+    """Write the baseline.
+
+    Raises:
+        Problem: The results are inconclusive, so that a baseline of them would accept less tests.
+    """
+    if results.verdict.exit_status in (ExitStatus.INCONCLUSIVE, ExitStatus.NOTHING_TESTED):
+        raise Problem(
+            UserMessage(
+                "{path} is not updated: the results are {verdict}; repeat the run",
+                path=path,
+                verdict=results.label,
+            ),
+            results.verdict.exit_status,
+        )
+    Baseline.of(results).write(path)
+    click.echo(UserMessage("{path} is updated", path=visible(f"{path}")))
+
+
+def _write(path: Path | None, text: Callable[[], str]) -> None:
+    if path:
+        write_whole(path, text())
+
+
+def _show(result: GateResult) -> None:
+    for line in gate_report.lines(result):
+        click.echo(visible(line))
+    if os.environ.get("GITHUB_ACTIONS") == "true":
+        for line in gate_report.annotations(result):
+            click.echo(line)

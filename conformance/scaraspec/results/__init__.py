@@ -1,0 +1,1 @@
+"""What is done with results: gate and comparison. Nothing here runs a test or judges traffic."""

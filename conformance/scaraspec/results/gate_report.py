@@ -1,0 +1,115 @@
+"""Output of a gate: lines, Markdown, annotations and code quality entries.
+
+Text from the SUT is sanitized, and nothing in it is taken for markup or for a command of the CI
+system.
+"""
+
+import json
+from collections.abc import Iterator
+from typing import Final
+
+from scaraspec.judge.verdicts import ExitStatus
+from scaraspec.report.model import Case
+from scaraspec.report.sanitizing import visible
+from scaraspec.results.gate import GateProblem, GateResult
+from scaraspec.user_message import UserMessage
+
+_TITLES: Final = {
+    ExitStatus.CONFORMANT: "passed",
+    ExitStatus.NONCONFORMANT: "failed",
+    ExitStatus.INCONCLUSIVE: "inconclusive",
+    ExitStatus.NOTHING_TESTED: "nothing was tested",
+}
+_SHOWN_PROBLEMS: Final = 50
+_MARKUP: Final = str.maketrans({c: f"\\{c}" for c in "\\`*_[]<>|#&!"})
+_ESCAPED: Final = {"%": "%25", "\r": "%0D", "\n": "%0A", ":": "%3A", ",": "%2C"}
+
+
+def title_of(result: GateResult) -> str:
+    """Return the result in one line."""
+    count = len(result.problems)
+    problems = f": {count} problem{'s' * (count != 1)}" if count else ""
+    return f"gate {_TITLES[result.exit_status]}{problems}; {result.results.label}"
+
+
+def lines(result: GateResult) -> Iterator[str]:
+    """Yield the result as plain lines, problems first."""
+    yield f"{title_of(result)}: {result.results.subject.title}"
+    for problem in result.problems:
+        yield f"{problem.kind.title} · {problem.id} · {problem.message}"
+        if problem.case and problem.case.replay:
+            yield f"  reproduction command: {problem.case.replay}"
+    for case in result.undecided:
+        yield f"{case.verdict.value} · {case.id} · {case.message}"
+    for case_id, why in result.accepted.items():
+        yield f"accepted · {case_id} · {why}"
+    for failure in result.fixed:
+        yield UserMessage(
+            "fixed · {case} · the known failure does not occur any more; --update removes it",
+            case=failure.case,
+        )
+
+
+def markdown(result: GateResult) -> str:
+    """Return the result as Markdown, for the summary page of a CI job."""
+    rows = [(p.kind.title, p.id, p.message) for p in result.problems]
+    rows += [(case.verdict.value, case.id, case.message) for case in result.undecided]
+    parts = [f"### scaraspec: {_escaped(title_of(result))}", _escaped(result.results.subject.title)]
+    if rows:
+        shown = [f"| {' | '.join(map(_escaped, row))} |" for row in rows[:_SHOWN_PROBLEMS]]
+        parts.append("\n".join(("| problem | where | message |", "|---|---|---|", *shown)))
+    if len(rows) > _SHOWN_PROBLEMS:
+        parts.append(f"and {len(rows) - _SHOWN_PROBLEMS} more")
+    if result.accepted:
+        parts.append(
+            "\n".join(
+                f"- accepted: {_escaped(i)}: {_escaped(w)}" for i, w in result.accepted.items()
+            )
+        )
+    if result.fixed:
+        parts.append("\n".join(f"- fixed: {_escaped(f.case)}" for f in result.fixed))
+    return "\n\n".join(parts) + "\n"
+
+
+def annotations(result: GateResult) -> Iterator[str]:
+    """Yield the problems as workflow commands, which GitHub shows as annotations."""
+    for problem in result.problems:
+        title = _command_value(f"scaraspec: {problem.kind.title} {problem.id}")
+        yield f"::error title={title}::{_command_value(problem.message)}"
+    for case in result.undecided:
+        title = _command_value(f"scaraspec: {case.verdict.value} {case.id}")
+        yield f"::warning title={title}::{_command_value(case.message)}"
+
+
+def code_quality(result: GateResult) -> str:
+    """Return the problems as a code quality report of GitLab."""
+    entries = [
+        {
+            "description": visible(f"{problem.kind.title}: {problem.id}: {problem.message}"),
+            "check_name": problem.id,
+            "fingerprint": _fingerprint(problem),
+            "severity": "critical",
+            "location": {"path": _path(problem.case), "lines": {"begin": 1}},
+        }
+        for problem in result.problems
+    ]
+    return json.dumps(entries, ensure_ascii=False, indent=1) + "\n"
+
+
+def _fingerprint(problem: GateProblem) -> str:
+    return problem.case.fingerprint if problem.case else f"{problem.kind.value}:{problem.id}"
+
+
+def _path(case: Case | None) -> str:
+    """Return the path of an entry: the format requires one, and there is no source file."""
+    return f"scaraspec/{case.id}" if case else "scaraspec"
+
+
+def _escaped(text: str) -> str:
+    return " ".join(visible(text).split()).translate(_MARKUP)
+
+
+def _command_value(text: str) -> str:
+    for character, code in _ESCAPED.items():
+        text = text.replace(character, code)
+    return visible(text)

@@ -1,0 +1,251 @@
+"""A gate passes results that are as good as the baseline, and fails for each single change."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import date, timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+from results_of_run import FAILED, PASSED, SEEN, failed, results_of
+
+from scaraspec.judge.verdicts import ExitStatus, Reason, Verdict
+from scaraspec.report.model import Case, Results, RunInfo
+from scaraspec.results.baseline import Baseline, BaselineError
+from scaraspec.results.findings import OldResultsError
+from scaraspec.results.gate import ProblemKind, gate
+from scaraspec.results.waivers import Waiver, WaiverError, read_waivers
+
+TODAY = date(2026, 11, 26)
+NAMES = {"case": FAILED.id, "fingerprint": ""}
+
+
+def waiver(**changes: Any) -> Waiver:
+    """Return a valid waiver of the failed case, with changes."""
+    texts = {"reason": "a known limit", "issue": "FW-12", "approver": "firmware lead"}
+    return Waiver(**{**NAMES, **texts, "expires": TODAY, **changes})
+
+
+def kinds(results: Results, *waivers: Waiver, baseline: Results | None = None) -> list[str]:
+    """Return the kinds and ids of the problems."""
+    accepted = Baseline.of(baseline) if baseline else None
+    found = gate(results, baseline=accepted, waivers=waivers, today=TODAY)
+    assert (found.exit_status is ExitStatus.NONCONFORMANT) == bool(found.problems)
+    return [f"{problem.kind.value} {problem.id}" for problem in found.problems]
+
+
+def test_its_own_baseline(results: Results, good: Results) -> None:
+    """Results pass a gate with the baseline that was made of them."""
+    assert kinds(results, baseline=results) == []
+    assert kinds(good, baseline=good) == []
+    assert kinds(good) == []
+
+
+def test_without_a_baseline_each_failure_is_new(results: Results) -> None:
+    """Nothing is accepted."""
+    assert kinds(results) == ["new-failure 4.15/3", "new-failure 3/18.seen-1"]
+
+
+NOT_RUN = replace(PASSED, verdict=Verdict.NONE, reason=Reason.HOOK, message="no hook")
+CHANGES: dict[str, tuple[Callable[[Results], Results], list[str]]] = {
+    "failure added": (
+        lambda r: results_of(*r.cases, failed("4.9/1", "wrong")),
+        ["new-failure 4.9/1"],
+    ),
+    "other message": (
+        lambda _: results_of(PASSED, failed("4.15/3", "no code"), SEEN),
+        ["changed-failure 4.15/3"],
+    ),
+    "other value": (
+        lambda _: results_of(
+            PASSED,
+            failed("4.15/3", "the code is {code} after {time_s:.1f} s", code="08", time_s=1.2),
+            SEEN,
+        ),
+        ["changed-failure 4.15/3"],
+    ),
+    "second finding": (
+        lambda r: results_of(*r.cases, failed("3/18.seen-2", "another")),
+        ["changed-failure 3/18.seen-2"],
+    ),
+    "case lost": (
+        lambda _: results_of(FAILED, SEEN),
+        ["lost-case 4.8/1", "lost-requirement 4.8/1"],
+    ),
+    "case skipped": (
+        lambda _: results_of(NOT_RUN, FAILED, SEEN),
+        ["lost-case 4.8/1", "lost-requirement 4.8/1"],
+    ),
+    "requirement lost": (
+        lambda r: replace(r, requirements=r.requirements[1:]),
+        ["lost-requirement 4.8/1"],
+    ),
+    "other setting": (
+        lambda r: replace(r, run=RunInfo(0, 1, 0, {"allow": "motion"})),
+        ["other-settings allow"],
+    ),
+    "other claim": (
+        lambda r: replace(r, subject=replace(r.subject, claims={"lacks": "jog"})),
+        ["other-settings lacks"],
+    ),
+    "other subject": (
+        lambda r: replace(r, subject=replace(r.subject, name="Cell 8")),
+        ["other-settings subject"],
+    ),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_each_single_change_fails(results: Results, change: str) -> None:
+    """Compared with the baseline of the unchanged results."""
+    changed, expected = CHANGES[change]
+    assert kinds(changed(results), baseline=results) == expected
+
+
+def test_what_may_change(results: Results) -> None:
+    """Times, the version of the subject, the number of a finding, values with another seed."""
+    slower = failed("4.15/3", "the code is {code} after {time_s:.1f} s", code="07", time_s=9.5)
+    assert kinds(results_of(PASSED, slower, SEEN), baseline=results) == []
+    renumbered = replace(SEEN, id="3/18.seen-7")
+    assert kinds(results_of(PASSED, FAILED, renumbered), baseline=results) == []
+    newer = replace(results, subject=replace(results.subject, version="1.5"))
+    assert kinds(newer, baseline=results) == []
+    drawn = failed("4.15/3", "the code is {code} after {time_s:.1f} s", code="08", time_s=1.2)
+    assert kinds(results_of(PASSED, drawn, SEEN, seed=7), baseline=results) == []
+
+
+def test_skipped_after_a_known_failure(results: Results) -> None:
+    """A case that did not run because its requirement had failed is not lost."""
+    skipped = replace(PASSED, verdict=Verdict.NONE, reason=Reason.FAILED_BEFORE)
+    assert kinds(results_of(skipped, FAILED, SEEN), baseline=results) == []
+
+
+def test_a_fixed_failure_is_reported(results: Results, good: Results) -> None:
+    """It is no problem, but the baseline should be updated."""
+    found = gate(good, baseline=Baseline.of(results), today=TODAY)
+    assert not found.problems
+    assert [failure.case for failure in found.fixed] == ["3/18.seen-", "4.15/3"]
+
+
+def test_waived(results: Results) -> None:
+    """By case or by fingerprint, until the last day."""
+    by_fingerprint = waiver(case="", fingerprint=SEEN.fingerprint)
+    found = gate(results, waivers=(waiver(), by_fingerprint), today=TODAY)
+    assert found.exit_status is ExitStatus.CONFORMANT
+    assert found.accepted == {case.id: waiver().note for case in (FAILED, SEEN)}
+
+
+def test_problems_of_waivers(results: Results, good: Results) -> None:
+    """Expired, stale or for an unknown case."""
+    expired = waiver(expires=TODAY - timedelta(1))
+    assert kinds(results, expired, baseline=results) == ["expired-waiver 4.15/3"]
+    assert kinds(good, waiver()) == ["stale-waiver 4.15/3"]
+    assert kinds(good, waiver(case="", fingerprint="0" * 16)) == [f"stale-waiver {'0' * 16}"]
+    assert kinds(good, waiver(case="4.15/9")) == ["unknown-id 4.15/9"]
+    assert kinds(good, waiver(case="3/18.seen-1")) == ["unknown-id 3/18.seen-1"]
+
+
+def test_flaky(good: Results) -> None:
+    """The failure of a flaky waiver may occur, may not occur, or may occur once."""
+    flaky = waiver(flaky=True)
+    assert kinds(results_of(PASSED, FAILED), flaky) == []
+    assert kinds(good, flaky) == []
+    once = replace(FAILED, verdict=Verdict.INCONCLUSIVE, reason=Reason.INTERMITTENT)
+    found = gate(results_of(PASSED, once), waivers=(flaky,), today=TODAY)
+    assert (found.problems, found.undecided) == ((), ())
+    strict = gate(results_of(PASSED, once), waivers=(waiver(),), today=TODAY)
+    assert strict.exit_status is ExitStatus.INCONCLUSIVE
+
+
+def test_exit_status_without_a_problem(good: Results) -> None:
+    """3 if something is inconclusive, 4 if nothing was tested."""
+    unsure = Case("4.9/2", ("4.9/2",), Verdict.INCONCLUSIVE, message="the link was lost")
+    assert gate(results_of(PASSED, unsure), today=TODAY).exit_status is ExitStatus.INCONCLUSIVE
+    assert gate(results_of(), today=TODAY).exit_status is ExitStatus.NOTHING_TESTED
+    assert gate(good, today=TODAY).exit_status is ExitStatus.CONFORMANT
+
+
+def test_old_results() -> None:
+    """Failures without fingerprints cannot be compared."""
+    with pytest.raises(OldResultsError, match="repeat the run"):
+        gate(results_of(replace(FAILED, fingerprint="")), today=TODAY)
+
+
+def test_baseline_file(results: Results, tmp_path: Path) -> None:
+    """A baseline is read as it was written; results serve as one; other files stay."""
+    path, run = tmp_path / "baseline.json", tmp_path / "results.json"
+    baseline = Baseline.of(results)
+    baseline.write(path)
+    baseline.write(path)
+    assert Baseline.read(path) == baseline
+    results.write(run)
+    assert Baseline.read(run) == baseline
+    before = run.read_bytes()
+    with pytest.raises(BaselineError, match="is not a baseline"):
+        baseline.write(run)
+    assert run.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{}", '{"schema": "scaraspec.baseline/1"}', '{"schema": "other"}', "\0"]
+)
+def test_invalid_baseline(tmp_path: Path, text: str) -> None:
+    """The error names the file."""
+    path = tmp_path / "baseline.json"
+    path.write_text(text, "utf-8")
+    with pytest.raises(BaselineError, match=r"baseline\.json"):
+        Baseline.read(path)
+
+
+VALID = """[[waiver]]
+case = "4.15/3"
+reason = "a known limit"
+issue = "FW-12"
+approver = "firmware lead"
+expires = 2026-11-26
+"""
+
+
+def test_waivers_file(tmp_path: Path) -> None:
+    """All keys but `flaky` are required."""
+    path = tmp_path / "waivers.toml"
+    path.write_text(VALID, "utf-8")
+    assert read_waivers(path) == (waiver(),)
+    path.write_text("", "utf-8")
+    assert read_waivers(path) == ()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ("[[waiver]]", "[[waver]]", "must contain only"),
+        ("[[waiver]]", "[waiver]", "must contain only"),
+        ('case = "4.15/3"', "", "either case or fingerprint"),
+        ('case = "4.15/3"', 'case = "x"\nfingerprint = "y"', "either case or fingerprint"),
+        ("issue", "ticket", "unknown key ticket"),
+        ('"a known limit"', '" "', "needs reason"),
+        ("2026-11-26", '"2026-11-26"', "needs expires"),
+        ("2026-11-26", "2026-11-26T00:00:00", "needs expires"),
+        ("expires", "flaky = 1\nexpires", "needs flaky"),
+        ('case = "4.15/3"', 'fingerprint = "y"\nflaky = true', "must name its case"),
+        ("expires = ", "expires =", ""),
+        ("[[waiver]]", "[[waiver", "not valid TOML"),
+    ],
+)
+def test_invalid_waivers(tmp_path: Path, old: str, new: str, problem: str) -> None:
+    """The error says what is wrong and with which waiver."""
+    path = tmp_path / "waivers.toml"
+    path.write_text(VALID.replace(old, new), "utf-8")
+    if not problem:
+        assert read_waivers(path) == (waiver(),)
+        return
+    with pytest.raises(WaiverError, match=problem):
+        read_waivers(path)
+
+
+def test_kinds_are_public() -> None:
+    """CI scripts may search for these words."""
+    assert {kind.value for kind in ProblemKind} == {
+        *("new-failure", "changed-failure", "lost-case", "lost-requirement"),
+        *("stale-waiver", "expired-waiver", "unknown-id", "other-settings"),
+    }
