@@ -1,6 +1,6 @@
 """The Python interface: what the command line can do, as documented and typed functions.
 
-    from scaraspec.api import audit, certify, gate, prove, record, replay
+    from scaraspec.api import audit, certify, compare, gate, prove, record, replay
 
 `certify` is a module with the functions `controller` and `client`; the others are functions. This
 package composes all others. Nothing in it prints, reads the command line or handles signals.
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from scaraspec.api import certify
     from scaraspec.api.auditing import audit
-    from scaraspec.api.gating import Baseline, gate, read_waivers
+    from scaraspec.api.gating import Baseline, compare, gate, read_waivers
     from scaraspec.api.proving import prove, prove_dialects
     from scaraspec.api.recording import record
     from scaraspec.api.replaying import replay
@@ -35,6 +35,7 @@ __all__ = [
     "Role",
     "audit",
     "certify",
+    "compare",
     "gate",
     "prove",
     "prove_dialects",
@@ -54,6 +55,7 @@ _MODULES = {
     "RobotConfig": "scaraspec_recorder.config",
     "Role": "scaraspec.report.model",
     "audit": "scaraspec.api.auditing",
+    "compare": "scaraspec.api.gating",
     "gate": "scaraspec.api.gating",
     "prove": "scaraspec.api.proving",
     "prove_dialects": "scaraspec.api.proving",

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from scaraspec.api.gating import gate
+from scaraspec.cli.options import results_in
 from scaraspec.cli.problems import Problem
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report import ctrf, junit
@@ -70,7 +71,7 @@ def command(  # noqa: PLR0913 - one for each option
     if update and not baseline_path:
         raise Problem("--update needs --baseline FILE, the file to write")
     try:
-        results = Results.read(_file_of(results_path))
+        results = results_in(results_path)
         if update and baseline_path:
             _update(results, baseline_path)
         result = gate(
@@ -99,10 +100,6 @@ def command(  # noqa: PLR0913 - one for each option
         ) from None
     _show(result)
     raise SystemExit(result.exit_status)
-
-
-def _file_of(path: Path) -> Path:
-    return path / "results.json" if path.is_dir() else path
 
 
 def _update(results: Results, path: Path) -> None:

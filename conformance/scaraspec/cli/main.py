@@ -21,6 +21,7 @@ COMMANDS = {
     "call": "Send one command to a controller.",
     "certify": "Certify an implementation against the document.",
     "client-driver": "Run the reference client as a driver (JSON Lines).",
+    "compare": "Compare the results of two runs.",
     "controller": "Run the virtual controller.",
     "convert": "Convert a capture to another format.",
     "demo": "Record and judge a complete session with the virtual controller.",

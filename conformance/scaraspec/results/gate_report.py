@@ -12,6 +12,7 @@ from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.model import Case
 from scaraspec.report.sanitizing import visible
 from scaraspec.results.gate import GateProblem, GateResult
+from scaraspec.results.markdown import escaped, table
 from scaraspec.user_message import UserMessage
 
 _TITLES: Final = {
@@ -21,7 +22,6 @@ _TITLES: Final = {
     ExitStatus.NOTHING_TESTED: "nothing was tested",
 }
 _SHOWN_PROBLEMS: Final = 50
-_MARKUP: Final = str.maketrans({c: f"\\{c}" for c in "\\`*_[]<>|#&!"})
 _ESCAPED: Final = {"%": "%25", "\r": "%0D", "\n": "%0A", ":": "%3A", ",": "%2C"}
 
 
@@ -54,20 +54,17 @@ def markdown(result: GateResult) -> str:
     """Return the result as Markdown, for the summary page of a CI job."""
     rows = [(p.kind.title, p.id, p.message) for p in result.problems]
     rows += [(case.verdict.value, case.id, case.message) for case in result.undecided]
-    parts = [f"### scaraspec: {_escaped(title_of(result))}", _escaped(result.results.subject.title)]
+    parts = [f"### scaraspec: {escaped(title_of(result))}", escaped(result.results.subject.title)]
     if rows:
-        shown = [f"| {' | '.join(map(_escaped, row))} |" for row in rows[:_SHOWN_PROBLEMS]]
-        parts.append("\n".join(("| problem | where | message |", "|---|---|---|", *shown)))
+        parts.append(table(("problem", "where", "message"), rows[:_SHOWN_PROBLEMS]))
     if len(rows) > _SHOWN_PROBLEMS:
         parts.append(f"and {len(rows) - _SHOWN_PROBLEMS} more")
     if result.accepted:
         parts.append(
-            "\n".join(
-                f"- accepted: {_escaped(i)}: {_escaped(w)}" for i, w in result.accepted.items()
-            )
+            "\n".join(f"- accepted: {escaped(i)}: {escaped(w)}" for i, w in result.accepted.items())
         )
     if result.fixed:
-        parts.append("\n".join(f"- fixed: {_escaped(f.case)}" for f in result.fixed))
+        parts.append("\n".join(f"- fixed: {escaped(f.case)}" for f in result.fixed))
     return "\n\n".join(parts) + "\n"
 
 
@@ -103,10 +100,6 @@ def _fingerprint(problem: GateProblem) -> str:
 def _path(case: Case | None) -> str:
     """Return the path of an entry: the format requires one, and there is no source file."""
     return f"scaraspec/{case.id}" if case else "scaraspec"
-
-
-def _escaped(text: str) -> str:
-    return " ".join(visible(text).split()).translate(_MARKUP)
 
 
 def _command_value(text: str) -> str:

@@ -1,0 +1,60 @@
+"""`scaraspec compare`: what differs between the results of two runs."""
+
+from pathlib import Path
+
+import click
+
+from scaraspec.api.gating import compare
+from scaraspec.cli.options import results_in
+from scaraspec.cli.problems import Problem
+from scaraspec.judge.verdicts import ExitStatus
+from scaraspec.report.model import ResultsError
+from scaraspec.report.sanitizing import visible
+from scaraspec.results import comparison_report
+from scaraspec.results.findings import OldResultsError
+from scaraspec.user_message import UserMessage
+
+EXAMPLE = "Example: scaraspec compare run-1.4 run-1.5"
+
+_PATH = click.Path(path_type=Path)
+
+
+@click.command(epilog=EXAMPLE)
+@click.argument("before_path", metavar="A", type=_PATH)
+@click.argument("after_path", metavar="B", type=_PATH)
+@click.option("--summary", type=_PATH, metavar="FILE", help="Append the comparison in Markdown.")
+def command(before_path: Path, after_path: Path, *, summary: Path | None) -> None:
+    """Compare the results A and B: results.json files, or the folders of runs.
+
+    Compared are failures, verdicts, readings, what was judged, settings and latency. Exit status 0
+    if the behaviour is equal, 1 if it differs; settings and latency do not count.
+    """
+    try:
+        before, after = results_in(before_path), results_in(after_path)
+        if before.role is not after.role:
+            raise Problem(
+                UserMessage(
+                    "{before} is about a {first} and {after} about a {second}: compare results of "
+                    "the same role",
+                    before=before_path,
+                    first=before.role.value,
+                    after=after_path,
+                    second=after.role.value,
+                )
+            )
+        comparison = compare(before, after)
+        if summary:
+            with summary.open("a", encoding="utf-8") as file:
+                file.write(comparison_report.markdown(comparison))
+    except (ResultsError, OldResultsError) as error:
+        raise Problem(str(error)) from None
+    except OSError as error:
+        raise Problem(
+            UserMessage(
+                "{file} cannot be written: {reason}", file=error.filename, reason=error.strerror
+            ),
+            ExitStatus.INCONCLUSIVE,
+        ) from None
+    for line in comparison_report.lines(comparison):
+        click.echo(visible(line))
+    raise SystemExit(ExitStatus.NONCONFORMANT if comparison.differs else ExitStatus.CONFORMANT)

@@ -1,0 +1,68 @@
+"""Output of a comparison: plain lines, and Markdown."""
+
+from collections.abc import Iterator, Sequence
+
+from scaraspec.report.model import Case, Timing
+from scaraspec.results.comparison import Change, Comparison
+from scaraspec.results.markdown import escaped, table
+
+
+def lines(comparison: Comparison) -> Iterator[str]:
+    """Yield the comparison as plain lines."""
+    yield from _titles(comparison)
+    yield from _differences(comparison)
+    yield "the behaviour differs" if comparison.differs else "no difference"
+    for command, before, after in _latencies(comparison):
+        yield f"latency · {command} · {before} -> {after}"
+
+
+def markdown(comparison: Comparison) -> str:
+    """Return the comparison as Markdown."""
+    differences = [f"- {escaped(line)}" for line in _differences(comparison)]
+    parts = [
+        "### scaraspec: comparison",
+        "\n".join(f"- {escaped(title)}" for title in _titles(comparison)),
+        "\n".join(differences) or "No difference.",
+    ]
+    if rows := list(_latencies(comparison)):
+        parts.append(table(("command", "latency before", "latency after"), rows))
+    return "\n\n".join(parts) + "\n"
+
+
+def _titles(comparison: Comparison) -> Iterator[str]:
+    for word, results in (("before", comparison.before), ("after", comparison.after)):
+        title = f"{results.subject.title} {results.subject.version}".rstrip()
+        yield f"{word}: {title}: {results.label}"
+
+
+def _differences(comparison: Comparison) -> Iterator[str]:
+    yield from _failures("new failure", comparison.new)
+    yield from _failures("gone failure", comparison.gone)
+    for before, after in comparison.changed:
+        yield f"changed failure · {after.id} · {before.message} -> {after.message}"
+    yield from _changes("verdict", comparison.verdicts)
+    yield from _changes("reading", comparison.readings)
+    for word, ids in (("no longer judged", comparison.lost), ("now judged", comparison.gained)):
+        if ids:
+            yield f"{word} · {', '.join(ids)}"
+    yield from _changes("setting", comparison.settings)
+
+
+def _failures(word: str, cases: Sequence[Case]) -> Iterator[str]:
+    return (f"{word} · {case.id} · {case.message}" for case in cases)
+
+
+def _changes(word: str, changes: Sequence[Change]) -> Iterator[str]:
+    for change in changes:
+        yield f"{word} · {change.name} · {change.before or 'none'} -> {change.after or 'none'}"
+
+
+def _latencies(comparison: Comparison) -> Iterator[tuple[str, str, str]]:
+    for change in comparison.latency:
+        yield change.command, _timing(change.before), _timing(change.after)
+
+
+def _timing(timing: Timing | None) -> str:
+    if timing is None:
+        return "none"
+    return f"p50 {timing.p50_ms:.3g} ms, p99 {timing.p99_ms:.3g} ms, {timing.count} times"
