@@ -27,6 +27,7 @@ from scaraspec.suite.controller.harness.requests.ports import (
     outputs_preserved,
 )
 from scaraspec.suite.engine.connection import ReceivedFrame
+from scaraspec.suite.engine.deadline import Deadline
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
     CaseInconclusive,
@@ -280,12 +281,11 @@ class Bench:
             CaseSkipped: The robot answers no query while it executes (A-4-3).
         """
         require_known_responsive(self._subject, self._line)
-        left_s = self.ours_s(within_s)
+        deadline = Deadline(self._subject, self.ours_s(within_s))
         while outputs(self._line)[port - 1] != on:
-            if left_s <= 0:
+            if deadline.expired:
                 return False
             self._line.wait(_POLL_S)
-            left_s -= _POLL_S
         return True
 
     def stop(self) -> None:

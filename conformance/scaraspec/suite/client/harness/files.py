@@ -14,6 +14,7 @@ from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.engine.connection import ReceivedFrame
+from scaraspec.suite.engine.deadline import Deadline
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect, expect_equal
 from scaraspec.suite.engine.transfer_timeouts import transfer_timeouts_of
 from scaraspec.traffic.events import FrameSeen
@@ -39,17 +40,16 @@ def request_or_none(
 
     The network may still carry bytes that the client sent before it reported the end.
     """
-    remaining_s = subject.answer_timeout_s if within_s is None else within_s
+    deadline = Deadline(subject, subject.answer_timeout_s if within_s is None else within_s)
     while True:
         answered = call.answer is not None
         if answered:
-            remaining_s = min(remaining_s, subject.silence_s)
-        last = line.ended or remaining_s <= 0
+            deadline = Deadline(subject, min(deadline.remaining_s, subject.silence_s))
+        last = line.ended or deadline.expired
         with suppress(NoReply):
-            return line.request(command, within_s=min(SLICE_S, max(remaining_s, 0)))
+            return line.request(command, within_s=min(SLICE_S, deadline.remaining_s))
         if last or (answered and not line.unfinished):
             return None
-        remaining_s -= SLICE_S
 
 
 def wait_for_transfer_end(

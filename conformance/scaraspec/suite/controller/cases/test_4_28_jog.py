@@ -43,12 +43,14 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     require_responsive,
 )
 from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.deadline import Deadline
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, expect
 from scaraspec.user_message import UserMessage
 
 _MOTION = (Hazard.MOTION,)
 _MIN_MOTION_MM: Final = 1.0
+_STANDSTILL_S: Final = 1.0
 _TRAVEL_S: Final = 30.0
 _POLL_S: Final = 0.05
 
@@ -90,14 +92,13 @@ _INVALID_DIRECTIONS: Final = tuple(
 
 def _wait_for_motion(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Wait until a jog is visible, or for the longest duration that is allowed."""
-    remaining_s = subject.ics.motion.jog_s
+    deadline = Deadline(subject, subject.ics.motion.jog_s)
     if not is_responsive(subject, line, jogs=True):
-        line.wait(remaining_s)
+        line.wait(deadline.remaining_s)
         return
     first = current = pose_of(line)
-    while max_deviation(current[:2], first[:2]) < _MIN_MOTION_MM and remaining_s > 0:
+    while max_deviation(current[:2], first[:2]) < _MIN_MOTION_MM and not deadline.expired:
         line.wait(_POLL_S)
-        remaining_s -= _POLL_S
         current = pose_of(line)
 
 
@@ -286,14 +287,13 @@ def test_to_the_limit(subject: ControllerUnderTest, line: OutgoingConnection) ->
         if not is_responsive(subject, line, jogs=True):
             stop(subject, line)
             raise CaseSkipped("the robot does not reply while it executes a command (A-4-3)")
-        previous, standstill_s = pose_of(line), 0.0
-        remaining_s = subject.longest_s
-        while line.ask("get_status").value in BUSY and remaining_s > 0 and standstill_s < 1:
+        previous, standstill = pose_of(line), Deadline(subject, _STANDSTILL_S)
+        deadline = Deadline(subject, subject.longest_s)
+        while line.ask("get_status").value in BUSY and not (deadline.expired or standstill.expired):
             line.wait(0.2)
-            remaining_s -= 0.2
             current = pose_of(line)
-            standstill_s = standstill_s + 0.2 if max_deviation(current, previous) == 0 else 0.0
-            previous = current
+            if max_deviation(current, previous) > 0:
+                previous, standstill = current, Deadline(subject, _STANDSTILL_S)
         if line.ask("get_status").value in BUSY:
             subject.tolerate("4.28/5", "A-4.28-3", "0x32", "a jog does not end at the limit")
             stop_reply = stop(subject, line)
@@ -320,10 +320,9 @@ def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> No
         jog_somewhere(subject, line)
         line.close()
         other = other or subject.open()
-        remaining_s = subject.ics.motion.jog_s  # to detect the loss and to decelerate
-        while (moving := status_of(subject, other) in BUSY) and remaining_s > 0:
+        deadline = Deadline(subject, subject.ics.motion.jog_s)  # for the loss and to decelerate
+        while (moving := status_of(subject, other) in BUSY) and not deadline.expired:
             other.wait(_POLL_S)
-            remaining_s -= _POLL_S
         if moving:
             stop_reply = stop(subject, other)
             if stop_reply.accepted:

@@ -9,6 +9,7 @@ from scaraspec.suite.controller.harness.two_stage.commands import RUN, require_c
 from scaraspec.suite.controller.harness.two_stage.refusals import text_of
 from scaraspec.suite.controller.harness.two_stage.tasks import executing_task
 from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.deadline import Deadline
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
     CaseInconclusive,
@@ -88,8 +89,8 @@ def test_shutdown(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
 
 def _is_gone(subject: ControllerUnderTest, line: OutgoingConnection) -> bool:
     """Whether the controller soon ends the connection or stops replying."""
-    remaining_s = subject.longest_s
-    while remaining_s > 0:
+    deadline = Deadline(subject, subject.longest_s)
+    while not deadline.expired:
         if line.ending is not None:
             return True
         try:
@@ -97,7 +98,6 @@ def _is_gone(subject: ControllerUnderTest, line: OutgoingConnection) -> bool:
         except NoReply:
             return True
         line.wait(_POLL_S)
-        remaining_s -= _POLL_S
     return False
 
 
@@ -117,16 +117,14 @@ def _wait_for_restart(subject: ControllerUnderTest) -> None:
         subject.hook(hook)
     else:
         subject.access.pause(_SHUTDOWN_S)
-    remaining_s = _RESTART_S if hook else _POLL_S
-    while remaining_s > 0:
-        start_ns = subject.now_ns
+    deadline = Deadline(subject, _RESTART_S if hook else _POLL_S)
+    while not deadline.expired:
         try:
             line = subject.open()
             status = line.ask("get_status")
         except CaseFailed:
             subject.close_lines()
             subject.access.pause(_POLL_S)
-            remaining_s -= (subject.now_ns - start_ns) / 1e9
             continue
         expect(
             status.value is not None,

@@ -82,6 +82,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
+from scaraspec.suite.engine.deadline import Deadline
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
@@ -651,22 +652,21 @@ def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> No
         expect_success(subject, other, RUN)
         start_program(subject, other, RUN, BRIEFLY_S)
         other.close()
-        _expect_program_ends(subject.open())
+        _expect_program_ends(subject, subject.open())
         subject.close_lines()
 
 
-def _expect_program_ends(line: OutgoingConnection) -> None:
+def _expect_program_ends(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Expect that a program that waits for a second ends soon, with or without a client."""
-    remaining_s = _END_TIMEOUT_S
+    deadline = Deadline(subject, _END_TIMEOUT_S)
     while (status := line.ask("get_status")).value in BUSY:
         expect(
-            remaining_s > 0,
+            not deadline.expired,
             "a program whose client disconnected does not end",
             expected=IDLE,
             observed=f"{status}",
         )
         line.wait(_POLL_S)
-        remaining_s -= _POLL_S
 
 
 @case("4/15", "3/18", "4.15/5", name="many", hazards=_MOTION)

@@ -37,6 +37,7 @@ from scaraspec.suite.controller.harness.requests.files import (
 from scaraspec.suite.controller.harness.state.preserve import settings_preserved
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.chunks import chunk_of
+from scaraspec.suite.engine.deadline import Deadline
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect, expect_equal
 from scaraspec.suite.engine.file_contents import content_of
@@ -364,15 +365,13 @@ def _expect_no_leftover(
         message = "the part that was sent of an interrupted upload is kept"
         subject.tolerate("5.4/7", "partial_keep", "keep", message)
         delete(line, name)
-    remaining_s = transfer_timeouts_of(
-        subject
-    ).must_end_s  # a lost connection may be detected by its silence
-    while not (reply := line.ask("upload_name", data=name)).accepted and remaining_s > 0:
+    # a lost connection may be detected by its silence
+    deadline = Deadline(subject, transfer_timeouts_of(subject).must_end_s)
+    while not (reply := line.ask("upload_name", data=name)).accepted and not deadline.expired:
         if line.ask("delete_program", data=name).accepted:
             message = "an empty file of an interrupted upload is kept"
             subject.tolerate("5.4/7", "partial_keep", "keep", message)
         line.wait(_POLL_S)
-        remaining_s -= _POLL_S
     expect(
         reply.accepted,
         "the name of an interrupted upload cannot be used again, and no file of it can be deleted",

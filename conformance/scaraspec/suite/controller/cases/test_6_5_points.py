@@ -12,6 +12,7 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.two_stage.arm import Arm, arm, near
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
+from scaraspec.suite.engine.deadline import Deadline
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseInconclusive, expect
 from scaraspec.suite.program_files.bench import PROGRAMS, bench
@@ -101,13 +102,12 @@ def _result_at_rest(
     Raises:
         CaseInconclusive: The program moved the arm or did not end, and was stopped.
     """
-    remaining_s = subject.longest_s
+    deadline = Deadline(subject, subject.longest_s)
     while (result := robot_arm.robot.ended()) is None:
-        if remaining_s <= 0 or not near(robot_arm.place(), robot_arm.home):
+        if deadline.expired or not near(robot_arm.place(), robot_arm.home):
             robot_arm.robot.stop()
             raise CaseInconclusive("the program moved the arm, or did not end, and was stopped")
         line.wait(_START_S)
-        remaining_s -= _START_S
     return result
 
 

@@ -24,6 +24,7 @@ from scaraspec.suite.controller.harness.sequences import (
 )
 from scaraspec.suite.controller.harness.two_stage.executing import skip_if_other_program_runs
 from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.deadline import Deadline
 from scaraspec.suite.engine.examples import given
 from scaraspec.suite.engine.shrink import shrink_sequence
 
@@ -45,7 +46,7 @@ _PROGRAMS: Final = (
     *("list_programs", "set_default", "get_default", "move", "query", "get_clock", "reconnect"),
 )
 _STEPS_PER_EXAMPLE: Final = 25  # steps for each configured example
-_SHRINK_NS: Final = 60 * 10**9
+_SHRINK_S: Final = 60.0
 """Time limit for shrinking a sequence to the steps that matter."""
 
 
@@ -109,8 +110,8 @@ def _run_in_any_order(
         def run_steps(steps: list[Step]) -> None:
             if not failed and (failure := attempt(subject, operations, names, steps)):
                 retry = partial(attempt, subject, operations, names, like=failure)
-                until_ns = subject.now_ns + _SHRINK_NS
-                shrunk = shrink_sequence(steps, failure, retry, lambda: subject.now_ns < until_ns)
+                deadline = Deadline(subject, _SHRINK_S)
+                shrunk = shrink_sequence(steps, failure, retry, lambda: not deadline.expired)
                 failed[tuple(steps)] = shrunk.error
             if error := failed.get(tuple(steps)):  # hypothesis calls it twice
                 raise error

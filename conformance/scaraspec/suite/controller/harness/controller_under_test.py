@@ -21,6 +21,7 @@ from scaraspec.suite.controller.harness.state_lag import StateLag
 from scaraspec.suite.controller.harness.timeouts import ANSWERED, TimeoutPolicy
 from scaraspec.suite.controller.harness.traits import ControllerTraits
 from scaraspec.suite.engine.connection import Connection, ReceivedFrame, pump_all
+from scaraspec.suite.engine.deadline import Deadline
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
     CaseInconclusive,
@@ -414,9 +415,9 @@ class ControllerUnderTest:
             CaseInconclusive: The status does not become 00 in time.
         """
         full_s = self.patience.rest_timeout_s(self.longest_s) if within_s is None else within_s
-        remaining_s = full_s
+        deadline = Deadline(self, full_s)
         while (status := line.ask("get_status").value) != _READY:
-            if remaining_s <= 0:
+            if deadline.expired:
                 if within_s is None:
                     self.patience.note_rest(full_s, rests=False)
                 if status is None:
@@ -427,8 +428,7 @@ class ControllerUnderTest:
                     )
                 )
             line.wait(_POLL_S)
-            remaining_s -= _POLL_S
-        self.patience.note_rest(full_s - remaining_s, rests=True)
+        self.patience.note_rest(full_s - deadline.remaining_s, rests=True)
 
     def settle(self) -> None:
         """Bring the robot to rest and delete the files of the case.
@@ -505,8 +505,8 @@ class ControllerUnderTest:
         if self.has_hook("restart"):
             self.hook("restart")
             return
-        deadline_ns = self.now_ns + round(_RETURN_S * 1e9)
-        while self.now_ns < deadline_ns:
+        deadline = Deadline(self, _RETURN_S)
+        while not deadline.expired:
             try:
                 self.open()
             except NoReply:

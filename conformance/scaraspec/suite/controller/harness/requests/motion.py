@@ -20,6 +20,7 @@ from scaraspec.suite.controller.harness.requests.poses import numbers_of
 from scaraspec.suite.controller.harness.state_lag import TOLERATED_S
 from scaraspec.suite.controller.harness.timeouts import ExpectedReply
 from scaraspec.suite.engine.connection import ReceivedFrame
+from scaraspec.suite.engine.deadline import Deadline
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
 from scaraspec.user_message import UserMessage
 
@@ -307,18 +308,17 @@ def stop_without_reset(subject: ControllerUnderTest, line: OutgoingConnection) -
     if answer.accepted:
         with suppress(NoReply):
             line.result("emergency_stop", within_s=subject.reply_s)
-        _await_own_result(line)
+        _await_own_result(subject, line)
         wait_until_at_rest(subject, line)
         line.wait(TOLERATED_S)
     return answer
 
 
-def _await_own_result(line: OutgoingConnection) -> None:
+def _await_own_result(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Wait for the result of the stopped command, which may follow that of the stop (A-4.17-4)."""
-    remaining_s = SILENCE_S
-    while remaining_s > 0 and not any(seen.frame.tagged for seen in line.inbox):
+    deadline = Deadline(subject, SILENCE_S)
+    while not (deadline.expired or line.ended or any(seen.frame.tagged for seen in line.inbox)):
         line.wait(_POLL_S)
-        remaining_s -= _POLL_S
 
 
 def stop_motion(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
@@ -404,29 +404,30 @@ def wait_for_end(
         The final result; None if it does not come.
     """
     due = ExpectedReply(name, result=True)
-    remaining_s = subject.patience.timeout_s(
-        due, subject.longest_s if within_s is None else within_s
-    )
+    full_s = subject.longest_s if within_s is None else within_s
+    deadline = Deadline(subject, subject.patience.timeout_s(due, full_s))
     idle = False
-    while not idle and remaining_s > 0:
+    while not (idle or deadline.expired or line.ended):
         with suppress(NoReply):
-            return line.result(name, within_s=min(_SLICE_S, remaining_s))
-        remaining_s -= _SLICE_S
+            return line.result(name, within_s=min(_SLICE_S, deadline.remaining_s))
         is_responsive(subject, line)  # `status_of` depends on this
         idle = status_of(subject, line) == IDLE
     with suppress(NoReply):
         return line.result(name, within_s=SILENCE_S)
-    subject.patience.note_timeout(due)
+    if not line.ended:
+        subject.patience.note_timeout(due)
     return None
 
 
 def wait_until_at_rest(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Wait until nothing executes. The status may then report a fault."""
-    full_s = remaining_s = subject.patience.rest_timeout_s(subject.longest_s)
-    while (busy := status_of(subject, line) in (*BUSY, None)) and remaining_s > 0:
+    full_s = subject.patience.rest_timeout_s(subject.longest_s)
+    deadline = Deadline(subject, full_s)
+    while (busy := status_of(subject, line) in (*BUSY, None)) and not (
+        deadline.expired or line.ended
+    ):
         line.wait(_POLL_S)
-        remaining_s -= _POLL_S
-    subject.patience.note_rest(full_s - remaining_s, rests=not busy)
+    subject.patience.note_rest(full_s - deadline.remaining_s, rests=not busy)
 
 
 def release_latch(subject: ControllerUnderTest, line: OutgoingConnection) -> None:

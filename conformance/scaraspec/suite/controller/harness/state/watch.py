@@ -31,6 +31,7 @@ from scaraspec.suite.controller.harness.setting_values import (
 from scaraspec.suite.controller.harness.state.defaults import default_program_preserved
 from scaraspec.suite.controller.harness.state.preserve import settings_preserved
 from scaraspec.suite.engine.connection import ReceivedFrame
+from scaraspec.suite.engine.deadline import Deadline
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
 from scaraspec.suite.program_files.listed import program_names, store_program
 
@@ -151,15 +152,15 @@ class _Watch:
             CaseFailed: The controller does not answer.
         """
         subject, turn_s = self._subject, for_s / _TURNS
-        until_ns = subject.now_ns + round(for_s * _NS)
+        deadline = Deadline(subject, for_s)
         lasting = {name: _Lasting(turn_s / _PAUSES) for name in self._requests}
         for name in itertools.cycle(("", *lasting)):
-            if subject.others.proved or subject.now_ns >= until_ns:
+            if subject.others.proved or deadline.expired:
                 break
             if not name:
                 self._look(turn_s)
-            turn_ends_ns = subject.now_ns + round(turn_s * _NS)
-            while name and not subject.others.proved and subject.now_ns < turn_ends_ns:
+            turn = Deadline(subject, turn_s)
+            while name and not (subject.others.proved or turn.expired):
                 self._set_and_look(name, lasting[name])
         for name, each in lasting.items():
             for _ in range(_LONGER_ROUNDS):

@@ -17,6 +17,7 @@ from scaraspec.suite.controller.harness.controller_under_test import ControllerU
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.traits import PointMeaning
 from scaraspec.suite.controller.harness.two_stage.tasks import require_responsive
+from scaraspec.suite.engine.deadline import Deadline
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 from scaraspec.suite.program_files.bench import Bench
 from scaraspec.suite.program_files.writing import Values, straight
@@ -106,15 +107,14 @@ class Arm:
         if not answer.accepted:
             raise CaseFailed("a valid program is refused", expected="1", observed=f"{answer}")
         seen: list[Values] = []
-        remaining_s = self.subject.longest_s
+        deadline = Deadline(self.subject, self.subject.longest_s)
         while (result := self.robot.ended()) is None:
             seen.append(self.place())
             if not self.subject.lag.measured:
                 self.line.ask("get_status")
-            if remaining_s <= 0:
+            if deadline.expired:
                 raise CaseFailed("a move does not end", expected="11", observed="no result")
             self.line.wait(_POLL_S)
-            remaining_s -= _POLL_S
         if result.done:
             return seen
         if result.code in _IMPOSSIBLE:
@@ -222,16 +222,15 @@ def _turns(made: Arm, share: float) -> bool:
         for command in ("simulate_program", "run_program"):
             if not robot.ask(name, command).accepted:
                 return False
-            remaining_s = made.subject.longest_s
+            deadline = Deadline(made.subject, made.subject.longest_s)
             while (result := robot.ended(command)) is None:
                 *others, gripper = _place(line, PointMeaning.JOINTS)
                 moved = max(abs(a - b) for a, b in zip(still, others, strict=True))
                 far = abs(angle_difference(gripper, gripper_before)) > _FAR_DEG
-                if remaining_s <= 0 or moved > REACHED or far:
+                if deadline.expired or moved > REACHED or far:
                     robot.stop()
                     return False
                 line.wait(_POLL_S)
-                remaining_s -= _POLL_S
             if not result.done:
                 return False
         if not near(made.place(), *way):

@@ -19,6 +19,7 @@ from scaraspec.suite.controller.harness.requests.motion import (
 from scaraspec.suite.controller.harness.timeouts import SUCCESS
 from scaraspec.suite.controller.harness.two_stage.commands import LOCK, RELEASE, STOP, begin
 from scaraspec.suite.engine.connection import ReceivedFrame
+from scaraspec.suite.engine.deadline import Deadline
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply
 from scaraspec.user_message import UserMessage
 
@@ -92,12 +93,11 @@ def release_joints(
         CaseFailed: The idle robot refuses the command.
     """
     first = begin(subject, line, RELEASE)
-    remaining_s = subject.reply_s
+    deadline = Deadline(subject, subject.reply_s)
     while True:
         with suppress(NoReply):
             return first, line.result(RELEASE, within_s=SILENCE_S)
-        remaining_s -= SILENCE_S
-        if remaining_s <= 0 or status_of(subject, line) not in (*BUSY, None):
+        if deadline.expired or line.ended or status_of(subject, line) not in (*BUSY, None):
             return first, None
 
 

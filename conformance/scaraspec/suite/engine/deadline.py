@@ -1,0 +1,39 @@
+"""Deadline: a point in time at which a wait ends, on the clock of the subject.
+
+A loop that queries the subject uses it, so that the duration of the queries counts, too.
+"""
+
+from typing import Final, Protocol
+
+_NS: Final = 1e9
+
+
+class Clock(Protocol):
+    """A clock, such as that of the subject."""
+
+    @property
+    def now_ns(self) -> int:
+        """The current time in nanoseconds."""
+
+
+class Deadline:
+    """A point in time.
+
+    Args:
+        clock: The clock, real or simulated.
+        after_s: The time from now to the deadline, in seconds.
+    """
+
+    def __init__(self, clock: Clock, after_s: float) -> None:
+        self._clock = clock
+        self._at_ns = clock.now_ns + round(after_s * _NS)
+
+    @property
+    def remaining_s(self) -> float:
+        """The time until the deadline, in seconds; 0 after it."""
+        return max(self._at_ns - self._clock.now_ns, 0) / _NS
+
+    @property
+    def expired(self) -> bool:
+        """Whether the deadline has passed."""
+        return not self.remaining_s
