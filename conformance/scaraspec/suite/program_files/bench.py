@@ -16,8 +16,10 @@ from scaraspec.suite.controller.harness.controller_under_test import ControllerU
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.controller.harness.requests.motion import (
+    IDLE,
     is_responsive,
     require_known_responsive,
+    status_of,
     stop_motion,
 )
 from scaraspec.suite.controller.harness.requests.ports import (
@@ -26,6 +28,7 @@ from scaraspec.suite.controller.harness.requests.ports import (
     outputs,
     outputs_preserved,
 )
+from scaraspec.suite.controller.harness.timeouts import ExpectedReply
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.deadline import Deadline
 from scaraspec.suite.engine.expectations import (
@@ -147,7 +150,10 @@ class Bench:
             result = self._line.result("run_program", within_s=within_s)
         except NoReply as error:
             raise CaseFailed(
-                "a valid program does not end", expected="11", observed=error.observed
+                "a valid program does not end",
+                expected="11",
+                observed=error.observed,
+                requirement=error.requirement,
             ) from None
         expect(result.done, "a valid program fails", expected="11", observed=f"{result}")
         return result
@@ -265,6 +271,18 @@ class Bench:
             return self._line.result(command, within_s=within_s)
         except NoReply:
             return None
+
+    def is_overdue(self, deadline: Deadline, command: str = "run_program") -> bool:
+        """Whether a final result that has not come is missing.
+
+        If it was missing before and has never come, an idle status shows this before the deadline.
+        """
+        due, patience = ExpectedReply(command, result=True), self._subject.patience
+        if deadline.expired:
+            patience.note_timeout(due)
+            return True
+        known = patience.given_up(due) and self.is_responsive
+        return known and status_of(self._subject, self._line) == IDLE
 
     def until(self, port: int, *, on: bool, within_s: float) -> bool:
         """Wait until an output has a state.

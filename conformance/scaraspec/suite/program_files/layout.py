@@ -10,11 +10,23 @@ from dataclasses import replace
 from typing import Final
 
 from scaraspec.protocol.program_files import LAYOUTS, Layout, Program
-from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.controller_under_test import (
+    SILENCE_S,
+    ControllerUnderTest,
+)
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import upload
-from scaraspec.suite.controller.harness.requests.motion import IDLE, release_latch, status_of
+from scaraspec.suite.controller.harness.requests.motion import (
+    BUSY,
+    IDLE,
+    is_responsive,
+    release_latch,
+    status_of,
+)
+from scaraspec.suite.controller.harness.timeouts import ExpectedReply
 from scaraspec.suite.controller.harness.traits import LayoutTrial
+from scaraspec.suite.engine.connection import ReceivedFrame
+from scaraspec.suite.engine.deadline import Deadline
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
 from scaraspec.suite.program_files.writing import EMPTY, layout_of, wait_program
 from scaraspec.user_message import UserMessage
@@ -25,6 +37,7 @@ CODE_20: Final = "8/5"
 TRIAL_S: Final = 3
 """How long the programs wait, in seconds of the subject's clock."""
 _DAMAGED: Final = ("05", "20")  # the codes for a file that is no valid program (A-4.15-2)
+_SLICE_S: Final = 0.5
 _NS: Final = 1e9
 
 
@@ -120,8 +133,7 @@ def _find(subject: ControllerUnderTest, line: OutgoingConnection) -> tuple[Layou
         trial = _try(subject, line, layout)
         if trial is None:
             continue
-        took_s = trial.ended_s - trial.requested_s
-        if took_s >= TRIAL_S / subject.ics.time_scale / 2:  # 6.5/20 is more exact
+        if _waited(subject, trial.requested_s, trial.ended_s):
             return layout, trial
         ended = ended or (layout, trial)
     if ended is not None:
@@ -132,6 +144,11 @@ def _find(subject: ControllerUnderTest, line: OutgoingConnection) -> tuple[Layou
         observed="a refusal or a failure in each",
         requirement="6.5/26",
     )
+
+
+def _waited(subject: ControllerUnderTest, requested_s: float, ended_s: float) -> bool:
+    """Whether a program that ended then has executed its wait; 6.5/20 is more exact."""
+    return ended_s - requested_s >= TRIAL_S / subject.ics.time_scale / 2
 
 
 def candidates(subject: ControllerUnderTest) -> list[Layout]:
@@ -155,7 +172,8 @@ def _try(
 
     Returns:
         When it ran; None if it does not end successfully. If the final result is missing, an idle
-        status shows that the program has ended, but not when: it may have ended at once.
+        status shows that the program has ended. It ended after the last status that shows that it
+        runs; without one, it may have ended at once.
     """
     name = subject.new_name()
     base = configured(subject, line)
@@ -169,12 +187,38 @@ def _try(
                 UserMessage("the subject cannot run programs now: {answer}", answer=answer)
             )
         return None
-    try:
-        result = line.result("run_program", within_s=TRIAL_S + subject.reply_s, untagged=True)
-    except NoReply:
-        if status_of(subject, line) == IDLE:
-            return LayoutTrial(requested_s, answer.time_s, requested_s)
-        if line.ask("emergency_stop").accepted:
-            line.result("emergency_stop")
-        return None
-    return LayoutTrial(requested_s, answer.time_s, result.time_s) if result.done else None
+    result, ran_until_s = _watch(subject, line, requested_s)
+    if result is not None:
+        return LayoutTrial(requested_s, answer.time_s, result.time_s) if result.done else None
+    if status_of(subject, line) == IDLE:
+        subject.patience.note_timeout(ExpectedReply("run_program", result=True))
+        return LayoutTrial(requested_s, answer.time_s, ran_until_s)
+    if line.ask("emergency_stop").accepted:
+        line.result("emergency_stop")
+    return None
+
+
+def _watch(
+    subject: ControllerUnderTest, line: OutgoingConnection, requested_s: float
+) -> tuple[ReceivedFrame | None, float]:
+    """Wait for the end of a program; an idle status shows it only after a plausible time.
+
+    Returns:
+        The final result, or None if it is missing; and when the status last showed that the program
+        runs, or when it was requested.
+    """
+    deadline, ran_until_s = Deadline(subject, TRIAL_S + subject.reply_s), requested_s
+    while not (deadline.expired or line.ended):
+        with suppress(NoReply):
+            within_s = min(_SLICE_S, deadline.remaining_s)
+            return line.result("run_program", within_s=within_s, untagged=True), ran_until_s
+        if not is_responsive(subject, line):
+            continue
+        status = status_of(subject, line)
+        if status in BUSY:
+            ran_until_s = subject.now_ns / _NS
+        elif status == IDLE and _waited(subject, requested_s, ran_until_s):
+            break
+    with suppress(NoReply):
+        return line.result("run_program", within_s=SILENCE_S, untagged=True), ran_until_s
+    return None, ran_until_s

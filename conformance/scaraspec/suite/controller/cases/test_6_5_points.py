@@ -104,7 +104,8 @@ def _result_at_rest(
     """
     deadline = Deadline(subject, subject.longest_s)
     while (result := robot_arm.robot.ended()) is None:
-        if deadline.expired or not near(robot_arm.place(), robot_arm.home):
+        moved = not near(robot_arm.place(), robot_arm.home)
+        if moved or robot_arm.robot.is_overdue(deadline):
             robot_arm.robot.stop()
             raise CaseInconclusive("the program moved the arm, or did not end, and was stopped")
         line.wait(_START_S)

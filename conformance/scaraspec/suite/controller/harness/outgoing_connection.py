@@ -16,6 +16,7 @@ from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame, Framer
 from scaraspec.protocol.payloads import FinalResult, NameListPart, NoData, Outcome
 from scaraspec.suite.controller.harness.timeouts import ExpectedReply
 from scaraspec.suite.engine.connection import Connection, ReceivedFrame
+from scaraspec.suite.engine.deadline import Deadline
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
 from scaraspec.suite.engine.transfer_timeouts import silence_message, transfer_timeouts_of
 from scaraspec.traffic.events import FrameSeen
@@ -28,6 +29,10 @@ if TYPE_CHECKING:
 
 _APART_S: Final = 0.05
 _INSTANT_S: Final = 0.001
+_IDLE: Final = "00"
+_POLL_S: Final = 0.05
+_LATE_S: Final = 0.3  # a final result may come this much later than the idle status
+_BRIEF_S: Final = 0.5  # a wait of at most this time is not shortened
 _SHORT_REPLIES: Final = 45  # this many status replies fill the longest frame
 _LAG_WAITS: Final = 3  # during a wait the state may change once more
 _NS: Final = 1e9
@@ -226,6 +231,8 @@ class OutgoingConnection(Connection):
     ) -> ReceivedFrame:
         """Wait for the final result of a two-stage command.
 
+        If it was missing twice and has never come, an idle status ends the wait.
+
         Args:
             name: The command.
             within_s: The timeout in seconds; by default the maximum duration of a motion.
@@ -236,19 +243,37 @@ class OutgoingConnection(Connection):
             NoReply: No result arrived in time.
         """
         due, opcode = ExpectedReply(name, result=True), BY_NAME[name].opcode
-        given_up = self._subject.patience.given_up(due)
+        patience, full_s = self._subject.patience, self._subject.longest_s
+        given_up = patience.given_up(due)
         untagged = untagged or (given_up and not self._subject.is_case_about(due.requirement))
-        answer = self._wait_for_reply(
-            due,
-            lambda seen: (
-                seen.frame.opcode == opcode
-                and (seen.frame.tagged or (untagged and _outcome(seen) is not None))
-            ),
-            within_s,
-            self._subject.longest_s,
-            f"no final result of {name} came",
-        )
+
+        def is_expected(seen: FrameSeen) -> bool:
+            return seen.frame.opcode == opcode and (
+                seen.frame.tagged or (untagged and _outcome(seen) is not None)
+            )
+
+        short_s = patience.timeout_s(due, full_s if within_s is None else within_s)
+        if given_up and short_s > _BRIEF_S and self._becomes_idle(is_expected, short_s):
+            within_s = _LATE_S
+        message = f"no final result of {name} came"
+        answer = self._wait_for_reply(due, is_expected, within_s, full_s, message)
         return answer if answer.frame.tagged else answer._replace(value=_outcome(answer.seen))
+
+    def _becomes_idle(self, is_expected: Callable[[FrameSeen], bool], within_s: float) -> bool:
+        """Query the status until it is idle or the expected frame has come.
+
+        Returns:
+            Whether the robot is idle; False if it may answer no query while it executes (A-4-3).
+        """
+        if self._subject.traits.unresponsive_while_executing is not False:
+            return False
+        deadline = Deadline(self._subject, within_s)
+        with suppress(NoReply):
+            while not (deadline.expired or any(map(is_expected, self.inbox))):
+                if self.ask("get_status").value == _IDLE:
+                    return True
+                self.wait(_POLL_S)
+        return False
 
     def _wait_for_reply(
         self,
@@ -269,7 +294,7 @@ class OutgoingConnection(Connection):
             if limit_s >= full_s and not self.ended:
                 patience.note_timeout(due)
             raise
-        if answer.frame.tagged or not due.result:
+        if not due.result or (answer.frame.tagged and answer.done):
             patience.note_received(due)
         return answer
 

@@ -57,11 +57,17 @@ class TimeoutPolicy:
         return copy
 
     def note_received(self, due: ExpectedReply) -> None:
-        """Note that the reply has come."""
+        """Note that the reply has come; a final result only if it reports success.
+
+        A command that was stopped or fails may have a result although one that succeeds has none.
+        """
         self._came.add(due)
 
     def note_timeout(self, due: ExpectedReply) -> None:
-        """Note that the reply did not come within its full timeout."""
+        """Note that the reply did not come within its full timeout.
+
+        A final result is also missing if the robot was idle and the result did not follow.
+        """
         self._missed[due] += 1
 
     def given_up(self, due: ExpectedReply) -> bool:

@@ -112,7 +112,7 @@ class Arm:
             seen.append(self.place())
             if not self.subject.lag.measured:
                 self.line.ask("get_status")
-            if deadline.expired:
+            if self.robot.is_overdue(deadline):
                 raise CaseFailed("a move does not end", expected="11", observed="no result")
             self.line.wait(_POLL_S)
         if result.done:
@@ -227,7 +227,7 @@ def _turns(made: Arm, share: float) -> bool:
                 *others, gripper = _place(line, PointMeaning.JOINTS)
                 moved = max(abs(a - b) for a, b in zip(still, others, strict=True))
                 far = abs(angle_difference(gripper, gripper_before)) > _FAR_DEG
-                if deadline.expired or moved > REACHED or far:
+                if moved > REACHED or far or robot.is_overdue(deadline, command):
                     robot.stop()
                     return False
                 line.wait(_POLL_S)

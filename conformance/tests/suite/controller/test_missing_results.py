@@ -1,0 +1,36 @@
+"""Missing results: a run ends soon although the controller sends no final results."""
+
+import pytest
+
+from scaraspec.judge.requirements import select
+from scaraspec.judge.verdicts import Verdict
+from scaraspec.mutants.controller import mutants
+from scaraspec.mutants.controller_run import prove_controller
+from scaraspec.report.model import Results
+from scaraspec.suite.engine.plan import ALL, Options
+
+_CASES = "4.8/4,4.15/5,5.4/5,6.5/20"
+
+
+def _results(fault: str = "") -> Results:
+    only = frozenset(requirement.id for requirement in select(_CASES))
+    options = Options(only=only, allowed=ALL, examples=1)
+    return prove_controller(options, mutants()[fault] if fault else None)
+
+
+def _duration_s(results: Results) -> float:
+    """Return the simulated duration of a run."""
+    return (results.run.ended_ns - results.run.begun_ns) / 1e9
+
+
+@pytest.mark.parametrize("fault", ["run-has-no-result", "run-ends-untagged"])
+def test_run_without_final_results_ends_soon(fault: str) -> None:
+    """A run takes at most a minute more than five times the duration of a good one.
+
+    The status shows that the program of the right layout has waited, so no other layout is tried.
+    """
+    results = _results(fault)
+    verdicts = {each.id: each.verdict for each in results.requirements}
+    assert verdicts["4.15/5"] is Verdict.FAIL
+    assert results.readings["controller"]["prog_layout"].options == ("ilp32",)
+    assert _duration_s(results) < 60 + 5 * _duration_s(_results())
