@@ -34,6 +34,7 @@ from scaraspec.suite.engine.outcome import (
     Outcome,
     message_of,
     root_cause,
+    unless_dependent,
     unless_disturbed,
     was_interrupted,
 )
@@ -262,6 +263,14 @@ class CaseRunner:
         The first failure is checked at once for another client that may have caused it.
         """
         self._callbacks.announce(case)
+        observer, begun_ns = self.subject.observer, self.subject.now_ns
+        observer.budget.begin_case()
+        outcome = self._run_attempts(case, item, nextitem)
+        for_s = (self.subject.now_ns - begun_ns) / _NS
+        observer.budget.end_case(outcome, for_s, late=bool(observer.attempt.late))
+        return outcome
+
+    def _run_attempts(self, case: Case, item: pytest.Item, nextitem: pytest.Item | None) -> Outcome:
         attempts: list[Attempt] = []
         again = partial(self._attempt, case, item, nextitem)
         checked = False
@@ -372,7 +381,8 @@ class CaseRunner:
         with count_examples() as tally:
             runtestprotocol(item, log=self._verbose, nextitem=nextitem)
         self._end_if_asked()
-        outcome = self._unless_withheld(self._outcome(case))
+        outcome = unless_dependent(self._outcome(case), root_cause(self._raised))
+        outcome = self._unless_withheld(outcome)
         if outcome.requirement in _STOP_WORKS:
             subject.report_stop_failure(outcome.requirement, outcome.message)
         self._report_stop(case, outcome)

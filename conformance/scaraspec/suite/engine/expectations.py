@@ -19,7 +19,11 @@ class CaseFailed(AssertionError):  # noqa: N818 - it is the subject's error, not
         requirement: The violated requirement; empty for the first requirement of the case.
         expected: What the document requires.
         observed: What was observed instead.
+        depends_on: The earlier case that has shown this failure, if the wait budget is used up; the
+            case is then inconclusive.
     """
+
+    depends_on = ""
 
     def __init__(
         self, message: str, *, expected: str = "", observed: str = "", requirement: str = ""

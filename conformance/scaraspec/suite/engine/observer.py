@@ -17,6 +17,7 @@ from scaraspec.report.model import Role
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.stall_detector import Stall
+from scaraspec.suite.engine.wait_budget import WaitBudget
 from scaraspec.traffic.events import (
     Ending,
     Exchange,
@@ -97,6 +98,7 @@ class Observer:
         case: The id of the running case; empty between cases.
         recent: The last frames of the running case.
         unsolicited: The last first replies that answer no request, not even a late one (A-3-16).
+        budget: Limits the waits for replies that never come.
     """
 
     def __init__(  # noqa: PLR0913 - the collaborators of a run
@@ -120,6 +122,7 @@ class Observer:
         self.unsolicited: deque[FrameSeen] = deque(maxlen=_RECENT_FRAMES)
         self._take, self._hear = take, hear
         self._ignored: tuple[str, ...] = ()
+        self.budget = WaitBudget()
 
     @property
     def case(self) -> str:

@@ -68,6 +68,26 @@ def unless_disturbed(outcome: Outcome, reason: str) -> Outcome:
     )
 
 
+def unless_dependent(outcome: Outcome, raised: BaseException | None) -> Outcome:
+    """The outcome of a case; inconclusive if an earlier case has shown the failure that it raised.
+
+    See `CaseFailed.depends_on`.
+    """
+    if not isinstance(raised, CaseFailed) or not raised.depends_on:
+        return outcome
+    return Outcome(
+        outcome.case,
+        Verdict.INCONCLUSIVE,
+        cause=Cause.DEPENDENCY,
+        reason=Reason.DEPENDENCY,
+        message=UserMessage(
+            "{message}; case {case} has failed for this reason",
+            message=outcome.message,
+            case=raised.depends_on,
+        ),
+    )
+
+
 def message_of(error: BaseException) -> str:
     """The message of an exception, with its template if it has one."""
     message = error.args[0] if error.args else ""

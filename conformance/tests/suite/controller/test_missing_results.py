@@ -3,17 +3,18 @@
 import pytest
 
 from scaraspec.judge.requirements import select
-from scaraspec.judge.verdicts import Verdict
+from scaraspec.judge.verdicts import Cause, Conclusion, Reason, Verdict
 from scaraspec.mutants.controller import mutants
 from scaraspec.mutants.controller_run import prove_controller
 from scaraspec.report.model import Results
 from scaraspec.suite.engine.plan import ALL, Options
 
-_CASES = "4.8/4,4.15/5,5.4/5,6.5/20"
+_CASES = "4.8/4,4.15/5,6.5/20"
+_LONG_CASE = "5.4/5"
 
 
-def _results(fault: str = "") -> Results:
-    only = frozenset(requirement.id for requirement in select(_CASES))
+def _results(clauses: str, fault: str = "") -> Results:
+    only = frozenset(requirement.id for requirement in select(clauses))
     options = Options(only=only, allowed=ALL, examples=1)
     return prove_controller(options, mutants()[fault] if fault else None)
 
@@ -29,8 +30,27 @@ def test_run_without_final_results_ends_soon(fault: str) -> None:
 
     The status shows that the program of the right layout has waited, so no other layout is tried.
     """
-    results = _results(fault)
+    cases = f"{_CASES},{_LONG_CASE}"
+    results = _results(cases, fault)
     verdicts = {each.id: each.verdict for each in results.requirements}
     assert verdicts["4.15/5"] is Verdict.FAIL
     assert results.readings["controller"]["prog_layout"].options == ("ilp32",)
-    assert _duration_s(results) < 60 + 5 * _duration_s(_results())
+    assert _duration_s(results) < 60 + 5 * _duration_s(_results(cases))
+
+
+def test_cases_are_inconclusive_after_the_wait_budget() -> None:
+    """A case that needs a final result then names the case that has shown that there is none."""
+    results = _results(_CASES, "run-has-no-result")
+    failed = [
+        case.id
+        for case in results.cases
+        if "4.15/5" in case.requirements and case.verdict is Verdict.FAIL
+    ]
+    later = [case for case in results.cases if case.id.startswith("6.5/20")]
+    assert {(case.verdict, case.cause, case.reason) for case in later} == {
+        (Verdict.INCONCLUSIVE, Cause.DEPENDENCY, Reason.DEPENDENCY)
+    }
+    assert all(
+        case.message.endswith(f"case {failed[0]} has failed for this reason") for case in later
+    )
+    assert results.verdict is Conclusion.NONCONFORMANT

@@ -290,13 +290,26 @@ class OutgoingConnection(Connection):
         except NoReply as error:
             error.owed = due.requirement
             if patience.given_up(due):
-                error.requirement = due.requirement
+                error.requirement, error.depends_on = due.requirement, self.dependency(due)
             if limit_s >= full_s and not self.ended:
                 patience.note_timeout(due)
             raise
         if not due.result or (answer.frame.tagged and answer.done):
             patience.note_received(due)
         return answer
+
+    def dependency(self, due: ExpectedReply) -> str:
+        """Return the case that has shown that this final result never comes.
+
+        Returns:
+            Its id; empty while the wait budget is not used up, in a case about this result, and for
+            a first reply, whose requirement is that of all commands.
+        """
+        subject = self._subject
+        missing = due.result and subject.patience.given_up(due)
+        if not missing or subject.is_case_about(due.requirement):
+            return ""
+        return subject.observer.budget.dependency(due.requirement)
 
     def no_result(self, name: str, *, for_s: float, requirement: str = "") -> None:
         """Require that no final result of this command arrives within this time.

@@ -16,7 +16,7 @@ from scaraspec.suite.controller.harness.requests.motion import (
     stop_motion,
     wait_for_end,
 )
-from scaraspec.suite.controller.harness.timeouts import SUCCESS
+from scaraspec.suite.controller.harness.timeouts import SUCCESS, ExpectedReply
 from scaraspec.suite.controller.harness.two_stage.commands import LOCK, RELEASE, STOP, begin
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.deadline import Deadline
@@ -57,6 +57,7 @@ def wait_for_result(
         error = line.no_reply_error(message)
         error.expected = f"{C2A.start:02X} 90 {BY_NAME[name].opcode:02X} …"
         error.requirement = SUCCESS[name]
+        error.depends_on = line.dependency(ExpectedReply(name, result=True))
         raise error
     return answer
 
