@@ -7,10 +7,11 @@ all connections of a controller with one robot state, applies the rules, and cou
 
 import re
 from collections import Counter, OrderedDict, defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cache, lru_cache
 from itertools import groupby
-from typing import Final
+from typing import Final, NamedTuple
 
 from scaraspec.judge.dialect_detector import DialectDetector
 from scaraspec.judge.program_file_readings import observed_file_readings
@@ -26,11 +27,14 @@ from scaraspec.judge.rules.rule import (
 )
 from scaraspec.judge.scope import EVERYTHING, Scope
 from scaraspec.judge.verdicts import Cause, Conclusion, Finding, Verdict, conclude, worst
+from scaraspec.protocol.commands import parse_frame
+from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.traffic.dialogue import Dialogue
-from scaraspec.traffic.events import TrafficEvent, Transfer
+from scaraspec.traffic.events import FrameSeen, TrafficEvent, Transfer
 from scaraspec.traffic.robot_state import RobotState
-from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec.traffic.wire import Kind, WireEvent, WireRange
 
 _MAX_FINDINGS: Final = 50
 """Kept findings per requirement and verdict; further ones are only counted."""
@@ -50,8 +54,25 @@ _UNCERTAIN: Final = "a gap in the recording or a fault injected on purpose may b
 _Checks = tuple[tuple[Check, tuple[str, ...], tuple[str, ...]], ...]
 """Check functions, each with the requirements that it decides, and those of them in scope."""
 
-_CHECKS: Final[dict[Scope, dict[tuple[object, ...], _Checks]]] = {}
+_CHECKS: Final[dict[tuple[object, ...], _Checks]] = {}
 """Cache of the checks by scope and kind of traffic event; every judge has the same rules."""
+
+_KNOWN_FRAMES: Final = 1024
+"""Distinct frames whose results are kept; polling repeats the same frames."""
+_NOWHERE: Final = WireRange("", A2C, 0, 0, 0)
+_UNKNOWN_STATE: Final = RobotState()
+
+
+class _Results(NamedTuple):
+    """What the rules say about one traffic event.
+
+    Attributes:
+        passed: The requirements in scope that it meets.
+        others: The results other than passes, each with the requirements and those in scope.
+    """
+
+    passed: list[str]
+    others: list[tuple[RuleResult, tuple[str, ...], tuple[str, ...]]]
 
 
 @dataclass(slots=True)
@@ -96,7 +117,7 @@ class Judge:
         self._dialect = dialect
         self._needs_login = needs_login
         self._dialogues: dict[str, Dialogue] = {}
-        self._checks = _CHECKS.setdefault(scope, {})
+        self._judge_frame = _frame_judge(scope)
 
     def feed(self, event: WireEvent) -> Iterator[TrafficEvent | Finding]:
         """Process the next event; yield each traffic event, followed by its findings."""
@@ -151,15 +172,14 @@ class Judge:
         self.dialect_seen.add(traffic_event)
         if isinstance(traffic_event, Transfer):
             self.dialect_seen.counts.update(observed_file_readings(traffic_event))
+        if isinstance(traffic_event, FrameSeen):
+            results = self._judge_frame(traffic_event.frame)
+        else:
+            results = _results(traffic_event, robot, self.scope)
         tallies = self.tallies
-        for check, requirements, in_scope in self._checks_for(traffic_event):
-            judged = check(traffic_event, robot)
-            if judged is None:
-                continue
-            if judged is PASSED:
-                for requirement in in_scope:
-                    tallies[requirement].passes += 1
-                continue
+        for requirement in results.passed:
+            tallies[requirement].passes += 1
+        for judged, requirements, in_scope in results.others:
             for requirement in requirements:
                 finding = _finding(requirement, judged, traffic_event)
                 if requirement in in_scope:
@@ -175,26 +195,53 @@ class Judge:
         if tally.others[finding.verdict] <= _MAX_FINDINGS:
             tally.findings.append(finding)
 
-    def _checks_for(self, traffic_event: TrafficEvent) -> _Checks:
-        """Return the checks for a traffic event, each once, with the requirements they decide."""
-        kind = kind_of(traffic_event)
-        checks = self._checks.get(kind)
-        if checks is None:
-            rules = [rule for rule in RULES if rule.applies_to(traffic_event)]
-            grouped = [
-                (check, tuple(rule.requirement for rule in group))
-                for check, group in groupby(rules, key=lambda rule: rule.check)
-            ]
-            checks = self._checks[kind] = tuple(
-                (check, ids, tuple(i for i in ids if self.scope.includes(i, traffic_event)))
-                for check, ids in grouped
-            )
-        return checks
-
     @property
     def conclusion(self) -> Conclusion:
         """The conclusion of the recording."""
         return conclude(Counter(tally.verdict for tally in self.tallies.values()))
+
+
+@cache
+def _frame_judge(scope: Scope) -> Callable[[Frame], _Results]:
+    """Return a function that applies the rules for frames, once for each distinct frame.
+
+    These rules depend on the frame alone: they see neither its place and times nor the state.
+    """
+
+    @lru_cache(maxsize=_KNOWN_FRAMES)
+    def judge(frame: Frame) -> _Results:
+        return _results(FrameSeen(frame, _NOWHERE, 0, parse_frame(frame)), _UNKNOWN_STATE, scope)
+
+    return judge
+
+
+def _results(traffic_event: TrafficEvent, robot: RobotState, scope: Scope) -> _Results:
+    """Apply every rule for this traffic event."""
+    results = _Results([], [])
+    for check, requirements, in_scope in _checks_for(traffic_event, scope):
+        judged = check(traffic_event, robot)
+        if judged is PASSED:
+            results.passed.extend(in_scope)
+        elif judged is not None:
+            results.others.append((judged, requirements, in_scope))
+    return results
+
+
+def _checks_for(traffic_event: TrafficEvent, scope: Scope) -> _Checks:
+    """Return the checks for a traffic event, each once, with the requirements they decide."""
+    kind = (scope, *kind_of(traffic_event))
+    checks = _CHECKS.get(kind)
+    if checks is None:
+        rules = [rule for rule in RULES if rule.applies_to(traffic_event)]
+        grouped = [
+            (check, tuple(rule.requirement for rule in group))
+            for check, group in groupby(rules, key=lambda rule: rule.check)
+        ]
+        checks = _CHECKS[kind] = tuple(
+            (check, ids, tuple(i for i in ids if scope.includes(i, traffic_event)))
+            for check, ids in grouped
+        )
+    return checks
 
 
 def _finding(requirement: str, judged: RuleResult, traffic_event: TrafficEvent) -> Finding:

@@ -3,7 +3,7 @@
 import runpy
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -15,11 +15,15 @@ from hypothesis import strategies as st
 from scaraspec.judge.judge import Judge
 from scaraspec.judge.requirements import REQUIREMENTS
 from scaraspec.judge.rules import RULES
-from scaraspec.judge.rules.rule import Rule, kind_of
+from scaraspec.judge.rules.rule import Check, Rule, RuleResult, kind_of
 from scaraspec.judge.verdicts import Conclusion, Finding, Verdict
-from scaraspec.protocol.direction import Direction
+from scaraspec.protocol.commands import parse_frame
+from scaraspec.protocol.direction import A2C, Direction
+from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import READINGS
-from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec.traffic.events import FrameSeen
+from scaraspec.traffic.robot_state import RobotState
+from scaraspec.traffic.wire import Kind, WireEvent, WireRange
 
 Script = Callable[[str], list[WireEvent]]
 Judged = Callable[..., Any]
@@ -43,10 +47,18 @@ def label(rule: Rule) -> str:
     return f"{rule.requirement} {check.__name__}, on {rule.on.__name__} {names}"
 
 
+@dataclass(frozen=True)
+class Words:
+    """What the rules say over all cases: their verdicts, and the results about equal frames."""
+
+    verdicts: dict[str, set[Verdict]]
+    about_frames: dict[tuple[Check, Frame], set[RuleResult | None]]
+
+
 @pytest.fixture(scope="module")
-def words(script: Script) -> dict[str, set[Verdict]]:
-    """The verdicts that each rule gives over all cases."""
-    words: dict[str, set[Verdict]] = defaultdict(set)
+def all_words(script: Script) -> Words:
+    """Calls every rule in all cases."""
+    words = Words(defaultdict(set), defaultdict(set))
     rules: dict[object, list[Rule]] = {}
     for session in SESSIONS:
         judge = Judge()
@@ -56,9 +68,26 @@ def words(script: Script) -> dict[str, set[Verdict]]:
             if kind not in rules:
                 rules[kind] = [rule for rule in RULES if rule.applies_to(item)]
             for rule in rules[kind]:
-                if word := rule.check(item, next(iter(judge.robots.values()))):
-                    words[label(rule)].add(word.verdict)
+                word = rule.check(item, next(iter(judge.robots.values())))
+                if word:
+                    words.verdicts[label(rule)].add(word.verdict)
+                if isinstance(item, FrameSeen):
+                    words.about_frames[rule.check, item.frame].add(word)
     return words
+
+
+@pytest.fixture(scope="module")
+def words(all_words: Words) -> dict[str, set[Verdict]]:
+    """The verdicts that each rule gives over all cases."""
+    return all_words.verdicts
+
+
+def test_rules_about_a_frame_see_the_frame_alone(all_words: Words) -> None:
+    """Equal frames have equal results at every place and time, in every state and without one."""
+    assert len(all_words.about_frames) > 5_000
+    for (check, frame), results in all_words.about_frames.items():
+        seen = FrameSeen(frame, WireRange("", A2C, 0, 0, 0), 0, parse_frame(frame))
+        assert results == {check(seen, RobotState())}
 
 
 @pytest.mark.parametrize("rule", RULES, ids=label)

@@ -4,6 +4,9 @@ A rule returns None if its requirement does not apply to the event. A rule never
 overlapping exchanges leave the answer open, it returns `inconclusive`. A rule that uses only
 its event can ignore capture gaps: the judge turns the failure of an uncertain event into
 inconclusive.
+
+A rule about a frame (`on=FrameSeen`) depends on the frame alone. The judge calls it once for equal
+frames, without place, times and robot state.
 """
 
 from collections.abc import Callable, Iterable
