@@ -37,13 +37,25 @@ class Stream:
 
     def feed(self, event: WireEvent) -> Iterator[FrameSeen | InvalidBytes]:
         """Process the next bytes; yield the frames and invalid bytes that they complete."""
-        if event.data:
-            if self._framer.buffered_bytes:
-                yield from self._abandon_after_silence(event)
-            end_bytes = self._framer.offset_bytes + self._framer.buffered_bytes
-            self._pieces.append((end_bytes, event.time_ns))
-            at = self._framer.offset_bytes
-            yield from self._emit(at, self._framer.feed(event.data), certain=self._in_sync)
+        data, time_ns, framer = event.data, event.time_ns, self._framer
+        if not data:
+            return
+        begins = not self._run and not framer.buffered_bytes
+        if framer.buffered_bytes:
+            yield from self._abandon_after_silence(event)
+        at = framer.offset_bytes
+        piece = (at + framer.buffered_bytes, time_ns)
+        items = framer.feed(data)
+        frame = items[0] if begins and len(items) == 1 else None
+        if isinstance(frame, Frame) and not framer.buffered_bytes:
+            # The short path of `_emit` for the usual event: it is one frame.
+            self._ends_with_frame = True
+            place = WireRange(self._connection, self._direction, at, len(data), time_ns)
+            is_certain = self._in_sync and framer.offset_bytes > self._claimed_bytes
+            yield FrameSeen(frame, place, time_ns, commands.parse_frame(frame), is_certain)
+        else:
+            self._pieces.append(piece)
+            yield from self._emit(at, items, certain=self._in_sync)
 
     def _abandon_after_silence(self, event: WireEvent) -> Iterator[FrameSeen | InvalidBytes]:
         """Abandon an unfinished frame if another frame follows after a long silence.
