@@ -9,6 +9,7 @@ import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import lru_cache
 from itertools import islice
 from types import MappingProxyType
 
@@ -161,11 +162,13 @@ DEFAULT_LAYOUT = LAYOUTS["ilp32"]
 """Natural alignment, a long of 4 bytes, little-endian: the default of `build`."""
 
 
+@lru_cache(maxsize=4)
 def detect(data: bytes) -> tuple[Layout, ...]:
     """Return the layouts in which these bytes are a complete program, the most plausible first.
 
     A layout must satisfy the size equation and both magics (6.1/3). The layouts are sorted by the
-    number of implausible values, then by their order in `LAYOUTS`.
+    number of implausible values, then by their order in `LAYOUTS`. The results for the last files
+    are cached, because parser and linter ask for the same file in turn.
     """
     whole = [layout for layout, end in _ends(data) if end == len(data)]
     return tuple(sorted(whole, key=lambda layout: _count_implausible_values(data, layout)))
