@@ -10,10 +10,10 @@ from scaraspec.traffic.wire import WireEvent
 from scaraspec_recorder.recordings.marks import with_marks
 from scaraspec_recorder.recordings.recording_files import RecordingFolder, session_metadata
 from scaraspec_recorder.recordings.recording_index import RecordingIndex
-from scaraspec_recorder.recordings.repair import remove_temporary_files
 from scaraspec_recorder.recordings.retention import PERIOD_NS, Retention
 from scaraspec_recorder.recordings.rotation import Rotation, RotationPolicy
 from scaraspec_recorder.sinks.decoder import Decoder
+from scaraspec_recorder.sinks.own_files import remove_temporary_files
 from scaraspec_recorder.sinks.redaction import Redactor
 from scaraspec_recorder.sinks.sink import OutputFolder, Sink, SinkFailed
 from scaraspec_recorder.units import Limits, show_size

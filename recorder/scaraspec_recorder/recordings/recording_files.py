@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Final
 
 from scaraspec.traffic.wire import WireEvent
 from scaraspec_recorder.recordings.recording_index import RecordingIndex
@@ -21,6 +22,9 @@ from scaraspec_recorder.sinks.mcap.mcap_sink import LINK, SERIAL, McapSink
 from scaraspec_recorder.sinks.rerun.optimizer import optimize_later
 from scaraspec_recorder.sinks.sink import OutputFolder
 from scaraspec_recorder.sinks.text import LogLine
+
+_HEAD_BYTES: Final = 1 << 16
+"""Buffer for the head of a file: a killed process leaves an empty file or one with a whole head."""
 
 
 @dataclass(slots=True)
@@ -113,7 +117,7 @@ def make_files(
         ImportError: The extra for Rerun is not installed.
     """
     path = folder.new(f"{name}.mcap")
-    file = path.open("wb")
+    file = path.open("wb", _HEAD_BYTES)
     capture = McapSink(file, session, discard=path.unlink)
     if not draw:
         return (path,), (capture,)

@@ -22,9 +22,10 @@ from scaraspec_recorder.recordings.recording_stats import (
     RecordingStats,
     RecordingSummary,
 )
-from scaraspec_recorder.recordings.repair import is_full, remove_if_empty, repair
+from scaraspec_recorder.recordings.repair import is_full, repair
 from scaraspec_recorder.sinks.file_names import is_recording_name
 from scaraspec_recorder.sinks.mcap import schemas
+from scaraspec_recorder.sinks.own_files import REBUILT, is_own, temporary_file
 from scaraspec_recorder.sources.mcap_reader import McapSummary, RawLayerReader, read_records
 
 FILE_NAME: Final = "contents.jsonl"
@@ -87,15 +88,18 @@ class RecordingIndex:
         if self._saved:
             return
         removals = (line for line in self._read_lines() if "removed" in line)
-        beside = self._path.with_name(f".{FILE_NAME}.new")
-        with beside.open("wb") as file:
-            file.writelines(map(_encode, deque(removals, _KEPT_REMOVALS)))
-            entries = (line for line in self._read_lines() if line.get("name") in self.entries)
-            file.writelines(map(_encode, entries))
-            file.writelines(map(_encode, self._unsaved))
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(self._path)
+        beside = temporary_file(self._path, REBUILT)
+        try:
+            with beside.open("wb") as file:
+                file.writelines(map(_encode, deque(removals, _KEPT_REMOVALS)))
+                entries = (line for line in self._read_lines() if line.get("name") in self.entries)
+                file.writelines(map(_encode, entries))
+                file.writelines(map(_encode, self._unsaved))
+                file.flush()
+                os.fsync(file.fileno())
+            beside.replace(self._path)
+        finally:
+            beside.unlink(missing_ok=True)
         self._unsaved.clear()
         self._saved = True
 
@@ -155,15 +159,16 @@ class RecordingIndex:
                     self._unrepaired.append(path)
 
     def _repair_and_add(self, path: Path) -> None:
-        """Repair a file and add it; remove it if it is empty."""
-        if not remove_if_empty(path):
+        """Repair a file of this recorder and add it."""
+        if is_own(path):
             entry = repair_and_summarize(path)
             self._saved = False
             self.add(entry)
 
     def _remove_missing_files(self) -> None:
         for entry in list(self.entries.values()):
-            if not (self.folder / entry.name).exists():
+            path = self.folder / entry.name
+            if path.is_symlink() or not path.exists():
                 self._saved = False
                 self.remove(entry.name, entry.end_ns, "it was not there any more")
 
@@ -184,7 +189,7 @@ def repair_and_summarize(path: Path) -> RecordingSummary:
     except CaptureError as error:
         notes = (str(error),)
     drawn = path.with_suffix(RERUN_SUFFIX)
-    return stats.build_summary((path, drawn) if drawn.exists() else (path,), notes)
+    return stats.build_summary((path, drawn) if is_own(drawn) else (path,), notes)
 
 
 def _count(path: Path, stats: RecordingStats) -> None:

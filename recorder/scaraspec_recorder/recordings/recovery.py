@@ -14,13 +14,14 @@ from pathlib import Path
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.recordings.capture import write_rrd
-from scaraspec_recorder.recordings.repair import (
-    is_full,
-    remove_if_empty,
-    remove_temporary_files,
-    repair,
-)
+from scaraspec_recorder.recordings.repair import is_full, repair
 from scaraspec_recorder.sinks.mcap.chunk_writer import MAGIC
+from scaraspec_recorder.sinks.own_files import (
+    REBUILT,
+    is_own,
+    remove_temporary_files,
+    temporary_file,
+)
 from scaraspec_recorder.sinks.rerun.optimizer import is_whole
 from scaraspec_recorder.sinks.sink import OutputFolder, Sink, SinkFactory
 from scaraspec_recorder.sources.mcap_reader import read_mcap
@@ -40,11 +41,9 @@ def sink_after_repair(folder: OutputFolder, *, make: SinkFactory) -> Sink:
     """
     remove_temporary_files(folder.path)
     for path in sorted(folder.path.glob("*.mcap")):
-        if _unless_unreadable(_is_ended, path):
+        if _unless_unreadable(_is_complete, path):
             continue
         try:
-            if remove_if_empty(path):
-                continue
             report = repair(path)
         except (CaptureError, OSError) as error:
             if isinstance(error, OSError) and is_full(folder.path):
@@ -95,7 +94,7 @@ def rebuild_rrd(path: Path) -> Path:
         ImportError: The extra for Rerun is not installed.
     """
     drawn = path.with_suffix(".rrd")
-    temporary = drawn.with_name(f".{drawn.name}.new")
+    temporary = temporary_file(drawn, REBUILT)
     try:
         capture = read_mcap(path)
         write_rrd(capture, temporary, needs_login=capture.needs_login)
@@ -105,8 +104,10 @@ def rebuild_rrd(path: Path) -> Path:
     return drawn
 
 
-def _is_ended(path: Path) -> bool:
-    """Whether a recording was closed properly."""
+def _is_complete(path: Path) -> bool:
+    """Whether a recording was closed properly, or is not one of this recorder."""
+    if not is_own(path):
+        return True
     with path.open("rb") as file:
         file.seek(-min(len(MAGIC), path.stat().st_size), os.SEEK_END)
         return file.read() == MAGIC

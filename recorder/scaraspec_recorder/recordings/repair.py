@@ -15,14 +15,12 @@ from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metad
 
 from scaraspec_recorder.sinks.byte_accounting import ByteAccounting
 from scaraspec_recorder.sinks.mcap.chunk_writer import ChunkWriter
-from scaraspec_recorder.sinks.rerun.optimizer import SUFFIX as OPTIMIZED
+from scaraspec_recorder.sinks import own_files
 from scaraspec_recorder.sources.mcap_reader import McapSummary, RawLayerReader, read_records
 
 RECOVERED: Final = "recovered"
 
-_SUFFIX: Final = ".recovered"
 _FULL_DISK_BYTES: Final = 1 << 16
-_TEMPORARY_FILES: Final = (f".*.mcap{_SUFFIX}", f".*.rrd{OPTIMIZED}", ".*.rrd.new")
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +49,9 @@ def repair(path: Path) -> RepairReport:
         CaptureError: The file cannot be read, or is not a recording of this tool.
         OSError: The repaired file cannot be written; the damaged one remains unchanged.
     """
-    repaired = path.with_name(f".{path.name}{_SUFFIX}")
     summary = _copy(path, None)
     if not summary.whole:
+        repaired = own_files.temporary_file(path, own_files.RECOVERED)
         try:
             with repaired.open("wb") as file:
                 summary = _copy(path, file)
@@ -66,32 +64,9 @@ def repair(path: Path) -> RepairReport:
     return RepairReport(path, not summary.whole, summary.events, summary.last_ns, notes)
 
 
-def remove_temporary_files(folder: Path) -> None:
-    """Remove the temporary files of killed processes in a folder.
-
-    Raises:
-        OSError: A file cannot be removed.
-    """
-    for pattern in _TEMPORARY_FILES:
-        for path in folder.glob(pattern):
-            path.unlink(missing_ok=True)
-
-
 def is_full(folder: Path) -> bool:
     """Whether the disk of a folder is full."""
     return shutil.disk_usage(folder).free < _FULL_DISK_BYTES
-
-
-def remove_if_empty(path: Path) -> bool:
-    """Remove the file if it is empty. Return whether it was.
-
-    Raises:
-        OSError: The file cannot be removed.
-    """
-    empty = not path.stat().st_size
-    if empty:
-        path.unlink()
-    return empty
 
 
 def _copy(path: Path, file: BinaryIO | None) -> McapSummary:

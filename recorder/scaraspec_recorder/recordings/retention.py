@@ -82,10 +82,13 @@ class Retention:
         return sorted(entries, key=lambda entry: (entry.begin_ns, entry.name))
 
     def _remove(self, entry: RecordingSummary, now_ns: int, reason: str) -> None:
-        for name in entry.files:
-            (self._index.folder / name).unlink(missing_ok=True)
+        for path in (self._index.folder / name for name in entry.files):
+            if path.is_symlink():
+                _log.warning("%s is not removed: it is a symbolic link", path)
+            elif path.exists():
+                path.unlink(missing_ok=True)
+                _log.warning("removed %s: %s", path, reason)
         self._index.remove(entry.name, now_ns, reason)
-        _log.info("removed %s: %s", entry.name, reason)
 
 
 def _too_much(limits: Limits, size_bytes: int, age_ns: int) -> str:

@@ -24,6 +24,7 @@ from scaraspec_recorder.recordings.recording_index import FILE_NAME, RecordingIn
 from scaraspec_recorder.recordings.rotation import Rotation, RotationPolicy
 from scaraspec_recorder.sinks.decoder import Decoder
 from scaraspec_recorder.sinks.file_names import file_stem, is_recording_name, safe_name
+from scaraspec_recorder.sinks.mcap.chunk_writer import MAGIC
 from scaraspec_recorder.sinks.sink import OutputFolder
 
 NAME = "2026-11-20T22-58-37Z_line-3.mcap"
@@ -172,19 +173,28 @@ def test_a_file_is_repaired_when_there_is_space(
 
 def test_unreadable_files_are_listed(tmp_path: Path) -> None:
     """They use disk space, so retention must know them."""
-    (tmp_path / NAME).write_bytes(b"damaged")
+    (tmp_path / NAME).write_bytes(MAGIC + b"\xff" * 9 + b"scaraspec 0.1.0")
     RecordingIndex(tmp_path).save()
     (entry,) = lines(tmp_path)
-    assert entry["notes"] == [f"{tmp_path / NAME} is not an MCAP file"]
+    assert entry["notes"][0].startswith(f"{tmp_path / NAME} ")
     assert entry["begin_ns"] == entry["end_ns"] == (tmp_path / NAME).stat().st_mtime_ns
 
 
-def test_an_empty_file_is_removed(tmp_path: Path) -> None:
-    """A recorder that is killed at once leaves one."""
-    (tmp_path / NAME).touch()
+@pytest.mark.parametrize("content", [b"", b"mine", MAGIC + b"\x01" + bytes(8)])
+def test_a_foreign_file_with_the_name_of_a_recording(tmp_path: Path, content: bytes) -> None:
+    """It is neither listed nor removed, also if it is empty or of another MCAP writer."""
+    (tmp_path / NAME).write_bytes(content)
     RecordingIndex(tmp_path).save()
     assert lines(tmp_path) == []
-    assert not (tmp_path / NAME).exists()
+    assert (tmp_path / NAME).read_bytes() == content
+
+
+def test_a_symbolic_link_to_a_recording(recorded: Path, tmp_path: Path) -> None:
+    """It is not listed, also if the index names it."""
+    (tmp_path / NAME).symlink_to(recorded / NAME)
+    assert RecordingIndex(tmp_path).entries == {}
+    shutil.copy(recorded / FILE_NAME, tmp_path)
+    assert RecordingIndex(tmp_path).entries == {}
 
 
 def test_a_file_is_listed_after_its_rrd_file_is_optimized(

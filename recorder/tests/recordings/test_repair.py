@@ -13,7 +13,7 @@ from scaraspec.judge.judge import Judge
 from scaraspec.protocol.direction import A2C
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.errors import CaptureError
-from scaraspec_recorder.recordings.repair import remove_if_empty, remove_temporary_files, repair
+from scaraspec_recorder.recordings.repair import repair
 from scaraspec_recorder.sinks.decoder import Decoder
 from scaraspec_recorder.sinks.mcap.mcap_sink import McapSink
 from scaraspec_recorder.sources.mcap_reader import read_mcap
@@ -117,27 +117,6 @@ def test_a_damaged_chunk(
     assert report.repaired
     assert len(report.notes) == 2
     assert report.events == len(shift) - 5
-
-
-def test_temporary_files_are_removed(tmp_path: Path) -> None:
-    """Other hidden files are kept."""
-    for name in (".a.mcap.recovered", ".a.rrd.optimized", ".a.rrd.new"):
-        (tmp_path / name).touch()
-    others = {".profile.new", "a.mcap", "a.rrd"}
-    for name in others:
-        (tmp_path / name).touch()
-    remove_temporary_files(tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == others
-
-
-def test_an_empty_file(tmp_path: Path) -> None:
-    """Its recorder was killed before it wrote."""
-    empty, torn = tmp_path / "capture.mcap", tmp_path / "capture-2.mcap"
-    empty.touch()
-    torn.write_bytes(b"\x89")
-    assert remove_if_empty(empty)
-    assert not remove_if_empty(torn)
-    assert list(tmp_path.iterdir()) == [torn]
 
 
 def test_foreign_files_are_not_changed(tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """Retention removes the oldest complete recordings and notes each removal."""
 
 import json
-import logging
 from pathlib import Path
 
 import pytest
@@ -78,11 +77,24 @@ def test_without_limits_all_is_kept(disk: Disk) -> None:
 
 def test_old_recordings_are_removed(disk: Disk, caplog: pytest.LogCaptureFixture) -> None:
     """The end of the recording counts; the removal is in the log and in the index."""
-    caplog.set_level(logging.INFO)
     disk.enforce("2d")
     assert disk.remaining == ["b", "c"]
     assert disk.removed == [("a.mcap", "older than 2 days")]
-    assert [record.message for record in caplog.records] == ["removed a.mcap: older than 2 days"]
+    folder = disk.index.folder
+    assert caplog.messages == [
+        f"removed {folder / name}: older than 2 days" for name in ("a.mcap", "a.rrd")
+    ]
+
+
+def test_a_symbolic_link_is_not_removed(disk: Disk, caplog: pytest.LogCaptureFixture) -> None:
+    """Someone has replaced a recording by it."""
+    link = disk.index.folder / "a.mcap"
+    link.unlink()
+    link.symlink_to("b.mcap")
+    disk.enforce("2d")
+    assert link.is_symlink()
+    assert list(disk.index.entries) == ["b.mcap", "c.mcap"]
+    assert caplog.messages[0] == f"{link} is not removed: it is a symbolic link"
 
 
 def test_the_oldest_are_removed_until_the_size_fits(disk: Disk) -> None:

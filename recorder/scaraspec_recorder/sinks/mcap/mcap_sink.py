@@ -60,6 +60,8 @@ LINK: Final = "link"
 SERIAL: Final = "serial"
 """Key and value in it of a serial link, which needs no login (L83)."""
 
+_TOOL: Final = f"scaraspec {version('scaraspec')}"
+
 _OWN_TOPICS: Final[dict[str, type[schemas.Message]]] = {
     RAW_TOPICS[A2C]: schemas.RawChunk,
     RAW_TOPICS[C2A]: schemas.RawChunk,
@@ -125,9 +127,8 @@ class McapSink:
         session: Mapping[str, str] | None = None,
         discard: Callable[[], None] = lambda: None,
     ) -> None:
-        tool = f"scaraspec {version('scaraspec')}"
         self._output = _Output(file, discard)
-        self._writer = ChunkWriter(self._output, tool)
+        self._writer = ChunkWriter(self._output, _TOOL)
         self._channels = _declare(self._writer)
         self._byte_accounting = ByteAccounting()
         self._sequence = 0
@@ -135,7 +136,7 @@ class McapSink:
         self._dirty = False
         self._joints: tuple[int, tuple[float, ...]] | None = None
         self._latencies = LatencyTracker()
-        self._writer.metadata(SESSION, {**(session or {}), "schema": SCHEMA, "tool": tool})
+        self._writer.metadata(SESSION, {**(session or {}), "schema": SCHEMA, "tool": _TOOL})
         self._writer.flush()
 
     def write(self, event: WireEvent) -> None:

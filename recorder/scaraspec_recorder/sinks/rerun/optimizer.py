@@ -12,11 +12,10 @@ from pathlib import Path
 from threading import BoundedSemaphore
 from typing import Final
 
+from scaraspec_recorder.sinks.own_files import OPTIMIZED, temporary_file
+
 MOST_WAITING: Final = 8
 """Maximum number of files that wait for optimization; further files remain unchanged."""
-
-SUFFIX: Final = ".optimized"
-"""Suffix of temporary files."""
 
 _TIMEOUT_S: Final = 600
 _END: Final = b"RRF2FOOT"
@@ -37,7 +36,10 @@ def optimize(path: Path) -> bool:
     tool = shutil.which("rerun", path=folder) if folder else None
     if not tool:
         return False
-    compact = path.with_name(f".{path.name}{SUFFIX}")
+    try:
+        compact = temporary_file(path, OPTIMIZED)
+    except OSError:
+        return False
     try:
         subprocess.run(  # noqa: S603 - the tool that the rerun package brings, and two paths
             [tool, "rrd", "optimize", str(path), "-o", str(compact)],
