@@ -5,6 +5,7 @@ keys of a TOML table are the options of ``scaraspec record``.
 """
 
 import difflib
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -22,6 +23,7 @@ from scaraspec_recorder.recordings.recovery import sink_after_repair
 from scaraspec_recorder.recordings.rotation import RotationPolicy, parse_rotation
 from scaraspec_recorder.recordings.triggers import parse_trigger
 from scaraspec_recorder.sinks.file_names import safe_name
+from scaraspec_recorder.sinks.own_files import PRIVATE_MODE
 from scaraspec_recorder.sinks.sink import SinkFactory
 from scaraspec_recorder.tap.routes import Mode
 from scaraspec_recorder.toml_file import TomlError, read_toml
@@ -40,6 +42,7 @@ _HOURLY: Final = parse_rotation("1h")
 """Rotation when only limits are set. A file that never ends could not be removed."""
 
 _MAX_ROBOTS: Final = 256
+_FILE_MODE: Final = re.compile("0?6[0246]{2}")
 
 
 class TimestampSource(StrEnum):
@@ -71,6 +74,7 @@ class RobotConfig:
         injection: Faults to inject; None for none.
         i_mean_it: Whether injected faults may affect clients on other machines.
         timestamps: Source of the reception timestamps.
+        file_mode: Access rights of the files.
     """
 
     name: str
@@ -86,6 +90,7 @@ class RobotConfig:
     injection: Injection | None = None
     i_mean_it: bool = False
     timestamps: TimestampSource = TimestampSource.USER
+    file_mode: int = PRIVATE_MODE
 
     def sink(self, session: Mapping[str, str], *, draw: bool, needs_login: bool) -> SinkFactory:
         """Return the factory of the sink that writes the files.
@@ -265,6 +270,12 @@ def _timestamp_source(text: str) -> TimestampSource:
     return TimestampSource(text)
 
 
+def _file_mode(text: str) -> int:
+    if not _FILE_MODE.fullmatch(text):
+        raise ValueError(f"{text!r} is not a mode of files that you can read and write, as 640")
+    return int(text, 8)
+
+
 def _injection(text: str) -> Injection:
     return load_injection(Path(text))
 
@@ -296,6 +307,7 @@ _KEYS: Final[dict[str, tuple[type, str, _Read]]] = {
     "inject": (str, "injection", _injection),
     "i-mean-it": (bool, "i_mean_it", bool),
     "timestamps": (str, "timestamps", _timestamp_source),
+    "file-mode": (str, "file_mode", _file_mode),
 }
 """For each option: its type in the file, the attribute of `RobotConfig` and its parser."""
 

@@ -16,6 +16,7 @@ from scaraspec_recorder.child_process import ChildProcess
 from scaraspec_recorder.fault_injection.connection import InjectedConnection
 from scaraspec_recorder.fault_injection.rules import Injection
 from scaraspec_recorder.sinks import sink_runner
+from scaraspec_recorder.sinks.own_files import PRIVATE_MODE, prepare_folder
 from scaraspec_recorder.sinks.sink import SinkFactory
 from scaraspec_recorder.sinks.sink_runner import Progress
 from scaraspec_recorder.spool import mark_requests
@@ -82,6 +83,7 @@ async def record(  # noqa: PLR0913 - independent options
     limit_bytes: int = LIMIT_BYTES,
     injection: Injection | None = None,
     kernel_time: bool = False,
+    file_mode: int = PRIVATE_MODE,
 ) -> AsyncIterator[Recording]:
     """Relay and record connections while the context is active.
 
@@ -97,12 +99,15 @@ async def record(  # noqa: PLR0913 - independent options
         limit_bytes: Maximum size of the spool. Beyond it, traffic is forwarded but not recorded.
         injection: Faults to inject; None to forward everything unchanged.
         kernel_time: Whether to use kernel timestamps; otherwise the time of the read call.
+        file_mode: Access rights of the files; the folder can be searched by all who can read them.
 
     Raises:
         OSError: The address or the folder cannot be used, or another recorder uses the folder.
     """
+    prepare_folder(out_dir, file_mode)
     with route.listen(*listen) as listener, locked_spool(out_dir, limit_bytes) as spool:
-        writer = ChildProcess("writer", sink_runner.run_writer, spool, out_dir, tuple(sinks))
+        writer_arguments = (spool, out_dir, tuple(sinks), file_mode)
+        writer = ChildProcess("writer", sink_runner.run_writer, *writer_arguments)
         connect = partial(InjectedConnection, injection) if injection else None
         tap_arguments = (listener, route, spool, limit_bytes, connect, kernel_time)
         tap_child = ChildProcess("tap", tap.run, *tap_arguments, writer.control_socket)

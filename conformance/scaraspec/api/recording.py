@@ -124,6 +124,7 @@ async def record(
             plan.sinks(viewer_url),
             injection=robot.injection,
             kernel_time=robot.timestamps is TimestampSource.KERNEL,
+            file_mode=robot.file_mode,
         ) as recording,
         plan.client_relay(recording.address),
     ):

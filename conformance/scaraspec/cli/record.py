@@ -15,7 +15,7 @@ from rich.console import Console
 
 from scaraspec.api.recording import RecordingPlan, record
 from scaraspec.cli.help import GroupedCommand
-from scaraspec.cli.problems import Problem, make_folder
+from scaraspec.cli.problems import Problem
 from scaraspec.cli.stdio import insists
 from scaraspec.cli.viewer import open_viewer
 from scaraspec.judge.verdicts import ExitStatus
@@ -56,7 +56,16 @@ _DASHBOARD_S: Final = 0.5
 
 _GROUPS: Final = {
     "The link": ("listen", "mode", "inject", "i_mean_it", "config"),
-    "The files": ("out", "rotate", "keep", "min_free", "redact", "timestamps", "trigger"),
+    "The files": (
+        "out",
+        "rotate",
+        "keep",
+        "min_free",
+        "file_mode",
+        "redact",
+        "timestamps",
+        "trigger",
+    ),
     "Watching": ("live", "metrics"),
 }
 _OF_ALL: Final = ("config", "live", "metrics")  # these do not belong to one robot
@@ -83,6 +92,7 @@ _OF_ALL: Final = ("config", "live", "metrics")  # these do not belong to one rob
     help="Remove files beyond 30d, 20GB or 30d,20GB.",
 )
 @click.option("--min-free", metavar="SIZE", help="Remove the oldest files if less is free: 2GB.")
+@click.option("--file-mode", metavar="MODE", help="Access rights of the files, as 640 [600].")
 @click.option("--redact", is_flag=True, help="Mask passwords in the raw bytes, too.")
 @click.option(
     "--timestamps",
@@ -226,7 +236,6 @@ async def _record_one(
     stopped: asyncio.Event,
 ) -> None:
     """Record one robot. Append the recording to `asked` if a signal marks it."""
-    make_folder(robot.out)
     try:
         async with record(robot, viewer_url=viewer, drain_s=_DRAIN_S) as recording:
             watches.append(StatusReader(robot.name, recording, robot.out))

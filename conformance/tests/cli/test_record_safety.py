@@ -1,6 +1,9 @@
 """`scaraspec record` beside files of other programs, users and faults of the disk."""
 
 import signal
+import socket
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -36,3 +39,42 @@ def test_foreign_files_are_kept(processes: Any, tmp_path: Path, options: tuple[s
     assert recorder.returncode == 0
     assert {name: (tmp_path / name).read_text() for name in contents} == contents
     assert link.is_symlink()
+
+
+@pytest.mark.parametrize(
+    ("options", "modes"), [((), (0o600, 0o700)), (("--file-mode", "640"), (0o640, 0o750))]
+)
+def test_access_rights(
+    processes: Any, tmp_path: Path, options: tuple[str, ...], modes: tuple[int, int]
+) -> None:
+    """Only the user can read recordings; --file-mode changes that."""
+    out = tmp_path / "out"
+    options = (*options, "--rotate", "1h", "--out", str(out))
+    recorder = processes.start("record", NOWHERE, *LOCAL, *options)
+    host, _, port = recorder.stdout.readline().split()[1].rpartition(":")
+    with suppress(ConnectionError), socket.create_connection((host, int(port))) as client:
+        client.recv(1)
+    end(recorder)
+    assert len(list(out.iterdir())) == 3
+    assert {path.stat().st_mode & 0o777 for path in out.iterdir()} == {modes[0]}
+    assert out.stat().st_mode & 0o777 == modes[1]
+
+
+def test_a_folder_that_cannot_be_written(refused: Callable[..., str], tmp_path: Path) -> None:
+    """The recorder does not start."""
+    (tmp_path / "file").touch()
+    for out, reason in (
+        (tmp_path / "file", "Not a directory"),
+        (tmp_path / "file" / "folder", "Not a directory"),
+        ("/proc", ""),  # not even the superuser can create a file there
+    ):
+        message = refused("record", NOWHERE, *LOCAL, "--out", str(out))
+        assert f"cannot record 127.0.0.1:0 to {out}: {reason}" in message
+
+
+@pytest.mark.parametrize("mode", ["400", "rw", "777", "60"])
+def test_unusable_access_rights(refused: Callable[..., str], mode: str) -> None:
+    """The recorder must be able to read and write its files."""
+    assert f"--file-mode: '{mode}' is not" in refused(
+        "record", NOWHERE, *LOCAL, "--file-mode", mode
+    )

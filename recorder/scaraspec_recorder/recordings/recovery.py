@@ -96,6 +96,7 @@ def rebuild_rrd(path: Path) -> Path:
     drawn = path.with_suffix(".rrd")
     temporary = temporary_file(drawn, REBUILT)
     try:
+        shutil.copymode(path, temporary)
         capture = read_mcap(path)
         write_rrd(capture, temporary, needs_login=capture.needs_login)
         temporary.replace(drawn)

@@ -13,9 +13,9 @@ from typing import BinaryIO, Final
 
 from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metadata, Schema
 
+from scaraspec_recorder.sinks import own_files
 from scaraspec_recorder.sinks.byte_accounting import ByteAccounting
 from scaraspec_recorder.sinks.mcap.chunk_writer import ChunkWriter
-from scaraspec_recorder.sinks import own_files
 from scaraspec_recorder.sources.mcap_reader import McapSummary, RawLayerReader, read_records
 
 RECOVERED: Final = "recovered"

@@ -14,6 +14,7 @@ from typing import Final
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.child_process import spawn
 from scaraspec_recorder.sinks import sink_runner
+from scaraspec_recorder.sinks.own_files import PRIVATE_MODE
 from scaraspec_recorder.sinks.sink import SinkFactory, SinkFailed
 from scaraspec_recorder.spool.locks import locked_spool
 from scaraspec_recorder.spool.records import stream_number
@@ -44,7 +45,13 @@ class BackgroundRecorder:
             self._line, far = socket.socketpair()
             with far:
                 self._writer_process = spawn(
-                    "writer", sink_runner.run_writer, self._spool, out_dir, tuple(sinks), far
+                    "writer",
+                    sink_runner.run_writer,
+                    self._spool,
+                    out_dir,
+                    tuple(sinks),
+                    PRIVATE_MODE,
+                    far,
                 )
             self._lock_stack = stack.pop_all()
         self._spool_writer = SpoolWriter(self._spool, self._call_later)

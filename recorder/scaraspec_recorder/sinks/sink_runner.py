@@ -6,6 +6,7 @@ may be slow, fail and restart. `event_builder` converts records to events.
 
 import gc
 import logging
+import os
 import socket
 import sys
 import time
@@ -20,6 +21,7 @@ from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.child_process import REPORTED_EXIT_STATUS, ignore_signals
 from scaraspec_recorder.sinks.file_names import utc_time
+from scaraspec_recorder.sinks.own_files import umask_of
 from scaraspec_recorder.sinks.sink import TICK_NS, OutputFolder, Sink, SinkFactory, SinkFailed
 from scaraspec_recorder.spool.event_builder import ByteCounts, EventBuilder
 from scaraspec_recorder.spool.records import UNREACHABLE
@@ -217,13 +219,15 @@ class SinkRunner:
 
 
 def run_writer(
-    spool: Path, out_dir: Path, sinks: Sequence[SinkFactory], line: socket.socket
+    spool: Path, out_dir: Path, sinks: Sequence[SinkFactory], file_mode: int, line: socket.socket
 ) -> None:
     """Main function of the writer process: write until the line is closed and the spool is empty.
 
-    If the environment fails, it exits with `REPORTED_EXIT_STATUS` and is restarted.
+    Its files get the access rights `file_mode`. If the environment fails, it exits with
+    `REPORTED_EXIT_STATUS` and is restarted.
     """
     ignore_signals()
+    os.umask(umask_of(file_mode))
 
     def ended(timeout_s: float) -> bool:
         line.settimeout(timeout_s)

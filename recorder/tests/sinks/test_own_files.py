@@ -14,6 +14,7 @@ from scaraspec_recorder.sinks.own_files import (
     is_own,
     remove_temporary_files,
     temporary_file,
+    umask_of,
 )
 from scaraspec_recorder.sinks.rerun.optimizer import optimize
 from scaraspec_recorder.sinks.sink import OutputFolder
@@ -81,11 +82,19 @@ def test_temporary_files_are_removed(
 
 
 def test_a_temporary_file_replaces_none(tmp_path: Path) -> None:
-    """It has the permissions of the file that it will replace; without one, it is private."""
+    """It has the access rights of the file that it will replace."""
     path = tmp_path / "capture.mcap"
-    first = temporary_file(path, RECOVERED)
     path.touch()
     path.chmod(0o640)
-    second = temporary_file(path, RECOVERED)
+    first, second = (temporary_file(path, RECOVERED) for _ in range(2))
     assert first != second
-    assert [found.stat().st_mode & 0o777 for found in (first, second)] == [0o600, 0o640]
+    assert first.stat().st_mode & 0o777 == 0o640
+
+
+@pytest.mark.parametrize(
+    ("file_mode", "folder_mode"), [(0o600, 0o700), (0o640, 0o750), (0o664, 0o775), (0o622, 0o722)]
+)
+def test_the_access_rights_of_files(file_mode: int, folder_mode: int) -> None:
+    """A folder can be searched by all who can read its files."""
+    umask = umask_of(file_mode)
+    assert (0o666 & ~umask, 0o777 & ~umask) == (file_mode, folder_mode)
