@@ -86,11 +86,14 @@ class ChildProcess:
     Attributes:
         control_socket: The parent's end of the line. Other children may hold it, too: this child
             stops when all of them have closed it.
+        failures: How often the process has failed.
     """
 
     def __init__(self, name: str, run: Callable[..., None], *arguments: Any) -> None:
         self.control_socket, self._child_socket = socket.socketpair()
         self.pid: int | None = None
+        self.failures = 0
+        self._stopping = asyncio.Event()
         self._name = name
         self._run = run
         self._arguments = arguments
@@ -107,6 +110,7 @@ class ChildProcess:
 
     async def stop(self, timeout_s: float) -> bool:
         """Stop the process, and kill it after `timeout_s`. Return whether it stopped in time."""
+        self._stopping.set()
         self.control_socket.close()
         try:
             if self._supervisor:
@@ -131,6 +135,7 @@ class ChildProcess:
             status = await _end_of(process)
             if status == 0:
                 return
+            self.failures += 1
             if loop.time() - started_s > MAX_RESTART_DELAY_S:
                 delay_s = MIN_RESTART_DELAY_S
             if status != REPORTED_EXIT_STATUS:
@@ -138,7 +143,9 @@ class ChildProcess:
                     "the %s process ended with status %s and is restarted", self._name, status
                 )
             while True:
-                await asyncio.sleep(delay_s)
+                with suppress(TimeoutError):  # do not wait for long at the end
+                    await asyncio.wait_for(self._stopping.wait(), delay_s)
+                    await asyncio.sleep(MIN_RESTART_DELAY_S)
                 delay_s = min(2 * delay_s, MAX_RESTART_DELAY_S)
                 try:
                     process = self._spawn()

@@ -7,7 +7,7 @@ writes, and the spool is the only connection between them.
 import asyncio
 import shutil
 from collections.abc import AsyncIterator, Sequence
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -18,7 +18,7 @@ from scaraspec_recorder.fault_injection.rules import Injection
 from scaraspec_recorder.sinks import sink_runner
 from scaraspec_recorder.sinks.own_files import PRIVATE_MODE, prepare_folder
 from scaraspec_recorder.sinks.sink import SinkFactory
-from scaraspec_recorder.sinks.sink_runner import Progress
+from scaraspec_recorder.sinks.sink_runner import Progress, count_unwritten
 from scaraspec_recorder.spool import mark_requests
 from scaraspec_recorder.spool.locks import locked_spool
 from scaraspec_recorder.spool.spool import LIMIT_BYTES, WriteStall, read_checkpoint, stall_of
@@ -28,6 +28,10 @@ from scaraspec_recorder.tap.routes import Route
 DRAIN_S: Final = 60.0
 """Time limit for the writer process to write the rest when a recording ends."""
 
+_END_FAILURES: Final = 2
+"""Failures of the writer process after which a recording that ends leaves the rest in the spool."""
+
+_POLL_S: Final = 0.25
 _TAP_STOP_S: Final = tap.STOP_S + 3.0
 
 
@@ -51,13 +55,33 @@ class Recording:
         self.writer = writer
         self.drain_s = DRAIN_S
         self._progress = Progress()
+        self._ended = False
 
     @property
     def progress(self) -> Progress:
         """Progress of the writer process at its last tick."""
-        if state := read_checkpoint(self.spool).get("state"):
+        if not self._ended and (state := read_checkpoint(self.spool).get("state")):
             self._progress = Progress.read(state)
         return self._progress
+
+    async def stop_writer(self) -> None:
+        """Let the writer process write the rest, for `drain_s`, or until it fails repeatedly."""
+        stopping = asyncio.ensure_future(self.writer.stop(self.drain_s))
+        failures = self.writer.failures + _END_FAILURES
+        try:
+            while not stopping.done() and self.writer.failures < failures:
+                await asyncio.wait((stopping,), timeout=_POLL_S)
+        finally:
+            stopping.cancel()
+            await asyncio.gather(stopping, return_exceptions=True)
+            self._end()
+
+    def _end(self) -> None:
+        """Read the final progress. The writer process has ended."""
+        if not self.progress.finished:
+            with suppress(OSError):  # the spool was removed: the last progress remains
+                self._progress = count_unwritten(self.spool)
+        self._ended = True
 
     def request_mark(self) -> None:
         """Request a mark in the recording. The writer process writes it as soon as it runs.
@@ -125,6 +149,6 @@ async def record(  # noqa: PLR0913 - independent options
                 raise
             finally:  # always stop the writer process
                 listener.close()
-                await writer.stop(recording.drain_s)
+                await recording.stop_writer()
             if recording.progress.finished:
                 shutil.rmtree(spool)

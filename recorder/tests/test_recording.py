@@ -268,18 +268,21 @@ def test_a_temporarily_full_disk_loses_nothing(tmp_path: Path) -> None:
 
 
 def test_an_unfinished_writer_leaves_its_spool_to_the_next(tmp_path: Path) -> None:
-    """The end of a recording has a timeout; the next recorder writes the rest."""
+    """If the writer fails repeatedly, the recording ends, and the next recorder writes the rest."""
     (tmp_path / "full").touch()
 
     async def test() -> None:
         async with echo() as upstream:
             listen = ("127.0.0.1", 0)
-            async with record(upstream, listen, tmp_path, [journal.Trouble]) as recording:
-                recording.drain_s = 0.5
-                async with Client(recording.address) as client:
-                    await client.exchange(100)
-                    await client.finish()
-            assert not recording.progress.finished
+            async with (
+                record(upstream, listen, tmp_path, [journal.Trouble]) as recording,
+                Client(recording.address) as client,
+            ):
+                await client.exchange(100)
+                await client.finish()
+            progress = recording.progress
+            assert not progress.finished
+            assert progress.a2c.received_bytes == progress.a2c.spooled_bytes == len(client.sent)
             (tmp_path / "full").unlink()
             async with record(upstream, listen, tmp_path, [journal.Trouble]) as recording:
                 pass

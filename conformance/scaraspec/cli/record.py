@@ -276,9 +276,11 @@ def _print_summary(statuses: Sequence[Status]) -> None:
         if len(statuses) > 1:
             click.echo(f"{status.name}:")
         for way, count in (("client", progress.a2c), ("controller", progress.c2a)):
+            least = "at least " if count.unknown_gaps else ""
+            rest = f" + {count.spooled_bytes} not written yet" if count.spooled_bytes else ""
             click.echo(
-                f"from the {way}: {count.received_bytes} bytes received and forwarded = "
-                f"{count.recorded_bytes} recorded + {count.gap_bytes} in {count.gaps} gaps"
+                f"from the {way}: {least}{count.received_bytes} bytes received and forwarded = "
+                f"{count.recorded_bytes} recorded + {count.gap_bytes} in {count.gaps} gaps{rest}"
             )
         files = ", ".join(progress.files) or "none"
         if progress.earlier_files:

@@ -1,5 +1,6 @@
 """`scaraspec record` beside files of other programs, users and faults of the disk."""
 
+import shutil
 import signal
 import socket
 from collections.abc import Callable
@@ -8,6 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+from scaraspec.traffic.wire import Kind
+from scaraspec_recorder.sources.capture import open_capture
+from scaraspec_recorder.spool.locks import spool_folder
+from scaraspec_recorder.spool.spool import read_checkpoint
 
 LOCAL = ("--listen", "127.0.0.1:0")
 NOWHERE = "tcp://127.0.0.1:9"
@@ -18,6 +24,12 @@ def end(recorder: Any, number: int = signal.SIGTERM) -> str:
     """End a recorder; return the rest of its output."""
     recorder.send_signal(number)
     return str(recorder.communicate(timeout=DEADLINE_S)[0])
+
+
+def acknowledged_bytes(out: Path) -> int:
+    """The number of a client's bytes that the writer process has made durable."""
+    progress = read_checkpoint(spool_folder(out)).get("state", {}).get("progress", {})
+    return int(progress.get("a2c", {}).get("recorded_bytes", 0))
 
 
 @pytest.mark.parametrize("options", [(), ("--keep", "1h")])
@@ -78,3 +90,34 @@ def test_unusable_access_rights(refused: Callable[..., str], mode: str) -> None:
     assert f"--file-mode: '{mode}' is not" in refused(
         "record", NOWHERE, *LOCAL, "--file-mode", mode
     )
+
+
+@pytest.mark.parametrize("options", [(), ("--rotate", "1h")])
+def test_a_folder_removed_while_recording(
+    processes: Any, tmp_path: Path, options: tuple[str, ...]
+) -> None:
+    """It is reported, the recording continues with a gap, and every byte is counted."""
+    out = tmp_path / "out"
+    with socket.create_server(("127.0.0.1", 0)) as robot:
+        url = "tcp://{}:{}".format(*robot.getsockname())
+        recorder = processes.start("record", url, *LOCAL, "--out", str(out), *options)
+        host, _, port = recorder.stdout.readline().split()[1].rpartition(":")
+        with socket.create_connection((host, int(port))) as client:
+            reached, _ = robot.accept()
+            with reached:
+                client.sendall(b"before")
+                assert reached.recv(6, socket.MSG_WAITALL) == b"before"
+                while not acknowledged_bytes(out):
+                    assert recorder.poll() is None
+                shutil.rmtree(out)
+                assert any("was removed while it was written" in line for line in recorder.stdout)
+                client.sendall(b"after")
+                assert reached.recv(5, socket.MSG_WAITALL) == b"after"
+                told = end(recorder)
+    assert recorder.returncode == 3
+    assert "from the client: 11 bytes received and forwarded = 5 recorded + 6 in 1 gaps" in told
+    (capture,) = out.glob("*.mcap")
+    events = list(open_capture(capture, port=None))
+    gaps = [(event.offset_bytes, event.length_bytes) for event in events if event.kind is Kind.GAP]
+    assert gaps == [(0, 6)]
+    assert [event.data for event in events if event.data] == [b"after"]

@@ -5,6 +5,7 @@ Belongs here: creation and names of these files. `rotation` decides when they st
 
 from collections.abc import Mapping
 from concurrent.futures import Future
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -170,8 +171,12 @@ class RecordingFiles:
 
     @property
     def size_bytes(self) -> int:
-        """Size of the flushed data."""
-        return sum(path.stat().st_size for path in self._paths)
+        """Size of the flushed data. A removed file counts nothing until `tick` reports it."""
+        total_bytes = 0
+        for path in self._paths:
+            with suppress(FileNotFoundError):
+                total_bytes += path.stat().st_size
+        return total_bytes
 
     def write(self, event: WireEvent) -> None:
         """Write a raw event."""

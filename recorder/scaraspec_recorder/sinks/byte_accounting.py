@@ -4,7 +4,7 @@ Only raw events are counted, so that the numbers in a file can be verified from 
 *stream* is one direction of a connection.
 """
 
-from collections import defaultdict, deque
+from collections import Counter, defaultdict, deque
 from collections.abc import Iterable
 from hashlib import sha256
 from typing import Final
@@ -55,10 +55,20 @@ class _Stream:
 
 
 class ByteAccounting:
-    """Byte counts of all streams of open connections."""
+    """Byte counts of all streams of open connections.
+
+    Attributes:
+        recorded_bytes: Recorded bytes of all connections, also of closed ones, by direction.
+    """
 
     def __init__(self) -> None:
+        self.recorded_bytes: Counter[Direction] = Counter()
         self._streams: dict[_Key, _Stream] = {}
+
+    @property
+    def begins(self) -> dict[tuple[str, Direction], int]:
+        """The first offset of each stream of an open connection, by connection and direction."""
+        return {key: stream.begin_bytes for key, stream in self._streams.items()}
 
     def add(self, event: WireEvent) -> dict[str, Entries]:
         """Count an event. Return the accounts of the streams that it closes, by metadata name."""
@@ -67,6 +77,8 @@ class ByteAccounting:
         if stream is None:
             stream = self._streams[key] = _Stream(event.offset_bytes)
         stream.add(event)
+        if event.kind is Kind.BYTES:
+            self.recorded_bytes[event.direction] += len(event.data)
         if event.kind not in (Kind.CLOSED, Kind.RESET):
             return {}
         return self._pop((event.connection, direction) for direction in Direction)

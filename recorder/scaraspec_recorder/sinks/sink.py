@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Protocol
 
+from scaraspec.protocol.direction import Direction
 from scaraspec.traffic.wire import WireEvent
 
 TICK_NS = 250_000_000
@@ -19,6 +20,27 @@ class SinkFailed(Exception):  # noqa: N818 - names a state of the sink
     The writer process restarts with new sinks from the last tick that all sinks completed. The
     events since then are still in the spool and are delivered again.
     """
+
+
+class FileRemoved(SinkFailed):
+    """Another process has removed the file that a sink was writing: its content is lost.
+
+    Args:
+        name: Name of the file.
+        begins: The offset at which each stream of an open connection began in the file.
+        lost_bytes: Recorded bytes in the file at the last tick, by direction.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        begins: Mapping[tuple[str, Direction], int],
+        lost_bytes: Mapping[Direction, int],
+    ) -> None:
+        super().__init__(f"{name} was removed while it was written")
+        self.name = name
+        self.begins = begins
+        self.lost_bytes = lost_bytes
 
 
 class Sink(Protocol):

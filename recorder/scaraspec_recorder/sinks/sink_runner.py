@@ -17,15 +17,28 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from scaraspec.protocol.direction import A2C, C2A
+from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.child_process import REPORTED_EXIT_STATUS, ignore_signals
 from scaraspec_recorder.sinks.file_names import utc_time
 from scaraspec_recorder.sinks.own_files import umask_of
-from scaraspec_recorder.sinks.sink import TICK_NS, OutputFolder, Sink, SinkFactory, SinkFailed
+from scaraspec_recorder.sinks.sink import (
+    TICK_NS,
+    FileRemoved,
+    OutputFolder,
+    Sink,
+    SinkFactory,
+    SinkFailed,
+)
 from scaraspec_recorder.spool.event_builder import ByteCounts, EventBuilder
 from scaraspec_recorder.spool.records import UNREACHABLE
-from scaraspec_recorder.spool.spool import SpoolReader, WriteStall, note_stall
+from scaraspec_recorder.spool.spool import (
+    SpoolReader,
+    WriteStall,
+    note_stall,
+    read_checkpoint,
+    replace_state,
+)
 
 POLL_S: Final = 0.05
 """Interval at which an empty spool is polled."""
@@ -147,8 +160,13 @@ class SinkRunner:
         self._folder = folder = OutputFolder(out_dir, self.progress.files, news)
         self._sinks = [_Guarded(partial(make, folder), self.progress.problems) for make in sinks]
         begin_ns = self._event_builder.time_ns  # the next records follow this time
+        removed = state.get("removed", {"name": "", "begins": ()})
         reopened = list(
-            self._event_builder.reopening_events(now_ns() if begin_ns is None else begin_ns)
+            self._event_builder.reopening_events(
+                now_ns() if begin_ns is None else begin_ns,
+                {(name, Direction(way)): begin for name, way, begin in removed["begins"]},
+                f"{removed['name']} was removed",
+            )
         )
         for sink in self._sinks:
             sink.write(reopened)
@@ -251,10 +269,59 @@ def run_writer(
                 complete = ended(POLL_S)
             runner.finish()
     except (OSError, SinkFailed) as error:
+        if isinstance(error, FileRemoved):
+            note_removal(spool, error)
         reason = getattr(error, "strerror", None) or str(error)
         if note_stall(spool, time.time_ns(), reason):  # otherwise it was logged before
             _log.error("writing is interrupted: %s", error)
         sys.exit(REPORTED_EXIT_STATUS)
+
+
+def note_removal(spool: Path, removed: FileRemoved) -> None:
+    """Count the content of a removed file as lost in the acknowledged state of a spool.
+
+    The next writer process records a gap for each open connection.
+
+    Raises:
+        OSError: The checkpoint cannot be written.
+    """
+    state = read_checkpoint(spool).get("state")
+    if not state:  # nothing was acknowledged: all events are delivered again
+        return
+    progress = Progress.read(state)
+    for direction, count in ((A2C, progress.a2c), (C2A, progress.c2a)):
+        if lost_bytes := removed.lost_bytes.get(direction, 0):
+            count.recorded_bytes -= lost_bytes
+            count.gap_bytes += lost_bytes
+            count.gaps += 1
+    total_bytes = sum(removed.lost_bytes.values())
+    progress.problems.append(f"{removed}: {total_bytes} recorded bytes are lost")
+    progress.files = [name for name in progress.files if name != removed.name]
+    begins = [(name, way.value, begin) for (name, way), begin in removed.begins.items()]
+    noted = {"progress": asdict(progress), "removed": {"name": removed.name, "begins": begins}}
+    replace_state(spool, {**state, **noted})
+
+
+def count_unwritten(spool: Path) -> Progress:
+    """Return the progress of a recording whose writer process has ended, with the spooled bytes.
+
+    Raises:
+        OSError: The spool cannot be read.
+    """
+    with closing(SpoolReader(spool)) as reader:
+        progress, state = Progress.read(reader.state), reader.state
+        if progress.finished:  # of an earlier recording
+            progress, state = Progress(), {}
+        counts = {A2C: progress.a2c, C2A: progress.c2a}
+        written_bytes = {direction: count.recorded_bytes for direction, count in counts.items()}
+        builder = EventBuilder(counts, state.get("unspooler", {}))
+        while records := reader.read():
+            builder.take(records)
+    for direction, count in counts.items():
+        count.spooled_bytes = count.recorded_bytes - written_bytes[direction]
+        count.recorded_bytes = written_bytes[direction]
+    progress.connections = builder.connections
+    return progress
 
 
 def collect_rarely() -> None:

@@ -26,11 +26,12 @@ class ByteCounts:
     gap_bytes: int = 0
     gaps: int = 0
     unknown_gaps: int = 0  # of unknown length
+    spooled_bytes: int = 0  # left to the next recorder
 
     @property
     def received_bytes(self) -> int:
-        """Bytes that the tap received and forwarded: recorded or in a gap of known length."""
-        return self.recorded_bytes + self.gap_bytes
+        """Bytes that the tap received and forwarded, without gaps of unknown length."""
+        return self.recorded_bytes + self.gap_bytes + self.spooled_bytes
 
 
 @dataclass(slots=True)
@@ -105,18 +106,33 @@ class EventBuilder:
             ],
         }
 
-    def reopening_events(self, time_ns: int) -> Iterator[WireEvent]:
+    def reopening_events(
+        self, time_ns: int, lost: Mapping[tuple[str, Direction], int], note: str
+    ) -> Iterator[WireEvent]:
         """Yield the events that open the current connections in a sink created at this time.
 
         After each opening, every direction with traffic gets an empty BYTES event with its offset:
         a reader sees that the earlier bytes are not missing.
+
+        Args:
+            time_ns: Time of the events.
+            lost: Offsets from which on the bytes of a stream were recorded and are lost; they
+                become a gap.
+            note: Why they are lost.
         """
         for link in self._links.values():
-            ends = [(s.direction, s.next_bytes) for s in link.streams.values() if s.next_bytes]
-            name, offset_bytes = link.opened.connection, dict(ends).get(A2C, 0)
-            yield replace(link.opened, time_ns=time_ns, offset_bytes=offset_bytes)
-            for direction, end_bytes in ends:
-                yield WireEvent(time_ns, name, direction, Kind.BYTES, b"", end_bytes)
+            name = link.opened.connection
+            ends = {direction: s.next_bytes or 0 for direction, s in link.streams.items()}
+            begins = {
+                direction: lost.get((name, direction), end) for direction, end in ends.items()
+            }
+            yield replace(link.opened, time_ns=time_ns, offset_bytes=begins[A2C])
+            for direction, begin in begins.items():
+                place = (time_ns, name, direction)
+                if begin:
+                    yield WireEvent(*place, Kind.BYTES, b"", begin)
+                if size_bytes := ends[direction] - begin:
+                    yield WireEvent(*place, Kind.GAP, b"", begin, size_bytes, note)
 
     def take(self, records: Sequence[Record]) -> list[WireEvent]:
         """Return the events of the next records."""

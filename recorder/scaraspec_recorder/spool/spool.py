@@ -371,6 +371,15 @@ def read_checkpoint(directory: Path) -> dict[str, Any]:
     return checkpoint if isinstance(checkpoint, dict) else {}
 
 
+def replace_state(directory: Path, state: Mapping[str, Any]) -> None:
+    """Replace the acknowledged state; the position remains.
+
+    Raises:
+        OSError: The checkpoint cannot be written.
+    """
+    _write_checkpoint(directory, {**read_checkpoint(directory), "state": state})
+
+
 def note_stall(directory: Path, time_ns: int, reason: str) -> bool:
     """Save the reason of a stall until the next acknowledgment; return whether it is new."""
     checkpoint = read_checkpoint(directory)

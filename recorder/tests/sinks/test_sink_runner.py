@@ -8,8 +8,14 @@ import pytest
 
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.traffic.wire import Kind, WireEvent
-from scaraspec_recorder.sinks.sink import TICK_NS, OutputFolder, SinkFailed
-from scaraspec_recorder.sinks.sink_runner import MAX_LISTED_FILES, Progress, SinkRunner
+from scaraspec_recorder.sinks.sink import TICK_NS, FileRemoved, OutputFolder, SinkFailed
+from scaraspec_recorder.sinks.sink_runner import (
+    MAX_LISTED_FILES,
+    Progress,
+    SinkRunner,
+    count_unwritten,
+    note_removal,
+)
 from scaraspec_recorder.spool.event_builder import ByteCounts
 from scaraspec_recorder.spool.records import ControlRecord, stream_number
 from scaraspec_recorder.spool.spool import (
@@ -74,6 +80,16 @@ class FailingSink(RecordingSink):
         self.calls.append(method)
         if method == self._method:
             raise self._error
+
+
+class RemovedSink(RecordingSink):
+    """A sink whose file is removed after the first tick."""
+
+    def tick(self, now_ns: int) -> None:
+        if len(self.events) > 6:
+            begins = {("1", A2C): 2, ("1", C2A): 0}
+            raise FileRemoved("capture.mcap", begins, {A2C: 10, C2A: 3})
+        super().tick(now_ns)
 
 
 class Bench:
@@ -221,6 +237,63 @@ def test_a_full_disk_ends_the_runner(bench: Bench, method: str, error: Exception
     assert (sink.events[0].kind, sink.events[0].note) == (Kind.OPENED, "a > b")
     assert runner.progress.finished
     assert runner.progress.a2c.recorded_bytes == 3
+
+
+def test_the_content_of_a_removed_file_becomes_a_gap(bench: Bench) -> None:
+    """In the next file for each open connection, and in the counts for all connections."""
+    closed, late = stream_number(2, A2C), stream_number(3, A2C)
+    bench.put(Kind.OPENED, payload=b"a > b")
+    bench.put(Kind.BYTES, payload=b"abcde")
+    bench.put(Kind.BYTES, OTHER, payload=b"fgh")
+    bench.put(Kind.OPENED, closed)
+    bench.put(Kind.BYTES, closed, payload=b"ijklmno")
+    bench.put(Kind.CLOSED, closed, offset=7)
+    first = RemovedSink()
+    runner = bench.runner(first)
+    bench.tick(runner)
+    bench.put(Kind.BYTES, offset=5, payload=b"pq")
+    bench.put(Kind.OPENED, late)
+    with pytest.raises(FileRemoved) as raised:
+        bench.tick(runner)
+    note_removal(bench.spool, raised.value)
+    for _ in range(2):  # also if the next runner dies before its first tick
+        second = RecordingSink()
+        runner = bench.runner(second)
+    bench.tick(runner)
+    assert second.stored_events() == [
+        ("1", A2C, Kind.OPENED, 2, 0),
+        ("1", A2C, Kind.BYTES, 2, 0),
+        ("1", A2C, Kind.GAP, 2, 3),
+        ("1", C2A, Kind.GAP, 0, 3),
+        ("1", A2C, Kind.BYTES, 5, b"pq"),
+        ("3", A2C, Kind.OPENED, 0, 0),
+    ]
+    assert second.events[2].note == "capture.mcap was removed"
+    progress = runner.progress
+    assert (progress.a2c, progress.c2a) == (ByteCounts(4, 10, 1), ByteCounts(0, 3, 1))
+    assert progress.problems == [
+        "capture.mcap was removed while it was written: 13 recorded bytes are lost"
+    ]
+
+
+def test_unwritten_bytes_are_counted(bench: Bench) -> None:
+    """Also if the writer process has never written, or has written the recording before."""
+    bench.put(Kind.OPENED, payload=b"a > b")
+    bench.put(Kind.BYTES, payload=b"abc")
+    runner = bench.runner(RecordingSink())
+    bench.tick(runner)
+    bench.put(Kind.BYTES, offset=3, payload=b"de")
+    bench.readers.pop().close()
+    progress = count_unwritten(bench.spool)
+    assert progress.a2c == ByteCounts(3, spooled_bytes=2)
+    assert (progress.connections, progress.a2c.received_bytes) == (1, 5)
+    bench.tick(runner := bench.runner(RecordingSink()))
+    runner.finish()
+    bench.put(ControlRecord.RESTART, 0)
+    bench.put(Kind.OPENED)
+    bench.put(Kind.BYTES, OTHER, payload=b"f")
+    bench.readers.pop().close()
+    assert count_unwritten(bench.spool).c2a == ByteCounts(spooled_bytes=1)
 
 
 @pytest.mark.parametrize("method", ["write", "tick", "close"])
@@ -382,7 +455,7 @@ def test_ended_connections_are_forgotten(bench: Bench) -> None:
             bench.put(kind, stream_number(number, A2C))
     bench.tick(runner)
     bench.tick(runner)
-    assert list(runner._event_builder.reopening_events(0)) == []
+    assert list(runner._event_builder.reopening_events(0, {}, "")) == []
     assert len((bench.spool / "checkpoint.json").read_bytes()) < 1_000
 
 

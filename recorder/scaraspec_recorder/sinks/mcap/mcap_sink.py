@@ -9,11 +9,13 @@ nothing more is written to the file.
 
 import math
 import os
+from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from hashlib import sha256
 from importlib.metadata import version
 from io import UnsupportedOperation
+from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 from scaraspec.judge.verdicts import Finding
@@ -37,6 +39,7 @@ from scaraspec_recorder.sinks.mcap import schemas
 from scaraspec_recorder.sinks.mcap.chunk_writer import ChunkWriter
 from scaraspec_recorder.sinks.mcap.schemas import foxglove, ros2
 from scaraspec_recorder.sinks.rerun import arm_model
+from scaraspec_recorder.sinks.sink import FileRemoved
 from scaraspec_recorder.sinks.text import LogLine
 from scaraspec_recorder.spool.forwarded_chunks import ForwardedChunk, LatencyTracker
 
@@ -99,6 +102,13 @@ class _Output:
     def close(self) -> None:
         self._do(self._file.close)
 
+    @property
+    def removed(self) -> bool:
+        """Whether the file has no name any more."""
+        with suppress(UnsupportedOperation):  # as above
+            return os.fstat(self._file.fileno()).st_nlink == 0
+        return False
+
     def _do(self, act: Callable[..., object], *arguments: object) -> None:
         try:
             act(*arguments)
@@ -117,6 +127,7 @@ class McapSink:
         discard: Removes the file; called if writing fails before it contains traffic.
 
     Raises:
+        FileRemoved: From `tick` and `close`.
         OSError: From every method, if the file cannot be written. Then no further method may be
             called; `repair` recovers the content.
     """
@@ -131,6 +142,7 @@ class McapSink:
         self._writer = ChunkWriter(self._output, _TOOL)
         self._channels = _declare(self._writer)
         self._byte_accounting = ByteAccounting()
+        self._loss = FileRemoved(Path(getattr(file, "name", "")).name, {}, {})
         self._sequence = 0
         self._now_ns = 0
         self._dirty = False
@@ -166,18 +178,26 @@ class McapSink:
 
     def tick(self, now_ns: int) -> None:  # noqa: ARG002 - a flush needs no time
         """Sync all data to disk, so that it survives a power failure."""
+        self._check_presence()
         if self._dirty:
             self._writer.flush()
             self._dirty = False
             self._output.has_data = True
+            counts = self._byte_accounting
+            self._loss = FileRemoved(self._loss.name, counts.begins, Counter(counts.recorded_bytes))
 
     def close(self, summary: Mapping[str, str]) -> None:
         """Write the accounts of open streams, the summary and the end of the file."""
+        self._check_presence()
         for name, entries in self._byte_accounting.close().items():
             self._writer.metadata(name, entries)
         self._writer.metadata("summary", summary)
         self._writer.finish()
         self._output.close()
+
+    def _check_presence(self) -> None:
+        if self._output.removed:
+            raise self._loss
 
     def _add(self, topic: str, data: bytes) -> None:
         """Add a message of the derived layer with the time of its raw event."""

@@ -35,7 +35,7 @@ from scaraspec_recorder.sinks.mcap import mcap_sink, schemas
 from scaraspec_recorder.sinks.mcap.chunk_writer import ChunkWriter
 from scaraspec_recorder.sinks.mcap.mcap_sink import McapSink
 from scaraspec_recorder.sinks.redaction import Redactor
-from scaraspec_recorder.sinks.sink import OutputFolder
+from scaraspec_recorder.sinks.sink import FileRemoved, OutputFolder
 from scaraspec_recorder.sources.mcap_reader import read_mcap
 from scaraspec_recorder.spool.forwarded_chunks import ForwardedChunk
 
@@ -606,3 +606,26 @@ def test_messages_are_decoded_as_encoded() -> None:
     assert (exchange.accepted, exchange.latency_ms, exchange.number) == (None, None, 0)
     with pytest.raises(schemas.SchemaError):
         schemas.decode(schemas.Frame, b"\xff")
+
+
+def test_a_removed_file(tmp_path: Path, talk: Any) -> None:
+    """It is noticed at the next tick, also without traffic, and at the end."""
+    path = tmp_path / "capture.mcap"
+    file = path.open("wb")
+    sink = McapSink(file)
+    talk.mark(A2C, Kind.OPENED)
+    talk.send(A2C, b"abc")
+    talk.send(C2A, b"de")
+    for event in talk.events:
+        sink.write(event)
+    sink.tick(0)
+    talk.send(A2C, b"fg")
+    sink.write(talk.events[-1])
+    path.unlink()
+    for notice in (lambda: sink.tick(0), lambda: sink.close({})):
+        with pytest.raises(FileRemoved, match="capture") as raised:
+            notice()
+        loss = raised.value
+        assert loss.begins == {("1", A2C): 0, ("1", C2A): 0}
+        assert loss.lost_bytes == {A2C: 3, C2A: 2}
+    file.close()
