@@ -5,7 +5,7 @@ must do.
 """
 
 import math
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from types import MappingProxyType
 from typing import Final
@@ -40,7 +40,7 @@ from scaraspec.suite.engine.expectations import (
 )
 from scaraspec.suite.program_files.layout import configured, find_layout
 from scaraspec.suite.program_files.model import Block, State, nodes_of, variables_of
-from scaraspec.suite.program_files.writing import program_file, wait
+from scaraspec.suite.program_files.writing import loop, program_file, wait
 from scaraspec.user_message import UserMessage
 
 PROGRAMS: Final = (Hazard.STATE, Hazard.MOTION)
@@ -49,6 +49,7 @@ PROGRAMS: Final = (Hazard.STATE, Hazard.MOTION)
 EARLY_S: Final = 0.01
 """The tolerance between two clocks over a few seconds, in seconds."""
 
+_SIMULATE: Final = "simulate_program"
 _POLL_S: Final = 0.05
 _RUNS_S: Final = 5
 _SETTINGS: Final = ("tool ", "port ")  # the beginning of the lines of a listing that are not steps
@@ -162,7 +163,7 @@ class Bench:
         Raises:
             CaseFailed: The program is refused, fails, or does not end.
         """
-        with self._with_listing():
+        with self.with_listing():
             self.start(nodes, variables)
             return self.finish(lasts_s=lasts_s)
 
@@ -173,6 +174,7 @@ class Bench:
         *,
         inputs: Bits = (),
         large: bool = False,
+        simulated: bool = False,
     ) -> None:
         """Run a program, and compare the outputs with the result of its statements.
 
@@ -181,6 +183,7 @@ class Bench:
             variables: The variables by key.
             inputs: The digital inputs, if it reads any.
             large: The program may be refused because of its size (A-5-21).
+            simulated: Simulate the program before.
 
         Raises:
             CaseFailed: The program does not end successfully, or the outputs differ.
@@ -190,7 +193,12 @@ class Bench:
         state.execute(block)
         nodes, records = nodes_of(block, initial), variables_of(variables)
         try:
-            self.run(nodes, records, lasts_s=state.waited_s)
+            with self.with_listing():
+                name = self.store(self.file(nodes, records))
+                if simulated:
+                    self._simulate(name, state.waited_s)
+                self.restart(name)
+                ended_s = self.finish(lasts_s=state.waited_s).time_s
         except ProgramRefused:
             if not large:
                 raise
@@ -201,9 +209,33 @@ class Bench:
             )
             self._subject.tolerate("6.5/26", "A-5-21", "limit", message)
             return
-        with self._with_listing():
+        with self.with_listing():
+            expect(
+                ended_s - self.started_s >= self.ours_s(state.waited_s) - EARLY_S,
+                "a program ends before its waits are over",
+                expected=f"at least {self.ours_s(state.waited_s):g} s",
+                observed=f"{ended_s - self.started_s:.2f} s",
+                requirement="6.5/20",
+            )
             mismatch = "the outputs after a program differ from the result of its statements"
             self.expect_outputs(state.outputs, state.written, mismatch)
+
+    def _simulate(self, name: bytes, lasts_s: float) -> None:
+        """Simulate a stored program to its end.
+
+        Raises:
+            CaseFailed: The controller refuses it, or it does not end successfully.
+        """
+        answer = self.ask(name, _SIMULATE)
+        message = "the simulation of a valid program is refused"
+        expect(answer.accepted, message, expected="1", observed=f"{answer}", requirement="4.16/2")
+        result = self._line.result(_SIMULATE, within_s=self._subject.longest_s + lasts_s)
+        message = "the simulation of a valid program fails"
+        expect(result.done, message, expected="11", observed=f"{result}", requirement="4.16/3")
+
+    def loop(self, body: Sequence[Node]) -> list[Node]:
+        """Return a loop around `body`, in the dialect of the subject."""
+        return loop(self._subject.dialect, body)
 
     def expect_outputs(
         self, expected: Bits, written: Container[int], message: str, *, reported: Bits | None = None
@@ -231,7 +263,7 @@ class Bench:
             expect_equal(digits(reported), digits(expected), message)
 
     @contextmanager
-    def _with_listing(self) -> Iterator[None]:
+    def with_listing(self) -> Iterator[None]:
         """Add a listing of the program to a failure."""
         try:
             yield

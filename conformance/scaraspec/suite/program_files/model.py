@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 from scaraspec.protocol.program_files import Node, Opt, ValueType, Variable
 from scaraspec.suite.controller.harness.requests.ports import ALL_OUTPUTS, Bits, with_port
 from scaraspec.suite.program_files import writing as programs
-from scaraspec.suite.program_files.writing import Operand
+from scaraspec.suite.program_files.writing import Operand, number, variable
 
 
 class Flip(NamedTuple):
@@ -105,7 +105,9 @@ class State:
                 case Flip(port):
                     self._put(port, on=not self.initial[port - 1])
                 case Put(port, value):
-                    self._put(port, on=bool(self.value(value)))
+                    if (put := self.value(value)) not in (0, 1):
+                        raise UndefinedResultError(f"{put} is not a port value")
+                    self._put(port, on=bool(put))
                 case Assign(key, value):
                     self.variables[key] = self.value(value)
                 case Calculate(key, a, opt, b):
@@ -122,7 +124,7 @@ class State:
 
 
 class UndefinedResultError(ValueError):
-    """The document does not define the result of a program (A-6.6a-4)."""
+    """The document does not define the result of a program (A-6.6a-4, L965)."""
 
 
 def calculated(opt: Opt, a: int, b: int) -> int:
@@ -155,13 +157,26 @@ def compared(opt: Opt, a: int, b: int) -> bool:
     }[opt]
 
 
+def new_state(variables: Mapping[int, int]) -> State:
+    """Return the state before a program that reads no input, with all outputs off."""
+    return State((False,) * len(ALL_OUTPUTS), (), dict(variables))
+
+
 def is_defined(block: Block, variables: Mapping[int, int]) -> bool:
     """Whether the document defines the result of a program that reads no input."""
     try:
-        State((False,) * len(ALL_OUTPUTS), (), dict(variables)).execute(block)
+        new_state(variables).execute(block)
     except UndefinedResultError:
         return False
     return True
+
+
+def value_checks(values: Mapping[int, int], failed: int) -> list[Statement]:
+    """Return statements that flip an output for each variable with another value."""
+    return [
+        If(variable(key), Opt.EQUAL, number(value), [], [Flip(failed)])
+        for key, value in values.items()
+    ]
 
 
 def nodes_of(block: Block, initial: Bits) -> list[Node]:

@@ -2,7 +2,8 @@
 
 from typing import Final
 
-from hypothesis import Phase, assume, settings
+from hypothesis import Phase, settings
+from hypothesis import strategies as st
 
 from scaraspec.protocol.program_files import Opt
 from scaraspec.protocol.transfer import chunks_of
@@ -15,30 +16,40 @@ from scaraspec.suite.controller.harness.requests.ports import (
     set_output,
     with_port,
 )
-from scaraspec.suite.controller.harness.two_stage.commands import BRIEFLY_S
+from scaraspec.suite.controller.harness.two_stage.commands import BRIEFLY_S, SIMULATE
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import CaseInconclusive, expect, expect_equal
-from scaraspec.suite.program_files.bench import EARLY_S, PROGRAMS, bench
+from scaraspec.suite.program_files.bench import EARLY_S, PROGRAMS, Bench, bench
 from scaraspec.suite.program_files.model import (
     Block,
     Calculate,
     Flip,
     If,
     Put,
+    State,
     Statement,
     Wait,
-    is_defined,
+    new_state,
     nodes_of,
+    value_checks,
     variables_of,
 )
-from scaraspec.suite.program_files.strategies import blocks, variables
+from scaraspec.suite.program_files.strategies import (
+    DONE,
+    FAILED,
+    LOOPS,
+    DrawnProgram,
+    loops,
+    programs,
+)
 from scaraspec.suite.program_files.writing import OUTPUTS, branch, compare, loop, number, variable
 from scaraspec.suite.program_files.writing import set_output as output_node
 from scaraspec.user_message import UserMessage
 
 _PASSED, _FAILED = OUTPUTS[0], OUTPUTS[-1]
 _X: Final = 3
+_COUNTER: Final = 9
 _MANY_NODES: Final = 500
 """Number of nodes that does not fit one byte."""
 _LATE_S: Final = 5.0
@@ -251,24 +262,81 @@ def test_many_nodes(subject: ControllerUnderTest, line: OutgoingConnection) -> N
 
 
 @case(
-    "6.5/26",
-    "6.4/5",
-    "6.5/19",
-    "6.5/24",
-    "6.6a/11",
-    "6.6a/12",
-    "6.6a/13",
+    *("6.5/26", "6.4/5", "6.5/19", "6.5/20", "6.5/24", "6.6a/11", "6.6a/12", "6.6a/13"),
     name="drawn",
     hazards=PROGRAMS,
 )
 def test_drawn_programs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Random programs leave the outputs that the document requires."""
+    """Random programs end with the outputs and variables that the document requires.
+
+    Some are simulated before: they must end with success, and run as usual after it.
+    """
+    can_simulate = SIMULATE not in subject.ics.unsupported
     with bench(subject, line) as robot:
-        # Random programs are short; shrinking one would take hundreds of runs.
-        @settings(max_examples=max(1, settings().max_examples // 2), phases=(Phase.generate,))
-        @given(blocks, variables)
-        def run_and_check(block: Block, values: dict[int, int]) -> None:
-            assume(is_defined(block, values))
-            robot.performs(block, values)
+
+        @_drawn(share=2)
+        @given(program=programs, simulated=st.booleans())
+        def run_and_check(*, program: DrawnProgram, simulated: bool) -> None:
+            state = new_state(program.variables)
+            state.execute(program.block)
+            block = [*program.block, *value_checks(state.variables, FAILED)]
+            robot.performs(block, program.variables, simulated=simulated and can_simulate)
 
         run_and_check()
+
+
+@case("6.5/23", "6.5/24", "6.6a/11", "6.6a/12", "6.6a/13", name="drawn", hazards=PROGRAMS)
+def test_drawn_loops(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+    """Random programs with a loop set the outputs and variables that the document requires.
+
+    The loop counts its iterations. After the last one, it compares the variables instead of
+    executing its statements again.
+    """
+    with bench(subject, line) as robot:
+
+        @_drawn(share=4)
+        @given(loops)
+        def run_and_check(program: DrawnProgram) -> None:
+            try:
+                _expect_loop(subject, line, robot, program)
+            finally:
+                robot.stop()
+
+        run_and_check()
+
+
+def _drawn(share: int) -> settings:
+    """Return settings for a part of the examples.
+
+    Programs are short, so they are not shrunk: this would take hundreds of runs.
+    """
+    return settings(max_examples=-(-settings().max_examples // share), phases=(Phase.generate,))
+
+
+def _expect_loop(
+    subject: ControllerUnderTest, line: OutgoingConnection, robot: Bench, program: DrawnProgram
+) -> None:
+    """Run a program with a loop, and compare what it sets.
+
+    Raises:
+        CaseFailed: An output differs, or the loop does not end its iterations.
+    """
+    initial = outputs(line)
+    state = State(initial, (), dict(program.variables))
+    state.execute([*program.block, *[*program.body] * LOOPS])
+    checks: Block = [*value_checks(state.variables, FAILED), Flip(DONE)]
+    state.execute([Flip(DONE)])
+    counted = [*program.body, Calculate(_COUNTER, variable(_COUNTER), Opt.ADD, number(1))]
+    iteration = If(variable(_COUNTER), Opt.LESS, number(LOOPS), counted, checks)
+    nodes = [*nodes_of(program.block, initial), *robot.loop(nodes_of([iteration], initial))]
+    within_s = robot.theirs_s(subject.longest_s) + state.waited_s
+    with robot.with_listing():
+        robot.start(nodes, variables_of({**program.variables, _COUNTER: 0}))
+        expect(
+            robot.until(DONE, on=not initial[DONE - 1], within_s=within_s),
+            "a loop does not count its iterations",
+            expected=f"output {DONE} changes",
+            observed="it does not change",
+        )
+        message = "the outputs during a loop differ from the result of its statements"
+        robot.expect_outputs(state.outputs, state.written, message)

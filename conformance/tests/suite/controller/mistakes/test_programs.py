@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 
 import pytest
 
+from scaraspec.judge.verdicts import Verdict
 from scaraspec.mutants.operators.controller.programs import (
     accepts_errors,
     straightened,
@@ -424,3 +425,51 @@ def test_observation_shows_the_program(run_cases: RunCases) -> None:
     failed = run_cases(with_interpreter(IfInElseIsFalse), "6.5/24", examples=1)["6.5/24"]
     assert "of this program: 1 if " in failed.observed
     assert "; 2 set port " in failed.observed
+
+
+class _GreaterOrEqualVariables(interpreter.Run):
+    """Two equal variables are not greater or equal."""
+
+    def _holds(self, operation: Operation) -> bool:
+        a, b = self._operands(operation)
+        kinds = {operation.value_a_type, operation.value_b_type}
+        if operation.opt == Opt.GREATER_OR_EQUAL and kinds == {ValueType.VARIABLE}:
+            return a > b
+        return super()._holds(operation)
+
+
+class _RestoresVariables(interpreter.Run):
+    """Each iteration of a loop begins with the value of the file in the first of the variables."""
+
+    def _repeat(self, start: int) -> None:
+        super()._repeat(start)
+        first = self._program.variables[0]
+        self._variables[first.key] = first.value
+
+
+class SimulatesOnceMore(ControllerCore):
+    """The run after a simulation is simulated, too."""
+
+    _simulated = False
+
+    def simulate_program(self, request: Request) -> Acceptance:
+        self._simulated = True
+        return super().simulate_program(request)
+
+    def run_program(self, request: Request) -> Acceptance:
+        simulated, self._simulated = self._simulated, False
+        return super().simulate_program(request) if simulated else super().run_program(request)
+
+
+@pytest.mark.parametrize(
+    ("core", "case"),
+    [
+        (with_interpreter(_GreaterOrEqualVariables), "6.5/23.drawn"),
+        (with_interpreter(_RestoresVariables), "6.5/23.drawn"),
+        (SimulatesOnceMore, "6.5/26.drawn"),
+    ],
+)
+def test_drawn_programs_find_it(run_cases: RunCases, core: type[ControllerCore], case: str) -> None:
+    """Random programs find faults that need a rare combination of statements."""
+    results = run_cases(core, case.rpartition(".")[0], examples=8)
+    assert results[case].verdict is Verdict.FAIL
