@@ -15,7 +15,7 @@ from scaraspec.judge.requirements import REQUIREMENTS, Method
 from scaraspec.judge.verdicts import Finding, Reason, Verdict, conclude
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.readings import READINGS
-from scaraspec.report.evidence import EvidenceCollector
+from scaraspec.report.evidence import EvidenceCollector, step_of
 from scaraspec.report.fingerprint import document_lines, fingerprint
 from scaraspec.report.model import (
     Case,
@@ -140,6 +140,7 @@ def _cases(
             lines=document_lines((requirement,)),
             fingerprint=fingerprint(requirement, requirement, first.message),
             title=REQUIREMENTS[requirement].sentence,
+            step=step_of(wire, first.observed) if first.verdict is Verdict.FAIL else None,
         )
 
 

@@ -16,6 +16,7 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import FinalResult, FirstReply, NameList, OptionalRecord, Payload
 from scaraspec.protocol.redaction import is_secret, mask, mask_unframed
 from scaraspec.protocol.transfer import Chunk
+from scaraspec.report.failed_step import FailedStep, Stage
 from scaraspec.report.model import Evidence, FrameField
 from scaraspec.traffic.events import (
     Ending,
@@ -95,6 +96,28 @@ def evidence_of(seen: FrameSeen | InvalidBytes) -> Evidence:
         part = "final result" if frame.tagged else seen.parsed.part
         note = f"{seen.parsed.command.name}, {part}"
     return _evidence(seen.place, note, frame.encode(), tuple(_fields(seen, frame)))
+
+
+def step_of(wire: Sequence[Evidence], observed: str = "") -> FailedStep:
+    """Return the step that a failure is about, which the last frame shows.
+
+    Args:
+        wire: The evidence, in order of time.
+        observed: The observed value, which names the field of the frame.
+    """
+    if not wire:
+        return FailedStep(0, Stage.CONNECTION)
+    last = wire[-1]
+    command, _, part = last.note.partition(", ")
+    if not part:
+        return FailedStep(wire[0].time_ns, Stage.FRAME)
+    texts = [field for field in last.fields if field.name not in _FRAME_PARTS]
+    named = [field.name for field in texts if field.value == observed or len(texts) == 1]
+    return FailedStep(wire[0].time_ns, _STAGES.get(part, Stage.REPLY), command, "".join(named[:1]))
+
+
+_FRAME_PARTS: Final = frozenset({"start", "tag", "opcode", "length", "end"})
+_STAGES: Final = {"request": Stage.REQUEST, "final result": Stage.RESULT}
 
 
 def _evidence(

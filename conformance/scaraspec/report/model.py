@@ -18,6 +18,7 @@ from scaraspec.judge.verdicts import Cause, Conclusion, Reason, Verdict
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.codec import InvalidValueError, from_plain, to_plain
+from scaraspec.report.failed_step import AttemptResult, FailedStep
 from scaraspec.report.files import write_whole
 from scaraspec.user_message import UserMessage
 
@@ -164,25 +165,6 @@ class Evidence:
 
 
 @dataclass(frozen=True, slots=True)
-class AttemptResult:
-    """One attempt of a case that was tried several times.
-
-    Attributes:
-        verdict: The verdict of this attempt alone.
-        requirement: The requirement that was violated; empty if none was.
-        message: One sentence.
-        late: Whether a message was missing or late during it.
-        stall_s: The longest stall of the tester's machine during it, in seconds; 0 for none.
-    """
-
-    verdict: Verdict
-    requirement: str = ""
-    message: str = ""
-    late: bool = False
-    stall_s: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
 class Case:
     """One test case or, for a capture, one finding.
 
@@ -206,6 +188,8 @@ class Case:
         fingerprint: A hash that is equal for equal findings of different runs: it does not depend
             on times, ports, connections, counters or bytes.
         title: What the case tries, or the requirement of a finding, in one line.
+        step: The step that failed; None unless the verdict is fail, or inconclusive because of an
+            observation.
     """
 
     id: str
@@ -226,6 +210,7 @@ class Case:
     lines: str = ""
     fingerprint: str = ""
     title: str = ""
+    step: FailedStep | None = None
 
 
 @dataclass(frozen=True, slots=True)

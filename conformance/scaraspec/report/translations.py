@@ -148,6 +148,17 @@ TRANSLATIONS: Final[Mapping[str, Translation]] = MappingProxyType(
         "cause_set-up": Translation("the test setup", "测试条件"),
         "cause_dependency": Translation("an earlier failure", "先前的失败"),
         "cause_suite": Translation("the test suite", "测试程序"),
+        "step": Translation("Failed step", "失败的步骤"),
+        "stage_connection": Translation("connection", "连接"),
+        "stage_frame": Translation("frame", "帧"),
+        "stage_request": Translation("request", "请求"),
+        "stage_reply": Translation("first reply", "首次应答"),
+        "stage_result": Translation("final result", "最终结果"),
+        "step_missing": Translation("missing", "缺失"),
+        "step_attempt": Translation("attempt {number}", "第 {number} 次尝试"),
+        "step_dependency": Translation(
+            "in the preparation of the case: {requirement}", "在用例的准备阶段：{requirement}"
+        ),
         "attempts": Translation("Attempts", "各次尝试"),
         "attempt_late": Translation("a message was missing or late", "有报文缺失或迟到"),
         "attempt_stalled": Translation("the tester's machine stalled for", "测试机停顿了"),

@@ -12,6 +12,7 @@ from scaraspec.judge.verdicts import Cause, Conclusion, Verdict
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.audit import from_audit
+from scaraspec.report.failed_step import FailedStep, Stage
 from scaraspec.report.model import (
     Case,
     CommandSeen,
@@ -66,6 +67,7 @@ _CASES = (
         12,
         "scaraspec certify controller tcp://robot --only 3/18",
         (_FRAME, replace(_FRAME, frame_hex="", fields=())),
+        step=FailedStep(_NS, Stage.RESULT, "run_program", "flag", attempt=2, dependency="4.15/5"),
     ),
     Case("4.1/2", ("4.1/2",), Verdict.NONE),
     Case("5.1/9", ("5.1/9",), Verdict.TOLERATED, Cause.SUBJECT, observed="endian = big"),
@@ -171,6 +173,7 @@ def hostile() -> Results:
             observed=HOSTILE,
             replay=HOSTILE,
             wire=(evidence, replace(evidence, frame_hex=HOSTILE)),
+            step=FailedStep(_NS, Stage.FRAME, HOSTILE, HOSTILE, dependency=HOSTILE),
         )
         for number, case in enumerate(FULL.cases)
     )

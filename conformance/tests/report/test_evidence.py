@@ -8,7 +8,8 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import Frame, SkipReason
 from scaraspec.protocol.transfer import FILE_DATA, Chunk
-from scaraspec.report.evidence import EvidenceCollector, evidence_of
+from scaraspec.report.evidence import EvidenceCollector, evidence_of, step_of
+from scaraspec.report.failed_step import FailedStep, Stage
 from scaraspec.report.model import FrameField
 from scaraspec.traffic.events import Ending, Exchange, FrameSeen, InvalidBytes
 from scaraspec.traffic.wire import WireRange
@@ -169,3 +170,16 @@ def test_the_last_passing_exchange() -> None:
     wire = (exhibits.evidence(reply.place),)
     assert [e.frame_hex for e in exhibits.passing(wire)] == ["AA0900CC", "CC09023030AA"]
     assert exhibits.passing([evidence_of(seen(Frame(A2C, 0x08)))]) == ()
+
+
+def test_the_step_that_a_failure_is_about() -> None:
+    """Command, stage and field follow from the last frame; the instant from the first one."""
+    request, reply = seen(Frame(A2C, 0x09)), seen(Frame(C2A, 0x09, b"7"), at=20)
+    wire = [evidence_of(request), evidence_of(reply)]
+    assert step_of(wire) == FailedStep(1000, Stage.REPLY, "get_status", "code")
+    assert step_of(wire[:1]) == FailedStep(1000, Stage.REQUEST, "get_status")
+    result = evidence_of(seen(Frame(C2A, 0x30, b"12", tagged=True)))
+    assert step_of([result], "2") == FailedStep(1000, Stage.RESULT, "run_program", "flag")
+    noise = evidence_of(invalid_bytes(C2A, b"\x00"))
+    assert step_of([noise]) == FailedStep(5, Stage.FRAME)
+    assert step_of([]) == FailedStep(0, Stage.CONNECTION)

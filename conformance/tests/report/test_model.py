@@ -106,7 +106,7 @@ def test_public_keys(full: Results) -> None:
         == {
             *("id", "requirements", "verdict", "cause", "hazard", "message", "expected"),
             *("observed", "duration_s", "examples", "replay", "wire", "passing"),
-            *("attempts", "reason", "lines", "fingerprint", "title"),
+            *("attempts", "reason", "lines", "fingerprint", "title", "step"),
         }
         for case in plain["cases"]
     )
@@ -300,8 +300,9 @@ def test_results_of_schema_1_can_be_read(full: Results) -> None:
     plain["schema"] = "scaraspec.results/1"
     del plain["run"]
     for case in plain["cases"]:
-        for key in ("attempts", "reason", "lines", "fingerprint"):
+        for key in ("attempts", "reason", "lines", "fingerprint", "step"):
             del case[key]
     read = Results.from_json(json.dumps(plain))
     assert [case.id for case in read.cases] == [case.id for case in full.cases]
     assert read.run is None
+    assert [case.step for case in read.cases] == [None] * len(read.cases)

@@ -63,7 +63,7 @@ def test_no_unused_translations() -> None:
     """A text that no template uses is removed from the table."""
     templates = Path(words.__file__).with_name("templates").glob("*.html")
     said = "".join(template.read_text(encoding="utf-8") for template in templates)
-    prefixes = ("cause_", "reason_", "hazard_", "state_", "outcome_", "ending_", "lane_")
+    prefixes = ("cause_", "reason_", "hazard_", "state_", "outcome_", "ending_", "lane_", "stage_")
     kinds = (Conclusion, Verdict, Role, Strength, Basis, Direction)
     computed = {member.value for kind in kinds for member in kind}
     computed |= {f"{conclusion.value}_means" for conclusion in Conclusion}

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from scaraspec.judge.verdicts import Cause, Reason, Verdict
-from scaraspec.report.model import AttemptResult
+from scaraspec.report.failed_step import AttemptResult
 from scaraspec.suite.engine.outcome import Outcome
 from scaraspec.user_message import UserMessage
 
@@ -109,7 +109,8 @@ def _settled(attempts: Sequence[Attempt], *, repeatable: bool) -> Outcome:
         return valid[-1].outcome
     confirmed = len(failed) >= _CONFIRMED or not all(attempt.late for attempt in failed)
     if confirmed or not repeatable:
-        return failed[0].outcome
+        outcome, number = failed[0].outcome, attempts.index(failed[0]) + 1
+        return replace(outcome, step=outcome.step and replace(outcome.step, attempt=number))
     return _inconclusive(
         failed[0].outcome,
         Reason.INTERMITTENT,

@@ -8,7 +8,7 @@ alive before and after it. `run` joins the findings of the judge to the outcomes
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import pytest
 from _pytest.runner import runtestprotocol
@@ -27,12 +27,16 @@ from scaraspec.suite.engine.expectations import (
     HookMissing,
     NoReply,
     Unreadable,
+    observed_by,
 )
 from scaraspec.suite.engine.hypothesis_profile import HypothesisProfile
 from scaraspec.suite.engine.journal import JournalError
 from scaraspec.suite.engine.outcome import (
     Outcome,
+    failed_outcome,
+    is_about,
     message_of,
+    prevented,
     root_cause,
     unless_dependent,
     unless_disturbed,
@@ -42,6 +46,9 @@ from scaraspec.suite.engine.plan import Options, Skip, is_selected, skip_reason
 from scaraspec.suite.engine.stall_detector import Stall
 from scaraspec.suite.engine.system_under_test import SystemUnderTest
 from scaraspec.user_message import UserMessage
+
+if TYPE_CHECKING:
+    from scaraspec.report.failed_step import Stage
 
 _NS: Final = 1e9
 _SENTENCE: Final = 500
@@ -123,6 +130,7 @@ class CaseRunner:
         self._failed: set[str] = set()
         self._sighted: set[str] = set()
         self._raised: BaseException | None = None
+        self._dependencies: dict[tuple[str, str, Stage], str] = {}
 
     # ------------------------------------------------------------------ pytest's hooks
 
@@ -285,7 +293,7 @@ class CaseRunner:
                 if reason := self._disturbance(last, again):
                     return unless_disturbed(settle(attempts, repeatable=False), reason)
             if not (repeatable and needs_another(attempts)):
-                return settle(attempts, repeatable=repeatable)
+                return self._unless_dependency(settle(attempts, repeatable=repeatable))
             restore_knowledge()
 
     def _is_repeatable(self, case: Case, outcome: Outcome) -> bool:
@@ -355,7 +363,8 @@ class CaseRunner:
         observer.begin(case.id)
         self._callbacks.stalls()
         since = len(observer.findings)
-        outcome = self._try(case, item, nextitem)
+        with observed_by(lambda: observer.moment):
+            outcome = self._try(case, item, nextitem)
         stalls = self._callbacks.stalls()
         observer.drop_stalled(since, stalls)
         return Attempt(
@@ -440,15 +449,7 @@ class CaseRunner:
                     reason=Reason.UNDECIDED,
                 )
             case CaseFailed():
-                return Outcome(
-                    case,
-                    Verdict.FAIL,
-                    raised.requirement or case.requirements[0],
-                    Cause.SUBJECT,
-                    message_of(raised),
-                    raised.expected,
-                    raised.observed,
-                )
+                return self._failure(case, raised)
             case _:
                 message = f"the case itself has a defect: {type(raised).__name__}: {raised}"[
                     :_SENTENCE
@@ -462,6 +463,29 @@ class CaseRunner:
                 case, Verdict.TOLERATED, message=message, observed=observed, readings=readings
             )
         return Outcome(case, Verdict.PASS, message=case.sentence)
+
+    def _failure(self, case: Case, error: CaseFailed) -> Outcome:
+        """The outcome of a failure; a dependency that failed has its own requirement."""
+        requirement, command = error.requirement, error.due[0] if error.due else ""
+        if error.preparation and not is_about(case, requirement, command):
+            owed = error.owed if isinstance(error, NoReply) else ""
+            requirement = requirement or owed or self.subject.survival_requirement
+            error.preparation = bool(requirement)
+        else:
+            error.preparation = False
+        return failed_outcome(case, error, requirement or case.requirements[0])
+
+    def _unless_dependency(self, outcome: Outcome) -> Outcome:
+        """The outcome of a case; inconclusive if a known failure prevents its preparation.
+
+        So each dependency fails once.
+        """
+        step = outcome.step
+        if outcome.verdict is not Verdict.FAIL or step is None or not step.dependency:
+            return outcome
+        dependency = (step.dependency, step.command, step.stage)
+        first = self._dependencies.setdefault(dependency, outcome.case.id)
+        return outcome if first == outcome.case.id else prevented(outcome, first)
 
     def _report_stop(self, case: Case, outcome: Outcome | None = None) -> None:
         """Report once, and at once, that the emergency stop does not work.
@@ -526,19 +550,9 @@ class CaseRunner:
             if outcome.verdict is Verdict.FAIL:
                 return outcome
             message = UserMessage("the subject did not survive the case: {error}", error=error)
-            observed = error.observed
-            expected = "a connection, a login and get_status work after the case"
-            frames = subject.observer.evidence
-            return Outcome(
-                case,
-                Verdict.FAIL,
-                subject.survival_requirement or case.requirements[0],
-                Cause.SUBJECT,
-                message,
-                expected,
-                observed,
-                frames=frames,
-            )
+            error.expected = "a connection, a login and get_status work after the case"
+            requirement = subject.survival_requirement or case.requirements[0]
+            return failed_outcome(case, error, requirement, message)
         except CaseInconclusive as error:
             if isinstance(error, Unreadable):
                 self._unmoved = f"the robot cannot be moved since case {case.id}: {error}"

@@ -13,7 +13,7 @@ from scaraspec.protocol.direction import A2C, Direction
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
-from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply, NotConnected
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.traffic.events import FrameSeen, InvalidBytes
 from scaraspec.traffic.stream import Stream
@@ -133,7 +133,7 @@ class Connection:
                 self._event(self._sends, Kind.BYTES, time_ns, data)
         except LinkError as error:
             self.pump()
-            raise NoReply(
+            raise NotConnected(
                 UserMessage("the subject does not receive what is sent: {error}", error=error)
             ) from None
 

@@ -4,12 +4,44 @@ Every check names the expected and the observed value. A case that returns has p
 raises another exception than those of this module is itself defective.
 """
 
-from collections.abc import Collection
-from typing import Any
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Any, Final, NamedTuple
 
 from scaraspec.judge.verdicts import Reason
 from scaraspec.protocol.fields import show
+from scaraspec.report.failed_step import Stage
 from scaraspec.suite.engine.hooks import missing_hooks_message
+from scaraspec.traffic.events import FrameSeen, InvalidBytes
+
+
+class Moment(NamedTuple):
+    """What had been seen at one instant of a case.
+
+    Attributes:
+        time_ns: The time of the last byte, in nanoseconds since the Unix epoch.
+        frames: The last frames, in order.
+    """
+
+    time_ns: int = 0
+    frames: tuple[FrameSeen | InvalidBytes, ...] = ()
+
+
+_MOMENT: Final[ContextVar[Callable[[], Moment]]] = ContextVar("moment", default=Moment)
+
+
+@contextmanager
+def observed_by(moment: Callable[[], Moment]) -> Iterator[None]:
+    """Let failures note the moment at which they occur while the context is active.
+
+    A case sends more after a failure, to put back what it has changed.
+    """
+    token = _MOMENT.set(moment)
+    try:
+        yield
+    finally:
+        _MOMENT.reset(token)
 
 
 class CaseFailed(AssertionError):  # noqa: N818 - it is the subject's error, not ours
@@ -21,8 +53,13 @@ class CaseFailed(AssertionError):  # noqa: N818 - it is the subject's error, not
         observed: What was observed instead.
         depends_on: The earlier case that has shown this failure, if the wait budget is used up; the
             case is then inconclusive.
+        moment: What had been seen when it was raised.
+        due: The command and the stage that were due; None for those of the last frame.
+        preparation: Whether the step that failed prepared the case, and did not belong to it.
     """
 
+    due: tuple[str, Stage] | None = None
+    preparation = False
     depends_on = ""
 
     def __init__(
@@ -30,6 +67,7 @@ class CaseFailed(AssertionError):  # noqa: N818 - it is the subject's error, not
     ) -> None:
         super().__init__(message)
         self.expected, self.observed, self.requirement = expected, observed, requirement
+        self.moment = _MOMENT.get()()
 
 
 class NoReply(CaseFailed):
@@ -40,6 +78,22 @@ class NoReply(CaseFailed):
     """
 
     owed = ""
+
+
+class NotConnected(NoReply):
+    """The subject accepts no connection, or has ended it."""
+
+    due = ("", Stage.CONNECTION)
+
+
+@contextmanager
+def preparation() -> Iterator[None]:
+    """Mark failures as those of the preparation of a case; also usable as a decorator."""
+    try:
+        yield
+    except CaseFailed as error:
+        error.preparation = True
+        raise
 
 
 class OperationRefused(CaseFailed):

@@ -14,6 +14,7 @@ from scaraspec.judge.judge import Judge
 from scaraspec.judge.verdicts import Finding
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.report.model import Role
+from scaraspec.suite.engine.expectations import Moment
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.stall_detector import Stall
@@ -163,6 +164,11 @@ class Observer:
     def evidence(self) -> tuple[FrameSeen | InvalidBytes, ...]:
         """The last frames of the running case."""
         return tuple(self.recent)[-_EVIDENCE_FRAMES:]
+
+    @property
+    def moment(self) -> Moment:
+        """The time of the last byte, and the last frames of the running case."""
+        return Moment(self._time_ns, self.evidence)
 
     @contextmanager
     def ignoring(self, *requirements: str) -> Iterator[None]:

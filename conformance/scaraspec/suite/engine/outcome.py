@@ -5,7 +5,9 @@ from dataclasses import dataclass, replace
 from hypothesis.errors import Flaky
 
 from scaraspec.judge.verdicts import Cause, Reason, Verdict
-from scaraspec.report.model import AttemptResult
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.report.evidence import evidence_of, step_of
+from scaraspec.report.failed_step import AttemptResult, FailedStep, topic
 from scaraspec.suite.engine.case import Case
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
@@ -34,6 +36,7 @@ class Outcome:
         attempts: The results of all attempts, if there were several.
         reason: Why the verdict is none or inconclusive.
         missing_hooks: The hooks that the case needs and that the ICS does not define.
+        step: The step that failed.
     """
 
     case: Case
@@ -50,6 +53,70 @@ class Outcome:
     attempts: tuple[AttemptResult, ...] = ()
     reason: Reason | None = None
     missing_hooks: tuple[str, ...] = ()
+    step: FailedStep | None = None
+
+
+def failed_outcome(case: Case, error: CaseFailed, requirement: str, message: str = "") -> Outcome:
+    """Return the outcome of a failure, with the frames and the step at which it occurred.
+
+    Args:
+        case: The case.
+        error: The failure.
+        requirement: The requirement that was violated.
+        message: Replaces the message of the failure.
+    """
+    moment = error.moment
+    step = step_of([evidence_of(seen) for seen in moment.frames[-1:]], error.observed)
+    if error.due:
+        command, stage = error.due
+        step = replace(step, command=command, stage=stage, field="", missing=True)
+    return Outcome(
+        case,
+        Verdict.FAIL,
+        requirement,
+        Cause.SUBJECT,
+        message or message_of(error),
+        error.expected,
+        error.observed,
+        frames=moment.frames,
+        step=replace(
+            step,
+            time_ns=moment.time_ns,
+            attempt=1,
+            dependency=requirement if error.preparation else "",
+        ),
+    )
+
+
+def is_about(case: Case, requirement: str, command: str) -> bool:
+    """Return whether a case is about a requirement or a command, and not only prepared with it.
+
+    Cases about connections are about every failure, those about frames about every failure without
+    a requirement of its own, and those about two-stage commands about every command.
+    """
+    general = case.requirements[0].partition("/")[0]
+    if general == "2" or (general == "3" and not requirement) or (general == "4" and command):
+        return True
+    own = {topic(each.partition("/")[0]) for each in case.requirements}
+    clauses = {requirement.partition("/")[0], BY_NAME[command].clause if command else ""}
+    return not own.isdisjoint(map(topic, clauses))
+
+
+def prevented(outcome: Outcome, first: str) -> Outcome:
+    """Return the outcome of a case whose preparation failed as in the case `first`."""
+    return replace(
+        outcome,
+        verdict=Verdict.INCONCLUSIVE,
+        requirement="",
+        cause=Cause.DEPENDENCY,
+        reason=Reason.DEPENDENCY,
+        message=UserMessage(
+            "{requirement} failed already in case {case}: {message}",
+            requirement=outcome.requirement,
+            case=first,
+            message=outcome.message,
+        ),
+    )
 
 
 def unless_disturbed(outcome: Outcome, reason: str) -> Outcome:

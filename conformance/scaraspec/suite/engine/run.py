@@ -18,7 +18,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import READINGS
 from scaraspec.report import model
 from scaraspec.report.audit import readings_of
-from scaraspec.report.evidence import evidence_of
+from scaraspec.report.evidence import evidence_of, step_of
 from scaraspec.report.fingerprint import document_lines, fingerprint
 from scaraspec.report.model import Case, ReadingSeen, RequirementResult, Results, Role, Tool
 from scaraspec.report.session import SessionStats
@@ -376,6 +376,7 @@ class Run(Generic[P]):
             lines=document_lines(failed),
             fingerprint=fingerprint(case.id, outcome.requirement, outcome.message),
             title=case.sentence,
+            step=outcome.step,
         )
 
     def _seen(self, number: int, findings: list[CaseFinding]) -> Case:
@@ -402,6 +403,7 @@ class Run(Generic[P]):
             )
         wire = tuple(self._stats.evidence.evidence(p) for p in finding.evidence[:_SHOWN])
         failed = finding.verdict is Verdict.FAIL
+        step = step_of(wire, finding.observed)
         return Case(
             id=f"{finding.requirement}{model.SEEN}{number}",
             requirements=(finding.requirement,),
@@ -419,6 +421,7 @@ class Run(Generic[P]):
                 finding.requirement, finding.requirement, first.finding.message
             ),
             title=REQUIREMENTS[finding.requirement].sentence,
+            step=replace(step, time_ns=first.begin_ns) if failed else None,
         )
 
     def _replay(self, selection: str) -> str:

@@ -11,7 +11,7 @@ from scaraspec.suite.controller.harness.controller_under_test import ControllerU
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.engine.connection import ReceivedFrame
-from scaraspec.suite.engine.expectations import CaseInconclusive, NoReply, expect
+from scaraspec.suite.engine.expectations import CaseInconclusive, NoReply, expect, preparation
 from scaraspec.suite.program_files.layout import short_program
 from scaraspec.user_message import UserMessage
 
@@ -33,6 +33,7 @@ def long_name(subject: ControllerUnderTest, size_bytes: int) -> bytes:
     return name
 
 
+@preparation()
 def store_program(
     subject: ControllerUnderTest, line: OutgoingConnection, name: bytes = b""
 ) -> bytes:

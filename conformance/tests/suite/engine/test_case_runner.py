@@ -11,9 +11,10 @@ import pytest
 from scaraspec.judge.verdicts import Cause, Conclusion, Reason, Verdict
 from scaraspec.mutants.controller import mutants
 from scaraspec.mutants.controller_run import Robot, certified
-from scaraspec.protocol.commands import PasswordChange
+from scaraspec.protocol.commands import BY_NAME, PasswordChange
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
+from scaraspec.report.failed_step import Stage
 from scaraspec.report.model import Case, Results, Role
 from scaraspec.suite.engine.collection import CASES, SuiteError
 from scaraspec.suite.engine.ics import Ics
@@ -408,7 +409,7 @@ class ComparesWhatItKeeps(ControllerCore):
 def test_nobody_is_locked_out(trial: Try, core: type[ControllerCore]) -> None:
     """What a faulty subject may have made of a password is tried, for it is put back."""
     text = """
-from scaraspec.protocol.commands import PasswordChange
+from scaraspec.protocol.commands import BY_NAME, PasswordChange
 
 @case('4.2/2')
 def test_one(subject, line):
@@ -476,3 +477,41 @@ def test_findings_that_the_traffic_does_not_decide_are_counted(trial: Try) -> No
     judged = {each.id: each.verdict for each in results.requirements}
     assert judged == {"4.8/2": Verdict.PASS, "3/31": Verdict.NONE}
     assert results.verdict is Conclusion.NO_VIOLATION
+
+
+class HasNoClock(ControllerCore):
+    """It does not answer the query for the time."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Serve everything else."""
+        if frame.opcode != BY_NAME["get_time"].opcode:
+            super().handle(session, frame, now_s)
+
+
+def test_a_dependency_fails_once(trial: Try) -> None:
+    """The first case that needs it fails with its requirement; the cases about it fail, too."""
+    asks = "\ndef test_{}(line):\n    line.ask('get_time')\n\n"
+    cases = ("4.5/4", "4.6/2", "4.7/2", "4.8/2")
+    results = trial("".join(f"@case('{c}')" + asks.format(c[2]) for c in cases), HasNoClock)
+    first, about, *prevented = (only(results, case) for case in cases)
+    assert (first.verdict, first.requirements) == (Verdict.FAIL, ("3/31",))
+    assert (about.verdict, about.requirements) == (Verdict.FAIL, ("3/31",))
+    assert {case.reason for case in prevented} == {Reason.DEPENDENCY}
+    assert prevented[0].message.startswith("3/31 failed already in case 4.5/4: get_time was not")
+    assert {case.step.dependency for case in (first, *prevented) if case.step} == {"3/31"}
+    assert about.step
+    assert (about.step.command, about.step.missing, about.step.dependency) == ("get_time", True, "")
+
+
+def test_a_failure_shows_its_own_frames(trial: Try) -> None:
+    """The frames with which a case puts back what it has changed come later."""
+    results = trial(
+        "@case('4.8/2')\ndef test_one(line):\n"
+        "    try:\n        expect(line.ask('get_version').accepted, 'wrong', observed='V1.0.0')\n"
+        "    finally:\n        line.ask('get_time')\n"
+    )
+    case = only(results)
+    assert case.wire[-1].note == "get_version, reply"
+    assert case.step
+    assert (case.step.command, case.step.stage) == ("get_version", Stage.REPLY)
+    assert (case.step.time_ns, case.step.attempt) == (case.wire[-1].time_ns, 1)

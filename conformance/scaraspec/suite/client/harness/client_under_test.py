@@ -24,8 +24,10 @@ from scaraspec.suite.engine.expectations import (
     CaseInconclusive,
     CaseSkipped,
     NoReply,
+    NotConnected,
     OperationRefused,
     expect,
+    preparation,
 )
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.observer import Observer
@@ -139,6 +141,7 @@ class ClientUnderTest:
 
     # ------------------------------------------------------------------ connections
 
+    @preparation()
     def open(self, *, judged: bool = True, requirement: str = "") -> IncomingConnection:
         """Let the client connect and log in.
 
@@ -212,7 +215,7 @@ class ClientUnderTest:
                                 answer_timeout_s=self.answer_timeout_s,
                             )
                         )
-                    raise NoReply("the client did not connect after the operation connect")
+                    raise NotConnected("the client did not connect after the operation connect")
         return self._connected(link, judged=judged), call
 
     def _connected(self, link: Link, *, judged: bool) -> IncomingConnection:

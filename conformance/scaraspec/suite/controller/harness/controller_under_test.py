@@ -28,7 +28,9 @@ from scaraspec.suite.engine.expectations import (
     CaseSkipped,
     HookMissing,
     NoReply,
+    NotConnected,
     Unreadable,
+    preparation,
 )
 from scaraspec.suite.engine.hooks import HookError
 from scaraspec.suite.engine.ics import Ics
@@ -187,6 +189,7 @@ class ControllerUnderTest:
         """Empty: a case that raises nothing has a verdict."""
         return ""
 
+    @preparation()
     def open(self, *, login: bool = True, judged: bool = True) -> OutgoingConnection:
         """Open a connection, and log in.
 
@@ -227,7 +230,7 @@ class ControllerUnderTest:
                     raise
                 return error
         elif retries and line.ends(within_s=_REFUSAL_S) is not None:
-            return NoReply("the subject closes the connection")
+            return NotConnected("the subject closes the connection")
         return None
 
     @property
@@ -241,7 +244,7 @@ class ControllerUnderTest:
                 link = self.access.connect()
             except LinkError as error:
                 if attempt == attempts - 1:
-                    raise NoReply(
+                    raise NotConnected(
                         UserMessage("the subject accepts no connection: {error}", error=error)
                     ) from None
                 self.access.pause(RECONNECT_S)

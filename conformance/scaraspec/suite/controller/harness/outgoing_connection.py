@@ -14,6 +14,7 @@ from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame, Framer
 from scaraspec.protocol.payloads import FinalResult, NameListPart, NoData, Outcome
+from scaraspec.report.failed_step import Stage
 from scaraspec.suite.controller.harness.timeouts import ExpectedReply
 from scaraspec.suite.engine.connection import Connection, ReceivedFrame
 from scaraspec.suite.engine.deadline import Deadline
@@ -27,6 +28,8 @@ from scaraspec.user_message import UserMessage
 if TYPE_CHECKING:
     from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 
+_SIGN_OF_LIFE: Final = "get_status"
+"""The query that shows whether the controller still answers; it is a step of every case."""
 _APART_S: Final = 0.05
 _INSTANT_S: Final = 0.001
 _IDLE: Final = "00"
@@ -289,6 +292,8 @@ class OutgoingConnection(Connection):
             answer = self.wait_for_frame(is_expected, patience.timeout_s(due, limit_s), message)
         except NoReply as error:
             error.owed = due.requirement
+            error.due = error.due or (due.name, Stage.RESULT if due.result else Stage.REPLY)
+            error.preparation = due.name != _SIGN_OF_LIFE
             if patience.given_up(due):
                 error.requirement, error.depends_on = due.requirement, self.dependency(due)
             if limit_s >= full_s and not self.ended:

@@ -20,7 +20,13 @@ from scaraspec.suite.controller.harness.requests.motion import (
     release_latch,
 )
 from scaraspec.suite.engine.connection import ReceivedFrame
-from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
+from scaraspec.suite.engine.expectations import (
+    CaseFailed,
+    CaseInconclusive,
+    CaseSkipped,
+    NoReply,
+    preparation,
+)
 from scaraspec.suite.program_files.layout import configured, find_layout, layout_in_use
 from scaraspec.suite.program_files.writing import wait_program
 from scaraspec.user_message import UserMessage
@@ -123,6 +129,7 @@ def expect_accepted(name: str, answer: ReceivedFrame) -> ReceivedFrame:
     )
 
 
+@preparation()
 def upload_wait_program(
     subject: ControllerUnderTest,
     line: OutgoingConnection,

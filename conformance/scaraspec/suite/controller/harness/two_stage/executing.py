@@ -17,7 +17,13 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.controller.harness.two_stage.results import poll_result
 from scaraspec.suite.engine.connection import ReceivedFrame
-from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
+from scaraspec.suite.engine.expectations import (
+    CaseFailed,
+    CaseInconclusive,
+    CaseSkipped,
+    NoReply,
+    preparation,
+)
 from scaraspec.suite.program_files.layout import configured, find_layout
 from scaraspec.suite.program_files.writing import wait_program
 from scaraspec.user_message import UserMessage
@@ -28,6 +34,7 @@ _LAG_S: Final = 0.1  # the final result may come this much later than the idle s
 _REST_S: Final = 1.0  # the status must be idle within this time after a final result
 
 
+@preparation()
 def store_wait_program(
     subject: ControllerUnderTest, line: OutgoingConnection, seconds: int, name: bytes = b""
 ) -> bytes:
