@@ -26,6 +26,7 @@ from scaraspec.report.model import (
     Subject,
     Tool,
 )
+from scaraspec.report.root_causes import root_causes
 from scaraspec.report.session import SessionStats
 from scaraspec.user_message import UserMessage
 
@@ -94,6 +95,7 @@ def from_audit(  # noqa: PLR0913 - what the results are made of
         requirements=requirements,
         cases=made,
         session=stats.session(),
+        causes=root_causes(made, Role.CAPTURE),
     )
 
 

@@ -1,6 +1,7 @@
-"""Failed step: the message that a failure is about; the attempts of a case.
+"""Failed step: the message that a failure is about; the attempts of a case; causes of failures.
 
-These values belong to the results. `evidence.step_of` determines the step.
+These values belong to the results. `evidence.step_of` determines the step, `root_causes` the
+causes.
 """
 
 from dataclasses import dataclass
@@ -68,3 +69,20 @@ class AttemptResult:
     message: str = ""
     late: bool = False
     stall_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class RootCause:
+    """Failures that probably have one cause.
+
+    Attributes:
+        case: The id of the failure to look at first.
+        requirements: The requirements that it violates, and those that the same bytes violate.
+        cases: The ids of all failures of the group, that one first.
+        prevented: The ids of the inconclusive cases that could not be judged because of it.
+    """
+
+    case: str
+    requirements: tuple[str, ...]
+    cases: tuple[str, ...]
+    prevented: tuple[str, ...] = ()

@@ -25,13 +25,9 @@ from scaraspec.protocol.readings import READINGS
 from scaraspec.report import formatting
 from scaraspec.report.files import write_whole
 from scaraspec.report.model import Case, CommandSeen, RequirementResult, Results, Session
-from scaraspec.report.ordering import (
-    UNSETTLED,
-    VERDICTS_BY_IMPORTANCE,
-    group_equal_cases,
-    most_important_first,
-)
+from scaraspec.report.ordering import UNSETTLED, VERDICTS_BY_IMPORTANCE, most_important_first
 from scaraspec.report.plots import WIDTH, LatencyPlot, timeline
+from scaraspec.report.root_causes import SummaryLine, summary
 from scaraspec.report.sanitizing import visible
 from scaraspec.report.segments import segments
 from scaraspec.report.translations import CLAUSE_TITLES, TRANSLATIONS, Language, Translation
@@ -47,7 +43,7 @@ _SIGNS: Final = {
 """Signs of the verdicts: a verdict is not shown by its colour alone."""
 
 _NS: Final = 1_000_000_000
-_MAX_TOP_CASES: Final = 5
+_MAX_TOP_LINES: Final = 5
 
 
 def write(results: Results, path: Path, language: Language = Language.ENGLISH) -> None:
@@ -70,7 +66,7 @@ def render(results: Results, language: Language = Language.ENGLISH) -> str:
             results=results,
             language=language.value,
             cases=cases,
-            top_cases=_top_cases(cases),
+            top_lines=_top_lines(results, cases),
             clauses=_clauses(results, cases),
             dialect=_open_points(results),
             verdicts=[v for v in VERDICTS_BY_IMPORTANCE if results.counts.get(v)],
@@ -81,11 +77,11 @@ def render(results: Results, language: Language = Language.ENGLISH) -> str:
     )
 
 
-def _top_cases(cases: list[Case]) -> list[tuple[int, Case, int]]:
-    """Return the most important cases: number on the page, case, and count of equal cases."""
+def _top_lines(results: Results, cases: list[Case]) -> list[tuple[int, SummaryLine]]:
+    """Return the most important lines of the summary, with the number of the case on the page."""
     numbered = {case.id: number for number, case in enumerate(cases)}
-    groups = group_equal_cases(case for case in cases if case.verdict in UNSETTLED)
-    return [(numbered[case.id], case, others) for case, others in groups[:_MAX_TOP_CASES]]
+    lines = [line for line in summary(results) if line.case.verdict in UNSETTLED]
+    return [(numbered[line.case.id], line) for line in lines[:_MAX_TOP_LINES]]
 
 
 def _by_opcode(session: Session) -> list[CommandSeen]:

@@ -18,7 +18,7 @@ from scaraspec.judge.verdicts import Cause, Conclusion, Reason, Verdict
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.codec import InvalidValueError, from_plain, to_plain
-from scaraspec.report.failed_step import AttemptResult, FailedStep
+from scaraspec.report.failed_step import AttemptResult, FailedStep, RootCause
 from scaraspec.report.files import write_whole
 from scaraspec.user_message import UserMessage
 
@@ -373,6 +373,7 @@ class Results:
         run: How the results were produced; None for results of schema 1.
         undecided: The number of findings of the judge that the traffic of a run does not decide,
             by requirement. They have no case and do not count.
+        causes: The failures, grouped by their probable cause; empty in files of earlier versions.
     """
 
     tool: Tool
@@ -387,6 +388,7 @@ class Results:
     notices: tuple[str, ...] = ()
     run: RunInfo | None = None
     undecided: Mapping[str, int] = field(default_factory=dict)
+    causes: tuple[RootCause, ...] = ()
 
     @property
     def judged(self) -> int:

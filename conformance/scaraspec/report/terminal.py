@@ -12,13 +12,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from scaraspec.judge.verdicts import Conclusion, Verdict
+from scaraspec.judge.verdicts import Conclusion
 from scaraspec.report.model import Case, Results
-from scaraspec.report.ordering import (
-    VERDICTS_BY_IMPORTANCE,
-    group_equal_cases,
-    most_important_first,
-)
+from scaraspec.report.ordering import VERDICTS_BY_IMPORTANCE
+from scaraspec.report.root_causes import SummaryLine, summary
 from scaraspec.report.sanitizing import visible
 
 _STYLES: Final = {
@@ -46,11 +43,9 @@ def show(results: Results, console: Console, *, findings: int = DEFAULT_FINDINGS
         console: The output; tables are drawn only if it is a terminal.
         findings: The maximum number of findings, the most important first.
     """
-    not_passed = [
-        case for case in most_important_first(results) if case.verdict is not Verdict.PASS
-    ]
-    shown = group_equal_cases(not_passed)[:findings]
-    hidden = len(not_passed) - sum(1 + others for _, others in shown)
+    lines = summary(results)
+    shown = lines[:findings]
+    hidden = sum(1 + line.others + line.prevented for line in lines[findings:])
     if console.is_terminal:
         _draw(results, shown, console)
     else:
@@ -65,19 +60,20 @@ def _text(text: str, style: str = "") -> Text:
     return Text(visible(text), style)
 
 
-def _lines(results: Results, shown: Sequence[tuple[Case, int]]) -> Iterator[str]:
+def _lines(results: Results, shown: Sequence[SummaryLine]) -> Iterator[str]:
     yield from results.notices
     yield f"{results.label}: {results.subject.title}"
     yield f"{_counts(results)}; {_coverage(results)}"
     yield from _not_judged(results)
     for side, dialect in _dialects(results):
         yield f"dialect of the {side}: {dialect}"
-    for case, others in shown:
-        parts = (case.verdict.value, _which(case, others), _what(case), _where(case))
+    for line in shown:
+        case = line.case
+        parts = (case.verdict.value, _which(line), _what(case), _where(case), *_remarks(line))
         yield " · ".join(filter(None, parts))
 
 
-def _draw(results: Results, shown: Sequence[tuple[Case, int]], console: Console) -> None:
+def _draw(results: Results, shown: Sequence[SummaryLine], console: Console) -> None:
     for notice in results.notices:
         console.print(_text(notice, "bold yellow"))
     verdict = results.verdict.value
@@ -99,9 +95,10 @@ def _draw(results: Results, shown: Sequence[tuple[Case, int]], console: Console)
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     for heading in ("verdict", "case", "finding", "where"):
         table.add_column(heading, overflow="fold")
-    for case, others in shown:
-        verdict = case.verdict.value
-        texts = map(_text, (_which(case, others), _what(case), _where(case)))
+    for each in shown:
+        case, verdict = each.case, each.case.verdict.value
+        what = "\n".join((_what(case), *_remarks(each)))
+        texts = map(_text, (_which(each), what, _where(case)))
         table.add_row(_text(verdict, _STYLES[verdict]), *texts)
     console.print()
     console.print(table)
@@ -147,8 +144,16 @@ def _dialects(results: Results) -> Iterator[tuple[str, str]]:
             yield side, ", ".join(observed) or "the default, as far as observed"
 
 
-def _which(case: Case, others: int) -> str:
-    return f"{case.id} and {others} more" if others else case.id
+def _which(line: SummaryLine) -> str:
+    return f"{line.name} and {line.others} more" if line.others else line.name
+
+
+def _remarks(line: SummaryLine) -> Iterator[str]:
+    """Yield what was not judged because of a failure, and its reproduction command."""
+    if line.prevented:
+        yield f"not judged because of it: {line.prevented}"
+    if line.replay:
+        yield line.replay
 
 
 def _what(case: Case) -> str:

@@ -66,6 +66,9 @@ TRANSLATIONS: Final[Mapping[str, Translation]] = MappingProxyType(
         ),
         "look_first": Translation("Most important findings", "首先查看"),
         "and_more": Translation("and {count} more", "及另外 {count} 项"),
+        "prevented": Translation(
+            "not judged because of it: {count}", "因此未能判定的用例：{count} 项"
+        ),
         # Verdicts of a case
         "none": Translation("not judged", "未判定"),
         "pass": Translation("pass", "通过"),

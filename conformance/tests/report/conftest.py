@@ -12,7 +12,7 @@ from scaraspec.judge.verdicts import Cause, Conclusion, Verdict
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.audit import from_audit
-from scaraspec.report.failed_step import FailedStep, Stage
+from scaraspec.report.failed_step import FailedStep, RootCause, Stage
 from scaraspec.report.model import (
     Case,
     CommandSeen,
@@ -98,6 +98,7 @@ FULL = Results(
         RequirementResult("8/1", Verdict.NONE),
     ),
     cases=_CASES,
+    causes=(RootCause("3/18", ("3/18",), ("3/18",), ("5.2/3",)),),
     session=Session(
         begun_ns=_NS,
         ended_ns=_NS + 4_080_000_000,
@@ -188,6 +189,7 @@ def hostile() -> Results:
         readings={HOSTILE: {HOSTILE: odd}},
         requirements=(RequirementResult(HOSTILE, Verdict.FAIL, (cases[0].id,)),),
         cases=cases,
+        causes=(RootCause(HOSTILE, (HOSTILE,), (HOSTILE,), (HOSTILE,)),),
         session=replace(
             session,
             connections=tuple(replace(c, name=HOSTILE, note=HOSTILE) for c in session.connections),

@@ -12,6 +12,7 @@ from scaraspec.report import terminal
 from scaraspec.report.model import Results
 
 WHERE = "connection 1, C2A byte 73, 7 bytes"
+REPLAY = "scaraspec certify controller tcp://robot --only 3/18"
 
 
 def shown(results: Results, *, as_terminal: bool = False, findings: int = 10) -> str:
@@ -36,7 +37,7 @@ def test_plain_lines_without_a_terminal(full: Results) -> None:
         f"{counts}; 12 examples; 3 of 7 requirements in scope judged",
         "dialect of the client: no_such_key=x",
         "dialect of the controller: endian=big+little (mixed)",
-        f"fail · 3/18 · run_program ended a second time {compared} · {WHERE}",
+        f"fail · 3/18 · run_program ended a second time {compared} · {WHERE} · {REPLAY}",
         "error · 9/9 · no such requirement",
         "inconclusive · 5.2/3 · the link was lost",
         "tolerated · 5.1/9 · (observed endian = big)",

@@ -21,6 +21,7 @@ from scaraspec.report.audit import readings_of
 from scaraspec.report.evidence import evidence_of, step_of
 from scaraspec.report.fingerprint import document_lines, fingerprint
 from scaraspec.report.model import Case, ReadingSeen, RequirementResult, Results, Role, Tool
+from scaraspec.report.root_causes import root_causes
 from scaraspec.report.session import SessionStats
 from scaraspec.suite.engine import case as cases
 from scaraspec.suite.engine.case_runner import Callbacks, CaseRunner
@@ -262,6 +263,7 @@ class Run(Generic[P]):
                 *undecided_notices(unsettled),
             ),
             undecided=unsettled,
+            causes=root_causes(made, adapter.role),
             run=model.RunInfo(
                 self._begun_ns,
                 self._subject.now_ns,

@@ -501,6 +501,9 @@ def test_a_dependency_fails_once(trial: Try) -> None:
     assert {case.step.dependency for case in (first, *prevented) if case.step} == {"3/31"}
     assert about.step
     assert (about.step.command, about.step.missing, about.step.dependency) == ("get_time", True, "")
+    (cause,) = results.causes
+    assert cause.cases == ("4.5/4", "4.6/2")
+    assert cause.prevented == ("4.7/2", "4.8/2")
 
 
 def test_a_failure_shows_its_own_frames(trial: Try) -> None:
