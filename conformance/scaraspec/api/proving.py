@@ -58,13 +58,19 @@ class KillMatrix:
 
     @property
     def counts(self) -> dict[str, int]:
-        """The numbers of mutants and of killed mutants, in total and of the subtle ones."""
+        """The numbers of mutants and of killed mutants, in total and of the subtle ones.
+
+        Also of the mutants whose failures are one group, and of those for which the first line of
+        the report names a requirement that they violate.
+        """
         killed = [(proof.subtle, bool(proof.killers)) for proof in self.proofs]
         return {
             "faults": len(killed),
             "killed": sum(dead for _, dead in killed),
             "subtle": sum(subtle for subtle, _ in killed),
             "subtle_killed": sum(subtle and dead for subtle, dead in killed),
+            "one_cause": sum(proof.one_cause for proof in self.proofs),
+            "named_first": sum(proof.named for proof in self.proofs),
         }
 
     def write(self, folder: Path) -> None:

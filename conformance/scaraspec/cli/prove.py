@@ -156,6 +156,12 @@ def _print_summary(matrix: KillMatrix) -> None:
             **matrix.counts
         )
     )
+    for name, what in (
+        ("one_cause", "all failures are one group"),
+        ("named_first", "the first line names a requirement that the mutant violates"),
+    ):
+        share = matrix.counts[name] / matrix.counts["faults"]
+        click.echo(f"{what}: {matrix.counts[name]} mutants ({share:.0%})")
 
 
 def _nothing_proved(reason: str) -> SystemExit:

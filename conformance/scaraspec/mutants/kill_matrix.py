@@ -52,6 +52,8 @@ class Proof:
         subtle: Whether the fault shows only in few situations; see `registry.Mutant`.
         failures: The message of each case that failed.
         killers: The failed cases of the requirements that the mutant violates.
+        causes: The number of groups of failures; see `report.root_causes`.
+        first: The requirements that the first line of the report names.
     """
 
     fault: str
@@ -60,6 +62,18 @@ class Proof:
     subtle: bool
     failures: Mapping[str, str]
     killers: tuple[str, ...]
+    causes: int
+    first: tuple[str, ...]
+
+    @property
+    def one_cause(self) -> bool:
+        """Whether all failures are one group."""
+        return self.causes == 1
+
+    @property
+    def named(self) -> bool:
+        """Whether the first line of the report names a requirement that the mutant violates."""
+        return not set(self.first).isdisjoint(self.requirements)
 
     def plain(self) -> dict[str, object]:
         """Return the fields as a dictionary for JSON."""
@@ -73,7 +87,8 @@ def prove_mutant(name: str, role: Role, options: Options, *, quick: bool) -> Pro
     violated = frozenset(fault.requirements)
     if quick:
         options = replace(options, only=violated)
-    failed = [case for case in suite.prove(options, fault).cases if case.verdict is Verdict.FAIL]
+    results = suite.prove(options, fault)
+    failed = [case for case in results.cases if case.verdict is Verdict.FAIL]
     return Proof(
         name,
         fault.sentence,
@@ -81,6 +96,8 @@ def prove_mutant(name: str, role: Role, options: Options, *, quick: bool) -> Pro
         fault.subtle,
         {case.id: case.message for case in failed},
         tuple(case.id for case in failed if violated & set(case.requirements)),
+        len(results.causes),
+        results.causes[0].requirements if results.causes else (),
     )
 
 
