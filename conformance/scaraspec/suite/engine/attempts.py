@@ -3,7 +3,9 @@
 A failure must not depend on one delayed message. A failure of an attempt in which every message
 came in time rests on received bytes: it is final, and the case is repeated once to report whether
 it is reproducible. A failure of an attempt in which a message was missing or late must occur in two
-attempts. An attempt during which this machine stalled proves nothing, unless it passed.
+attempts. A case that is never repeated waits longer for the message instead: a late message proves
+nothing, a missing one fails the case. An attempt during which this machine stalled proves nothing,
+unless it passed.
 """
 
 from collections.abc import Sequence
@@ -31,12 +33,14 @@ class Attempt:
         outcome: The outcome of this attempt alone.
         violated: The requirements that the judge found violated during it, and not before.
         late: Whether a message was missing or late during it.
+        delayed: Whether a message that was due came late, and the case is not repeated.
         stall_s: The longest time for which this machine stalled during it, in seconds; 0 for none.
     """
 
     outcome: Outcome
     violated: frozenset[str] = frozenset()
     late: bool = False
+    delayed: bool = False
     stall_s: float = 0.0
 
     @property
@@ -108,7 +112,7 @@ def _settled(attempts: Sequence[Attempt], *, repeatable: bool) -> Outcome:
     if not failed:
         return valid[-1].outcome
     confirmed = len(failed) >= _CONFIRMED or not all(attempt.late for attempt in failed)
-    if confirmed or not repeatable:
+    if confirmed or not (repeatable or failed[0].delayed):
         outcome, number = failed[0].outcome, attempts.index(failed[0]) + 1
         return replace(outcome, step=outcome.step and replace(outcome.step, attempt=number))
     return _inconclusive(

@@ -286,7 +286,7 @@ class CaseRunner:
             restore_knowledge = self.subject.checkpoint()
             attempts.append(again())
             last = attempts[-1]
-            repeatable = self._is_repeatable(case, last.outcome)
+            repeatable = self._is_repeatable(case, (last.outcome.requirement,))
             self.subject.observer.attempt.repeatable = repeatable
             if last.valid and (last.failed or last.violated) and not checked:
                 checked = True
@@ -296,8 +296,8 @@ class CaseRunner:
                 return self._unless_dependency(settle(attempts, repeatable=repeatable))
             restore_knowledge()
 
-    def _is_repeatable(self, case: Case, outcome: Outcome) -> bool:
-        """Whether a case may be repeated after this outcome.
+    def _is_repeatable(self, case: Case, failed: Sequence[str]) -> bool:
+        """Whether a case may be repeated after a failure of these requirements.
 
         A case is not repeated after a failure of the emergency stop, if it is destructive, or if it
         needs an operator.
@@ -308,7 +308,7 @@ class CaseRunner:
             or Hazard.DESTRUCTIVE in case.hazards
             or self.options.attended
             or self.subject.stop_failure
-            or outcome.requirement.startswith("4.17/")
+            or any(requirement.startswith("4.17/") for requirement in failed)
         )
 
     def _disturbance(self, attempt: Attempt, again: Callable[[], Attempt]) -> str:
@@ -360,7 +360,7 @@ class CaseRunner:
     def _attempt(self, case: Case, item: pytest.Item, nextitem: pytest.Item | None) -> Attempt:
         """Try a case once; findings that span a stall of this machine are dropped."""
         observer = self.subject.observer
-        observer.begin(case.id)
+        observer.begin(case.id, repeatable=self._is_repeatable(case, case.requirements[:1]))
         self._callbacks.stalls()
         since = len(observer.findings)
         with observed_by(lambda: observer.moment):
@@ -371,6 +371,7 @@ class CaseRunner:
             outcome,
             frozenset(self._found(since)),
             bool(observer.attempt.late),
+            observer.attempt.delayed,
             max((stall.duration_s for stall in stalls), default=0.0),
         )
 

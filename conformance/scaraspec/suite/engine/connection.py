@@ -22,6 +22,8 @@ from scaraspec.transports.link import Arrival, Ending, Link, LinkError
 from scaraspec.user_message import UserMessage
 
 _NS: Final = 1_000_000_000
+_MAX_DELAY_S: Final = 25.0
+"""How much longer the suite waits for a late message, in seconds."""
 _FLOOD_BYTES: Final = 2**16
 _FLOOD_RATIO: Final = 64
 """A subject floods if it sends more than this plus this multiple of what the suite sent last."""
@@ -177,6 +179,21 @@ class Connection:
                 timeout = "" if self.ending else f" in {within_s:g} s"
                 unfinished = " completely" if self.unfinished else ""
                 raise self.no_reply_error(f"{message}{unfinished}{timeout}")
+
+    def await_late(self, is_due: Callable[[FrameSeen], bool]) -> None:
+        """Wait longer for a frame that was due, if the attempt is not repeated; see `attempts`.
+
+        Args:
+            is_due: Whether a frame is the one that was due.
+        """
+        attempt = self._owner.observer.attempt
+        if attempt.repeatable:
+            return
+        deadline_s = self.link.now_s + _MAX_DELAY_S
+        while not any(map(is_due, self.inbox)):
+            if self.link.now_s > deadline_s or not self._more(deadline_s):
+                return
+        attempt.delayed = True
 
     def wait_for_any(self, within_s: float) -> bool:
         """Wait for a frame and leave it in the inbox; return whether one is there."""

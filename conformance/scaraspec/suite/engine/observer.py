@@ -43,11 +43,14 @@ class ObservedAttempt:
         case: The id of the case; empty between cases.
         late: The connections on which a message was missing or late.
         repeatable: The case may be repeated after this attempt.
+        delayed: A message that was due came after its timeout. Noted only if the attempt is not
+            repeatable: such a failure proves nothing, and no further attempt can confirm it.
     """
 
     case: str
     late: set[str] = field(default_factory=set)
     repeatable: bool = True
+    delayed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,9 +133,9 @@ class Observer:
         """The id of the running case; empty between cases."""
         return self.attempt.case
 
-    def begin(self, case: str) -> None:
+    def begin(self, case: str, *, repeatable: bool = True) -> None:
         """Begin an attempt of a case; an empty id ends it."""
-        self.attempt = ObservedAttempt(case)
+        self.attempt = ObservedAttempt(case, repeatable=repeatable)
         self.recent.clear()
 
     def report_late(self, connection: str) -> None:

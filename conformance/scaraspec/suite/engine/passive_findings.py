@@ -50,6 +50,7 @@ def undecided(findings: Iterable[CaseFinding]) -> dict[str, int]:
 
 def is_confirmed(findings: Iterable[CaseFinding]) -> bool:
     """Return whether equal findings rest on received bytes, or were found in two attempts."""
-    if any(not each.late or not each.attempt.repeatable for each in findings):
-        return True
+    for each in findings:
+        if not each.late or not (each.attempt.repeatable or each.attempt.delayed):
+            return True
     return len({id(each.attempt) for each in findings}) > 1

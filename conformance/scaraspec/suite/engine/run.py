@@ -176,13 +176,20 @@ class Run(Generic[P]):
             self.case_runner.give_up(self.start_failure)
 
     def _begun(self) -> Mapping[str, Any]:
-        """The state of the subject; a client that reports a wrong state has failed."""
+        """The state of the subject; a client that reports a wrong state has failed.
+
+        A second attempt is made, for a controller only if a message was missing or late.
+        """
         try:
             return self.adapter.begin(self._subject)
         except CaseFailed as error:
-            if not error.requirement or self.adapter.role is not Role.CLIENT:
+            if self.adapter.role is Role.CONTROLLER:
+                if not self._observer.attempt.late:
+                    raise
+            elif error.requirement:
+                self.case_runner.outcomes.append(_wrong_from_the_start(error))
+            else:
                 raise
-            self.case_runner.outcomes.append(_wrong_from_the_start(error))
             self._subject.close_lines()
             return self.adapter.begin(self._subject)
 

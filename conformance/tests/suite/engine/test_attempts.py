@@ -1,8 +1,10 @@
 """When a case is repeated, and what follows from its attempts."""
 
+from dataclasses import replace
+
 import pytest
 
-from scaraspec.judge.verdicts import Verdict
+from scaraspec.judge.verdicts import Reason, Verdict
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.engine.attempts import Attempt, needs_another, settle
 from scaraspec.suite.engine.case import Case
@@ -53,6 +55,12 @@ def test_attempts(attempts: str, verdict: Verdict) -> None:
 def test_a_failure_that_cannot_be_repeated_counts() -> None:
     """A destructive case is tried once: its failure stands."""
     assert settle([KINDS["L"]], repeatable=False).verdict is Verdict.FAIL
+
+
+def test_a_late_message_in_a_case_that_is_not_repeated_proves_nothing() -> None:
+    """The message came while the case waited for it longer."""
+    delayed = replace(KINDS["L"], delayed=True)
+    assert settle([delayed], repeatable=False).reason is Reason.INTERMITTENT
 
 
 def test_messages() -> None:

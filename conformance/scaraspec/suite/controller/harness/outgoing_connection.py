@@ -37,6 +37,7 @@ _POLL_S: Final = 0.05
 _LATE_S: Final = 0.3  # a final result may come this much later than the idle status
 _BRIEF_S: Final = 0.5  # a wait of at most this time is not shortened
 _SHORT_REPLIES: Final = 45  # this many status replies fill the longest frame
+_STOPPED: Final = ExpectedReply("emergency_stop")  # not awaited any longer: the robot may move
 _LAG_WAITS: Final = 3  # during a wait the state may change once more
 _NS: Final = 1e9
 _NAME_OPCODES: Final = frozenset(BY_NAME[name].opcode for name in NAMES)
@@ -296,6 +297,8 @@ class OutgoingConnection(Connection):
             error.preparation = due.name != _SIGN_OF_LIFE
             if patience.given_up(due):
                 error.requirement, error.depends_on = due.requirement, self.dependency(due)
+            elif due != _STOPPED:
+                self.await_late(is_expected)
             if limit_s >= full_s and not self.ended:
                 patience.note_timeout(due)
             raise
@@ -365,14 +368,19 @@ class OutgoingConnection(Connection):
         self.inbox.clear()
         opcode = BY_NAME["get_status"].opcode
         deadline_s = self.link.now_s + self._subject.reply_s
+
+        def is_reply(seen: FrameSeen) -> bool:
+            return seen.frame.opcode == opcode and not seen.frame.tagged
+
         while True:
             while self.inbox:
                 seen = self.inbox.pop(0)
-                if seen.frame.opcode == opcode and not seen.frame.tagged:
+                if is_reply(seen):
                     return before
                 before.append(seen)
             if not self._more(deadline_s):
                 self.inbox[:0] = before
+                self.await_late(is_reply)
                 raise self.no_reply_error("get_status was not answered")
 
     def collect_replies(self) -> list[FrameSeen]:
