@@ -28,6 +28,7 @@ MATRIX: Final = "kill-matrix.{role}.json"
 EVERYTHING: Final = Options(allowed=ALL, undefined=True, exhaustive=True)
 """Options of a proof: all hazards, as the implementations are simulated."""
 
+_SLOWEST: Final = 10  # so many mutants are published with their durations
 _RUNS: Final = 50  # per worker process: pytest and hypothesis keep some memory of each run
 
 
@@ -73,6 +74,12 @@ class KillMatrix:
             "named_first": sum(proof.named for proof in self.proofs),
         }
 
+    @property
+    def slowest(self) -> dict[str, float]:
+        """The simulated durations of the mutants that took longest, in seconds."""
+        longest = sorted(self.proofs, key=lambda proof: proof.duration_s, reverse=True)
+        return {proof.fault: proof.duration_s for proof in longest[:_SLOWEST]}
+
     def write(self, folder: Path) -> None:
         """Write ``kill-matrix.ROLE.json`` into a folder, which is created if it is missing.
 
@@ -87,6 +94,7 @@ class KillMatrix:
             "counts": {**self.counts, "cases": len(self.cases), "idle": len(self.idle)},
             "faults": [proof.plain() for proof in self.proofs],
             "idle": list(self.idle),
+            "slowest": self.slowest,
         }
         text = json.dumps(matrix, ensure_ascii=False, indent=1) + "\n"
         write_whole(folder / MATRIX.format(role=self.role.value), text)

@@ -19,6 +19,8 @@ from scaraspec.suite.engine.plan import Options
 _WRONG: Final = frozenset({("err_sep", "space"), ("prelogin", "all")})
 """Readings that fail: a space as the separator (A-0-2), all commands before a login (A-4-4)."""
 
+_NS: Final = 1e9
+
 _ALARMING: Final = (Verdict.INCONCLUSIVE, Verdict.FAIL, Verdict.ERROR)
 
 
@@ -54,6 +56,7 @@ class Proof:
         killers: The failed cases of the requirements that the mutant violates.
         causes: The number of groups of failures; see `report.root_causes`.
         first: The requirements that the first line of the report names.
+        duration_s: The duration of the run in simulated time, in seconds.
     """
 
     fault: str
@@ -64,6 +67,7 @@ class Proof:
     killers: tuple[str, ...]
     causes: int
     first: tuple[str, ...]
+    duration_s: float
 
     @property
     def one_cause(self) -> bool:
@@ -88,6 +92,7 @@ def prove_mutant(name: str, role: Role, options: Options, *, quick: bool) -> Pro
     if quick:
         options = replace(options, only=violated)
     results = suite.prove(options, fault)
+    assert results.run is not None, "the results of a run state its times"
     failed = [case for case in results.cases if case.verdict is Verdict.FAIL]
     return Proof(
         name,
@@ -98,6 +103,7 @@ def prove_mutant(name: str, role: Role, options: Options, *, quick: bool) -> Pro
         tuple(case.id for case in failed if violated & set(case.requirements)),
         len(results.causes),
         results.causes[0].requirements if results.causes else (),
+        duration_s=round((results.run.ended_ns - results.run.begun_ns) / _NS, 1),
     )
 
 

@@ -51,6 +51,9 @@ def test_a_sample_of_the_mutants_is_killed(processes: Any, tmp_path: Path, role:
     assert counts["named_first"] >= 0.8 * counts["faults"]
     assert f"all failures are one group: {counts['one_cause']} mutants" in done.stdout
     assert matrix["without_fault"] == "no-violation-found"  # a part of the suite
+    durations_s = {fault["fault"]: fault["duration_s"] for fault in matrix["faults"]}
+    assert [*matrix["slowest"].values()] == sorted(durations_s.values(), reverse=True)[:10]
+    assert matrix["slowest"].items() <= durations_s.items()
 
 
 @pytest.mark.parametrize("role", [Role.CONTROLLER, Role.CLIENT])
