@@ -94,6 +94,11 @@ class ByteStream:
         return end if self._fin is None else min(end, self._fin)
 
     @property
+    def queued_end(self) -> int:
+        """Position after the events that were delivered; the end (FIN) occupies one position."""
+        return self.next + self.ended
+
+    @property
     def offset_bytes(self) -> int:
         """Stream offset of the next byte to deliver; -1 while the start is unknown."""
         return -1 if self.start is None else self.next - self.start
@@ -159,7 +164,7 @@ class ByteStream:
             self.ended = True
             self._waiting.clear()
             self.held_bytes = 0
-            yield self._ready(Kind.HALF_CLOSED, self._fin_at, self.next)
+            yield self._ready(Kind.HALF_CLOSED, self._fin_at, self.queued_end)
 
     def uncertainty(self, at: PacketTime, note: str) -> OrderedEvent:
         """Return a gap of zero bytes: no byte is missing, but earlier traffic is not reliable."""

@@ -392,7 +392,7 @@ class Reassembler:
         while self._queue and (oldest is None or self._queue[0][0] < oldest.since):
             _, _, stream, peer = self._queue[0]
             if stream.ready and stream.ready[0].acknowledged_peer > peer.released:
-                if peer.ready:
+                if peer.ready and peer.released < peer.queued_end:
                     events.append(self._release_next(peer))
                     continue
                 if peer in self._holes:

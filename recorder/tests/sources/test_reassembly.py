@@ -373,6 +373,29 @@ def test_sequence_numbers_wrap() -> None:
     check_order(events)
 
 
+def test_a_reply_that_acknowledges_a_fin_precedes_the_reset() -> None:
+    """It has its own time, also while another connection waits for missing bytes."""
+    other = Endpoint(CLIENT.address, CLIENT.port + 1)
+    missing = [segment._replace(src=other) for segment in (a2c(1, -1, flags=SYN), a2c(1, 4, b"x"))]
+    events = run(
+        [
+            *handshake(),
+            *missing,
+            a2c(2, 0, REQUEST),
+            a2c(3, 4, flags=FIN | ACK),
+            c2a(4, 0, REPLY, ack=5),
+            a2c(5, 5, flags=RST),
+        ]
+    )
+    assert [(event.time_ns, event.kind) for event in events if event.connection == "1"] == [
+        (0, Kind.OPENED),
+        (2, Kind.BYTES),
+        (3, Kind.HALF_CLOSED),
+        (4, Kind.BYTES),
+        (5, Kind.RESET),
+    ]
+
+
 def test_a_late_capture_begins_with_gaps() -> None:
     """An unknown number of bytes is missing; offsets start with the first captured byte."""
     note = f"the capture begins mid-stream ({ADDRESSES})"
