@@ -58,11 +58,12 @@ def audit(  # noqa: PLR0913 - independent options of an audit
         progress: Called from time to time with the number of events judged so far.
 
     Returns:
-        The results, and one sentence for each defect of the file. If the file's byte counts are
-        wrong, the results are inconclusive at best.
+        The results, and one sentence for each defect of the file. If the file is not whole, the
+        results are inconclusive at best.
 
     Raises:
-        CaptureError: The file cannot be read, or its description of the subject is invalid.
+        CaptureError: The file cannot be read, holds several recordings, or its description of the
+            subject is invalid.
         ReadingError: A reading does not exist.
         UrlError: The URL in the ICS is invalid.
     """
@@ -80,6 +81,14 @@ def audit(  # noqa: PLR0913 - independent options of an audit
         if number % _EVENTS_PER_UPDATE == 0:
             progress(number)
     listener.take(judge.close())
+    if isinstance(capture, McapCapture) and capture.summary.merged:
+        raise CaptureError(
+            UserMessage(
+                "{path} holds several recordings, perhaps of different controllers: audit each "
+                "recording by itself",
+                path=file,
+            )
+        )
     results = from_audit(
         judge,
         listener.stats,
@@ -90,8 +99,7 @@ def audit(  # noqa: PLR0913 - independent options of an audit
         excluded=excluded_requirements(listener.served),
     )
     results = replace(results, notices=tuple(_notices(subject, judge, listener)))
-    counts_match = not (isinstance(capture, McapCapture) and capture.summary.wrong_accounts)
-    if not counts_match and results.verdict is not Conclusion.NONCONFORMANT:
+    if not capture.summary.whole and results.verdict is not Conclusion.NONCONFORMANT:
         results = replace(results, verdict=Conclusion.INCONCLUSIVE)
     has_frames = results.session and results.session.frames
     if results.verdict.good and not has_frames:

@@ -106,5 +106,5 @@ def command(source: Path, target: Path, port: int | None) -> None:
         raise
     for note in capture.summary.notes:
         click.echo(f"{source}: {note}", err=True)
-    if capture.summary.notes:
+    if not capture.summary.whole:
         raise SystemExit(ExitStatus.INCONCLUSIVE)

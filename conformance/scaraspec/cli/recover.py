@@ -25,8 +25,9 @@ EXAMPLE = "Example: scaraspec recover captures/*.mcap"
 def command(files: tuple[Path, ...]) -> None:
     """Repair recordings (.mcap) in place, and write missing or incomplete .rrd files.
 
-    Prints for each FILE what was kept and what was lost. An intact file is not changed. Exit
-    status 0 if all files were intact, 3 if anything was lost.
+    Prints for each FILE what was kept and what was lost. If more than the end of FILE was damaged,
+    the damaged file is kept as FILE.damaged. An intact file is not changed. Exit status 0 if all
+    files were intact, 3 if anything was lost.
     """
     whole = True
     for file in files:
@@ -68,6 +69,8 @@ def _print_summary(report: RepairReport) -> None:
     click.echo(f"{report.path}: {found}, {report.events} events{last}")
     for note in report.notes:
         click.echo(f"  {note}")
+    if report.original:
+        click.echo(f"  the damaged file is kept as {report.original}")
 
 
 def _draw(report: RepairReport) -> None:

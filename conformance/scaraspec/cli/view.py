@@ -26,7 +26,7 @@ from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.recordings.capture import write_rrd
 from scaraspec_recorder.recordings.recovery import has_complete_rrd, locked_folder, rebuild_rrd
-from scaraspec_recorder.recordings.repair import repair
+from scaraspec_recorder.recordings.repair import inspect
 from scaraspec_recorder.sources.capture import McapCapture, open_capture
 
 EXAMPLE = "Example: scaraspec view captures/capture.mcap"
@@ -48,16 +48,16 @@ _AGAIN_S: Final = 0.2
 def command(file: Path, port: int | None, at: str | None) -> None:
     """Open FILE in the Rerun viewer: a recording (.mcap, .rrd), or a pcap or pcapng.
 
-    A missing .rrd is written first: for a recording beside it, for other captures into a temporary
-    file. A recording whose recorder was killed is repaired first. A recording in progress is shown
-    as far as it has been written. The command ends when the viewer is closed.
+    A missing .rrd is written first: for an intact recording beside it, for other captures into a
+    temporary file. FILE is never changed. A recording in progress is shown as far as it has been
+    written. The command ends when the viewer is closed. Exit status 3 if FILE is incomplete.
     """
     at_ns = _instant_ns(at) if at else None
     if not has_viewer():
         raise Problem(NO_VIEWER)
     with tempfile.TemporaryDirectory(prefix="scaraspec-") as scratch:
         try:
-            drawn = _drawn(file, port, Path(scratch) / f"{file.stem}.rrd")
+            drawn, whole = _drawn(file, port, Path(scratch) / f"{file.stem}.rrd")
         except CaptureError as error:
             raise Problem(str(error)) from None
         except OSError as error:
@@ -67,6 +67,8 @@ def command(file: Path, port: int | None, at: str | None) -> None:
                 )
             ) from None
         _show(drawn, at_ns)
+    if not whole:
+        raise SystemExit(ExitStatus.INCONCLUSIVE)
 
 
 def _instant_ns(text: str) -> int:
@@ -89,27 +91,24 @@ def _instant_ns(text: str) -> int:
     return round(instant.replace(tzinfo=instant.tzinfo or UTC).timestamp() * _NS)
 
 
-def _drawn(file: Path, port: int | None, scratch: Path) -> Path:
-    """Return the .rrd of a capture; it is written to `scratch` if no better place exists."""
+def _drawn(file: Path, port: int | None, scratch: Path) -> tuple[Path, bool]:
+    """Return the .rrd of a capture, written to `scratch` if necessary, and whether it is whole."""
     with suppress(OSError), file.open("rb") as opened:
         if opened.read(len(_RRD_MAGIC)) == _RRD_MAGIC:
-            return file
+            return file, True
     capture = open_capture(file, port=port)
     if isinstance(capture, McapCapture):
         try:
             with locked_folder(file.resolve().parent):
-                report = repair(file)
-                for note in report.notes:
-                    click.echo(visible(f"{file}: {note}"), err=True)
-                drawn = file.with_suffix(".rrd")
-                whole = has_complete_rrd(drawn) and not report.repaired
-                return drawn if whole else rebuild_rrd(file)
+                drawn, summary = file.with_suffix(".rrd"), inspect(file)
+                if summary.whole:
+                    return (drawn if has_complete_rrd(drawn) else rebuild_rrd(file)), True
         except OSError as error:
-            click.echo(f"{file} is shown without repair: {error.strerror or error}", err=True)
+            click.echo(f"{file} is drawn elsewhere: {error.strerror or error}", err=True)
     write_rrd(capture, scratch, needs_login=capture.needs_login)
     for note in capture.summary.notes:
         click.echo(visible(f"{file}: {note}"), err=True)
-    return scratch
+    return scratch, capture.summary.whole
 
 
 def _show(drawn: Path, at_ns: int | None) -> None:

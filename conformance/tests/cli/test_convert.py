@@ -80,6 +80,13 @@ def test_what_is_torn_is_converted_as_far_as_it_goes(
     assert (tmp_path / "c.pcapng").exists()
 
 
+def test_packets_in_another_order(processes: Any, fixtures_dir: Path, tmp_path: Path) -> None:
+    """Nothing is missing: the file is whole, as for `audit`."""
+    source = fixtures_dir / "captures" / "cases" / "two-packets-swapped.pcap"
+    done = processes.run("convert", f"{source}", f"{tmp_path / 'a.mcap'}")
+    assert (done.returncode, "not in the order of time: 1" in done.stderr) == (0, True)
+
+
 @pytest.mark.parametrize(
     ("source", "target", "says"),
     [

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from mcap.reader import make_reader
 
 
 @pytest.fixture
@@ -27,7 +28,44 @@ def test_a_torn_recording(processes: Any, recording: Path) -> None:
     assert notes[-1] == f"  {recording.with_suffix('.rrd')} written again"
     again = processes.run("recover", str(recording))
     assert again.returncode == 0
-    assert again.stdout.splitlines() == [first.replace("repaired", "whole")]
+    whole, note = again.stdout.splitlines()
+    assert whole == first.replace("repaired", "whole")
+    assert note.startswith("  the file was repaired earlier: the file was not closed")
+    judged = processes.run("audit", str(recording))
+    assert judged.returncode == 3 or "nonconformant" in judged.stdout
+    assert "the file was repaired earlier" in judged.stderr
+
+
+def test_a_damaged_recording_is_kept(processes: Any, fixtures_dir: Path, tmp_path: Path) -> None:
+    """The repaired file has all messages; later readers report the repair."""
+    path = tmp_path / "capture.mcap"
+    damaged = (fixtures_dir / "captures" / "cases" / "one-flipped-bit.mcap").read_bytes()
+    path.write_bytes(damaged)
+    done = processes.run("recover", str(path))
+    assert done.returncode == 3, done.stderr
+    assert f"the damaged file is kept as {path}.damaged" in done.stdout
+    assert (tmp_path / "capture.mcap.damaged").read_bytes() == damaged
+    with path.open("rb") as file:
+        summary = make_reader(file, validate_crcs=True).get_summary()
+    assert summary
+    assert summary.statistics
+    assert summary.statistics.message_count == 15005
+    assert processes.run("recover", str(path)).returncode == 0
+    judged = processes.run("audit", str(path))
+    assert (judged.returncode, "was repaired earlier" in judged.stderr) == (3, True)
+
+
+@pytest.mark.parametrize("name", ["lz4-compressed", "sequence-always-zero"])
+def test_a_recording_of_another_writer(
+    processes: Any, fixtures_dir: Path, tmp_path: Path, name: str
+) -> None:
+    """It needs no repair and is not changed."""
+    path = tmp_path / "capture.mcap"
+    content = (fixtures_dir / "captures" / "cases" / f"{name}.mcap").read_bytes()
+    path.write_bytes(content)
+    done = processes.run("recover", str(path))
+    assert done.returncode == 0, done.stdout
+    assert path.read_bytes() == content
 
 
 @pytest.mark.parametrize("cut", [0, -40])

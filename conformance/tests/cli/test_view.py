@@ -49,16 +49,14 @@ def test_packets_are_drawn_for_this_once(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_torn_recording_is_repaired_and_drawn_beside(
+def test_a_recording_is_drawn_beside(
     processes: Any, fixtures_dir: Path, shown: Path, tmp_path: Path
 ) -> None:
-    """The missing extra is reported; the second time the .rrd exists."""
+    """The second time the .rrd exists."""
     source = fixtures_dir / "captures" / "field" / "complaint-1.pcapng"
     recording = tmp_path / "a.mcap"
     processes.run("convert", str(source), str(recording))
-    recording.write_bytes(recording.read_bytes()[:-100])
-    done = processes.run("view", str(recording))
-    assert "was not closed" in done.stderr
+    assert processes.run("view", str(recording)).returncode == 0
     drawn = recording.with_suffix(".rrd")
     assert given(shown) == str(drawn)
     stamp = drawn.stat().st_mtime_ns
@@ -66,6 +64,23 @@ def test_a_torn_recording_is_repaired_and_drawn_beside(
     assert (again.returncode, again.stderr) == (0, "")
     assert processes.run("view", str(drawn)).returncode == 0
     assert (given(shown), drawn.stat().st_mtime_ns) == (str(drawn), stamp)
+
+
+def test_a_torn_recording_is_not_changed(
+    processes: Any, fixtures_dir: Path, shown: Path, tmp_path: Path
+) -> None:
+    """It is drawn elsewhere, what is missing is reported, and the exit status is 3."""
+    source = fixtures_dir / "captures" / "field" / "complaint-1.pcapng"
+    recording = tmp_path / "a.mcap"
+    processes.run("convert", str(source), str(recording))
+    torn = recording.read_bytes()[:-100]
+    recording.write_bytes(torn)
+    done = processes.run("view", str(recording))
+    assert done.returncode == 3
+    assert "torn or damaged" in done.stderr
+    assert given(shown) != str(recording.with_suffix(".rrd"))
+    assert recording.read_bytes() == torn
+    assert list(tmp_path.iterdir()) == [recording]
 
 
 def test_a_recording_that_is_being_made(

@@ -26,7 +26,8 @@ from scaraspec_recorder.recordings.repair import is_full, repair
 from scaraspec_recorder.sinks.file_names import is_recording_name
 from scaraspec_recorder.sinks.mcap import schemas
 from scaraspec_recorder.sinks.own_files import REBUILT, is_own, temporary_file
-from scaraspec_recorder.sources.mcap_reader import McapSummary, RawLayerReader, read_records
+from scaraspec_recorder.sources.mcap_reader import RawLayerReader
+from scaraspec_recorder.sources.mcap_records import McapSummary, read_records
 
 FILE_NAME: Final = "contents.jsonl"
 

@@ -1,7 +1,8 @@
 """Repairs a recording whose writer was killed or whose disk was full.
 
 All intact records are kept, and nothing is guessed. The repaired file replaces the damaged one
-atomically. Lost data is described in the report and in the file (metadata ``recovered``).
+atomically. If more than its end was damaged, the damaged file is kept beside it. Lost data is
+described in the report and in the file (metadata ``recovered``).
 """
 
 import os
@@ -13,13 +14,15 @@ from typing import BinaryIO, Final
 
 from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metadata, Schema
 
+from scaraspec.user_message import UserMessage
+from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.sinks import own_files
 from scaraspec_recorder.sinks.byte_accounting import ByteAccounting
 from scaraspec_recorder.sinks.mcap.chunk_writer import ChunkWriter
-from scaraspec_recorder.sources.mcap_reader import McapSummary, RawLayerReader, read_records
+from scaraspec_recorder.sources.mcap_reader import RawLayerReader
+from scaraspec_recorder.sources.mcap_records import RECOVERED, McapSummary, read_records
 
-RECOVERED: Final = "recovered"
-
+_ORIGINAL: Final = ".damaged"
 _FULL_DISK_BYTES: Final = 1 << 16
 
 
@@ -32,7 +35,9 @@ class RepairReport:
         repaired: Whether the file was rewritten; False if it was intact.
         events: Number of raw events in the file.
         last_ns: Time of the last event, in nanoseconds since the Unix epoch; 0 without events.
-        notes: One sentence for each kind of data that was or may have been lost.
+        notes: One sentence for each kind of data that was or may have been lost, also if an
+            earlier repair noted it.
+        original: The damaged file, if it was kept.
     """
 
     path: Path
@@ -40,28 +45,69 @@ class RepairReport:
     events: int
     last_ns: int
     notes: tuple[str, ...]
+    original: Path | None = None
 
 
 def repair(path: Path) -> RepairReport:
     """Repair a recording in place if necessary. Needs disk space for a second copy.
 
     Raises:
-        CaptureError: The file cannot be read, or is not a recording of this tool.
+        CaptureError: The file cannot be read, is not a recording of this tool, or has data that
+            this version cannot read.
         OSError: The repaired file cannot be written; the damaged one remains unchanged.
     """
-    summary = _copy(path, None)
-    if not summary.whole:
+    summary, original = inspect(path), None
+    earlier = tuple(summary.earlier_losses())
+    if not summary.intact:
+        if summary.unsupported:
+            raise CaptureError(
+                UserMessage(
+                    "{path} is damaged and was not repaired: {notes}",
+                    path=path,
+                    notes="; ".join(summary.notes),
+                )
+            )
         repaired = own_files.temporary_file(path, own_files.RECOVERED)
         try:
             with repaired.open("wb") as file:
-                summary = _copy(path, file)
+                _copy(path, file)
                 os.fsync(file.fileno())
+            if summary.damaged:
+                original = _keep(path)
             repaired.replace(path)
         finally:
             repaired.unlink(missing_ok=True)
         _sync_folder(path.parent)
-    notes = tuple(summary.notes)
-    return RepairReport(path, not summary.whole, summary.events, summary.last_ns, notes)
+    return RepairReport(
+        path,
+        not summary.intact,
+        summary.events,
+        summary.last_ns,
+        (*summary.notes, *earlier),
+        original,
+    )
+
+
+def inspect(path: Path) -> McapSummary:
+    """Read a recording without its repair; `summary.intact` states whether it needs one.
+
+    Raises:
+        CaptureError: The file cannot be read, or is not a recording of this tool.
+    """
+    return _copy(path, None)
+
+
+def _keep(path: Path) -> Path:
+    """Give the damaged file a second name, or copy it. Return the path."""
+    original, number = path.with_name(f"{path.name}{_ORIGINAL}"), 1
+    while original.exists():
+        number += 1
+        original = path.with_name(f"{path.name}{_ORIGINAL}-{number}")
+    try:
+        original.hardlink_to(path)
+    except OSError:  # a file system without links
+        shutil.copy2(path, original)
+    return original
 
 
 def is_full(folder: Path) -> bool:
@@ -95,7 +141,7 @@ class _Copier:
     """Copies records into another file with new schema and channel numbers."""
 
     def __init__(self, file: BinaryIO, header: Header) -> None:
-        self._writer = ChunkWriter(file, header.library)
+        self._writer = ChunkWriter(file, header.library, header.profile)
         self._schemas: dict[int, int] = {0: 0}
         self._channels: dict[int, int] = {}
         self._metadata: set[str] = set()
@@ -106,7 +152,13 @@ class _Copier:
         match record:
             case Message():
                 if number := self._channels.get(record.channel_id):
-                    writer.message(number, record.log_time, record.data, record.sequence)
+                    writer.message(
+                        number,
+                        record.log_time,
+                        record.data,
+                        record.sequence,
+                        record.publish_time,
+                    )
             case Schema():
                 if record.id not in self._schemas:
                     number = writer.schema(record.name, record.encoding, record.data)
@@ -118,7 +170,13 @@ class _Copier:
                         record.topic, record.message_encoding, number, record.metadata
                     )
             case Attachment():
-                writer.attachment(record.log_time, record.name, record.media_type, record.data)
+                writer.attachment(
+                    record.log_time,
+                    record.name,
+                    record.media_type,
+                    record.data,
+                    create_time_ns=record.create_time,
+                )
             case Metadata():
                 self._metadata.add(record.name)
                 writer.metadata(record.name, record.metadata)

@@ -4,19 +4,14 @@ Only the raw layer is read; everything else is decoded again. A damaged file yie
 records and notes about what is missing. Nothing is written.
 """
 
-import os
-import struct
-import zlib
+from collections import Counter
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import Final
 
-import zstandard
-from mcap.exceptions import McapError, UnsupportedCompressionError
-from mcap.records import Channel, Chunk, McapRecord, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.records import Channel, Header, McapRecord, Message, Metadata, Schema
 
 from scaraspec.protocol.direction import Direction
 from scaraspec.traffic.wire import Kind, WireEvent
@@ -25,21 +20,12 @@ from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.sinks.byte_accounting import ByteAccountingCheck
 from scaraspec_recorder.sinks.gap_filler import GapFiller
 from scaraspec_recorder.sinks.mcap import schemas
-from scaraspec_recorder.sinks.mcap.chunk_writer import MAGIC
 from scaraspec_recorder.sinks.mcap.mcap_sink import LINK, SCHEMA, SERIAL, SESSION
+from scaraspec_recorder.sources.mcap_records import McapSummary, open_mcap, read_records
 from scaraspec_recorder.spool.forwarded_chunks import ForwardedChunk
 
-_MAX_RECORD_BYTES: Final = 1 << 26  # more than any chunk or attachment of the recorder: damage
 _SEQUENCES: Final = 1 << 32
-_DAMAGE: Final = (
-    McapError,
-    ValueError,  # invalid text or checksum
-    struct.error,
-    OverflowError,
-    MemoryError,
-    zstandard.ZstdError,
-    zlib.error,
-)
+_RECORDER: Final = "scaraspec"  # begins the library name of our recordings
 _RAW_KINDS: Final[dict[str, type[schemas.Message]]] = {
     schemas.full_name(kind): kind
     for kind in (schemas.RawChunk, schemas.ConnectionEvent, schemas.Gap)
@@ -47,54 +33,68 @@ _RAW_KINDS: Final[dict[str, type[schemas.Message]]] = {
 
 
 @dataclass(slots=True)
-class McapSummary:
-    """Summary of a recording and of its unreadable parts.
+class _Channel:
+    """A channel of the raw layer.
 
     Attributes:
-        events: Number of wire events.
-        last_ns: Time of the last event; 0 without events.
-        finished: Whether the file was closed properly.
-        wrong_accounts: Streams whose account in the file differs from the content.
-        notes: One sentence for each kind of missing data.
+        kind: The type of its messages.
+        part: 0, or for a further channel of the same topic its number: two recordings were merged,
+            and both may have a connection "1".
     """
 
-    events: int = 0
-    last_ns: int = 0
-    finished: bool = False
-    wrong_accounts: int = 0
-    notes: list[str] = field(default_factory=list)
-
-    @property
-    def whole(self) -> bool:
-        """Whether the file is closed properly and complete."""
-        return self.finished and not self.notes
+    kind: type[schemas.Message]
+    part: int
 
 
 class RawLayerReader:
-    """Converts records of the raw layer to wire events."""
+    """Converts records of the raw layer to wire events.
+
+    Attributes:
+        merged: Whether two channels of a topic have a connection of the same name: the file holds
+            several recordings.
+    """
 
     def __init__(self) -> None:
+        self.merged = False
         self._schemas: dict[int, str] = {}
-        self._kinds: dict[int, type[schemas.Message]] = {}  # by channel
-        self._sequence = 0
+        self._channels: dict[int, _Channel] = {}
+        self._topics: Counter[str] = Counter()
+        self._parts: dict[str, int] = {}  # by connection
+        self._sequences: dict[int, int] = {}  # the last one, by part
         self._missing = 0
+        self._numbered = False  # the sequence numbers are those of our recorder
 
     def take(self, record: McapRecord) -> WireEvent | None:
         """Return the event of a record; None if it has no readable event."""
         if isinstance(record, Message):
-            if kind := self._kinds.get(record.channel_id):
+            if channel := self._channels.get(record.channel_id):
                 with suppress(ValueError):
-                    event = _event(record.log_time, schemas.decode(kind, record.data))
-                    self._missing += (record.sequence - self._sequence - 1) % _SEQUENCES
-                    self._sequence = record.sequence
+                    event = _event(record.log_time, schemas.decode(channel.kind, record.data))
+                    self._number(channel.part, record.sequence)
+                    if channel.part != self._parts.setdefault(event.connection, channel.part):
+                        self.merged = True
+                        name = f"{event.connection} of recording {channel.part + 1}"
+                        event = replace(event, connection=name)
                     return event
+        elif isinstance(record, Header):
+            self._numbered = record.library.startswith(_RECORDER)
         elif isinstance(record, Schema):
             self._schemas[record.id] = record.name
-        elif isinstance(record, Channel) and (
-            kind := _RAW_KINDS.get(self._schemas.get(record.schema_id, ""))
+        elif (
+            isinstance(record, Channel)
+            and record.id not in self._channels
+            and (kind := _RAW_KINDS.get(self._schemas.get(record.schema_id, "")))
         ):
-            self._kinds[record.id] = kind
+            self._channels[record.id] = _Channel(kind, self._topics[record.topic])
+            self._topics[record.topic] += 1
         return None
+
+    def _number(self, part: int, sequence: int) -> None:
+        """Count missing numbers; numbers that are repeated or fall have another meaning."""
+        ahead = (sequence - self._sequences.get(part, sequence - 1)) % _SEQUENCES
+        self._numbered = self._numbered and 0 < ahead < _SEQUENCES // 2
+        self._missing += ahead - 1
+        self._sequences[part] = sequence
 
     def finish(self, path: Path, summary: McapSummary) -> None:
         """Finish: add a note about missing events.
@@ -102,7 +102,7 @@ class RawLayerReader:
         Raises:
             CaptureError: The file has no raw layer.
         """
-        if not self._kinds:
+        if not self._channels:
             ours = _RAW_KINDS.keys() & set(self._schemas.values())
             if summary.finished or (self._schemas and not ours):
                 raise CaptureError(
@@ -112,8 +112,10 @@ class RawLayerReader:
                     )
                 )
             raise CaptureError(UserMessage("{path} ends before anything was recorded", path=path))
-        if self._missing:
-            summary.notes.append(f"{self._missing} raw events are missing in the file")
+        if self._missing and self._numbered:
+            summary.notes.append(
+                UserMessage("{count} raw events are missing in the file", count=self._missing)
+            )
 
 
 def _event(time_ns: int, message: schemas.Message) -> WireEvent:
@@ -205,12 +207,18 @@ class McapCapture:
         raw.finish(self.path, summary)
         if summary.finished:  # else its last accounts were not written
             audit.close()
-        summary.wrong_accounts = audit.wrong
-        if audit.wrong:
+        summary.merged = raw.merged
+        if not raw.merged:  # the accounts of merged recordings have the same names
+            summary.wrong_accounts = audit.wrong
+        if summary.wrong_accounts:
             summary.notes.append(
-                f"{audit.wrong} streams are not what the file's own accounts say of them: "
-                "it was damaged or changed after the recording"
+                UserMessage(
+                    "{count} streams are not what the file's own accounts say of them: "
+                    "it was damaged or changed after the recording",
+                    count=summary.wrong_accounts,
+                )
             )
+        summary.notes += summary.earlier_losses()
 
 
 def read_mcap(path: Path) -> McapCapture:
@@ -222,74 +230,5 @@ def read_mcap(path: Path) -> McapCapture:
     Raises:
         CaptureError: The file cannot be opened or is not an MCAP file.
     """
-    with _open(path):
+    with open_mcap(path):
         return McapCapture(path)
-
-
-def read_records(path: Path, summary: McapSummary) -> Iterator[McapRecord]:
-    """Yield all intact records of an MCAP file, including those in chunks, in order.
-
-    Args:
-        path: The file.
-        summary: Receives whether the file was finished, and notes about damage.
-
-    Raises:
-        CaptureError: The file cannot be opened or is not an MCAP file.
-    """
-    damaged_chunks = 0
-    with _open(path) as file:
-        reader = StreamReader(file, emit_chunks=True, record_size_limit=_MAX_RECORD_BYTES).records
-        whole_bytes = len(MAGIC)
-        while True:
-            try:
-                record = next(reader)
-            except StopIteration:
-                summary.finished = True
-                break
-            except _DAMAGE:
-                break
-            whole_bytes = file.tell()
-            if not isinstance(record, Chunk):
-                yield record
-                continue
-            try:
-                inner = _records_of(record)
-            except _DAMAGE:
-                damaged_chunks += 1
-                continue
-            yield from inner
-        unread_bytes = file.seek(0, os.SEEK_END) - whole_bytes
-    if damaged_chunks:
-        summary.notes.append(f"{damaged_chunks} damaged chunks of the file were skipped")
-    if not summary.finished:
-        summary.notes.append("the file was not closed: what came after its last flush is missing")
-        if unread_bytes:
-            summary.notes.append(f"its last {unread_bytes} bytes are torn or damaged")
-
-
-@contextmanager
-def _open(path: Path) -> Iterator[BinaryIO]:
-    try:
-        with path.open("rb") as file:
-            magic = file.peek(len(MAGIC))[: len(MAGIC)]
-            if not magic:
-                raise CaptureError(UserMessage("{path} is empty: nothing was recorded", path=path))
-            if magic != MAGIC:
-                raise CaptureError(UserMessage("{path} is not an MCAP file", path=path))
-            yield file
-    except OSError as error:
-        raise CaptureError(
-            UserMessage(
-                "{path} cannot be read: {reason}", path=path, reason=error.strerror or error
-            )
-        ) from None
-
-
-def _records_of(chunk: Chunk) -> list[McapRecord]:
-    """Return the records in a chunk. Its size is checked before it is decompressed."""
-    if chunk.compression not in ("", "zstd"):
-        raise UnsupportedCompressionError(chunk.compression)
-    packed_bytes = zstandard.frame_content_size(chunk.data) if chunk.compression else 0
-    if max(chunk.uncompressed_size, packed_bytes) > _MAX_RECORD_BYTES:
-        raise ValueError("a chunk too large to be one")
-    return breakup_chunk(chunk, validate_crc=True)

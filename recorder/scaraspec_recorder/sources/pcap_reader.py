@@ -52,12 +52,14 @@ class PcapSummary:
         packets: Packets in the file.
         segments: TCP segments of the selected connections.
         connections: Number of connections.
+        whole: Whether the file is not damaged, and no packet of a connection is truncated.
         notes: One sentence for each kind of missing or unusual data.
     """
 
     packets: int = 0
     segments: int = 0
     connections: int = 0
+    whole: bool = True
     notes: list[str] = field(default_factory=list)
 
 
@@ -90,7 +92,7 @@ class PcapCapture:
         reassembler = Reassembler(None if self.port is None else (self.port,))
         oddities: Counter[str] = Counter()
         latest_ns = 0
-        for record in _records(self.path, summary.notes):
+        for record in _records(self.path, summary):
             summary.packets += 1
             try:
                 segment = dissect(*record)
@@ -101,6 +103,7 @@ class PcapCapture:
                 continue
             summary.segments += 1
             if segment.cut_bytes:
+                summary.whole = False
                 oddities["truncated by the capture; the rest is a gap"] += 1
             if latest_ns - segment.time_ns > STEP_NS:
                 latest_ns = segment.time_ns
@@ -170,8 +173,8 @@ class _Source:
         return data
 
 
-def _records(path: Path, notes: list[str]) -> Iterator[_Record]:
-    """Yield the packets of the file in order; add a note if the file is damaged."""
+def _records(path: Path, summary: PcapSummary) -> Iterator[_Record]:
+    """Yield the packets of the file in order; note in the summary if the file is damaged."""
     with _reader(path) as (reader, source):
         read = _read_pcapng if hasattr(reader, "interfaces") else _read_pcap
         while True:
@@ -180,8 +183,12 @@ def _records(path: Path, notes: list[str]) -> Iterator[_Record]:
                 record = read(reader, source)
             except _READING_ERRORS:
                 if source.position > begin or not source.ended:
-                    notes.append(
-                        f"the file is damaged at byte {begin}: later packets were not read"
+                    summary.whole = False
+                    summary.notes.append(
+                        UserMessage(
+                            "the file is damaged at byte {begin}: later packets were not read",
+                            begin=begin,
+                        )
                     )
                 return
             if record is not None:

@@ -21,7 +21,7 @@ from mcap.reader import make_reader
 from scaraspec.protocol.direction import Direction
 from scaraspec.traffic.wire import WireEvent
 from scaraspec_recorder.sinks.mcap.mcap_sink import McapSink
-from scaraspec_recorder.sources.mcap_reader import McapSummary, read_records
+from scaraspec_recorder.sources.mcap_records import McapSummary, read_records
 
 DISK_BYTES = 16 << 20
 FULL = "No space left on device"

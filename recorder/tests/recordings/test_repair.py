@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
 
 from scaraspec.judge.judge import Judge
 from scaraspec.protocol.direction import A2C
@@ -15,6 +16,8 @@ from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.recordings.repair import repair
 from scaraspec_recorder.sinks.decoder import Decoder
+from scaraspec_recorder.sinks.mcap import schemas
+from scaraspec_recorder.sinks.mcap.chunk_writer import MAGIC
 from scaraspec_recorder.sinks.mcap.mcap_sink import McapSink
 from scaraspec_recorder.sources.mcap_reader import read_mcap
 
@@ -68,7 +71,8 @@ def test_a_file_truncated_anywhere_keeps_every_tick(
         assert report.events >= promised
         back = read_mcap(path)
         assert list(back) == shift[: report.events]
-        assert back.summary.whole
+        assert back.summary.intact
+        assert not back.summary.whole
     assert 0 < broken_off < len(sizes) - 10
 
 
@@ -113,10 +117,59 @@ def test_a_damaged_chunk(
     path = tmp_path / "capture.mcap"
     record(path, shift)
     damage_chunk(path, 3)
+    damaged = path.read_bytes()
     report = repair(path)
     assert report.repaired
-    assert len(report.notes) == 2
+    assert len(report.notes) == 3
     assert report.events == len(shift) - 5
+    assert report.original
+    assert report.original.read_bytes() == damaged
+
+
+@pytest.mark.parametrize("bit", [0, 5, 17, 40, 63])
+def test_a_wrong_length_loses_nothing(shift: list[WireEvent], tmp_path: Path, bit: int) -> None:
+    """The lengths inside the records correct it; every damaged file is kept under its own name."""
+    path = tmp_path / "capture.mcap"
+    record(path, shift[:12])
+    data, starts = path.read_bytes(), [len(MAGIC)]
+    while (end := starts[-1] + 9 + int.from_bytes(data[starts[-1] + 1 :][:8], "little")) < len(
+        data
+    ) - len(MAGIC):
+        starts.append(end)
+    for number, start in enumerate(starts[1:], start=1):
+        damaged = bytearray(data)
+        damaged[start + 1 + bit // 8] ^= 1 << bit % 8
+        path.write_bytes(damaged)
+        capture = read_mcap(path)
+        assert list(capture) == shift[:12]
+        assert not capture.summary.whole
+        report = repair(path)
+        assert report.original or start == starts[-1]
+        assert list(read_mcap(path)) == shift[:12]
+        assert len(list(tmp_path.glob("capture.mcap.damaged*"))) in {number, number - 1}
+
+
+def test_records_of_another_writer_keep_their_times(tmp_path: Path) -> None:
+    """The repaired file has the publish times and creation times of the damaged one."""
+    path = tmp_path / "capture.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.LZ4)
+        writer.start("profile", "another tool")
+        schema = writer.register_schema(schemas.full_name(schemas.Gap), "protobuf", b"")
+        other = writer.register_channel("/other", "json", 0)
+        writer.register_channel("/gap", "protobuf", schema)
+        writer.add_attachment(10, 20, "note", "text/plain", b"text")
+        writer.add_message(other, 40, b"{}", publish_time=30)
+        writer.finish()  # type: ignore[no-untyped-call]  # it has no types
+    path.write_bytes(path.read_bytes()[:-1])
+    assert repair(path).repaired
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        (note,) = reader.iter_attachments()
+        assert (note.create_time, note.log_time) == (10, 20)
+        ((_, _, message),) = reader.iter_messages()
+        assert (message.log_time, message.publish_time) == (40, 30)
+        assert reader.get_header().profile == "profile"
 
 
 def test_foreign_files_are_not_changed(tmp_path: Path) -> None:
@@ -155,6 +208,8 @@ from scaraspec.judge.judge import Judge
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec.protocol.direction import A2C
 from scaraspec_recorder.sinks.decoder import Decoder
+from scaraspec_recorder.sinks.mcap import schemas
+from scaraspec_recorder.sinks.mcap.chunk_writer import MAGIC
 from scaraspec_recorder.sinks.mcap.mcap_sink import McapSink
 
 decoder = Decoder([McapSink(Path(sys.argv[1]).open("wb"))], Judge())
@@ -182,4 +237,4 @@ def test_sigkill_loses_at_most_one_tick(tmp_path: Path, ticks: int) -> None:
     assert report.events >= promised
     back = read_mcap(path)
     assert [event.offset_bytes for event in back] == list(range(0, 4 * report.events, 4))
-    assert back.summary.whole
+    assert back.summary.intact

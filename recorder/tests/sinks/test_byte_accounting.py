@@ -8,7 +8,8 @@ import pytest
 
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.sinks.mcap.mcap_sink import McapSink
-from scaraspec_recorder.sources.mcap_reader import McapSummary, read_mcap
+from scaraspec_recorder.sources.mcap_reader import read_mcap
+from scaraspec_recorder.sources.mcap_records import McapSummary
 
 
 def read(path: Path) -> McapSummary:

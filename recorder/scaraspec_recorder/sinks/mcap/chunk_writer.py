@@ -69,9 +69,10 @@ class ChunkWriter:
     Args:
         output: Receives the file.
         library: Name of the writing program, for the header.
+        profile: Profile of the messages, for the header.
     """
 
-    def __init__(self, output: Output, library: str) -> None:
+    def __init__(self, output: Output, library: str, profile: str = "") -> None:
         self._output = output
         self._offset_bytes = 0
         self._summary: defaultdict[type[McapRecord], bytearray] = defaultdict(bytearray)
@@ -89,7 +90,7 @@ class ChunkWriter:
         self._compress = zstandard.ZstdCompressor().compress
         self._begin_chunk()
         self._write(MAGIC)
-        self._record(Header(profile="", library=library))
+        self._record(Header(profile=profile, library=library))
 
     def schema(self, name: str, encoding: str, data: bytes) -> int:
         """Write a schema and return its number.
@@ -118,7 +119,14 @@ class ChunkWriter:
         self._summarize(channel)
         return channel.id
 
-    def message(self, channel_id: int, time_ns: int, data: bytes, sequence: int = 0) -> None:
+    def message(
+        self,
+        channel_id: int,
+        time_ns: int,
+        data: bytes,
+        sequence: int = 0,
+        publish_time_ns: int | None = None,
+    ) -> None:
         """Add a message; it is written when its chunk is full or flushed."""
         head = _MESSAGE.pack(
             Opcode.MESSAGE,
@@ -126,7 +134,7 @@ class ChunkWriter:
             channel_id,
             sequence & 0xFFFFFFFF,
             time_ns,
-            time_ns,
+            time_ns if publish_time_ns is None else publish_time_ns,
         )
         index = self._indices.get(channel_id)
         if index is None:
@@ -137,17 +145,26 @@ class ChunkWriter:
         if self._chunk_bytes >= CHUNK_BYTES:
             self._end_chunk()
 
-    def attachment(self, time_ns: int, name: str, media_type: str, data: bytes) -> None:
-        """Add an attachment."""
+    def attachment(
+        self,
+        time_ns: int,
+        name: str,
+        media_type: str,
+        data: bytes,
+        *,
+        create_time_ns: int | None = None,
+    ) -> None:
+        """Add an attachment; its content was created at `create_time_ns`, or else `time_ns`."""
+        created_ns = time_ns if create_time_ns is None else create_time_ns
         attachment = Attachment(
-            create_time=time_ns, log_time=time_ns, name=name, media_type=media_type, data=data
+            create_time=created_ns, log_time=time_ns, name=name, media_type=media_type, data=data
         )
         offset, length = self._record(attachment)
         index = AttachmentIndex(
             offset=offset,
             length=length,
             log_time=time_ns,
-            create_time=time_ns,
+            create_time=created_ns,
             data_size=len(data),
             name=name,
             media_type=media_type,
