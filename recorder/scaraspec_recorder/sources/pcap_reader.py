@@ -21,9 +21,10 @@ from typing import Any, BinaryIO, Final, NamedTuple
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.traffic.wire import WireEvent
 from scaraspec.user_message import UserMessage
+from scaraspec_recorder.encapsulation import UndecodedPacket, UnreadablePacket
 from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.sources.reassembly import STEP_NS, Reassembler
-from scaraspec_recorder.tcp_segment import UnreadablePacket, dissect
+from scaraspec_recorder.tcp_segment import dissect
 
 _PCAPNG_SECTION: Final = b"\x0a\x0d\x0d\x0a"
 _MAGICS: Final = {
@@ -91,11 +92,15 @@ class PcapCapture:
         self.summary = summary = PcapSummary()
         reassembler = Reassembler(None if self.port is None else (self.port,))
         oddities: Counter[str] = Counter()
+        undecoded: Counter[str] = Counter()
         latest_ns = 0
         for record in _records(self.path, summary):
             summary.packets += 1
             try:
                 segment = dissect(*record)
+            except UndecodedPacket as encapsulation:
+                undecoded[f"{encapsulation}"] += 1
+                continue
             except UnreadablePacket as reason:
                 oddities[f"not read: {reason}"] += 1
                 continue
@@ -113,6 +118,10 @@ class PcapCapture:
             yield from reassembler.receive(segment)
         yield from reassembler.finish()
         summary.connections = reassembler.connections
+        summary.notes += [
+            UserMessage("{count} packets in {name} are not decoded", count=count, name=name)
+            for name, count in undecoded.most_common(_MAX_REASONS)
+        ]
         summary.notes += [
             f"packets {oddity}: {count}" for oddity, count in oddities.most_common(_MAX_REASONS)
         ]

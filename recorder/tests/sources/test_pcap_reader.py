@@ -11,9 +11,24 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from scapy.contrib.geneve import GENEVE
+from scapy.contrib.mpls import MPLS
 from scapy.layers.inet import IP, TCP, UDP
 from scapy.layers.inet6 import IPv6, IPv6ExtHdrFragment, IPv6ExtHdrHopByHop
-from scapy.layers.l2 import CookedLinux, CookedLinuxV2, Dot1AD, Dot1Q, Ether, Loopback
+from scapy.layers.l2 import (
+    GRE,
+    LLC,
+    SNAP,
+    CookedLinux,
+    CookedLinuxV2,
+    Dot1AD,
+    Dot1Q,
+    Dot3,
+    Ether,
+    Loopback,
+)
+from scapy.layers.ppp import PPP, PPPoE
+from scapy.layers.vxlan import VXLAN
 from scapy.packet import Packet, Raw
 
 from scaraspec.protocol.direction import A2C, C2A
@@ -177,6 +192,63 @@ def ip6_with_extensions(*, from_client: bool) -> Packet:
     whole = IPv6ExtHdrFragment(offset=0, m=0, res2=3, nh=51)
     authentication = Raw(bytes([6, 4]) + bytes(22))  # then TCP; 24 bytes, counted as words less 2
     return ip6(from_client=from_client) / IPv6ExtHdrHopByHop() / whole / authentication
+
+
+def outer_ip(protocol: int) -> Packet:
+    return ether(IP(src="198.51.100.1", dst="198.51.100.2", proto=protocol))
+
+
+def ethertype_of(packet: Packet) -> int:
+    return 0x86DD if IPv6 in packet else 0x0800
+
+
+def hsr(packet: Packet) -> Packet:
+    tag = b"\x10\x2e\x00\x07" + ethertype_of(packet).to_bytes(2, "big")
+    return Ether(type=0x892F) / Raw(tag) / packet
+
+
+@pytest.mark.parametrize(
+    "wrap",
+    [
+        lambda packet: ether(Dot1AD(vlan=7) / Dot1Q(vlan=8) / Dot1Q(vlan=9) / packet),
+        lambda packet: ether(PPPoE(sessionid=5) / PPP() / packet),
+        lambda packet: (
+            Dot3() / LLC(dsap=0xAA, ssap=0xAA, ctrl=3) / SNAP(code=ethertype_of(packet)) / packet
+        ),
+        hsr,
+        lambda packet: Ether(type=0x8847) / MPLS(label=3, s=0) / MPLS(label=4, s=1) / packet,
+        lambda packet: outer_ip(47) / GRE(proto=ethertype_of(packet), key_present=1) / packet,
+        lambda packet: outer_ip(47) / GRE(proto=0x6558) / ether(packet),
+        lambda packet: outer_ip(17) / UDP(dport=4789) / VXLAN(vni=3) / ether(packet),
+        lambda packet: outer_ip(17) / UDP(dport=6081) / GENEVE(proto=0x6558) / ether(packet),
+        lambda packet: outer_ip(41 if IPv6 in packet else 4) / packet,
+    ],
+    ids=[
+        *("three tags", "pppoe", "llc/snap", "hsr", "mpls", "gre", "gre bridge", "vxlan", "geneve"),
+        "ip in ip",
+    ],
+)
+def test_encapsulations(path: Path, wrap: Callable[[Packet], Packet]) -> None:
+    """Tags and tunnels do not change the events."""
+    for network, events in ((ip4, OVER_IPV4), (ip6, OVER_IPV6)):
+        packets = [bytes(wrap(packet)) for packet in conversation(network)]
+        assert events_of(path, pcap(packets)) == events
+
+
+def test_what_is_not_decoded_is_counted(path: Path) -> None:
+    """Its name is that of the tunnel or of the link type."""
+    mirrored = [
+        bytes(outer_ip(47) / GRE(proto=0x88BE) / Raw(bytes(ether(packet))))
+        for packet in conversation()
+    ]
+    path.write_bytes(pcap(mirrored))
+    capture = read_pcap(path)
+    assert not list(capture)
+    assert capture.summary.notes[0] == "8 packets in ERSPAN are not decoded"
+    path.write_bytes(pcap(mirrored, link_type=127))
+    capture = read_pcap(path)
+    assert not list(capture)
+    assert "IEEE 802.11 with a radiotap header" in capture.summary.notes[0]
 
 
 @pytest.mark.parametrize(
@@ -415,7 +487,7 @@ def test_unknown_link_types_are_noted(path: Path) -> None:
     capture = read_pcap(path)
     assert list(capture) == []
     assert capture.summary.notes == [
-        "packets not read: link type 147 is not supported: 8",
+        "8 packets in link type 147 are not decoded",
         "no TCP connection on port 8877 among 8 packets",
     ]
 
