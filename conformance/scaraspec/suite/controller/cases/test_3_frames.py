@@ -26,6 +26,7 @@ from scaraspec.suite.controller.harness.malformed.mutation_targets import (
 )
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import (
+    StoreFull,
     expect_round_trip,
     expect_stored,
     upload,
@@ -46,7 +47,6 @@ _REQUIREMENT_OF_FAULT: Final[Mapping[Fault, str]] = {
     Fault.TAG: "3/14",
 }
 _LONG_NAME_BYTES: Final = 30  # L226
-_FEW_FILES: Final = 7  # every robot has room for this many
 _MANY_FILES: Final = 9  # this many such names, with separators, do not fit into one frame
 _SHORT_REPLIES: Final = 45  # this many status replies fill the longest frame
 _IDLE_S: Final = 0.6
@@ -138,13 +138,12 @@ def test_long_replies(subject: ControllerUnderTest, line: OutgoingConnection) ->
     content = short_program(subject)
     stem = "n" * (_LONG_NAME_BYTES - len(subject.new_name()) - 1)
     names = [subject.new_name(stem) for _ in range(_MANY_FILES)]
-    for number, name in enumerate(names):
-        try:
+    try:
+        for name in names:
             upload(line, name, content)
-        except CaseFailed as error:
-            if number < _FEW_FILES or error.requirement != "5.2/2":
-                raise
-            break  # no more room (A-5-21)
+    except StoreFull as full:
+        if full.deleted == names[0]:
+            raise
     with _report_invalid_reply(line, "download_name"):
         expect_stored(line, names[0], content)
     with _report_invalid_reply(line, "list_programs"):

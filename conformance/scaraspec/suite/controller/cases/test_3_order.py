@@ -16,7 +16,7 @@ from scaraspec.suite.controller.harness.controller_under_test import ControllerU
 from scaraspec.suite.controller.harness.malformed.delivery import serves_one_at_a_time
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.clock import shifted_time
-from scaraspec.suite.controller.harness.requests.files import expect_stored
+from scaraspec.suite.controller.harness.requests.files import expect_begun, expect_stored
 from scaraspec.suite.controller.harness.requests.motion import (
     arm_returned,
     status_after_result,
@@ -171,10 +171,11 @@ def test_upload_in_one_segment(subject: ControllerUnderTest, line: OutgoingConne
     requests: list[tuple[str, object]] = [("upload_name", name)]
     requests += [("upload_chunk", chunk) for chunk in chunks_of(content)]
     _send_together(line, requests)
-    accepted = [line.reply("upload_name").accepted]
-    within_s = line.chunk_timeout_s
-    accepted += [line.reply("upload_chunk", within_s=within_s).accepted for _ in range(_CHUNKS)]
-    expect_equal(accepted, [True] * (1 + _CHUNKS), "an upload in one segment was refused")
+    answer, within_s = line.reply("upload_name"), line.chunk_timeout_s
+    accepted = [line.reply("upload_chunk", within_s=within_s).accepted for _ in range(_CHUNKS)]
+    message = "an upload in one segment was refused"
+    expect_begun(line, name, answer, message, "3/30")
+    expect_equal(accepted, [True] * _CHUNKS, message)
     expect_stored(line, name, content, requirement="3/30")
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.files import NameRefused, upload
+from scaraspec.suite.controller.harness.requests.files import NameRefused, StoreFull, upload
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import given
@@ -31,7 +31,6 @@ from scaraspec.user_message import UserMessage
 _EMPTY_LIST: Final = (b"0", b"0|", b"")
 """The possible replies of an empty program store (A-4.10-4)."""
 _MANY_PROGRAMS: Final = 40  # more than 32
-_FEW_PROGRAMS: Final = 7  # every robot has room for this many
 _LENGTHS_BYTES: Final = (30, 12, 17, 30, 23)
 """Names of these lengths result in parts of every length close to the maximum."""
 _NODES: Final = 258
@@ -138,16 +137,14 @@ def test_many(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
         name = long_name(subject, length_bytes)
         try:
             uploaded.append(store_program(subject, line, name))
-        except CaseFailed as error:
-            if number < _FEW_PROGRAMS or error.requirement != "5.2/2":
+        except StoreFull as full:
+            if full.deleted not in uploaded:
                 raise
             message = UserMessage(
                 "the controller has room for only {number} more programs", number=number
             )
             subject.tolerate("4.10/4", "A-5-21", "full", message)
-            uploaded.remove(longest := max(uploaded, key=len))
-            _delete(line, longest)
-            uploaded.append(store_program(subject, line, name))  # there is room again
+            uploaded.remove(full.deleted)
             break
         _expect_listed(_checked_names(subject, line), [*before, *uploaded])
     while uploaded:

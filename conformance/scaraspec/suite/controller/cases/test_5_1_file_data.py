@@ -11,6 +11,7 @@ from scaraspec.suite.controller.harness.requests.files import (
     delete,
     download,
     download_replies,
+    expect_begun,
     expect_nothing_more,
     expect_stored,
     reconnect,
@@ -149,7 +150,7 @@ def test_end_of_an_upload(subject: ControllerUnderTest, line: OutgoingConnection
         upload(line, first, content_of(size))
         reply = line.ask("upload_name", data=second)
         message = "no other upload can begin after the last chunk of an upload"
-        expect(reply.accepted, message, expected="1", observed=f"{reply}")
+        expect_begun(line, second, reply, message, "5.1/7")
         send_chunk(line, Chunk(1, 0, 1, b"!"))
         delete(line, first)
         delete(line, second)

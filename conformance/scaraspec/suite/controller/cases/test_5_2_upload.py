@@ -17,6 +17,7 @@ from scaraspec.suite.controller.harness.requests.files import (
     begin_upload,
     delete,
     download,
+    expect_begun,
     expect_nothing_more,
     expect_round_trip,
     expect_stored,
@@ -85,7 +86,7 @@ def test_long_names(subject: ControllerUnderTest, line: OutgoingConnection) -> N
         reply = line.ask("upload_name", data=name)
         if size <= 30:
             message = UserMessage("a name of {size} bytes was refused", size=size)
-            expect(reply.accepted, message, expected="1", observed=f"{reply}")
+            expect_begun(line, name, reply, message)
         if not reply.accepted:
             message = UserMessage("a name of {size} bytes is refused", size=size)
             subject.tolerate("5.2/2", "name_max", "30", message)
@@ -95,6 +96,7 @@ def test_long_names(subject: ControllerUnderTest, line: OutgoingConnection) -> N
         truncated = line.ask("download_name", data=name[:30]).accepted if size > 30 else False
         message = UserMessage("a name of {size} bytes was truncated to 30", size=size)
         expect(not truncated, message, expected="0 to its first 30 bytes", observed="1")
+        line.ask("delete_program", data=name)  # there may be few places (A-5-21)
 
 
 @case("5.2/2", name="none")
@@ -474,6 +476,10 @@ def test_two_uploads_at_once(subject: ControllerUnderTest, line: OutgoingConnect
     lines = (line, subject.open())
     names = [subject.new_name() for _ in lines]
     contents = [content_of(650, number) for number in (0, 1)]
+    for name in names:
+        upload(line, name, b"!")  # there is a place for both (A-5-21)
+    for name in names:
+        delete(line, name)
     begin_upload(lines[0], names[0])
     if not lines[1].ask("upload_name", names[1]).accepted:
         message = "only one upload at a time is possible on all connections"

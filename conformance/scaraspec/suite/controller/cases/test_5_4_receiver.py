@@ -22,6 +22,7 @@ from scaraspec.suite.controller.harness.requests.files import (
     delete,
     download,
     download_replies,
+    expect_begun,
     expect_round_trip,
     expect_stored,
     leftover_content,
@@ -68,8 +69,7 @@ def test_missing_name(subject: ControllerUnderTest, line: OutgoingConnection) ->
     line.ask("download_name", data=name)
     for _ in range(3):
         reply = line.ask("upload_name", data=name)
-        message = "the name of a missing file was refused"
-        expect(reply.accepted, message, expected="1", observed=f"{reply}")
+        expect_begun(line, name, reply, "the name of a missing file was refused", "5.4/1")
         send_chunk(line, Chunk(1, 0, 1, b"!"))
         expect_stored(line, name, b"!", "5.4/1")
         delete(line, name)
@@ -84,8 +84,7 @@ def test_name_on_a_second_connection(
     for connection in (line, subject.open(), line):
         name = subject.new_name()
         reply = connection.ask("upload_name", data=name)
-        message = "the name of a missing file was refused"
-        expect(reply.accepted, message, expected="1", observed=f"{reply}")
+        expect_begun(connection, name, reply, "the name of a missing file was refused", "5.4/1")
         send_chunk(connection, Chunk(1, 0, 1, b"!"))
         expect_stored(line, name, b"!", "5.4/1")
         line.sync()  # the controller may allow one transfer at a time: it must see the end

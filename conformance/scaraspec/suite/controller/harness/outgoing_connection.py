@@ -61,6 +61,11 @@ class OutgoingConnection(Connection):
         self._transfer_sent_ns = self._pause_ns = self._own_pause_ns = 0
         self._outgoing = Framer(A2C, recovery_filter=is_known_opcode)
 
+    @property
+    def subject(self) -> "ControllerUnderTest":
+        """The controller under test."""
+        return self._subject
+
     # ------------------------------------------------------------------ sending
 
     def send(self, name: str, value: Any = None, *, data: bytes | None = None) -> Command:

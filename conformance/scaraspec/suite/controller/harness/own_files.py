@@ -79,6 +79,11 @@ class OwnFiles:
         """The files of the suite that are stored, the oldest first."""
         return [name.encode("latin-1") for name in self._journal.changes.files]
 
+    @property
+    def any_accepted(self) -> bool:
+        """Whether the upload of a file was accepted in this run."""
+        return bool(self._accepted)
+
     def is_own(self, name: bytes) -> bool:
         """Whether the suite has uploaded this file, in this run or in an interrupted one."""
         return name in self._accepted or name in self.stored

@@ -101,6 +101,40 @@ def test_store_may_be_small_for_many_examples(run_cases: RunCases, partial_keep:
     assert not run_cases(SmallStore, *only, actual=actual, examples=10).problems
 
 
+def with_places(count: int, of_user: int) -> type[ControllerCore]:
+    """Return a controller with this many places for files, some of them taken by the user."""
+
+    class FewPlaces(ControllerCore):
+        def __init__(self, plant: Plant, store: Store, *others: Any) -> None:
+            super().__init__(plant, store, *others)
+            self.store = Store(max_files=count)
+            for number in range(of_user):
+                self.store.write(b"weld%d.rob" % number, b"x")
+
+    return FewPlaces
+
+
+_PLACES = ("4.10/4", "5.1/7", "5.2/2", "5.4/1", "5.4/2", "5.4/6")
+
+
+@pytest.mark.parametrize("of_user", [0, 3, 4])
+def test_store_may_have_five_places(run_cases: RunCases, of_user: int) -> None:
+    """Cases that need more places are skipped and name the reason (A-5-21)."""
+    cases = run_cases(with_places(5, of_user), *_PLACES)
+    assert not cases.problems
+    skipped = [case.message for case in cases.values() if case.verdict is Verdict.NONE]
+    assert set(skipped) == {"the store is full: it has no place for another file"}
+    assert cases["5.2/2"].verdict is Verdict.PASS
+
+
+def test_programs_of_the_user_may_fill_the_store(run_cases: RunCases) -> None:
+    """No verdict is possible, and the message states what to do."""
+    cases = run_cases(with_places(5, 5), "5.4/1")
+    assert not cases.violated
+    assert "delete programs" in cases["5.4/1"].message
+    assert "5.2/2" in run_cases(with_places(0, 0), "5.2/2").violated
+
+
 class TakesPlainNames(ControllerCore):
     """Only letters, digits and one dot are accepted in a name."""
 

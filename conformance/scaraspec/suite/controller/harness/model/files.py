@@ -6,7 +6,7 @@ from scaraspec.protocol.fields import show
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.controller.harness.model.state import ENDLESS, ModelState, Step
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.files import download, send_chunk
+from scaraspec.suite.controller.harness.requests.files import download, require_place, send_chunk
 from scaraspec.suite.controller.harness.state.defaults import expect_default
 from scaraspec.suite.engine.expectations import CaseFailed, expect
 from scaraspec.suite.program_files.layout import configured, layout_in_use
@@ -30,6 +30,8 @@ class FileSteps(ModelState):
         name, content = self._names[step.which % len(self._names)], self._content(line, step.value)
         self._settle_transfer(line)
         answer, exists = line.ask("upload_name", data=name), name in self._files
+        if not (answer.accepted or exists):
+            require_place(line, name)
         expect(
             answer.accepted is not exists,
             UserMessage(

@@ -36,6 +36,18 @@ class NameRefused(CaseSkipped):
     """The subject refused a new name with characters other than letters and digits (A-5-20)."""
 
 
+class StoreFull(CaseSkipped):
+    """The subject has no place for another file (A-5-21).
+
+    Attributes:
+        deleted: The file of the suite that was deleted to find this out.
+    """
+
+    def __init__(self, deleted: bytes) -> None:
+        super().__init__("the store is full: it has no place for another file")
+        self.deleted = deleted
+
+
 # ---------------------------------------------------------------------- upload
 
 
@@ -45,17 +57,60 @@ def begin_upload(line: OutgoingConnection, name: bytes) -> None:
     Raises:
         CaseFailed: The subject refuses the name.
         NameRefused: The subject refuses the name, and the document permits this.
+        StoreFull: The store of the subject is full.
+        CaseInconclusive: Files of the user may fill the store of the subject.
     """
     answer = line.ask("upload_name", data=name)
     if answer.accepted is False and not _PLAIN.fullmatch(name):
         raise NameRefused("the subject accepts only names of letters and digits")
-    expect(
-        answer.accepted,
-        "a new file name was refused",
-        expected="1",
-        observed=f"{answer}",
-        requirement="5.2/2",
-    )
+    expect_begun(line, name, answer, "a new file name was refused")
+
+
+def expect_begun(
+    line: OutgoingConnection,
+    name: bytes,
+    answer: ReceivedFrame,
+    message: str,
+    requirement: str = "5.2/2",
+) -> None:
+    """Require that the subject has accepted the upload of a new file.
+
+    Args:
+        line: The connection.
+        name: The name of the file.
+        answer: The reply to the name.
+        message: The message of the failure.
+        requirement: The requirement that a refusal violates.
+
+    Raises:
+        CaseFailed: The subject has refused the name, although it has a place for the file.
+        StoreFull: The store of the subject is full.
+        CaseInconclusive: Files of the user may fill the store of the subject.
+    """
+    if answer.accepted is False:
+        require_place(line, name)
+    expect(answer.accepted, message, expected="1", observed=f"{answer}", requirement=requirement)
+
+
+def require_place(line: OutgoingConnection, name: bytes) -> None:
+    """Find out whether the store is full: a name is accepted only after a deletion (A-5-21)."""
+    subject = line.subject
+    stored = [each for each in subject.files.stored if each != name]
+    if not subject.files.any_accepted and "list_programs" not in subject.ics.unsupported:
+        part = line.ask("list_programs").value
+        if part is not None and any(part.names):
+            raise CaseInconclusive(
+                "no upload was accepted: delete programs if the store of the robot may be full"
+            )
+    if not stored or line.ask("upload_name", data=subject.new_name()).accepted:
+        return
+    for deleted in reversed(stored):
+        if line.ask("delete_program", data=deleted).accepted:
+            if line.ask("upload_name", data=name).accepted:
+                send_chunk(line, Chunk(1, 0, 1, b"!"))
+                delete(line, name)
+                raise StoreFull(deleted)
+            return
 
 
 def try_chunk(
