@@ -15,6 +15,9 @@ from scaraspec.traffic.gap_uncertainty import GapUncertainty
 
 STATE_LAG_NS: Final = 100_000_000
 """How old a reported status, pose or input may be (A-4.8-3)."""
+SETTLES: Final = ("emergency_stop", "reset")
+SETTLE_NS: Final = 1_000_000_000
+"""For how long a robot may report after these commands that it still executes (A-4-9)."""
 FILES_LIMIT_BYTES: Final = 64 * 2**20
 FILES_LIMIT: Final = 4096
 

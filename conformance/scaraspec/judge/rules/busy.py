@@ -9,7 +9,7 @@ from scaraspec.protocol import errors
 from scaraspec.protocol.fields import show
 from scaraspec.traffic.events import Ending, Exchange
 from scaraspec.traffic.exchange_history import answered_ns
-from scaraspec.traffic.robot_state import STATE_LAG_NS, RobotState
+from scaraspec.traffic.robot_state import SETTLE_NS, SETTLES, STATE_LAG_NS, RobotState
 from scaraspec.user_message import UserMessage
 
 STATE_OF: Final = {
@@ -220,12 +220,15 @@ def idle_after_success(x: Exchange, robot: RobotState) -> RuleResult | None:
     begun = any(robot.history.is_pending(name, x.time_ns - _MAX_REPLY_NS) for name in STATE_OF)
     if begun or x.reply_value not in BUSY:
         return None
+    message = UserMessage(
+        "the status is still {status} although {command} has ended",
+        status=x.reply_value,
+        command=ended.name,
+    )
+    if ended.name in SETTLES and since_ns <= SETTLE_NS:
+        return tolerated("A-4-9", "settles", message)
     return failed(
-        UserMessage(
-            "the status is still {status} although {command} has ended",
-            status=x.reply_value,
-            command=ended.name,
-        ),
+        message,
         expected="00",
         observed=x.reply_value,
         at=(*places_of(ended), *places_of(x)),

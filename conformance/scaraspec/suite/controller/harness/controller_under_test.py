@@ -17,6 +17,7 @@ from scaraspec.suite.controller.harness.other_clients import OtherClients
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.own_files import OwnFiles, random_token
 from scaraspec.suite.controller.harness.places import RECONNECT_S, Places
+from scaraspec.suite.controller.harness.settling import Settling
 from scaraspec.suite.controller.harness.state_lag import StateLag
 from scaraspec.suite.controller.harness.timeouts import ANSWERED, TimeoutPolicy
 from scaraspec.suite.controller.harness.traits import ControllerTraits
@@ -82,6 +83,7 @@ class ControllerUnderTest:
         traits: What was detected once for the whole run.
         patience: The timeouts for replies that have never come.
         lag: How much later than the state its replies report it.
+        settling: How long it reports after a stop or a reset that it executes.
         places: Knows when it may refuse a client because another one has just left.
         unanswered: The commands that it never answered before the running case.
         files: The files on the controller that the suite has created.
@@ -111,6 +113,7 @@ class ControllerUnderTest:
         self.traits = ControllerTraits()
         self.patience = TimeoutPolicy()
         self.lag = StateLag()
+        self.settling = Settling()
         self.places = Places(self)
         self.unanswered: frozenset[str] = frozenset()
         self.survival_requirement = ANSWERED

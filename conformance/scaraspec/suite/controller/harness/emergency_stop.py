@@ -19,6 +19,7 @@ from scaraspec.suite.controller.harness.state_lag import TOLERATED_S
 from scaraspec.suite.engine.expectations import CaseInconclusive
 from scaraspec.suite.engine.system_under_test import StopFailure
 from scaraspec.traffic.events import FrameSeen
+from scaraspec.traffic.robot_state import SETTLE_NS
 from scaraspec.user_message import UserMessage
 
 LATE_S: Final = 2.0
@@ -139,8 +140,7 @@ class StopMonitor:
         """Record a reply or a final result."""
         opcode, now_ns = seen.frame.opcode, seen.place.time_ns
         if opcode == _STOP and seen.frame.tagged:
-            still_from_ns = now_ns + round(TOLERATED_S * _NS)
-            self._still_from_ns = min(self._still_from_ns, still_from_ns)
+            self._stop_ended(now_ns)
         elif opcode == _STOP:
             self._stop_answered(connection, seen)
         elif seen.frame.tagged:
@@ -180,6 +180,11 @@ class StopMonitor:
         if alone:
             self._rests_from_ns = self._still_from_ns = now_ns + round(EFFECT_S * _NS)
             self._places.clear()
+
+    def _stop_ended(self, now_ns: int) -> None:
+        self._still_from_ns = min(self._still_from_ns, now_ns + round(TOLERATED_S * _NS))
+        if self._rests_from_ns:
+            self._rests_from_ns = max(self._rests_from_ns, now_ns + SETTLE_NS)
 
     def _ended(self, opcode: int, now_ns: int) -> None:
         if self._executing.pop(opcode, None) is None or self._refused is None:

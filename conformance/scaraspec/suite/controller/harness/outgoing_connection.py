@@ -103,14 +103,15 @@ class OutgoingConnection(Connection):
         frames = [item for item in self._outgoing.feed(data) if isinstance(item, Frame)]
         for frame in frames:
             self._subject.guard.check(frame)
-        self._wait_for_lag(frames)
+        self._wait_for_state(frames)
         super().send_bytes(data)
 
-    def _wait_for_lag(self, frames: list[Frame]) -> None:
-        """Wait until the replies to these requests report the current state (A-4.8-3)."""
-        lag = self._subject.lag
-        if lag.measured:
+    def _wait_for_state(self, frames: list[Frame]) -> None:
+        """Wait until the robot has settled and replies report its state (A-4-9, A-4.8-3)."""
+        lag, settling = self._subject.lag, self._subject.settling
+        if lag.measured or settling.longest_s:
             self._subject.pump_others(self)
+            self.wait(settling.wait_s(frames, self._subject.now_ns))
             for _ in range(_LAG_WAITS):
                 self.wait(lag.wait_s(frames, self._subject.now_ns))
 
@@ -266,6 +267,7 @@ class OutgoingConnection(Connection):
             within_s = _LATE_S
         message = f"no final result of {name} came"
         answer = self._wait_for_reply(due, is_expected, within_s, full_s, message)
+        self._subject.settling.measure(self, name)
         return answer if answer.frame.tagged else answer._replace(value=_outcome(answer.seen))
 
     def _becomes_idle(self, is_expected: Callable[[FrameSeen], bool], within_s: float) -> bool:
@@ -454,6 +456,7 @@ class OutgoingConnection(Connection):
         self._received_ns = seen.place.time_ns
         self._subject.guard.received(self.name, seen)
         self._subject.lag.frame_seen(seen.frame, seen.place.time_ns)
+        self._subject.settling.frame_seen(seen.frame, seen.place.time_ns)
 
 
 def _outcome(seen: FrameSeen) -> Outcome | None:
