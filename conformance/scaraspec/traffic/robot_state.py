@@ -42,6 +42,8 @@ class RobotState:
         """Connections that have logged in and have not ended."""
         self.gaps = GapUncertainty()
         """Which events a capture gap may have affected."""
+        self.transferring: set[str] = set()
+        """Connections with an active file transfer."""
         self.status_lag_ns = STATE_LAG_NS
         """How old a status may be; 0 if it was measured that it is never old."""
         self.results_doubtful = False

@@ -74,6 +74,7 @@ class TransferTracker:
         self._unexpected_replies = 0  # replies without a chunk, each of which may be refused
         self._opened: dict[bool, _TransferProgress] = {}  # key: is upload
         self._active: _TransferProgress | None = None
+        self._connection = ""
         self._previous: dict[bool, _TransferProgress] = {}
         self._byte_orders: dict[bool, str] = {}
         self._aborted = False  # whether the last transfer was aborted
@@ -102,7 +103,7 @@ class TransferTracker:
         progress, before = self._opened.get(upload) or active, self._previous.get(upload)
         chunk = exchange.chunk = self._read(exchange, upload)
         if progress is None and before and chunk and _is_resumption(before, chunk):
-            progress = self._active = _resume_transfer(before)
+            progress = self._begin(_resume_transfer(before), exchange)
         if progress is None:
             exchange.previous_transfer = before.transfer if before else None
             return
@@ -184,7 +185,8 @@ class TransferTracker:
             yield from self.end("another transfer began", time_ns)
             exchange.transfer, transfer.begun_ns = transfer, time_ns
             transfer.certain = exchange.certain
-            self._active, self._last_activity_ns = progress, time_ns
+            self._begin(progress, exchange)
+            self._last_activity_ns = time_ns
         else:
             transfer.state, transfer.reason = TransferState.FAILED, REFUSED_NAME
             self._previous[upload] = progress
@@ -234,8 +236,14 @@ class TransferTracker:
             transfer.state, transfer.reason = TransferState.FAILED, reason
             yield self._ended(transfer, now_ns)
 
+    def _begin(self, progress: _TransferProgress, exchange: Exchange) -> _TransferProgress:
+        self._active, self._connection = progress, exchange.request.place.connection
+        self._robot.transferring.add(self._connection)
+        return progress
+
     def _ended(self, transfer: Transfer, now_ns: int) -> Transfer:
         progress, self._active = self._active, None
+        self._robot.transferring.discard(self._connection)
         if progress:
             self._previous[transfer.upload] = progress
         transfer.ended_ns = now_ns

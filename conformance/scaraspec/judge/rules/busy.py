@@ -225,6 +225,8 @@ def idle_after_success(x: Exchange, robot: RobotState) -> RuleResult | None:
         status=x.reply_value,
         command=ended.name,
     )
+    if robot.transferring:
+        return tolerated("A-5-17", "status", "the status is that of a busy robot in a transfer")
     if ended.name in SETTLES and since_ns <= SETTLE_NS:
         return tolerated("A-4-9", "settles", message)
     return failed(

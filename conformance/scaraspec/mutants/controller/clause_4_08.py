@@ -6,10 +6,11 @@ from scaraspec.mutants.controller import Core, mutant, row
 from scaraspec.mutants.operators.controller.replies import first_reply
 from scaraspec.mutants.operators.controller.requests import answer_when, executing
 from scaraspec.mutants.operators.controller.sampling import POSE, STATUS, sampling
+from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.robot import IDLE, MOVING, RUNNING
-from scaraspec.virtual_controller.session import Request
+from scaraspec.virtual_controller.session import Request, Session
 
 _WORDS: Final = {b"00": b"IDLE", b"05": b"ERROR", b"06": b"ERROR"}
 
@@ -17,6 +18,24 @@ _WORDS: Final = {b"00": b"IDLE", b"05": b"ERROR", b"06": b"ERROR"}
 def _during(command: str, status: str) -> Core:
     """The status during a command is replaced."""
     return answer_when("get_status", executing(command), status)
+
+
+@mutant("transfers-are-motion", "4.8/3", subtle=True)
+class MovesAfterTransfer(ControllerCore):
+    """The status stays 04 on a connection that has transferred a file."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self._transferred: set[int] = set()
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        super().handle(session, frame, now_s)
+        if session.transfer is not None:
+            self._transferred.add(session.connection)
+
+    def get_status(self, request: Request) -> str:
+        moves = request.session.connection in self._transferred
+        return MOVING if moves else super().get_status(request)
 
 
 def _runs_for_half_second(core: ControllerCore, request: Request) -> bool:
@@ -33,13 +52,6 @@ row(
     "4.8/2 4.8/3",
     "The status has one digit.",
     first_reply("get_status", lambda data: data[-1:]),
-)
-row(
-    "transfers-are-motion",
-    "4.8/3",
-    "The status is 04 on a connection that transfers a file.",
-    answer_when("get_status", lambda _core, request: request.session.transfer is not None, MOVING),
-    subtle=True,
 )
 row(
     "status-in-words",

@@ -198,6 +198,13 @@ CASES = (
         "none",
         DONE.format(result="11", pause="+0.05", status="03"),
     ),  # a moment later, perhaps
+    (
+        "4/7",
+        "tolerated A-5-17=status",
+        DONE.replace("reset", "lock_joints").format(
+            result="11", pause="> upload_name a\n< upload_name 1\n+0.2", status="01"
+        ),
+    ),
     # After a stop or a reset the robot may settle for a second (A-4-9).
     (
         "4/7",

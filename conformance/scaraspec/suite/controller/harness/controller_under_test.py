@@ -388,6 +388,11 @@ class ControllerUnderTest:
         """Whether a transfer continues until its timeout when its connection ends (5.4/5)."""
         return not self.access.detects_close or bool(self.traits.transfers_outlive_connection)
 
+    @property
+    def may_transfer(self) -> bool:
+        """Whether a file transfer may be active on a connection."""
+        return any(line.may_transfer for line in self._lines)
+
     def note_accepted_stop(self) -> None:
         """Note that an emergency stop was accepted and may have latched the robot (A-4.17-2)."""
         if self.traits.may_be_latched is None:

@@ -79,11 +79,14 @@ class StopMonitor:
     Attributes:
         failure: The first failure of the emergency stop; None while it works.
         withheld: Why the last withheld request was not sent; the case runner resets it to "".
+        transferring: Whether a file transfer may be active: the status may then be that of a busy
+            robot (A-5-17). The connections set it.
     """
 
     def __init__(self) -> None:
         self.failure: StopFailure | None = None
         self.withheld = ""
+        self.transferring = False
         self._executing: dict[int, int] = {}  # opcode, and when it was accepted
         self._stops: defaultdict[str, deque[_Stop]] = defaultdict(deque)
         self._asked: defaultdict[tuple[str, int], deque[int]] = defaultdict(deque)
@@ -200,6 +203,8 @@ class StopMonitor:
             self._executing = {k: v for k, v in self._executing.items() if v > asked_ns}
         if status not in _BUSY:
             self._refused = None
+        elif self.transferring:
+            return
         elif self._refused is not None:
             if self._refused.is_old(asked_ns):
                 self._fail_refused(f"0; the status is still {status}")

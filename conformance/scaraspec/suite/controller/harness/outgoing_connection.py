@@ -427,13 +427,14 @@ class OutgoingConnection(Connection):
             detects_close = self._subject.access.detects_close
             if not detects_close and self.mid_frame:
                 self.send_bytes(bytes(MAX_FRAME_BYTES))
-            if self._subject.transfers_outlive and self._may_transfer:
+            if self._subject.transfers_outlive and self.may_transfer:
                 self.wait(transfer_timeouts_of(self._subject).must_end_s)
             if not detects_close:
                 self.sync()
 
     @property
-    def _may_transfer(self) -> bool:
+    def may_transfer(self) -> bool:
+        """Whether a file transfer may be active on this connection."""
         if self._judged:
             return self._subject.observer.judge.transferring(self.name)
         return self._names_files
@@ -454,6 +455,7 @@ class OutgoingConnection(Connection):
 
     def _received(self, seen: FrameSeen) -> None:
         self._received_ns = seen.place.time_ns
+        self._subject.guard.stop.transferring = self._subject.may_transfer
         self._subject.guard.received(self.name, seen)
         self._subject.lag.frame_seen(seen.frame, seen.place.time_ns)
         self._subject.settling.frame_seen(seen.frame, seen.place.time_ns)

@@ -14,10 +14,11 @@ from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.payloads import Acceptance
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, TransferState
 from scaraspec.virtual_controller.behaviour import SILENCE
-from scaraspec.virtual_controller.behaviour.base import Silence
+from scaraspec.virtual_controller.behaviour.base import Silence, refused
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.plant import Plant
 from scaraspec.virtual_controller.session import Action, Carrier, OpenTransfer, Request, Session
@@ -356,6 +357,47 @@ def test_unsolicited_frames_are_not_replies(run_cases: RunCases) -> None:
     assert not run_cases(
         SendsStatusPeriodically, "2/12", "3/21", "5.3/7", **_SHORT_TIMEOUT, examples=1
     ).problems
+
+
+class BusyInTransfers(ControllerCore):
+    """During a file transfer the status of an idle robot is 01, and moves are refused as busy."""
+
+    @property
+    def _transfers(self) -> bool:
+        return any(session.transfer for session in self.sessions.values())
+
+    def get_status(self, request: Request) -> str:
+        status = super().get_status(request)
+        return "01" if status == "00" and self._transfers else status
+
+    def set_tool_coordinates(self, request: Request) -> Acceptance:
+        busy = self.robot.task is None and self._transfers
+        return refused("01") if busy else super().set_tool_coordinates(request)
+
+
+def test_robot_may_be_busy_in_transfers(run_cases: RunCases) -> None:
+    """The status is reported as tolerated (A-5-17), and the emergency stop works."""
+    cases = run_cases(BusyInTransfers, "4/2", "4.17/6", "5.4/8")
+    assert not cases.problems
+    names = ("5.4/8.upload", "5.4/8.download", "5.4/8.elsewhere", "4/7.seen-1")
+    assert {cases[name].verdict for name in names} == {Verdict.TOLERATED}
+
+
+class BusyAfterTransfers(BusyInTransfers):
+    """The status stays 01 after the first file transfer."""
+
+    _transferred = False
+
+    @property
+    def _transfers(self) -> bool:
+        self._transferred = self._transferred or super()._transfers
+        return self._transferred
+
+
+def test_robot_must_be_idle_after_transfers(run_cases: RunCases) -> None:
+    """After a transfer the status must be 00 again."""
+    cases = run_cases(BusyAfterTransfers, "5.4/8", allowed=(Hazard.READ_ONLY, Hazard.STATE))
+    assert "4.8/3" in cases.violated
 
 
 class SignalsFailedDownload(ControllerCore):
