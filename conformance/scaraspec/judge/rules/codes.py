@@ -40,8 +40,10 @@ def code_of_the_table(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     code = _code(seen)
     if code is None or len(code) != _CODE_BYTES or not code.isalnum():
         return None
-    if errors.lookup(code.decode("ascii")):
-        return PASSED
+    if known := errors.lookup(code.decode("ascii")):
+        if code.decode("ascii") == known.text:
+            return PASSED
+        return tolerated("A-T-7", "lower case", "a code was sent in lower case")
     return failed(
         "table 8-1 does not contain the code",
         expected="a code of the table",

@@ -14,6 +14,7 @@ CASES = (
     ("8/1", "fail T/7", REFUSED.format(r"0|\x11")),
     ("8/1", "none", REFUSED.format("1")),
     ("8/2", "pass", REFUSED.format("0|1A")),
+    ("8/2", "tolerated A-T-7=lower case", REFUSED.format("0|1a")),
     ("8/2", "pass", FAILED.format("00|12")),
     ("8/2", "fail T/7 4.8/2", STATUS.format("99")),
     ("8/2", "fail T/7", REFUSED.format("0|2F")),

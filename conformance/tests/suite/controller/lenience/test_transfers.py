@@ -400,6 +400,26 @@ def test_robot_must_be_idle_after_transfers(run_cases: RunCases) -> None:
     assert "4.8/3" in cases.violated
 
 
+class IgnoresErrorSignal(ControllerCore):
+    """A chunk of length 0 does not end an upload (A-5-10)."""
+
+    reply: bool | Silence = SILENCE
+
+    def upload_chunk(self, request: Request) -> bool | Silence:
+        chunk = FILE_DATA.decode(request.frame.data).value
+        ends = isinstance(chunk, Chunk) and chunk.length > 0
+        return super().upload_chunk(request) if ends else self.reply
+
+
+@pytest.mark.parametrize("reply", [SILENCE, False, True])
+def test_upload_may_continue_after_the_error_signal(run_cases: RunCases, reply: object) -> None:
+    """An upload that continues is reported as tolerated."""
+    core = type("Ignores", (IgnoresErrorSignal,), {"reply": reply})
+    cases = run_cases(core, "5.4/6")
+    assert not cases.problems
+    assert cases["5.4/6.error-signal"].verdict is Verdict.TOLERATED
+
+
 class SignalsFailedDownload(ControllerCore):
     """A failed download ends with a chunk of length 0."""
 

@@ -127,6 +127,67 @@ def test_a_binary_flag_may_end_with_a_nul(run_cases: RunCases) -> None:
     assert not run_cases(EndsWithNul, "4.9/2", "4.9/6", dialect=binary).problems
 
 
+class EndsAllWithNul(ControllerCore):
+    """The data of every reply and every result end with a NUL."""
+
+    field_end = b"|"
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        data = frame.data.replace(b"|", self.field_end)
+        super().emit(session, frame._replace(data=data + b"\0"))
+
+
+class EndsFieldsWithNul(EndsAllWithNul):
+    """There is also a NUL before each bar."""
+
+    field_end = b"\0|"
+
+
+def test_nul_after_fixed_lengths(run_cases: RunCases) -> None:
+    """A NUL may end flags, codes, times and results, but must not be before a bar (A-T-3)."""
+    cases = run_cases(EndsAllWithNul, "4.6/2", "4.25/3")
+    assert not cases.problems
+    assert cases["T/4.seen-1"].verdict is Verdict.TOLERATED
+    assert run_cases(EndsFieldsWithNul, "4.31/2").violated
+
+
+class SendsLowerCase(ControllerCore):
+    """Codes are in lower case (A-T-7)."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        super().emit(session, frame._replace(data=frame.data.lower()))
+
+
+def test_codes_in_lower_case_are_reported(run_cases: RunCases) -> None:
+    """A fault of several joints has a letter in its code."""
+    cases = run_cases(SendsLowerCase, "8/2", hooks=("motor_fault", "clear_faults"))
+    assert not cases.problems
+    assert cases["8/2.seen-1"].verdict is Verdict.TOLERATED
+
+
+class MixesOutputValues(ControllerCore):
+    """Values from 2 to 9 are used as 1 by some ports; other values are refused (A-4.32-4)."""
+
+    ports: frozenset[int] = frozenset()
+
+    def _value(self, command: Any, frame: Frame) -> Any:
+        port, _, value = frame.data.partition(b"|")
+        if (
+            command.name == "set_digital_output"
+            and value in (b"2", b"9")
+            and int(port) in self.ports
+        ):
+            frame = frame._replace(data=port + b"|1")
+        return super()._value(command, frame)
+
+
+@pytest.mark.parametrize("ports", [range(1, 17, 2), range(2, 17, 2)])
+def test_output_values_may_be_mixed(run_cases: RunCases, ports: range) -> None:
+    """Each port may use another value as 1 or refuse it."""
+    core = type("Mixes", (MixesOutputValues,), {"ports": frozenset(ports)})
+    assert not run_cases(core, "4.32/7").problems
+
+
 class HasLongDefaultName(ControllerCore):
     """The default program was delivered with the robot and has a name of 40 bytes (A-4.9-5)."""
 
