@@ -86,6 +86,7 @@ def controller(  # noqa: PLR0913 - independent options of a run
     out: Path | None = None,
     state_dir: Path | None = None,
     lock_timeout_s: float = 0.0,
+    wait_for_s: float = 0.0,
     reproduction: str = "",
     progress: Progress = _SILENT,
     interruption: Interruption | None = None,
@@ -105,6 +106,7 @@ def controller(  # noqa: PLR0913 - independent options of a run
         out: Folder for results, reports and recording; None to write nothing.
         state_dir: Folder of the journals; None for the user's state directory.
         lock_timeout_s: How long to wait for another run against this controller, in seconds.
+        wait_for_s: How long to wait until the controller accepts a connection, in seconds.
         reproduction: The command that repeats the run, for the report.
         progress: Callbacks.
         interruption: Ends the run early; its `ask` may be called by a signal handler.
@@ -126,6 +128,7 @@ def controller(  # noqa: PLR0913 - independent options of a run
         Journal.of(resolve_url(url), folder, wait_s=lock_timeout_s) as journal,
         RunFolder(out, Role.CONTROLLER, ics, needs_login=access.needs_login) as files,
     ):
+        access.wait_until_reachable(wait_for_s)
         adapter = ControllerAdapter(
             access,
             ics,

@@ -142,6 +142,28 @@ def test_the_plan_of_what_takes_long(processes: Any, more: tuple[str, ...]) -> N
     assert ("skipped: it is slow" in done.stdout) is (not more)
 
 
+def test_wait_for_the_controller(processes: Any) -> None:
+    """A controller that starts later is certified; without the option the run ends at once."""
+    with closing(socket.create_server(("127.0.0.1", 0))) as listener:
+        address = f"127.0.0.1:{listener.getsockname()[1]}"
+    command = ("certify", "controller", f"tcp://{address}", "--only", "4.8/2")
+    assert processes.run(*command).returncode == 3
+    waiting = processes.start(*command, "--wait-for", "1m")
+    processes.start("controller", "--listen", address)
+    output, _ = waiting.communicate(60)
+    assert waiting.wait() == 0, output
+
+
+def test_fail_fast(processes: Any) -> None:
+    """After the first failed case, the others do not run."""
+    host, port = processes.controller("--mutant", "status-in-words")
+    done = processes.run(
+        *("certify", "controller", f"tcp://{host}:{port}", "--only", "4.8", "--fail-fast")
+    )
+    assert done.returncode == 1
+    assert "a case has failed, and --fail-fast ends the run" in done.stdout
+
+
 def test_a_hook_that_cannot_be_started(refused: Callable[..., str], tmp_path: Path) -> None:
     """One sentence names the file, the hook and the program; nothing connects to the robot."""
     ics = tmp_path / "ics.toml"

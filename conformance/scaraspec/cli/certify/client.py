@@ -28,7 +28,15 @@ from scaraspec.user_message import UserMessage
 
 _GROUPS = {
     "The subject": ("driver", "listen", "attended", "ics", "transfer_timeout", "answer_timeout"),
-    "What to try": ("only", "require", "require_coverage", "seed", "examples", "exhaustive"),
+    "What to try": (
+        "only",
+        "require",
+        "require_coverage",
+        "seed",
+        "examples",
+        "exhaustive",
+        "fail_fast",
+    ),
     "The run": ("out", "dry_run"),
 }
 _DRIVER_S: Final = 10.0
@@ -64,6 +72,7 @@ def command(  # noqa: PLR0913 - one for each option
     seed: int,
     examples: int,
     exhaustive: bool,
+    fail_fast: bool,
     out: Path | None,
     dry_run: bool,
 ) -> None:
@@ -87,6 +96,7 @@ def command(  # noqa: PLR0913 - one for each option
             seed=seed,
             examples=examples,
             exhaustive=exhaustive,
+            fail_fast=fail_fast,
             attended=attended,
         )
         cases = certify.plan(options, Role.CLIENT)

@@ -30,7 +30,14 @@ from scaraspec.suite.engine.plan import Options, hazards
 from scaraspec.transports.url import parse
 
 _GROUPS = {
-    "The subject": ("password", "ics", "reply_timeout", "transfer_timeout", "wait_for_lock"),
+    "The subject": (
+        "password",
+        "ics",
+        "reply_timeout",
+        "transfer_timeout",
+        "wait_for",
+        "wait_for_lock",
+    ),
     "What to try": (
         *(
             "allow",
@@ -41,6 +48,7 @@ _GROUPS = {
             "examples",
             "patience",
             "exhaustive",
+            "fail_fast",
             "undefined_opcodes",
         ),
     ),
@@ -86,6 +94,13 @@ EXAMPLE = "Example: scaraspec certify controller tcp://192.168.1.2 --allow state
     help="Time to wait for another run against this controller [0s].",
 )
 @click.option(
+    "--wait-for",
+    type=Duration(),
+    default=0.0,
+    metavar="DURATION",
+    help="Time to wait until the controller accepts a connection [0s].",
+)
+@click.option(
     "--state-dir",
     type=click.Path(path_type=Path),
     envvar="SCARASPEC_STATE",
@@ -110,6 +125,8 @@ def command(  # noqa: PLR0913 - one for each option
     exhaustive: bool,
     undefined_opcodes: bool,
     wait_for_lock: float,
+    wait_for: float,
+    fail_fast: bool,
     state_dir: Path | None,
     yes: bool,
     out: Path | None,
@@ -143,6 +160,7 @@ def command(  # noqa: PLR0913 - one for each option
             examples=examples,
             exhaustive=exhaustive,
             brief=only is None and not exhaustive,
+            fail_fast=fail_fast,
         )
         cases = certify.plan(options)
         estimate = estimate_of(cases, options, statement)
@@ -166,6 +184,7 @@ def command(  # noqa: PLR0913 - one for each option
                     out=out,
                     state_dir=state_dir,
                     lock_timeout_s=wait_for_lock,
+                    wait_for_s=wait_for,
                     reproduction=reproduction(click.get_current_context(), where),
                     progress=display.progress,
                     interruption=interruption,

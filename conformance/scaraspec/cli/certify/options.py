@@ -69,6 +69,7 @@ _OPTIONS: Final = (
         is_flag=True,
         help="Run all cases, also slow ones and those of requirements that have failed.",
     ),
+    click.option("--fail-fast", is_flag=True, help="Run no further case after one has failed."),
     click.option(
         "--out", type=_PATH, metavar="DIR", help="Folder for results, reports and capture."
     ),
@@ -116,7 +117,17 @@ def selection_of(option: str, text: str | None, role: Role) -> Selection:
 
 
 _NOT_REPEATED: Final = frozenset(
-    {"only", "out", "yes", "dry_run", "password", "state_dir", "wait_for_lock"}
+    {
+        "fail_fast",
+        "only",
+        "out",
+        "yes",
+        "dry_run",
+        "password",
+        "state_dir",
+        "wait_for",
+        "wait_for_lock",
+    }
 )
 """Parameters that do not change what a run finds, and the password, which no report shows."""
 

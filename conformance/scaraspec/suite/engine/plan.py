@@ -37,6 +37,7 @@ class Options:
         cases: The ids of cases to run besides those of `only`.
         required: The requirements that must be judged; otherwise the run is inconclusive.
         required_percent: The share of the requirements in scope that must be judged.
+        fail_fast: Run no further case after one has failed.
     """
 
     only: frozenset[str] | None = None
@@ -50,6 +51,7 @@ class Options:
     cases: frozenset[str] = frozenset()
     required: frozenset[str] = frozenset()
     required_percent: float = 0.0
+    fail_fast: bool = False
 
     @property
     def summary(self) -> dict[str, str]:
@@ -63,6 +65,7 @@ class Options:
             "exhaustive": str(self.exhaustive).lower(),
             "undefined_opcodes": str(self.undefined).lower(),
             "attended": str(self.attended).lower(),
+            "fail_fast": str(self.fail_fast).lower(),
         }
 
 

@@ -6,16 +6,18 @@ other module of the suite knows which of the two it is.
 
 import math
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final, Protocol
 
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.transports.clock import now_ns
 from scaraspec.transports.connect import connect
-from scaraspec.transports.link import Link
+from scaraspec.transports.link import Link, LinkError
 from scaraspec.transports.memory import MemoryNetwork
 from scaraspec.transports.url import Serial, Tcp, parse
 
+_RETRY_S: Final = 0.2
 _LOCAL: Final = ("127.0.0.1", "::1", "localhost")
 
 
@@ -120,6 +122,19 @@ class UrlAccess:
     def pause(self, for_s: float) -> None:
         """Sleep for a time, in seconds."""
         time.sleep(for_s)
+
+    def wait_until_reachable(self, for_s: float) -> None:
+        """Try to connect until the controller accepts a connection, or until a time has passed.
+
+        Args:
+            for_s: The longest wait, in seconds.
+        """
+        end_s = time.monotonic() + for_s
+        while time.monotonic() < end_s:
+            with suppress(LinkError):
+                self.connect().close()
+                return
+            self.pause(_RETRY_S)
 
 
 @dataclass(frozen=True)
