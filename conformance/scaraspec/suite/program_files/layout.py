@@ -201,23 +201,24 @@ def _try(
 def _watch(
     subject: ControllerUnderTest, line: OutgoingConnection, requested_s: float
 ) -> tuple[ReceivedFrame | None, float]:
-    """Wait for the end of a program; an idle status shows it only after a plausible time.
+    """Wait for the end of a program; an idle status shows it twice, and after a plausible time.
 
     Returns:
         The final result, or None if it is missing; and when the status last showed that the program
         runs, or when it was requested.
     """
     deadline, ran_until_s = Deadline(subject, TRIAL_S + subject.reply_s), requested_s
+    status: str | None = None
     while not (deadline.expired or line.ended):
         with suppress(NoReply):
             within_s = min(_SLICE_S, deadline.remaining_s)
             return line.result("run_program", within_s=within_s, untagged=True), ran_until_s
         if not is_responsive(subject, line):
             continue
-        status = status_of(subject, line)
+        before, status = status, status_of(subject, line)
         if status in BUSY:
             ran_until_s = subject.now_ns / _NS
-        elif status == IDLE and _waited(subject, requested_s, ran_until_s):
+        elif before == status == IDLE and _waited(subject, requested_s, ran_until_s):
             break
     with suppress(NoReply):
         return line.result("run_program", within_s=SILENCE_S, untagged=True), ran_until_s
