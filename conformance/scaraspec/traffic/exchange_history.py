@@ -75,7 +75,9 @@ class ExchangeHistory:
 
     def between(self, name: str, begin_ns: int, end_ns: int) -> Iterator[Exchange]:
         """Yield the exchanges of a command that are within two times, oldest first."""
-        recent = self.recent.get(name, [])
+        recent = self.recent.get(name)
+        if not recent or answered_ns(recent[-1]) <= begin_ns:  # the usual answer: none
+            return
         first = bisect_right(recent, begin_ns, key=answered_ns)
         for x in islice(recent, first, None):
             if answered_ns(x) >= end_ns:  # so are all later ones
@@ -107,7 +109,10 @@ class ExchangeHistory:
             ):  # they contain file content
                 return
             recent = self.recent.setdefault(traffic_event.name, [])
-            insort(recent, traffic_event, key=answered_ns)
+            if recent and answered_ns(recent[-1]) > answered_ns(traffic_event):
+                insort(recent, traffic_event, key=answered_ns)
+            else:
+                recent.append(traffic_event)
             del recent[:-KEPT_EXCHANGES]
             self._add_reply(traffic_event, busy=busy)
 
