@@ -90,6 +90,15 @@ def parse_limits(text: str) -> Limits:
     return limits
 
 
+def show_duration(duration_ns: int) -> str:
+    """Return a duration as text in its largest whole unit, such as ``36 h``."""
+    for unit in ("d", "h", "min", "s"):
+        number, rest_ns = divmod(duration_ns, _DURATIONS_NS[unit])
+        if number and not rest_ns:
+            return f"{number} {unit}"
+    return f"{duration_ns / SECOND_NS:.4g} s"
+
+
 def show_size(size_bytes: int) -> str:
     """Return a size as text, such as ``20 GB``."""
     for unit in ("GB", "MB", "kB"):

@@ -12,6 +12,7 @@ from scaraspec_recorder.recordings.recording_files import RecordingFolder, sessi
 from scaraspec_recorder.recordings.recording_index import RecordingIndex
 from scaraspec_recorder.recordings.retention import PERIOD_NS, Retention
 from scaraspec_recorder.recordings.rotation import Rotation, RotationPolicy
+from scaraspec_recorder.sinks.clock_watch import ClockWatch
 from scaraspec_recorder.sinks.decoder import Decoder
 from scaraspec_recorder.sinks.own_files import remove_temporary_files
 from scaraspec_recorder.sinks.redaction import Redactor
@@ -85,7 +86,8 @@ def archive_sink(
     outputs = with_marks(
         [Rotation(recording_folder, judge, archive.rotate)], archive.triggers, folder
     )
-    decoder = Decoder(outputs, judge, Redactor() if archive.redact else None)
+    redactor = Redactor() if archive.redact else None
+    decoder = Decoder(outputs, judge, redactor, ClockWatch())
     return _Retained(decoder, retention, recording_folder, _too_little(archive))
 
 

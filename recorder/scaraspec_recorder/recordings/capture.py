@@ -7,6 +7,7 @@ from scaraspec.judge.judge import Judge
 from scaraspec.traffic.wire import WireEvent
 from scaraspec_recorder.recordings.marks import with_marks
 from scaraspec_recorder.recordings.recording_files import make_files, session_metadata
+from scaraspec_recorder.sinks.clock_watch import ClockWatch
 from scaraspec_recorder.sinks.decoder import Decoder
 from scaraspec_recorder.sinks.redaction import Redactor
 from scaraspec_recorder.sinks.sink import OutputFolder
@@ -41,7 +42,8 @@ def capture_sink(  # noqa: PLR0913 - independent options
     }
     _, outputs = make_files(folder, "capture", metadata, draw=draw, optimized=True)
     marked = with_marks(outputs, triggers, folder)
-    return Decoder(marked, Judge(needs_login=needs_login), Redactor() if redact else None)
+    judge, redactor = Judge(needs_login=needs_login), Redactor() if redact else None
+    return Decoder(marked, judge, redactor, ClockWatch())
 
 
 def write_rrd(events: Iterable[WireEvent], path: Path, *, needs_login: bool = True) -> None:

@@ -12,6 +12,7 @@ from typing import Final
 
 from scaraspec.traffic.wire import WireEvent
 from scaraspec_recorder.recordings.triggers import Trigger, UserTrigger, parse_trigger
+from scaraspec_recorder.sinks.clock_watch import ClockWatch
 from scaraspec_recorder.sinks.decoder import Item, Output
 from scaraspec_recorder.sinks.file_names import utc_time
 from scaraspec_recorder.sinks.sink import OutputFolder
@@ -25,6 +26,7 @@ SOURCE: Final = "trigger"
 """The source that the lines in the recording name."""
 
 _MINUTE_NS: Final = 60 * SECOND_NS
+_STEP_WAIT_NS: Final = 5 * SECOND_NS
 
 _log = logging.getLogger(__name__)
 
@@ -57,11 +59,19 @@ class TriggerMarks:
     Args:
         outputs: The other outputs.
         watchers: The triggers, by their texts.
+        clock: Detects steps of the clock.
     """
 
-    def __init__(self, outputs: Sequence[Output], watchers: Mapping[str, Trigger]) -> None:
+    def __init__(
+        self,
+        outputs: Sequence[Output],
+        watchers: Mapping[str, Trigger],
+        clock: ClockWatch | None = None,
+    ) -> None:
         self._outputs = tuple(outputs)
         self._watchers = watchers
+        self._clock = clock or ClockWatch()
+        self._stepped_ns: int | None = None  # elapsed time at the last step
         self._now_ns = 0  # by the clock of the events, which may be later than that of the ticks
         self._had_event = False  # there was an event since the last tick
         self._logged_ns = {trigger: deque[int](maxlen=LOGGED_A_MINUTE) for trigger in watchers}
@@ -93,6 +103,7 @@ class TriggerMarks:
         if not self._had_event:
             self._now_ns = now_ns
         self._had_event = False
+        self._check_clock()
         for trigger, watcher in self._watchers.items():
             self._mark(trigger, watcher.on_time(self._now_ns))
         for output in self._outputs:
@@ -103,9 +114,20 @@ class TriggerMarks:
         for output in self._outputs:
             output.close(summary)
 
+    def _check_clock(self) -> bool:
+        """Whether the clock was set recently. Events from before the step may still follow."""
+        elapsed_ns = self._clock.elapsed_ns()
+        if self._clock.step_ns():
+            self._stepped_ns = elapsed_ns
+        recent = self._stepped_ns is not None and elapsed_ns - self._stepped_ns < _STEP_WAIT_NS
+        if recent:
+            for watcher in self._watchers.values():
+                watcher.on_clock_step()
+        return recent
+
     def _mark(self, trigger: str, why: str) -> None:
         """Write a mark if there is a reason, and log it unless the log limit is reached."""
-        if not why:
+        if not why or (self._watchers[trigger].timed and self._check_clock()):
             return
         self.mark(self._now_ns, LogLine(Level.WARN, SOURCE, f"{trigger}: {why}"))
         logged_ns = self._logged_ns[trigger]

@@ -10,12 +10,14 @@ from typing import Final
 
 from scaraspec_recorder.recordings.recording_index import RecordingIndex
 from scaraspec_recorder.recordings.recording_stats import RecordingSummary
-from scaraspec_recorder.units import SECOND_NS, Limits, show_size
+from scaraspec_recorder.sinks.clock_watch import ClockWatch
+from scaraspec_recorder.units import SECOND_NS, Limits, show_duration, show_size
 
 PERIOD_NS: Final = 10 * SECOND_NS
 """Interval of the retention checks."""
 
-_DAY_NS: Final = 86_400 * SECOND_NS
+_CLOCK_UNSET_NS: Final = 1_577_836_800 * SECOND_NS
+"""The year 2020. Recordings that end before it were made with a clock that was not set yet."""
 
 _log = logging.getLogger(__name__)
 
@@ -28,6 +30,7 @@ class Retention:
         keep: Limits of age and total size.
         min_free_bytes: Disk space that must stay free; 0 for no limit.
         free_bytes: Returns the free disk space.
+        clock: Detects steps of the clock. After a step the ages are unknown, and only sizes count.
     """
 
     def __init__(
@@ -36,11 +39,14 @@ class Retention:
         keep: Limits,
         min_free_bytes: int,
         free_bytes: Callable[[], int],
+        clock: ClockWatch | None = None,
     ) -> None:
         self._index = index
         self._keep = keep
         self._min_free_bytes = min_free_bytes
         self._free_bytes = free_bytes
+        self._clock = clock or ClockWatch()
+        self._ages_known = True
 
     def enforce(self, now_ns: int, written_bytes: int = 0) -> bool:
         """Remove recordings beyond the limits.
@@ -55,10 +61,13 @@ class Retention:
         Raises:
             OSError: A file cannot be removed, or the index cannot be written.
         """
+        self._ages_known = self._ages_known and not self._clock.step_ns()
         oldest_first = self._oldest_first()
         total_bytes = written_bytes + sum(entry.size_bytes for entry in oldest_first)
         for entry in oldest_first:
-            if reason := _too_much(self._keep, total_bytes, now_ns - entry.end_ns):
+            age_known = self._ages_known and entry.end_ns >= _CLOCK_UNSET_NS
+            age_ns = now_ns - entry.end_ns if age_known else 0
+            if reason := _too_much(self._keep, total_bytes, age_ns):
                 total_bytes -= entry.size_bytes
                 self._remove(entry, now_ns, reason)
         return self._make_room(now_ns)
@@ -96,5 +105,5 @@ def _too_much(limits: Limits, size_bytes: int, age_ns: int) -> str:
     if limits.size_bytes is not None and size_bytes > limits.size_bytes:
         return f"more than {show_size(limits.size_bytes)}"
     if limits.duration_ns is not None and age_ns > limits.duration_ns:
-        return f"older than {limits.duration_ns / _DAY_NS:g} days"
+        return f"older than {show_duration(limits.duration_ns)}"
     return ""

@@ -43,7 +43,13 @@ class TriggerError(ValueError):
 
 
 class Trigger:
-    """One condition. Each method returns why it fires; empty if it does not."""
+    """One condition. Each method returns why it fires; empty if it does not.
+
+    Attributes:
+        timed: Whether it compares times, and must not fire after a step of the clock.
+    """
+
+    timed = False
 
     def on_event(self, event: WireEvent) -> str:  # noqa: ARG002 - for subclasses
         """Process a raw event."""
@@ -56,6 +62,9 @@ class Trigger:
     def on_time(self, now_ns: int) -> str:  # noqa: ARG002 - for subclasses
         """Process the current time of the events' clock; all earlier events are known."""
         return ""
+
+    def on_clock_step(self) -> None:
+        """Forget times: the clock was set."""
 
 
 class UserTrigger(Trigger):
@@ -142,6 +151,8 @@ class _Silence(Trigger):
     silence. Each silence fires once: at a tick, or at the next byte.
     """
 
+    timed = True
+
     def __init__(self, text: str) -> None:
         self._limit_ns = parse_duration(text)
         self._last_traffic_ns: dict[str, int | None] = {}
@@ -164,6 +175,10 @@ class _Silence(Trigger):
     def on_time(self, now_ns: int) -> str:
         return "; ".join(filter(None, (self._check(c, now_ns) for c in self._last_traffic_ns)))
 
+    def on_clock_step(self) -> None:
+        self._last_traffic_ns = dict.fromkeys(self._last_traffic_ns)
+        self._fired.clear()
+
     def _check(self, connection: str, now_ns: int) -> str:
         last_ns = self._last_traffic_ns.get(connection)
         if last_ns is None:
@@ -177,11 +192,16 @@ class _Silence(Trigger):
 class _Late(Trigger):
     """Fires once per late reply: when the limit passes, or when the reply arrives."""
 
+    timed = True
+
     def __init__(self, text: str) -> None:
         self._limit_ns = parse_duration(text)
         self._pending: dict[
             str, dict[str, deque[int]]
         ] = {}  # request times by connection and command
+
+    def on_clock_step(self) -> None:
+        self._pending.clear()
 
     def on_item(self, item: Item) -> str:
         if isinstance(item, FrameSeen):

@@ -15,10 +15,12 @@ from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.traffic.events import Exchange, FrameSeen, TrafficEvent
 from scaraspec.traffic.wire import WireEvent
 from scaraspec_recorder.sinks import text as event_text
+from scaraspec_recorder.sinks.clock_watch import ClockWatch
 from scaraspec_recorder.sinks.gap_filler import GapFiller
 from scaraspec_recorder.sinks.redaction import Redactor
 from scaraspec_recorder.sinks.sink import SinkFailed
-from scaraspec_recorder.sinks.text import LogLine
+from scaraspec_recorder.sinks.text import Level, LogLine
+from scaraspec_recorder.units import show_duration
 
 _log = logging.getLogger(__name__)
 
@@ -70,14 +72,20 @@ class Decoder:
         outputs: The outputs; their exceptions are not caught.
         judge: Judges the traffic.
         redactor: Masks passwords in raw bytes; None to keep them.
+        clock: Detects steps of the clock, which are logged, also in the outputs; None for none.
     """
 
     def __init__(
-        self, outputs: Sequence[Output], judge: Judge, redactor: Redactor | None = None
+        self,
+        outputs: Sequence[Output],
+        judge: Judge,
+        redactor: Redactor | None = None,
+        clock: ClockWatch | None = None,
     ) -> None:
         self._judge = judge
         self._outputs = tuple(outputs)
         self._redactor = redactor
+        self._clock = clock
         self._gap_filler = GapFiller()
         self._last = 0
         self._numbers: dict[int, int] = {}  # by id() of the request, until its exchange is complete
@@ -94,6 +102,8 @@ class Decoder:
     def tick(self, now_ns: int) -> None:
         """Make everything durable; `now_ns` since the Unix epoch."""
         self._flush()
+        if self._clock and (step_ns := self._clock.step_ns()):
+            self._mark_step(now_ns, step_ns)
         for output in self._outputs:
             output.tick(now_ns)
 
@@ -112,6 +122,13 @@ class Decoder:
             "exchanges": str(self._last),
             **({"defect": self._defect} if self._defect else {}),
         }
+
+    def _mark_step(self, now_ns: int, step_ns: int) -> None:
+        way = "forward" if step_ns > 0 else "back"
+        text = f"the clock was set {way} by {show_duration(abs(step_ns))}"
+        _log.warning("%s", text)
+        for output in self._outputs:
+            output.mark(now_ns, LogLine(Level.WARN, "clock", text))
 
     def _flush(self) -> None:
         if self._redactor:

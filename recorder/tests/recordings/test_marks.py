@@ -15,8 +15,10 @@ from scaraspec.protocol.payloads import Acceptance
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.recordings.archive import Archive, archive_sink
 from scaraspec_recorder.recordings.capture import capture_sink
-from scaraspec_recorder.recordings.marks import LOGGED_A_MINUTE, SOURCE, with_marks
+from scaraspec_recorder.recordings.marks import LOGGED_A_MINUTE, SOURCE, TriggerMarks, with_marks
 from scaraspec_recorder.recordings.rotation import parse_rotation
+from scaraspec_recorder.recordings.triggers import parse_trigger
+from scaraspec_recorder.sinks.clock_watch import ClockWatch
 from scaraspec_recorder.sinks.decoder import Decoder, Item
 from scaraspec_recorder.sinks.sink import OutputFolder
 from scaraspec_recorder.sinks.text import LogLine
@@ -261,3 +263,34 @@ def test_an_invalid_trigger() -> None:
 @pytest.fixture(autouse=True)
 def _warnings(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.WARNING)
+
+
+@pytest.mark.parametrize("hours", [24, -24])
+def test_a_step_of_the_clock_is_no_silence(hours: int) -> None:
+    """Whether a tick or an event comes first; a silence after the step is one."""
+    for step_at_a_tick in (False, True):
+        tape, clock_s = Tape(), {"wall": 10.0**6, "elapsed": 0.0}
+        clock = ClockWatch(
+            lambda now=clock_s: int(now["wall"] * SECOND_NS),  # type: ignore[misc]
+            lambda now=clock_s: int(now["elapsed"] * SECOND_NS),  # type: ignore[misc]
+        )
+        marked = TriggerMarks([tape], {"silence:30s": parse_trigger("silence:30s")}, clock)
+
+        def pass_s(seconds: float, step_s: float = 0, now: dict[str, float] = clock_s) -> int:
+            now["elapsed"] += seconds
+            now["wall"] += seconds + step_s
+            return int(now["wall"] * SECOND_NS)
+
+        marked.write(WireEvent(pass_s(1), "1", A2C, Kind.OPENED))
+        marked.write(WireEvent(old_ns := pass_s(1), "1", A2C, Kind.BYTES, b"a"))
+        now_ns = pass_s(1, hours * 3600)
+        if step_at_a_tick:
+            marked.tick(now_ns)
+            marked.write(WireEvent(old_ns + 1, "1", A2C, Kind.BYTES, b"b", 1))
+        marked.write(WireEvent(pass_s(1), "1", A2C, Kind.BYTES, b"c", 2))
+        for _ in range(20):
+            marked.tick(pass_s(1))
+        assert not tape.marks
+        for _ in range(20):
+            marked.tick(pass_s(1))
+        assert len(tape.marks) == 1

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scaraspec_recorder.recordings.recording_index import FILE_NAME, RecordingIndex
 from scaraspec_recorder.recordings.recording_stats import RecordingSummary
 from scaraspec_recorder.recordings.retention import Retention
+from scaraspec_recorder.sinks.clock_watch import ClockWatch
 from scaraspec_recorder.units import SECOND_NS, Limits, parse_limits
 
 HOUR_NS = 3600 * SECOND_NS
@@ -79,10 +80,10 @@ def test_old_recordings_are_removed(disk: Disk, caplog: pytest.LogCaptureFixture
     """The end of the recording counts; the removal is in the log and in the index."""
     disk.enforce("2d")
     assert disk.remaining == ["b", "c"]
-    assert disk.removed == [("a.mcap", "older than 2 days")]
+    assert disk.removed == [("a.mcap", "older than 2 d")]
     folder = disk.index.folder
     assert caplog.messages == [
-        f"removed {folder / name}: older than 2 days" for name in ("a.mcap", "a.rrd")
+        f"removed {folder / name}: older than 2 d" for name in ("a.mcap", "a.rrd")
     ]
 
 
@@ -133,6 +134,27 @@ def test_a_missing_file_is_ignored(disk: Disk) -> None:
         path.unlink()
     disk.enforce("2d")
     assert disk.remaining == ["b", "c"]
+
+
+@pytest.mark.parametrize("hours", [24, -24])
+def test_after_a_step_of_the_clock_only_sizes_count(disk: Disk, hours: int) -> None:
+    """The ages of all recordings are unknown."""
+    elapsed_ns = 5 * HOUR_NS
+    wall_ns = [NOW_NS]
+    clock = ClockWatch(lambda: wall_ns[0], lambda: elapsed_ns)
+    retention = Retention(disk.index, parse_limits("4d,2MB"), 0, lambda: 0, clock)
+    wall_ns[0] += hours * HOUR_NS
+    for _ in range(2):
+        retention.enforce(wall_ns[0])
+    assert disk.removed == [("a.mcap", "more than 2 MB")]
+
+
+def test_a_recording_from_before_the_clock_was_set(tmp_path: Path) -> None:
+    """Its age is unknown, also to a recorder that starts later."""
+    disk = Disk(tmp_path)
+    disk.add("a", age_h=NOW_NS // HOUR_NS - 2)
+    disk.enforce("1d")
+    assert disk.remaining == ["a"]
 
 
 def test_a_clock_set_back_removes_nothing_by_age(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ import struct
 import subprocess
 import sysconfig
 from collections.abc import Callable, Iterable
+from functools import partial
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
@@ -622,7 +623,7 @@ def test_a_removed_file(tmp_path: Path, talk: Any) -> None:
     talk.send(A2C, b"fg")
     sink.write(talk.events[-1])
     path.unlink()
-    for notice in (lambda: sink.tick(0), lambda: sink.close({})):
+    for notice in (partial(sink.tick, 0), partial(sink.close, {})):
         with pytest.raises(FileRemoved, match="capture") as raised:
             notice()
         loss = raised.value

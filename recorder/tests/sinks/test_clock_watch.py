@@ -1,0 +1,63 @@
+"""Steps of the clock are detected, and are written into the recording."""
+
+from unittest.mock import Mock
+
+import pytest
+
+from scaraspec.judge.judge import Judge
+from scaraspec_recorder.sinks.clock_watch import ClockWatch
+from scaraspec_recorder.sinks.decoder import Decoder
+from scaraspec_recorder.sinks.text import Level, LogLine
+from scaraspec_recorder.units import SECOND_NS
+
+
+class Clocks:
+    """Two clocks with the times 100 s and 0 s."""
+
+    def __init__(self) -> None:
+        self.wall_ns = 100 * SECOND_NS
+        self.elapsed_ns = 0
+        self.read_ns = 0
+        self.watch = ClockWatch(lambda: self.wall_ns, self._read)
+
+    def pass_s(self, seconds: float, step_s: float = 0) -> None:
+        self.elapsed_ns += int(seconds * SECOND_NS)
+        self.wall_ns += int((seconds + step_s) * SECOND_NS)
+
+    def _read(self) -> int:
+        self.elapsed_ns += self.read_ns
+        return self.elapsed_ns
+
+
+@pytest.mark.parametrize("step_s", [1, 86_400, -3600])
+def test_a_step_is_detected_once(step_s: float) -> None:
+    """Also if the clock is set back."""
+    clocks = Clocks()
+    clocks.pass_s(1000)
+    assert clocks.watch.step_ns() == 0
+    clocks.pass_s(1000, step_s)
+    assert clocks.watch.step_ns() == step_s * SECOND_NS
+    assert clocks.watch.step_ns() == 0
+
+
+def test_corrections_and_interruptions_are_no_steps() -> None:
+    """NTP slews the clock; a stopped process reads the clocks at different times."""
+    clocks = Clocks()
+    for _ in range(100):
+        clocks.pass_s(10, 0.005)
+        assert clocks.watch.step_ns() == 0
+    clocks.read_ns = 60 * SECOND_NS
+    assert clocks.watch.step_ns() == 0
+
+
+def test_a_step_is_logged(caplog: pytest.LogCaptureFixture) -> None:
+    """In the recording and in the log of the recorder."""
+    clocks, output = Clocks(), Mock()
+    decoder = Decoder([output], Judge(), clock=clocks.watch)
+    decoder.tick(1)
+    clocks.pass_s(5, 3600)
+    decoder.tick(2)
+    decoder.tick(3)
+    text = "the clock was set forward by 1 h"
+    output.mark.assert_called_once_with(2, LogLine(Level.WARN, "clock", text))
+    assert caplog.messages == [text]
