@@ -1,97 +1,150 @@
 """Masks passwords in raw events, independent of how the bytes are split.
 
 `scaraspec.protocol.redaction` defines what is secret and how it is masked. This module finds the
-secret bytes in a stream. If in doubt, it masks too much rather than too little.
+secret bytes in a stream: passwords, also where they occur again, bytes outside of frames, and the
+data of unknown frames. If in doubt, it masks too much rather than too little. Only an unfinished
+frame with a known opcode, at a flush, is shown except for passwords.
 """
 
+import re
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Final
 
 from scaraspec.protocol.commands import is_known_opcode
-from scaraspec.protocol.direction import A2C
-from scaraspec.protocol.frames import Frame, Framer, Skipped
+from scaraspec.protocol.direction import Direction
+from scaraspec.protocol.frames import TAG, Frame, Framer, Skipped
 from scaraspec.protocol.redaction import is_secret, mask, secret_offset
 from scaraspec.traffic.wire import Kind, WireEvent
 
 MASKED_NOTE: Final = "passwords masked"
 """The note of every raw event in which bytes were hidden."""
 
+MIN_PASSWORD_BYTES: Final = 4
+"""Length from which on a password is also masked where it occurs in other frames."""
+
+_MAX_PASSWORDS: Final = 64
+_RESULT: Final = re.compile(rb"[01]{1,2}(\|?[0-9A-Fa-f]{1,3})?")
+
 
 @dataclass(slots=True)
-class _Client:
-    """Bytes of one client and the ranges to mask; positions count from its first byte."""
+class _Stream:
+    """One direction and the ranges to mask; positions count from its first byte."""
 
     framer: Framer
     after_gap: bool = False
     held: bytes = b""
-    pending: deque[tuple[int, WireEvent]] = field(default_factory=deque)
     hidden: deque[tuple[int, int]] = field(default_factory=deque)
+
+
+class _Link:
+    """The events of one connection.
+
+    Args:
+        passwords: The latest passwords of all connections; updated.
+    """
+
+    def __init__(self, passwords: deque[bytes]) -> None:
+        self._passwords = passwords
+        self._streams = {direction: _Stream(Framer(direction)) for direction in Direction}
+        self._pending: deque[tuple[int, WireEvent]] = deque()
 
     def take(self, event: WireEvent) -> None:
         """Queue an event, and note the secret ranges in the frames that it completes."""
-        framer = self.framer
+        stream = self._streams[event.direction]
+        framer = stream.framer
         at = framer.offset_bytes
-        self.pending.append((at + framer.buffered_bytes, event))
+        self._pending.append((at + framer.buffered_bytes, event))
         if event.kind in (Kind.CLOSED, Kind.RESET):
-            self._note(framer.finish(), at)
-        elif event.direction is not A2C:
-            return
+            for each in self._streams.values():
+                begin = each.framer.offset_bytes
+                self._note(each, each.framer.finish(), begin)
         elif event.kind is Kind.BYTES:
-            self._note(framer.feed(event.data), at)
+            self._note(stream, framer.feed(event.data), at)
         elif event.kind is Kind.HALF_CLOSED:
-            self._note(framer.finish(), at)
+            self._note(stream, framer.finish(), at)
         elif event.kind is Kind.GAP:
-            self._note(framer.skip_gap(max(event.length_bytes, 0), is_known_opcode), at)
-            self.after_gap = True
+            self._note(stream, framer.skip_gap(max(event.length_bytes, 0), is_known_opcode), at)
+            stream.after_gap = True
         held = framer.buffered_bytes
-        self.held = (self.held + event.data)[-held:] if held else b""
+        stream.held = (stream.held + event.data)[-held:] if held else b""
 
     def release(self) -> Iterator[WireEvent]:
         """Yield pending events up to the first incomplete frame."""
-        yield from self._release(self.framer.offset_bytes)
+        until = {way: stream.framer.offset_bytes for way, stream in self._streams.items()}
+        while self._pending:
+            begin, event = self._pending[0]
+            end = begin + len(event.data)
+            if end > until[event.direction]:
+                return
+            self._pending.popleft()
+            yield self._masked(event, begin) if end > begin else event
 
     def force(self) -> Iterator[WireEvent]:
         """Yield all pending events, with possibly secret bytes masked."""
-        at = self.framer.offset_bytes
-        self._note_loose(self.held, at)
-        yield from self._release(at + len(self.held))
+        for stream in self._streams.values():
+            at, held = stream.framer.offset_bytes, stream.held
+            begin = 0 if stream.after_gap else min(secret_offset(held), _known_bytes(held))
+            stream.hidden.append((at + begin, at + len(held)))
+            self._note_passwords(stream, held, at)
+        for begin, event in self._pending:
+            yield self._masked(event, begin) if event.data else event
+        self._pending.clear()
 
-    def _note(self, found: list[Frame | Skipped], at: int) -> None:
+    def _note(self, stream: _Stream, found: list[Frame | Skipped], at: int) -> None:
         for item in found:
             end = at + item.size_bytes
             if isinstance(item, Skipped):
-                self._note_loose(item.data, at)
+                stream.hidden.append((at, end))
             else:
-                self.after_gap = False
+                stream.after_gap = False
+                begin = end - 1 - len(item.data)
                 if is_secret(item):
-                    self.hidden.append((end - 1 - len(item.data), end - 1))
+                    self._learn(item.data)
+                if is_secret(item) or not _is_expected(item):
+                    stream.hidden.append((begin, end - 1))
+                else:
+                    self._note_passwords(stream, item.data, begin)
             at = end
 
-    def _note_loose(self, data: bytes, at: int) -> None:
-        """Note secret ranges in bytes outside frames. After a gap, they may end a secret frame."""
-        begin = 0 if self.after_gap else secret_offset(data)
-        if begin < len(data):
-            self.hidden.append((at + begin, at + len(data)))
+    def _learn(self, data: bytes) -> None:
+        """Add the passwords in the data of a secret frame."""
+        for part in data.split(b"|"):
+            if len(part) >= MIN_PASSWORD_BYTES and part not in self._passwords:
+                self._passwords.append(part)
 
-    def _release(self, until: int) -> Iterator[WireEvent]:
-        while self.pending:
-            begin, event = self.pending[0]
-            end = begin + (len(event.data) if event.direction is A2C else 0)
-            if end > until:
-                return
-            self.pending.popleft()
-            while self.hidden and self.hidden[0][1] <= begin:
-                self.hidden.popleft()
-            yield self._masked(event, begin) if end > begin else event
+    def _note_passwords(self, stream: _Stream, data: bytes, at: int) -> None:
+        """Note every occurrence of a password."""
+        stream.hidden.extend(
+            (at + found, at + found + len(password))
+            for password in self._passwords
+            for found in range(len(data) - len(password) + 1)
+            if data.startswith(password, found)
+        )
 
     def _masked(self, event: WireEvent, begin: int) -> WireEvent:
+        hidden = self._streams[event.direction].hidden
+        while hidden and hidden[0][1] <= begin:
+            hidden.popleft()
         data = bytearray(event.data)
-        for first, last in self.hidden:
+        for first, last in hidden:
             part = slice(max(first - begin, 0), max(last - begin, 0))
             data[part] = mask(bytes(data[part]))
         return event if data == event.data else replace(event, data=bytes(data), note=MASKED_NOTE)
+
+
+def _is_expected(frame: Frame) -> bool:
+    """Whether a frame has a known opcode, and a final result has about the form of one (L318)."""
+    known = is_known_opcode(frame.opcode, frame.tagged)
+    return known and not (frame.tagged and not _RESULT.fullmatch(frame.data))
+
+
+def _known_bytes(held: bytes) -> int:
+    """Return how many bytes of an unfinished frame may be shown: all if its opcode is known."""
+    tagged = held[1:2] == bytes((TAG,))
+    opcode = held[1 + tagged : 2 + tagged]
+    return len(held) if not opcode or is_known_opcode(opcode[0], tagged) else 1
 
 
 class Redactor:
@@ -102,19 +155,20 @@ class Redactor:
     """
 
     def __init__(self) -> None:
-        self._clients: dict[str, _Client] = {}
+        self._links: dict[str, _Link] = {}
+        self._passwords: deque[bytes] = deque(maxlen=_MAX_PASSWORDS)
 
     def feed(self, event: WireEvent) -> Iterator[WireEvent]:
         """Process the next event. Yield the events that are decided."""
-        client = self._clients.get(event.connection)
-        if client is None:
-            client = self._clients[event.connection] = _Client(Framer(A2C))
-        client.take(event)
+        link = self._links.get(event.connection)
+        if link is None:
+            link = self._links[event.connection] = _Link(self._passwords)
+        link.take(event)
         if event.kind in (Kind.CLOSED, Kind.RESET):
-            del self._clients[event.connection]
-        yield from client.release()
+            del self._links[event.connection]
+        yield from link.release()
 
     def flush(self) -> Iterator[WireEvent]:
         """Yield all events held back, with possibly secret bytes masked."""
-        for client in self._clients.values():
-            yield from client.force()
+        for link in self._links.values():
+            yield from link.force()

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import Frame, Framer
 from scaraspec.protocol.redaction import is_secret, mask
@@ -152,4 +153,56 @@ def test_memory_is_released_when_a_connection_ends() -> None:
     for number in range(100):
         list(redactor.feed(WireEvent(0, str(number), A2C, Kind.BYTES, LOGIN)))
         list(redactor.feed(WireEvent(0, str(number), A2C, Kind.CLOSED)))
-    assert redactor._clients == {}
+    assert redactor._links == {}
+
+
+SECRET = b"open sesame"
+
+
+@pytest.mark.parametrize(
+    ("direction", "data"),
+    [
+        pytest.param(A2C, LOGIN[1:], id="no start byte"),
+        pytest.param(A2C, LOGIN[:1] + LOGIN[2:], id="no opcode"),
+        pytest.param(A2C, b"login " + SECRET, id="bare text"),
+        pytest.param(A2C, b"\xaa\x90" + LOGIN[1:], id="tagged"),
+        pytest.param(A2C, Frame(A2C, 0x77, SECRET).encode(), id="unknown opcode"),
+        pytest.param(C2A, b"no " + SECRET, id="bare text of the controller"),
+        pytest.param(C2A, Frame(C2A, 0x0A, SECRET, tagged=True).encode(), id="one-stage result"),
+        pytest.param(C2A, Frame(C2A, 0x32, SECRET, tagged=True).encode(), id="wrong result"),
+    ],
+)
+def test_outside_of_known_frames(direction: Direction, data: bytes) -> None:
+    """All is masked, also before a login and in any division."""
+    for cuts in ((0, len(data)), range(len(data) + 1)):
+        events = [
+            WireEvent(begin, "1", direction, Kind.BYTES, data[begin:end], begin)
+            for begin, end in pairwise(cuts)
+        ]
+        closed = WireEvent(len(data), "1", direction, Kind.CLOSED, offset_bytes=len(data))
+        redacted = sent(redact([*events, closed]), direction)
+        assert b"sesame" not in redacted
+        assert len(redacted) == len(data)
+
+
+@given(st.lists(st.integers(0, 200), max_size=8), st.sampled_from(Direction))
+def test_a_known_password_in_other_frames(cuts: list[int], direction: Direction) -> None:
+    """It is masked in all later frames of both directions, also on another connection."""
+    frame = Frame(direction, 0x52, b"\x00\x01" + LOGIN + b"rest" + SECRET)
+    data = frame.encode()
+    login = WireEvent(0, "1", A2C, Kind.BYTES, LOGIN)
+    positions = sorted({0, len(data), *(cut % len(data) for cut in cuts)})
+    events = [
+        WireEvent(1, "2", direction, Kind.BYTES, data[begin:end], begin)
+        for begin, end in pairwise(positions)
+    ]
+    redacted = sent(redact([login, *events])[1:], direction)
+    assert redacted == data.replace(SECRET, b"*" * len(SECRET))
+
+
+@pytest.mark.parametrize("data", [b"11", b"00|0C", b"00|00"])
+def test_final_results_are_kept(data: bytes) -> None:
+    """The code of a result is no password."""
+    opcode = BY_NAME["emergency_stop"].opcode
+    result = Frame(C2A, opcode, data, tagged=True).encode()
+    assert sent(redact([WireEvent(0, "1", C2A, Kind.BYTES, result)]), C2A) == result
