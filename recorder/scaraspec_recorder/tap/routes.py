@@ -18,6 +18,9 @@ from scaraspec_recorder.tap import tcp
 GUARD_MARK: Final = 0x5CA00000
 """Socket mark of the recorder's own packets, so that the rules do not redirect them again."""
 
+DIAL_TIMEOUT_S: Final = 5.0
+"""Time limit to connect to an address; the system's own is minutes."""
+
 _SO_ORIGINAL_DST: Final = 80  # linux/netfilter_ipv4.h; the module socket has no name for it
 _SOCKADDR_IN: Final = struct.Struct("!2xH4s8x")
 
@@ -162,12 +165,15 @@ class Tproxy:
 
 
 async def _connect(sock: socket.socket, address: tuple[object, ...]) -> socket.socket:
-    """Connect the socket. Close it on failure."""
+    """Connect the socket within `DIAL_TIMEOUT_S`. Close it on failure."""
     sock.settimeout(0)
     try:
-        await asyncio.get_running_loop().sock_connect(sock, address)
-    except BaseException:  # including cancellation when the client disconnects
+        async with asyncio.timeout(DIAL_TIMEOUT_S):
+            await asyncio.get_running_loop().sock_connect(sock, address)
+    except BaseException as error:  # including cancellation when the client disconnects
         sock.close()
+        if isinstance(error, TimeoutError):
+            raise TimeoutError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT)) from None
         raise
     if sock.getsockname() == address:  # self-connection: the free port was also the target
         sock.close()

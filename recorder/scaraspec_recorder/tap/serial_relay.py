@@ -24,6 +24,7 @@ from typing import Any, Final, Protocol
 from scaraspec.transports.rfcomm import open_channel, rfcomm_socket
 from scaraspec.transports.serial import load_pyserial, open_port
 from scaraspec.transports.url import Rfcomm, Serial
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.child_process import ChildProcess, ignore_signals
 from scaraspec_recorder.tap import tcp
 
@@ -180,6 +181,7 @@ class SerialRoute:
 
     address: SerialAddress
     _line: SerialBridge | None = field(default=None, init=False)
+    _client: str = field(default="", init=False)  # address of the client that uses it
     _connect_lock: asyncio.Lock = field(default_factory=asyncio.Lock, init=False)
 
     def listen(self, host: str, port: int) -> socket.socket:
@@ -191,14 +193,17 @@ class SerialRoute:
         """Return the URL of the line."""
         return str(self.address)
 
-    async def connect_upstream(self, client: socket.socket) -> socket.socket:  # noqa: ARG002 - see above
+    async def connect_upstream(self, client: socket.socket) -> socket.socket:
         """Open the line and return a socket that is connected to it.
 
         Raises:
             OSError: The line cannot be opened, or another client uses it.
         """
         async with self._connect_lock:
-            connecting = asyncio.create_task(asyncio.to_thread(self._connect))
+            address = "unknown"
+            with suppress(OSError):  # the client is already disconnected
+                address = tcp.address_text(client.getpeername())
+            connecting = asyncio.create_task(asyncio.to_thread(self._connect, address))
             try:
                 return await asyncio.shield(connecting)
             except asyncio.CancelledError:  # the client disconnected
@@ -206,10 +211,10 @@ class SerialRoute:
                     (await connecting).close()
                 raise
 
-    def _connect(self) -> socket.socket:
+    def _connect(self, client: str) -> socket.socket:
         if self._line:
             if not self._line.finished.wait(LINE_WAIT_S):
-                raise OSError("another client uses the line")
+                raise OSError(UserMessage("the client {client} uses the line", client=self._client))
             self._line.close()
         device = open_device(self.address)
         try:
@@ -217,7 +222,7 @@ class SerialRoute:
         except OSError:
             device.close()
             raise
-        self._line = SerialBridge(str(self.address), device, far)
+        self._line, self._client = SerialBridge(str(self.address), device, far), client
         near.settimeout(0)
         return near
 

@@ -25,6 +25,7 @@ BACKLOG: Final = 1024
 """Maximum number of clients that wait for accept."""
 
 _POLL_S: Final = 0.005
+_KEEPALIVE: Final = {"TCP_KEEPIDLE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3}  # s, s, probes
 _LINGER_NOT: Final = struct.pack("ii", 1, 0)  # close() then sends RST
 
 
@@ -63,10 +64,16 @@ def allow_many_sockets() -> None:
 
 
 def tune(sock: socket.socket) -> None:
-    """Set TCP_NODELAY and SO_KEEPALIVE: no send delay, detection of lost peers."""
+    """Set TCP_NODELAY and SO_KEEPALIVE: no send delay, detection of lost peers within a minute.
+
+    TCP_USER_TIMEOUT is not set: it would also close a connection whose peer does not read.
+    """
     with contextlib.suppress(OSError):  # some systems refuse after the peer disconnected
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        for name, value in _KEEPALIVE.items():
+            if option := getattr(socket, name, 0):  # some systems lack some of them
+                sock.setsockopt(socket.IPPROTO_TCP, option, value)
 
 
 def unsent_bytes(sock: socket.socket) -> int:

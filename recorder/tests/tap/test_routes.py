@@ -1,12 +1,18 @@
 """Routes, and the recipes of the documentation that redirect clients to the recorder."""
 
+import asyncio
 import re
 import shlex
+import socket
+import sys
+from contextlib import ExitStack
+from typing import Any
 
 import pytest
 
 from recipes import recipe
 from scaraspec_recorder.config import MODES, read_robot
+from scaraspec_recorder.tap import routes
 from scaraspec_recorder.tap.routes import GUARD_MARK, Mode, Redirect, Tproxy, Upstream, route
 
 CONTROLLER = ("192.168.1.2", 8877)
@@ -57,3 +63,30 @@ def test_the_recipe_removes_all_that_it_installs(mode: Mode) -> None:
     names = re.compile(r"\b(?:scaraspec_\d+|(?:fwmark|lookup|table) (?:0x[0-9a-f]+|\d+))\b")
     steps = recipe(mode)
     assert set(names.findall(steps.remove)) == set(names.findall(steps.install + steps.script))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems refuse at once")
+def test_an_address_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is given up after a time, and the next address of the host is tried."""
+    monkeypatch.setattr(routes, "DIAL_TIMEOUT_S", 0.05)
+
+    async def connect(addresses: list[Any]) -> Any:
+        async def resolve(*_: Any, **__: Any) -> list[Any]:
+            return [(socket.AF_INET, socket.SOCK_STREAM, 0, "", each) for each in addresses]
+
+        monkeypatch.setattr(asyncio.get_running_loop(), "getaddrinfo", resolve)
+        with await Upstream("robot", 8877).connect_upstream(client) as connected:
+            return connected.getpeername()
+
+    with ExitStack() as stack:
+        silent = stack.enter_context(socket.create_server(("127.0.0.1", 0), backlog=0))
+        robot = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+        client = stack.enter_context(socket.create_connection(robot.getsockname()))
+        for _ in range(2):  # its queue is full, and it ignores the next clients
+            waiting = stack.enter_context(socket.socket())
+            waiting.settimeout(0)
+            waiting.connect_ex(silent.getsockname())
+        found = asyncio.run(connect([silent.getsockname(), robot.getsockname()]))
+        assert found == robot.getsockname()
+        with pytest.raises(TimeoutError, match="timed out"):
+            asyncio.run(connect([silent.getsockname()]))

@@ -270,11 +270,12 @@ def test_a_second_client_does_not_disturb_the_first(
             first, first_writer = await bench.connect()
             await write(first_writer, b"mine")
             assert await to_thread(controller.receive, 4) == b"mine"
+            host, port = first_writer.get_extra_info("sockname")
             second, _ = await bench.connect()
             with pytest.raises(ConnectionResetError):
                 await second.read(1)
             note = (await bench.wait_until(Kind.RESET)).note
-            assert note == "no connection: another client uses the line"
+            assert note == f"no connection: the client {host}:{port} uses the line"
             controller.send(b"yours")
             assert await first.readexactly(5) == b"yours"
 

@@ -146,7 +146,7 @@ def test_forward_first(run: Any) -> None:
 
 
 def test_small_frames_are_not_delayed(run: Any) -> None:
-    """TCP_NODELAY and keep-alive are set on both sockets."""
+    """TCP_NODELAY and keep-alive within a minute are set on both sockets."""
 
     async def test() -> None:
         async with Bench() as bench:
@@ -157,6 +157,7 @@ def test_small_frames_are_not_delayed(run: Any) -> None:
                 sock = end.transport.get_extra_info("socket")
                 assert sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
                 assert sock.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+                assert sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE) <= 60
 
     run(test)
 
