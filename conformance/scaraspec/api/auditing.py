@@ -52,7 +52,8 @@ def audit(  # noqa: PLR0913 - independent options of an audit
         ics: What the subject claims, or the controller if both sides are judged. None for the
             claims that the certification has written into the capture.
         readings: Further claimed readings by key.
-        port: The controller's TCP port in packet captures; None for all connections.
+        port: The controller's TCP port in packet captures; None for all connections of this
+            protocol.
         serial: Whether the link was serial (L83), even if neither the file nor the ICS states it.
         reproduction: The command that repeats the audit, for the report.
         progress: Called from time to time with the number of events judged so far.

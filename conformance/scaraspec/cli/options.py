@@ -122,6 +122,7 @@ capture_port: Final = click.option(
     default=DEFAULT_PORT,
     show_default=True,
     callback=lambda _context, _option, port: port or None,
-    help="The controller's TCP port in a pcap; 0 for any.",
+    help="The controller's TCP port in a pcap. 0, or no connection on the default port: every "
+    "connection of this protocol.",
 )
-"""The port of the connections to read in a packet capture; None for all connections."""
+"""The port of the connections to read in a packet capture; None for all of this protocol."""

@@ -16,7 +16,7 @@ def open_capture(path: Path, *, port: int | None) -> McapCapture | PcapCapture:
 
     Args:
         path: The file.
-        port: TCP port of the controller in packet captures; None for every connection.
+        port: TCP port of the controller in packet captures; see `read_pcap`.
 
     Returns:
         The capture: an iterable of wire events with a summary.

@@ -10,7 +10,7 @@ import logging
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -23,6 +23,7 @@ from scaraspec.traffic.wire import WireEvent
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.encapsulation import UndecodedPacket, UnreadablePacket
 from scaraspec_recorder.errors import CaptureError
+from scaraspec_recorder.sources.protocol_survey import ProtocolSurvey
 from scaraspec_recorder.sources.reassembly import STEP_NS, Reassembler
 from scaraspec_recorder.tcp_segment import dissect
 
@@ -41,6 +42,7 @@ _GZIP_MAGIC: Final = b"\x1f\x8b"
 _MAX_RECORD_BYTES: Final = 16 << 20  # a greater length is damage
 _LINK_TYPE_MASK: Final = 0xFFFF  # the upper half of pcap's field has the length of a checksum
 _MAX_REASONS: Final = 8
+_MAX_PORTS: Final = 10
 _MAX_TIME_NS: Final = (1 << 63) - 1
 _READING_ERRORS: Final = (EOFError, OSError, ValueError, OverflowError, struct.error, zlib.error)
 
@@ -71,7 +73,7 @@ class PcapCapture:
         needs_login: Always True: the traffic is TCP.
         session: Always empty: the file does not describe the session.
         path: The file.
-        port: TCP port of the controller; None for every connection.
+        port: TCP port of the controller; None for every connection of this protocol.
         summary: Complete when an iteration has ended.
     """
 
@@ -89,8 +91,23 @@ class PcapCapture:
         Raises:
             CaptureError: The file cannot be opened, or is neither pcap nor pcapng.
         """
+        if self.port is not None:
+            yield from self._read(Reassembler((self.port,)))
+            if self.summary.connections:
+                return
+        survey = ProtocolSurvey()
+        for event in self._read(Reassembler(None, on_oriented=survey.set_ends)):
+            survey.take(event)
+        survey.finish()
+        if survey.found and self.port in (None, DEFAULT_PORT):
+            yield from self._read(Reassembler(None, between=survey.found))
+        else:
+            self.summary.connections = 0
+        self.summary.notes += _survey_notes(survey, self.port, self.summary.packets)
+
+    def _read(self, reassembler: Reassembler) -> Iterator[WireEvent]:
+        """Read the connections that a reassembler selects, into a new summary."""
         self.summary = summary = PcapSummary()
-        reassembler = Reassembler(None if self.port is None else (self.port,))
         oddities: Counter[str] = Counter()
         undecoded: Counter[str] = Counter()
         latest_ns = 0
@@ -128,9 +145,41 @@ class PcapCapture:
         if reassembler.clock_steps:
             times = "once" if reassembler.clock_steps == 1 else f"{reassembler.clock_steps} times"
             summary.notes.append(f"the capture clock was set back {times}")
-        if not summary.connections:
-            where = "" if self.port is None else f" on port {self.port}"
-            summary.notes.append(f"no TCP connection{where} among {summary.packets} packets")
+
+
+def _survey_notes(survey: ProtocolSurvey, port: int | None, packets: int) -> Iterator[str]:
+    """Yield what was found on other ports than the selected one."""
+    found = _list_ports(survey.found_ports)
+    if port is not None:
+        where = UserMessage(
+            "no TCP connection on port {port} among {packets} packets", port=port, packets=packets
+        )
+        if not survey.found:
+            yield where
+        elif port == DEFAULT_PORT:
+            yield UserMessage.joined(
+                where, ": connections of this protocol are read ({found})", found=found
+            )
+        else:
+            yield UserMessage.joined(
+                where, ": there are connections of this protocol ({found})", found=found
+            )
+    elif not (survey.found or survey.other_ports):
+        yield UserMessage("no TCP connection among {packets} packets", packets=packets)
+    if count := survey.other_ports.total():
+        template = (
+            "1 connection is not of this protocol ({ports}): not judged"
+            if count == 1
+            else "{count} connections are not of this protocol ({ports}): not judged"
+        )
+        yield UserMessage(template, count=count, ports=_list_ports(sorted(survey.other_ports)))
+
+
+def _list_ports(ports: Sequence[int]) -> str:
+    """Return ``port 502`` or ``ports 443, 502``; a long list ends with the number of the others."""
+    text = ", ".join(map(str, ports[:_MAX_PORTS]))
+    others = f" and {len(ports) - _MAX_PORTS} more" if len(ports) > _MAX_PORTS else ""
+    return f"{'port' if len(ports) == 1 else 'ports'} {text}{others}"
 
 
 def read_pcap(path: Path, *, port: int | None = DEFAULT_PORT) -> PcapCapture:
@@ -138,8 +187,8 @@ def read_pcap(path: Path, *, port: int | None = DEFAULT_PORT) -> PcapCapture:
 
     Args:
         path: The file.
-        port: TCP port of the controller; connections without it are ignored. None for every
-            connection.
+        port: TCP port of the controller; connections without it are ignored. If the file has no
+            connection on the default port, and for None, every connection of this protocol is read.
 
     Returns:
         The events; see `PcapCapture`.

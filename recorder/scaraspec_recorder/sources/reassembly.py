@@ -16,7 +16,7 @@ If the capture's clock is set back, event times stay constant and continue from 
 bytes marks that earlier traffic must not cause failures.
 """
 
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
 from heapq import heappop, heappush
 from typing import Final
@@ -77,16 +77,12 @@ class _Connection:
         a, b = self.streams
         return b if stream is a else a
 
-    def orient(self, controller: Endpoint) -> str:
-        """Set the directions of the streams.
-
-        Returns:
-            Both addresses, client first.
-        """
+    def orient(self, controller: Endpoint) -> tuple[Endpoint, Endpoint]:
+        """Set the directions of the streams. Return both ends, client first."""
         self.oriented = True
         at = self.ends.index(controller)
         self.streams[at].direction, self.streams[1 - at].direction = Direction.C2A, Direction.A2C
-        return f"{self.ends[1 - at]} → {controller}"
+        return self.ends[1 - at], controller
 
 
 @dataclass(eq=False, slots=True)
@@ -112,6 +108,9 @@ class Reassembler:
     Args:
         ports: Connections with none of these ports are ignored; None ignores no connection.
         limits: Limits of waiting for missing bytes.
+        between: If given, connections between other ends are ignored, too.
+        on_oriented: Called with the name of each connection, its client and its controller, before
+            its first event.
 
     Attributes:
         connections: Number of connections so far.
@@ -119,11 +118,18 @@ class Reassembler:
     """
 
     def __init__(
-        self, ports: Collection[int] | None = (DEFAULT_PORT,), limits: Limits | None = None
+        self,
+        ports: Collection[int] | None = (DEFAULT_PORT,),
+        limits: Limits | None = None,
+        *,
+        between: Collection[tuple[Endpoint, Endpoint]] | None = None,
+        on_oriented: Callable[[str, Endpoint, Endpoint], None] = lambda *_: None,
     ) -> None:
         self.connections = 0
         self.clock_steps = 0
         self._ports = ports
+        self._between = between
+        self._on_oriented = on_oriented
         self._limits = limits or Limits()
         self._received = 0
         self._serial = 0
@@ -181,8 +187,10 @@ class Reassembler:
             )
 
     def follows(self, segment: Segment) -> bool:
-        """Whether the ports of the segment are selected; `receive` ignores other segments."""
-        ports = self._ports
+        """Whether the ends of the segment are selected; `receive` ignores other segments."""
+        ports, between, ends = self._ports, self._between, (segment.src, segment.dst)
+        if between is not None and not (ends in between or ends[::-1] in between):
+            return False
         return ports is None or segment.src.port in ports or segment.dst.port in ports
 
     def finish(self) -> list[WireEvent]:
@@ -254,7 +262,7 @@ class Reassembler:
             receiver.begin(segment.ack - 1)
         if connection.oriented:
             return
-        note = connection.orient(segment.src if is_syn_ack else segment.dst)
+        note = self._orient(connection, segment.src if is_syn_ack else segment.dst)
         opener = receiver if is_syn_ack else sender
         for stream in connection.streams:
             stream.last = max(stream.last, now)
@@ -317,13 +325,19 @@ class Reassembler:
         """Replace the bytes missing before position `limit` by gaps."""
         connection, stream = hole.connection, hole.stream
         if not connection.oriented:
-            addresses = connection.orient(self._guess_controller(connection))
+            addresses = self._orient(connection, self._guess_controller(connection))
             for each in connection.streams:
                 each.missing_start_note = f"the capture begins mid-stream ({addresses})"
         self._enqueue(connection, stream, stream.give_up_missing(limit, hole.since))
         self._forget(stream)
         self._progress(connection, stream, hole.since)
         self._conclude(connection)
+
+    def _orient(self, connection: _Connection, controller: Endpoint) -> str:
+        """Set the directions of a connection. Return both addresses, client first."""
+        client, controller = connection.orient(controller)
+        self._on_oriented(connection.name, client, controller)
+        return f"{client} → {controller}"
 
     def _guess_controller(self, connection: _Connection) -> Endpoint:
         a, b = connection.ends

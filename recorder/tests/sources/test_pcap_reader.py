@@ -493,13 +493,30 @@ def test_unknown_link_types_are_noted(path: Path) -> None:
 
 
 def test_port_filter(path: Path) -> None:
-    """Connections without the port are ignored; if none remain, there is a note."""
+    """Connections without the port are ignored; those of this protocol are named."""
     path.write_bytes(pcap(frames(conversation(port=9000))))
-    capture = read_pcap(path)
-    assert list(capture) == []
-    assert capture.summary.notes == ["no TCP connection on port 8877 among 8 packets"]
-    for port in (9000, None):
+    for port in (8877, 9000, None):
         assert len(list(read_pcap(path, port=port))) == len(OVER_IPV4)
+    capture = read_pcap(path, port=8878)
+    assert list(capture) == []
+    (note,) = capture.summary.notes
+    assert note.startswith("no TCP connection on port 8878 among 8 packets: ")
+    assert note.endswith("there are connections of this protocol (port 9000)")
+
+
+def test_connections_of_other_protocols(path: Path) -> None:
+    """They are reported with their ports; only the connection of this protocol is read."""
+    http = [
+        bytes(ether(IP(src=CLIENT, dst=CONTROLLER) / TCP(sport=5, dport=port, flags=flags) / data))
+        for port in (80, 8080)
+        for flags, data in (("S", b""), ("A", b"GET / HTTP/1.1"))
+    ]
+    path.write_bytes(pcap([*http, *frames(conversation(port=9000))]))
+    for port in (8877, None):
+        capture = read_pcap(path, port=port)
+        assert [event.data for event in capture if event.data] == [REQUEST, REPLY]
+        others = "2 connections are not of this protocol (ports 80, 8080): not judged"
+        assert capture.summary.notes[-1] == others
 
 
 def test_packets_out_of_order_are_noted(path: Path) -> None:
