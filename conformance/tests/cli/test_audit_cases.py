@@ -18,6 +18,7 @@ import pytest
         ("modbus-only.pcap", "--port 0", 4, "is not of this protocol (port 502): not judged"),
         ("modbus-only.pcap", "", 4, "1 connection is not of this protocol (port 502): not judged"),
         ("tls-only.pcap", "--port 0", 4, "1 connection is not of this protocol (port 443): not"),
+        ("modified-pcap.cap", "", 2, "is a modified pcap file: convert it with editcap"),
         ("lz4-compressed.mcap", "", 1, "fail · 3/18"),
         ("sequence-always-zero.mcap", "", 0, "no violation found"),
         ("two-recordings-merged.mcap", "", 2, "audit each recording by itself"),

@@ -5,7 +5,6 @@ headers, `reassembly` rebuilds streams. The file is streamed, never loaded as a 
 file yields the packets before the damage, and a note.
 """
 
-import gzip
 import logging
 import struct
 import zlib
@@ -23,22 +22,14 @@ from scaraspec.traffic.wire import WireEvent
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.encapsulation import UndecodedPacket, UnreadablePacket
 from scaraspec_recorder.errors import CaptureError
+from scaraspec_recorder.sources.file_formats import PCAPNG_SECTION, open_content
 from scaraspec_recorder.sources.protocol_survey import ProtocolSurvey
 from scaraspec_recorder.sources.reassembly import STEP_NS, Reassembler
 from scaraspec_recorder.tcp_segment import dissect
 
-_PCAPNG_SECTION: Final = b"\x0a\x0d\x0d\x0a"
-_MAGICS: Final = {
-    _PCAPNG_SECTION,
-    b"\xa1\xb2\xc3\xd4",  # big endian, microseconds
-    b"\xd4\xc3\xb2\xa1",
-    b"\xa1\xb2\x3c\x4d",  # big endian, nanoseconds
-    b"\x4d\x3c\xb2\xa1",
-}
 _INTERFACE: Final = 1
 _TIME_OFFSET: Final = 14
 _PCAPNG_PACKET_BLOCKS: Final = {2, 3, 6}
-_GZIP_MAGIC: Final = b"\x1f\x8b"
 _MAX_RECORD_BYTES: Final = 16 << 20  # a greater length is damage
 _LINK_TYPE_MASK: Final = 0xFFFF  # the upper half of pcap's field has the length of a checksum
 _MAX_REASONS: Final = 8
@@ -183,7 +174,7 @@ def _list_ports(ports: Sequence[int]) -> str:
 
 
 def read_pcap(path: Path, *, port: int | None = DEFAULT_PORT) -> PcapCapture:
-    """Open a capture: pcap or pcapng, plain or gzipped.
+    """Open a capture: pcap or pcapng, plain or compressed with gzip or zstd.
 
     Args:
         path: The file.
@@ -212,7 +203,7 @@ class _Record(NamedTuple):
 class _Source:
     """The file for scapy: it has a position and rejects an invalid length."""
 
-    def __init__(self, file: BinaryIO | gzip.GzipFile) -> None:
+    def __init__(self, file: BinaryIO) -> None:
         self.position = 0
         self.first = b""  # the first bytes read since the last mark
         self.ended = False  # the last read found the end of the file
@@ -288,7 +279,7 @@ def _read_pcapng(reader: Any, source: _Source) -> _Record | None:
     """Return the packet of the next block, or None; its time is 0 if the block has none."""
     found = reader._read_block(_MAX_RECORD_BYTES)  # noqa: SLF001 - see above
     if found is None:
-        if source.first == _PCAPNG_SECTION:
+        if source.first == PCAPNG_SECTION:
             reader.interfaces.clear()  # scapy would continue to count from the last section
         elif struct.unpack(f"{reader.endian}I", source.first)[0] in _PCAPNG_PACKET_BLOCKS:
             raise ValueError("a packet of an interface that is not described")
@@ -318,12 +309,7 @@ def _reader(path: Path) -> Iterator[tuple[Any, _Source]]:
     log_runtime.addFilter(silence)
     try:
         with path.open("rb") as raw:
-            file = gzip.GzipFile(fileobj=raw) if raw.peek(2)[:2] == _GZIP_MAGIC else raw
-            if file.peek(4)[:4] not in _MAGICS:
-                raise CaptureError(
-                    UserMessage("{path} is not a capture: neither MCAP, pcap nor pcapng", path=path)
-                )
-            source = _Source(file)
+            source = _Source(open_content(path, raw))
             reader: Any = RawPcapReader(source)  # type: ignore[arg-type]  # it accepts open files, too
             if hasattr(reader, "interfaces"):
                 reader.blocktypes[_INTERFACE] = partial(_describe, reader)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import pytest
+import zstandard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scapy.contrib.geneve import GENEVE
@@ -286,7 +287,9 @@ def test_raw_ip_of_one_version(path: Path, link_type: int) -> None:
     assert events_of(path, pcap(packets, link_type)) == events
 
 
-@pytest.mark.parametrize("compress", [bytes, gzip.compress], ids=["plain", "gzip"])
+@pytest.mark.parametrize(
+    "compress", [bytes, gzip.compress, zstandard.compress], ids=["plain", "gzip", "zstd"]
+)
 @pytest.mark.parametrize("order", ["<", ">"], ids=["little", "big"])
 @pytest.mark.parametrize("per_second", [10**6, 10**9])
 def test_pcap_files(
@@ -567,6 +570,38 @@ def test_a_truncated_file(
         note = f"the file is damaged at byte {ends[whole]}: later packets were not read"
         assert (note in capture.summary.notes) == (length not in ends)
     assert scapy_log == []
+
+
+def test_a_truncated_zstd_file(path: Path) -> None:
+    """It is not whole; two compressed frames are one file."""
+    content = pcap(frames(conversation()) * 500)
+    packed = zstandard.compress(content[:200_000]) + zstandard.compress(content[200_000:])
+    path.write_bytes(packed)
+    capture = read_pcap(path)
+    assert list(capture) == OVER_IPV4
+    assert (capture.summary.packets, capture.summary.whole) == (4000, True)
+    path.write_bytes(packed[:-20])
+    assert list(capture) == OVER_IPV4
+    assert not capture.summary.whole
+    assert "is damaged at byte" in capture.summary.notes[-1]
+
+
+@pytest.mark.parametrize(
+    ("head", "says"),
+    [
+        (bytes.fromhex("34cdb2a1"), "is a modified pcap file: convert it with editcap -F pcapng"),
+        (b"snoop\0\0\0", "is a snoop file: convert it with editcap"),
+        (b"GMBU", "is a Network Monitor file: convert it with editcap"),
+        (bytes.fromhex("00000000 0068ec65 02 04 0060 0000 0050"), "is an ERF file: convert"),
+        (b"\xfd7zXZ\0", "is compressed: decompress it with xz -dk"),
+        (gzip.compress(b"\x89MCAP0\r\n" + bytes(9)), "decompress it with gzip -dk"),
+    ],
+)
+def test_other_formats_are_named(path: Path, head: bytes, says: str) -> None:
+    """The message has the command that converts the file."""
+    path.write_bytes(head + bytes(100))
+    with pytest.raises(CaptureError, match=says):
+        read_pcap(path)
 
 
 def test_a_truncated_compressed_file(path: Path) -> None:
