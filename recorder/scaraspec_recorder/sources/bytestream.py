@@ -17,6 +17,7 @@ from scaraspec_recorder.tcp_segment import FIN, SYN, Segment
 
 ITEM_BYTES: Final = 256  # memory of a held segment or event in addition to its data
 _MODULUS: Final = 1 << 32
+_FAR_BYTES: Final = 1 << 24  # more than a capture loses at a time
 
 NO_POSITION: Final = -(1 << 63)
 """A position before all others."""
@@ -80,6 +81,7 @@ class ByteStream:
         self.held_bytes = 0
         self.missing_start_note = ""
         self._origin: int | None = None  # sequence number of position 0: the first one seen
+        self._far: int | None = None  # position of the last number that was far away
         self._seen = 0  # position up to which bytes were sent, captured or not
         self._fin: int | None = None
         self._fin_at = self.last
@@ -119,6 +121,23 @@ class ByteStream:
         """Set the start of the stream from a SYN that `may_begin` accepts."""
         if self.start is None:
             self.start = self.next = self.released = self._position(isn + 1)
+
+    def is_far(self, number: int) -> bool:
+        """Whether a sequence or acknowledgment number is far outside the window.
+
+        If the stream continues there, a longer part of it was not captured: the next number after a
+        far one is not far.
+        """
+        if self._origin is None:
+            return False
+        position = self._position(number)
+        distance = position - max(self.known_end, self.next)
+        if self.start is None:
+            distance = max(distance, self.next - position)
+        if distance <= _FAR_BYTES:
+            return False
+        before, self._far = self._far, position
+        return before is None or not 0 < position - before <= _FAR_BYTES
 
     def acknowledge(self, ack: int) -> int:
         """Process an acknowledgment: the receiver has every byte before it. Return its position."""

@@ -133,6 +133,13 @@ class PcapCapture:
         summary.notes += [
             f"packets {oddity}: {count}" for oddity, count in oddities.most_common(_MAX_REASONS)
         ]
+        if reassembler.far_segments:
+            summary.notes.append(
+                UserMessage(
+                    "{count} segments far outside the window of their connection were ignored",
+                    count=reassembler.far_segments,
+                )
+            )
         if reassembler.clock_steps:
             times = "once" if reassembler.clock_steps == 1 else f"{reassembler.clock_steps} times"
             summary.notes.append(f"the capture clock was set back {times}")

@@ -115,6 +115,7 @@ class Reassembler:
     Attributes:
         connections: Number of connections so far.
         clock_steps: Number of times that the clock of the capture was set back.
+        far_segments: Number of segments far outside the window, which were ignored.
     """
 
     def __init__(
@@ -127,6 +128,7 @@ class Reassembler:
     ) -> None:
         self.connections = 0
         self.clock_steps = 0
+        self.far_segments = 0
         self._ports = ports
         self._between = between
         self._on_oriented = on_oriented
@@ -231,6 +233,11 @@ class Reassembler:
     def _take(self, connection: _Connection, segment: Segment) -> None:
         at = connection.ends.index(segment.src)
         sender, receiver = connection.streams[at], connection.streams[1 - at]
+        if not segment.flags & SYN and (
+            sender.is_far(segment.seq) or (segment.flags & ACK and receiver.is_far(segment.ack))
+        ):
+            self.far_segments += 1
+            return
         now = PacketTime(segment.time_ns, 3 * self._received)
         acknowledged_at, sent_at = (PacketTime(segment.time_ns, now.number - n) for n in (2, 1))
         if segment.flags & SYN:

@@ -396,6 +396,38 @@ def test_a_reply_that_acknowledges_a_fin_precedes_the_reset() -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    "stray",
+    [
+        a2c(2, 1 << 29, b"stray"),
+        a2c(2, -(1 << 30), b"stray"),
+        a2c(2, 1 << 29, flags=RST),
+        a2c(2, 0, ack=1 << 29),
+    ],
+    ids=["ahead", "behind", "reset", "acknowledgment"],
+)
+def test_segments_far_outside_the_window(stray: Segment) -> None:
+    """They are ignored and, if they are not old, counted."""
+    reassembler = Reassembler()
+    events = run([*handshake(), stray, a2c(3, 0, REQUEST), c2a(4, 0, REPLY, ack=4)], reassembler)
+    assert events == [opened(), data(3, A2C, 0, REQUEST), data(4, C2A, 0, REPLY)]
+    assert reassembler.far_segments == (stray.seq != a2c(2, -(1 << 30)).seq)
+
+
+def test_a_long_loss_of_the_capture() -> None:
+    """If the stream continues far ahead, it is followed there."""
+    far = 1 << 26
+    events = run(
+        [
+            *handshake(),
+            a2c(1, 0, REQUEST),
+            *(a2c(2, far + at, REQUEST) for at in (0, 4, 8)),
+        ]
+    )
+    assert octets(events) == REQUEST * 3
+    check_order(events)
+
+
 def test_a_late_capture_begins_with_gaps() -> None:
     """An unknown number of bytes is missing; offsets start with the first captured byte."""
     note = f"the capture begins mid-stream ({ADDRESSES})"
