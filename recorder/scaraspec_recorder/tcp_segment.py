@@ -10,6 +10,7 @@ from struct import Struct
 from typing import Final, NamedTuple
 
 from scaraspec_recorder.encapsulation import UnreadablePacket, ip_start, tunnelled_ip_start
+from scaraspec_recorder.ip_fragments import FragmentBuffer, FragmentPosition
 
 FIN: Final = 0x01
 SYN: Final = 0x02
@@ -64,26 +65,29 @@ _NO_NEXT_HEADER: Final = 59
 _AUTHENTICATION_HEADER: Final = 51
 _EXTENSION_HEADERS: Final = {0, 43, _FRAGMENT_HEADER, _AUTHENTICATION_HEADER, 60, 135}
 
-_FRAGMENT: Final = "IP fragments are not put together"
 _CONTRADICTION: Final = "headers contradict each other"
 
-_IPV4: Final = Struct(">B x H 2x H x B 2x 4s 4s")
+_IPV4: Final = Struct(">B x H H H x B 2x 4s 4s")
 _IPV6: Final = Struct(">4x H B x 16s 16s")
 _EXTENSION: Final = Struct(">B B H")
+_FRAGMENT_NUMBER: Final = Struct(">4x I")
 _TCP_HEADER: Final = Struct(">H H I I B B 6x")
 
 
 class _Ip(NamedTuple):
-    """An IP header: protocol number, sender, receiver, and the begin and end of the payload."""
+    """An IP header: protocol number, sender, receiver, begin and end of the payload, fragment."""
 
     protocol: int
     src: bytes
     dst: bytes
     start: int
     end: int
+    fragment: FragmentPosition | None = None
 
 
-def dissect(time_ns: int, link_type: int, packet: bytes, wire_bytes: int) -> Segment | None:
+def dissect(
+    time_ns: int, link_type: int, packet: bytes, wire_bytes: int, fragments: FragmentBuffer
+) -> Segment | None:
     """Read the TCP segment of one captured packet.
 
     Args:
@@ -91,19 +95,25 @@ def dissect(time_ns: int, link_type: int, packet: bytes, wire_bytes: int) -> Seg
         link_type: The type of the link header, a LINKTYPE number of the pcap registry.
         packet: The captured bytes.
         wire_bytes: The number of bytes of the packet on the wire.
+        fragments: Receives IP fragments of TCP.
 
     Returns:
-        The segment; None if the packet contains no TCP.
+        The segment; None if the packet contains no TCP, or a fragment of an incomplete packet.
 
     Raises:
-        UnreadablePacket: The link type or a tunnel is not decoded, the packet is an IP fragment of
-            TCP, or its headers are cut off or contradict each other.
+        UnreadablePacket: The link type or a tunnel is not decoded, or the headers are cut off or
+            contradict each other.
     """
     try:
         start = ip_start(link_type, packet)
         while start is not None and (ip := _ip(packet, start, wire_bytes)):
             if ip.protocol == _TCP:
-                return _segment(time_ns, packet, ip)
+                if ip.fragment is None:
+                    return _segment(time_ns, packet, ip)
+                whole = fragments.add(ip.fragment, packet[ip.start : ip.end])
+                if whole is None:
+                    return None
+                return _segment(time_ns, whole, ip._replace(start=0, end=len(whole)))
             start = tunnelled_ip_start(ip.protocol, packet, ip.start)
         return None  # noqa: TRY300 - the end of the loop
     except (struct.error, IndexError):
@@ -120,35 +130,40 @@ def _ip(packet: bytes, start: int, wire_bytes: int) -> _Ip | None:
 
 
 def _ipv4(packet: bytes, start: int, wire_bytes: int) -> _Ip:
-    first, total_bytes, fragment, protocol, src, dst = _IPV4.unpack_from(packet, start)
+    first, total_bytes, number, fragment, protocol, src, dst = _IPV4.unpack_from(packet, start)
+    position = None
     if protocol == _TCP and fragment & 0x3FFF:  # more fragments, or an offset
-        raise UnreadablePacket(_FRAGMENT)
-    if fragment & 0x1FFF:
+        more = bool(fragment & 0x2000)
+        position = FragmentPosition((src, dst, number), 8 * (fragment & 0x1FFF), more)
+    elif fragment & 0x1FFF:
         protocol = _NO_NEXT_HEADER
     header_bytes = (first & 0x0F) * 4
     if header_bytes < _IPV4.size:
         raise UnreadablePacket(_CONTRADICTION)
     # 0: a packet larger than the field can say, before the network card splits it.
     end = start + total_bytes if total_bytes else wire_bytes
-    return _Ip(protocol, src, dst, start + header_bytes, end)
+    return _Ip(protocol, src, dst, start + header_bytes, end, position)
 
 
 def _ipv6(packet: bytes, start: int, wire_bytes: int) -> _Ip:
     payload_bytes, header, src, dst = _IPV6.unpack_from(packet, start)
     at = start + _IPV6.size
     end = at + payload_bytes if payload_bytes else wire_bytes
+    position = None
     while header in _EXTENSION_HEADERS:
         following, length, fragment = _EXTENSION.unpack_from(packet, at)
         if header == _FRAGMENT_HEADER:
             if following == _TCP and fragment & 0xFFF9:  # an offset, or more fragments
-                raise UnreadablePacket(_FRAGMENT)
+                (number,) = _FRAGMENT_NUMBER.unpack_from(packet, at)
+                more = bool(fragment & 1)
+                position = FragmentPosition((src, dst, number), fragment & 0xFFF8, more)
             at += 8
         elif header == _AUTHENTICATION_HEADER:
             at += (length + 2) * 4
         else:
             at += (length + 1) * 8
         header = following
-    return _Ip(header, src, dst, at, end)
+    return _Ip(header, src, dst, at, end, position)
 
 
 def _segment(time_ns: int, packet: bytes, ip: _Ip) -> Segment:

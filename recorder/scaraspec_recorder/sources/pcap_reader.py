@@ -22,6 +22,7 @@ from scaraspec.traffic.wire import WireEvent
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.encapsulation import UndecodedPacket, UnreadablePacket
 from scaraspec_recorder.errors import CaptureError
+from scaraspec_recorder.ip_fragments import FragmentBuffer
 from scaraspec_recorder.sources.file_formats import PCAPNG_SECTION, open_content
 from scaraspec_recorder.sources.protocol_survey import ProtocolSurvey
 from scaraspec_recorder.sources.reassembly import STEP_NS, Reassembler
@@ -34,6 +35,8 @@ _MAX_RECORD_BYTES: Final = 16 << 20  # a greater length is damage
 _LINK_TYPE_MASK: Final = 0xFFFF  # the upper half of pcap's field has the length of a checksum
 _MAX_REASONS: Final = 8
 _MAX_PORTS: Final = 10
+_UNDECODED: Final = "{count} packets in {name} are not decoded"
+_ONE_UNDECODED: Final = "1 packet in {name} is not decoded"
 _MAX_TIME_NS: Final = (1 << 63) - 1
 _READING_ERRORS: Final = (EOFError, OSError, ValueError, OverflowError, struct.error, zlib.error)
 
@@ -101,11 +104,12 @@ class PcapCapture:
         self.summary = summary = PcapSummary()
         oddities: Counter[str] = Counter()
         undecoded: Counter[str] = Counter()
+        fragments = FragmentBuffer()
         latest_ns = 0
         for record in _records(self.path, summary):
             summary.packets += 1
             try:
-                segment = dissect(*record)
+                segment = dissect(*record, fragments)
             except UndecodedPacket as encapsulation:
                 undecoded[f"{encapsulation}"] += 1
                 continue
@@ -127,22 +131,29 @@ class PcapCapture:
         yield from reassembler.finish()
         summary.connections = reassembler.connections
         summary.notes += [
-            UserMessage("{count} packets in {name} are not decoded", count=count, name=name)
+            UserMessage(_UNDECODED if count > 1 else _ONE_UNDECODED, count=count, name=name)
             for name, count in undecoded.most_common(_MAX_REASONS)
         ]
         summary.notes += [
             f"packets {oddity}: {count}" for oddity, count in oddities.most_common(_MAX_REASONS)
         ]
-        if reassembler.far_segments:
-            summary.notes.append(
-                UserMessage(
-                    "{count} segments far outside the window of their connection were ignored",
-                    count=reassembler.far_segments,
-                )
-            )
-        if reassembler.clock_steps:
-            times = "once" if reassembler.clock_steps == 1 else f"{reassembler.clock_steps} times"
-            summary.notes.append(f"the capture clock was set back {times}")
+        summary.notes += _reassembly_notes(reassembler, fragments)
+
+
+def _reassembly_notes(reassembler: Reassembler, fragments: FragmentBuffer) -> Iterator[str]:
+    if fragments.incomplete:
+        yield UserMessage(
+            "IP packets not read, because fragments are missing: {count}",
+            count=fragments.incomplete,
+        )
+    if reassembler.far_segments:
+        yield UserMessage(
+            "segments far outside the window of their connection, ignored: {count}",
+            count=reassembler.far_segments,
+        )
+    if reassembler.clock_steps:
+        times = "once" if reassembler.clock_steps == 1 else f"{reassembler.clock_steps} times"
+        yield f"the capture clock was set back {times}"
 
 
 def _survey_notes(survey: ProtocolSurvey, port: int | None, packets: int) -> Iterator[str]:
@@ -199,7 +210,7 @@ def read_pcap(path: Path, *, port: int | None = DEFAULT_PORT) -> PcapCapture:
 
 
 class _Record(NamedTuple):
-    """A packet of the file; the fields are the arguments of `dissect`."""
+    """A packet of the file; the fields are arguments of `dissect`."""
 
     time_ns: int
     link_type: int

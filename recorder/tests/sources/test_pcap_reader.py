@@ -437,21 +437,28 @@ def test_truncated_headers_are_noted(path: Path) -> None:
 
 
 @pytest.mark.parametrize("version", [4, 6])
-def test_fragments_are_gaps(path: Path, version: int) -> None:
-    """IP fragments are not reassembled: their content is a gap when it is acknowledged."""
+def test_fragments(path: Path, version: int) -> None:
+    """They are combined in any order; without one of them the content is a gap."""
     packets = conversation(ip4 if version == 4 else ip6)
     request = packets[3][TCP]
     if version == 4:
-        first: Packet = IP(src=CLIENT, dst=CONTROLLER, flags="MF") / request
-        second: Packet = IP(src=CLIENT, dst=CONTROLLER, proto=6, frag=3) / b"\0\xcc"
+        head = IP(src=CLIENT, dst=CONTROLLER, proto=6, flags="MF", id=7)
+        first: Packet = head / bytes(request)[:16]
+        second: Packet = IP(src=CLIENT, dst=CONTROLLER, proto=6, frag=2, id=7) / bytes(request)[16:]
     else:
-        first = ip6(from_client=True) / IPv6ExtHdrFragment(m=1) / request
-        second = ip6(from_client=True) / IPv6ExtHdrFragment(offset=3, nh=6) / b"\0\xcc"
-    path.write_bytes(pcap(frames([*packets[:3], first, second, *packets[4:]])))
+        first = ip6(from_client=True) / IPv6ExtHdrFragment(m=1, nh=6, id=7) / bytes(request)[:16]
+        second = (
+            ip6(from_client=True) / IPv6ExtHdrFragment(offset=2, nh=6, id=7) / bytes(request)[16:]
+        )
+    for parts in ((first, second), (second, first), (first, first, second)):
+        content = pcap(frames([*packets[:3], *parts, *packets[4:]]))
+        found = [(event.kind, event.data) for event in events_of(path, content)]
+        assert found == [(event.kind, event.data) for event in OVER_IPV4]
+    path.write_bytes(pcap(frames([*packets[:3], first, *packets[4:]])))
     capture = read_pcap(path)
     (gap,) = [event for event in capture if event.kind is Kind.GAP]
     assert (gap.direction, gap.offset_bytes, gap.length_bytes) == (A2C, 0, 4)
-    assert capture.summary.notes == ["packets not read: IP fragments are not put together: 2"]
+    assert capture.summary.notes == ["IP packets not read, because fragments are missing: 1"]
 
 
 def test_impossible_headers_are_noted(path: Path) -> None:
