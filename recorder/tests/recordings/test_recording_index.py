@@ -136,7 +136,9 @@ def test_the_file_of_a_killed_recorder_is_repaired_and_listed(
     RecordingIndex(tmp_path).save()
     (entry,) = lines(tmp_path)
     (before,) = lines(recorded)
-    assert entry["notes"][0] == "the file was not closed: what came after its last flush is missing"
+    assert entry["notes"] == [
+        "the file was not closed: its end, after all data, is torn or damaged"
+    ]
     assert entry["size_bytes"] == sum((tmp_path / name).stat().st_size for name in entry["files"])
     assert {**entry, "notes": [], "size_bytes": 0} == {**before, "size_bytes": 0}
 
