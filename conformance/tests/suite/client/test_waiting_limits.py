@@ -7,7 +7,7 @@ import pytest
 from scaraspec.client import AsyncClient
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.mutants.client import mutants
-from scaraspec.mutants.client_run import MemoryClient
+from scaraspec.mutants.client_run import MemoryClient, prove_client
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.client.harness.adapter import ClientAdapter
@@ -51,3 +51,10 @@ def test_a_slow_machine_fails_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
     assert results.counts[Verdict.FAIL] == 0
     assert len(undecided) > len(TRANSFERS)
     assert all("this machine is too slow" in case.message for case in undecided)
+
+
+def test_part_of_a_list_that_comes_after_the_reply_timeout() -> None:
+    """A client that requests a part after a timeout of 1 s gets the pushed part before it."""
+    dialect = DEFAULT.replace(reply_timeout="1")
+    results = prove_client(Options(only=frozenset({"2/6"}), allowed=ALL), None, dialect)
+    assert not [case for case in results.cases if case.verdict is Verdict.FAIL]

@@ -65,7 +65,9 @@ def fetches_parts(subject: ClientUnderTest, line: IncomingConnection) -> bool:
 
 def _await_fetching(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Wait for the request of the next part. Whether the client sends one is found out once."""
-    timeout_s = {None: _FETCH_S, False: 0.0, True: subject.answer_timeout_s}
+    reply_s = subject.dialect.seconds("reply_timeout") or _FETCH_S
+    fetch_s = min(_FETCH_S, reply_s / 2)  # a client may request a part that was not pushed in time
+    timeout_s = {None: fetch_s, False: 0.0, True: subject.answer_timeout_s}
     try:
         line.request("list_programs", within_s=timeout_s[subject.traits.requests_list_parts])
     except NoReply:
