@@ -227,6 +227,25 @@ def test_repeated_changes(act: Act, only: str, every_s: float) -> None:
     check_no_failure(run(only, act, 0.9, every_s))
 
 
+class InvertsOnce(ControllerCore):
+    """Another client inverts an output once, before the suite reads what it has just set."""
+
+    _settings = 0
+
+    def set_digital_output(self, request: Request) -> bool:
+        accepted = super().set_digital_output(request)
+        self._settings += 1
+        if self._settings == 25:
+            outputs = self.plant.digital_outputs
+            outputs[request.value.port] = not outputs[request.value.port]
+        return accepted
+
+
+def test_output_changed_before_it_is_read() -> None:
+    """The case passes when it is repeated, so that the failure does not count."""
+    assert check_no_failure(run("4.32/6", core=InvertsOnce))
+
+
 @pytest.mark.parametrize("every_s", [0.3, 4.7])
 @pytest.mark.parametrize(
     ("act", "only"),

@@ -3,7 +3,8 @@
 The suite follows every request and reply of the run. A faulty controller reports deviating values,
 too, so a deviation alone is no proof. After a failure, another client is the cause if the setting
 changes while the suite sends only queries (`state.watch`), or if the deviation is suspicious
-(`followed_setting`) and the case passes when it is repeated.
+(`followed_setting`) and the case passes when it is repeated. Every deviation of the outputs is
+suspicious: their cases set them so often that a fault recurs.
 """
 
 from collections.abc import Iterable
@@ -106,6 +107,7 @@ class OtherClients(Interference):
         suspicious = self.settings[name].note_report(value, seen.place.time_ns / _NS)
         if suspicious is None:
             return
+        suspicious = suspicious or name == OUTPUTS
         self.deviating[name] = suspicious or self.deviating.get(name, False)
         self._case.suspicious |= suspicious
         sentence = UserMessage(

@@ -18,11 +18,13 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
+from scaraspec.suite.controller.harness.requests.ports import outputs, set_output
 from scaraspec.suite.controller.harness.setting_values import (
     CLOCK,
     DEFAULT_PROGRAM,
     GRIPPER_CENTRE,
     INITIAL_POSITION,
+    OUTPUTS,
     PROGRAMS,
     QUERIES,
     SETTERS,
@@ -76,8 +78,16 @@ def watch(subject: ControllerUnderTest, for_s: float) -> None:
             names = [name for name in QUERIES if _read(subject, line, name) is not None]
             with _set_again(subject, line, others.deviating) as requests:
                 _Watch(subject, line, names, requests).run(for_s)
+        if OUTPUTS in others.deviating and Hazard.MOTION in subject.allowed:
+            _confirm_outputs(line)
         subject.delete_own_files(line)
     subject.close_lines()
+
+
+def _confirm_outputs(line: OutgoingConnection) -> None:
+    """Set the outputs to the reported values, so that the judge expects these from now on."""
+    for port, on in enumerate(outputs(line), 1):
+        set_output(line, port, on=on)
 
 
 @contextmanager
