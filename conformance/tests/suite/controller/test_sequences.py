@@ -6,10 +6,11 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from hypothesis import Phase, given, seed, settings
 
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.mutants.controller import mutants
-from scaraspec.mutants.controller_run import PASSWORD, Robot
+from scaraspec.mutants.controller_run import PASSWORD, Robot, certified
 from scaraspec.protocol.commands import BY_OPCODE, COMMANDS
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
@@ -20,11 +21,12 @@ from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.controller.harness.model.model import Model
 from scaraspec.suite.controller.harness.model.state import VALUES, Step
 from scaraspec.suite.controller.harness.requests.queries import QUERIES
+from scaraspec.suite.controller.harness.sequences import operations_within, sequences
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.virtual_controller.core import ControllerCore
-from scaraspec.virtual_controller.session import Request, Session
+from scaraspec.virtual_controller.session import Action, Request, Session
 
 RunCases = Callable[..., Any]
 
@@ -127,6 +129,89 @@ def test_fault_after_many_requests(run_cases: RunCases) -> None:
     result = run_cases(EmptyListAfter40Requests, "4.10/11", examples=4)["3/31.long-use"]
     assert result.verdict is Verdict.FAIL
     assert " steps; " in result.message
+
+
+class LosesSettingsDuringUploads(ControllerCore):
+    """A gripper center that is set during the upload of another client is not stored."""
+
+    def set_gripper_center(self, request: Request) -> bool:
+        uploads = [session for session in self.sessions.values() if session.transfer]
+        return bool(uploads) or super().set_gripper_center(request)
+
+
+class RoundsInitialHeight(ControllerCore):
+    """The height of an initial position is rounded to whole millimeters."""
+
+    def set_initial_tool_position(self, request: Request) -> bool:
+        pose = request.value
+        return super().set_initial_tool_position(
+            replace(request, value=pose._replace(z=float(round(pose.z))))
+        )
+
+
+class DropsRequestsInManyParts(ControllerCore):
+    """A request in more than three segments is not answered."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self._parts: Counter[int] = Counter()
+
+    def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
+        self._parts[connection] += 1
+        if data.endswith(b"\xaa"):
+            data = data if self._parts[connection] <= 3 else b""
+            self._parts[connection] = 0
+        return super().receive(connection, data, now_s)
+
+
+@pytest.mark.parametrize(
+    "core", [LosesSettingsDuringUploads, RoundsInitialHeight, DropsRequestsInManyParts]
+)
+def test_rare_combination_is_found(run_cases: RunCases, core: type[ControllerCore]) -> None:
+    """Sequences interleave transfers with settings, draw numbers and cut requests."""
+    case = run_cases(core, "4.1/2", examples=20)["4.20/3.sequences"]
+    assert case.verdict is Verdict.FAIL
+
+
+@pytest.mark.parametrize(
+    "readings",
+    [
+        {},
+        {"pipelining": "one", "list_cont": "request"},
+        {"max_clients": "one", "xfer_concurrency": "refuse", "estop_interrupted": "after"},
+        {"loop_iter": "counts", "pose_point": "gripper", "default_none": "empty"},
+    ],
+)
+def test_conforming_controllers_pass(readings: dict[str, str]) -> None:
+    """No seed fails a conforming controller in any dialect."""
+    dialect = DEFAULT.replace(**readings)
+    cases = frozenset({"4.20/3.sequences", "4/15.sequences", "6.5/23.drawn"})
+    options = Options(frozenset(), frozenset(ALL), seed=len(readings), examples=4, cases=cases)
+    results = certified(Robot(ControllerCore, dialect), Ics(dialect=dialect), options)
+    passed = {case.id for case in results.cases if case.verdict is Verdict.PASS}
+    assert passed >= cases
+    assert not results.counts[Verdict.FAIL]
+
+
+def test_every_kind_of_step_occurs() -> None:
+    """The sequences of a run have every step, and requests in one and in several segments."""
+    ics = Ics()
+    adapter = ControllerAdapter(
+        MemoryAccess(Robot(ControllerCore, DEFAULT).network), ics, PASSWORD, Options(allowed=ALL)
+    )
+    acts = operations_within(adapter.subject(Observer(adapter.role, ics)), ALL)
+    drawn: list[Step] = []
+
+    @seed(0)
+    @settings(max_examples=10, phases=(Phase.generate,), database=None)
+    @given(sequences(acts, 12))
+    def note(steps: list[Step]) -> None:
+        drawn.extend(steps)
+
+    note()
+    assert {step.act for step in drawn} == set(acts)
+    assert {bool(step.cuts) for step in drawn} == {False, True}
+    assert len({step.seed for step in drawn}) > len(drawn) / 2
 
 
 class RecordsOpcodes(ControllerCore):

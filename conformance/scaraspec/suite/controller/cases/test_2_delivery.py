@@ -6,20 +6,22 @@ from typing import Final
 
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed.delivery import (
-    SEGMENT_S,
     SLOWEST_S,
     ask_together,
     segment_sizes,
     send_parts,
     serves_one_at_a_time,
-    split_bytes,
 )
 from scaraspec.suite.controller.harness.malformed.mutation_targets import (
     GET_STATUS,
     GET_TIME,
     GET_VERSION,
 )
-from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
+from scaraspec.suite.controller.harness.outgoing_connection import (
+    SEGMENT_S,
+    OutgoingConnection,
+    split_bytes,
+)
 from scaraspec.suite.controller.harness.requests.queries import (
     Query,
     some_queries,

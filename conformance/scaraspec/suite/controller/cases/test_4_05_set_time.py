@@ -1,9 +1,11 @@
 """Clause 4.5: set the clock (0x06, L167-177)."""
 
 from datetime import datetime, timedelta
+from random import Random
 from typing import Final
 
-from hypothesis import example
+from hypothesis import Phase, example, settings
+from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
@@ -12,6 +14,7 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.requests.clock import (
     ClockSample,
     expect_clock_ran,
+    random_rollover,
     read_clock,
     set_clock,
     shifted_time,
@@ -150,11 +153,19 @@ def test_month(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 @case("4.5/6", name="rollovers")
 def test_rollovers(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The clock rolls over to minutes, hours, days and months of every kind."""
-    patient(subject, len(_OTHER_ROLLOVERS) * _ROLLOVER_S)
+    """The clock rolls over to minutes, hours, days, months and years, listed and random ones."""
+    count = settings().max_examples // 4
+    patient(subject, (len(_OTHER_ROLLOVERS) + count) * _ROLLOVER_S)
     with settings_preserved(subject, line, "clock"):
         for time in examples(_OTHER_ROLLOVERS):
             _expect_rollover(subject, line, time)
+
+        @settings(max_examples=max(count, 1), phases=(Phase.generate,))
+        @given(st.integers(0, 2**64))
+        def roll_over(seed: int) -> None:
+            _expect_rollover(subject, line, random_rollover(Random(seed)))  # noqa: S311
+
+        roll_over()
 
 
 @case("4.5/5")

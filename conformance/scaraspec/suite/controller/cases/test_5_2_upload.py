@@ -9,9 +9,13 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, HEAD_BYTES, Chunk, chunks_of
 from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed import payloads as malformed
-from scaraspec.suite.controller.harness.malformed.delivery import SEGMENT_S, send_parts, split_bytes
+from scaraspec.suite.controller.harness.malformed.delivery import send_parts
 from scaraspec.suite.controller.harness.malformed.payloads import Malformed
-from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
+from scaraspec.suite.controller.harness.outgoing_connection import (
+    SEGMENT_S,
+    OutgoingConnection,
+    split_bytes,
+)
 from scaraspec.suite.controller.harness.requests.files import (
     NameRefused,
     begin_upload,

@@ -42,7 +42,8 @@ _PASSWORDS: Final = (
 )
 _PROGRAMS: Final = (
     *("upload", "delete", "run", "simulate", "stop", "look", "set_output", "get_outputs"),
-    *("upload", "interrupt", "interrupt", "set_output"),
+    *("upload", "interrupt", "interrupt", "set_output", "download", "set_centre", "get_poses"),
+    *("set_initial", "set_clock"),
     *("list_programs", "set_default", "get_default", "move", "query", "get_clock", "reconnect"),
 )
 _STEPS_PER_EXAMPLE: Final = 25  # steps for each configured example

@@ -5,7 +5,8 @@ notice the end of a connection, the suite completes everything before it closes 
 does not know which reply is correct.
 """
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
@@ -28,8 +29,12 @@ from scaraspec.user_message import UserMessage
 if TYPE_CHECKING:
     from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 
+SEGMENT_S: Final = 0.02
+"""A pause that separates two segments, in seconds."""
+
 _SIGN_OF_LIFE: Final = "get_status"
 """The query that shows whether the controller still answers; it is a step of every case."""
+_CUT_S: Final = 0.005  # enough for a link without delay
 _APART_S: Final = 0.05
 _INSTANT_S: Final = 0.001
 _IDLE: Final = "00"
@@ -42,6 +47,14 @@ _LAG_WAITS: Final = 3  # during a wait the state may change once more
 _NS: Final = 1e9
 _NAME_OPCODES: Final = frozenset(BY_NAME[name].opcode for name in NAMES)
 _CHUNK_OPCODES: Final = frozenset(BY_NAME[name].opcode for name in CHUNKS)
+_STOP_OPCODE: Final = BY_NAME["emergency_stop"].opcode
+
+
+def split_bytes(data: bytes, sizes: Iterable[int]) -> list[bytes]:
+    """Split bytes into parts of these sizes; the rest is the last part."""
+    ends = itertools.accumulate(sizes, initial=0)
+    cuts = [*[end for end in ends if end < len(data)], len(data)]
+    return [data[begin:end] for begin, end in itertools.pairwise(cuts)]
 
 
 class OutgoingConnection(Connection):
@@ -49,6 +62,8 @@ class OutgoingConnection(Connection):
 
     Attributes:
         listing: The last received part of a program list announces another part.
+        cuts: The sizes of the segments of each request in bytes; the rest is the last segment. An
+            emergency stop is never cut.
     """
 
     def __init__(
@@ -57,6 +72,7 @@ class OutgoingConnection(Connection):
         super().__init__(name, link, subject, A2C, judged=judged)
         self._subject = subject
         self.listing = self._names_files = False
+        self.cuts: Sequence[int] = ()
         self._sent_ns = self._received_ns = self._own_ns = 0
         self._transfer_sent_ns = self._pause_ns = self._own_pause_ns = 0
         self._outgoing = Framer(A2C, recovery_filter=is_known_opcode)
@@ -96,7 +112,11 @@ class OutgoingConnection(Connection):
             RuntimeError: The suite is defective: the case does not declare the hazard.
         """
         self._subject.require_permitted(frame.opcode)
-        super().send_frame(frame)
+        cuts = () if frame.opcode == _STOP_OPCODE else self.cuts
+        for number, part in enumerate(split_bytes(frame.encode(), cuts)):
+            if number:
+                self.wait(_CUT_S)
+            self.send_bytes(part)
 
     def send_bytes(self, data: bytes) -> None:
         """Send bytes as they are. The guard checks the frames that they complete first."""

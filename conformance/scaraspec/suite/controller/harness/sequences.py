@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.model.model import Model
-from scaraspec.suite.controller.harness.model.state import VALUES, Step
+from scaraspec.suite.controller.harness.model.state import SEEDS, VALUES, Step
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.state.password import restore_password
 from scaraspec.suite.controller.harness.state.preserve import password_preserved, settings_preserved
@@ -23,8 +23,10 @@ from scaraspec.suite.controller.harness.two_stage.commands import MOVE, RUN, SIM
 from scaraspec.suite.controller.harness.two_stage.tasks import probe_responsiveness
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 from scaraspec.suite.engine.shrink import Failure
+from scaraspec.suite.program_files.listed import long_name
 
 _NAMES: Final = 3
+_LONG_NAME: Final = 30  # bytes, the maximum that every controller accepts (A-5-20)
 _GROUP: Final = 10
 
 
@@ -85,9 +87,9 @@ def operations_within(
 
 def sequences(acts: list[str], groups: int) -> st.SearchStrategy[list[Step]]:
     """Return a strategy for sequences of these steps. More groups allow longer sequences."""
-    number = st.integers(0, VALUES - 1)
+    number, seed = st.integers(0, VALUES - 1), st.integers(0, SEEDS - 1)
     group = st.lists(
-        st.builds(Step, st.sampled_from(acts), number, number, number), max_size=_GROUP
+        st.builds(Step, st.sampled_from(acts), number, number, number, seed), max_size=_GROUP
     )
     return st.lists(group, min_size=1, max_size=groups).map(
         lambda groups: list(itertools.chain.from_iterable(groups))
@@ -98,8 +100,8 @@ def endless_sequence(acts: list[str]) -> Iterator[Step]:
     """Yield a reproducible sequence without end."""
     drawn = random.Random(0)  # noqa: S311 - it must be reproducible
     while True:
-        numbers = (drawn.randrange(VALUES) for _ in range(3))
-        yield Step(drawn.choice(acts), *numbers)
+        which, value, line = (drawn.randrange(VALUES) for _ in range(3))
+        yield Step(drawn.choice(acts), which, value, line, drawn.randrange(SEEDS))
 
 
 @contextmanager
@@ -123,6 +125,7 @@ def state_preserved(
         if Hazard.DESTRUCTIVE in hazards and subject.access.needs_login:
             stack.enter_context(password_preserved(subject))
         names = [subject.new_name() for _ in range(_NAMES)]
+        names += [long_name(subject, _LONG_NAME), subject.new_name("-_.Z")]
         line.close()
         yield names
 

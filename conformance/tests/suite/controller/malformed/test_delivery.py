@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scaraspec.suite.controller.harness.malformed.delivery import split_bytes
+from scaraspec.suite.controller.harness.outgoing_connection import split_bytes
 
 
 @given(data=st.binary(min_size=1, max_size=80), sizes=st.lists(st.integers(1, 30), max_size=10))

@@ -1,34 +1,26 @@
 """Delivery: sends the same bytes in other segments: split, joined or slow."""
 
-import itertools
 from collections.abc import Iterable
 from typing import Final
 
 from hypothesis import strategies as st
 
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
-from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
+from scaraspec.suite.controller.harness.outgoing_connection import (
+    OutgoingConnection,
+    split_bytes,
+)
 from scaraspec.suite.controller.harness.requests.queries import (
     Query,
     supported_queries,
     wait_for_replies,
 )
 
-SEGMENT_S: Final = 0.02
-"""A pause that separates two segments, in seconds."""
-
 SLOWEST_S: Final = 0.9
 """The longest pause inside a frame, in seconds: 1 s (A-3-11), less the delay of a link."""
 
 segment_sizes = st.lists(st.integers(1, 60), max_size=12)
 """The sizes of the segments in bytes; the rest is the last segment."""
-
-
-def split_bytes(data: bytes, sizes: Iterable[int]) -> list[bytes]:
-    """Split bytes into parts of these sizes; the rest is the last part."""
-    ends = itertools.accumulate(sizes, initial=0)
-    cuts = [*[end for end in ends if end < len(data)], len(data)]
-    return [data[begin:end] for begin, end in itertools.pairwise(cuts)]
 
 
 def send_parts(

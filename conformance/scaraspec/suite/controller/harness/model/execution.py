@@ -38,8 +38,10 @@ from scaraspec.suite.controller.harness.two_stage.commands import (
 )
 from scaraspec.suite.controller.harness.two_stage.results import expect_success, stop_while_idle
 from scaraspec.suite.engine.expectations import CaseFailed, expect, expect_equal
+from scaraspec.suite.program_files.layout import configured
 from scaraspec.user_message import UserMessage
 
+_AXES: Final = 4  # the values of a pose that have a meaning (L1006)
 _ALL_OFF: Final = (False,) * len(ALL_OUTPUTS)
 
 
@@ -121,6 +123,14 @@ class ExecutionSteps(FileSteps):
             if event in by:
                 self._outputs[by] = _ALL_OFF
 
+    def _note_program_settings(self, line: OutgoingConnection) -> None:
+        """Note that a program may set the gripper center and initial position (A-6.3-3)."""
+        base = configured(self._subject, line)
+        if self._centers:
+            self._centers.append(base.tool_center)
+        if self._initials:
+            self._initials.append(base.tool_position[:_AXES])
+
     def _run(self, step: Step, line: OutgoingConnection) -> str | None:
         return self._begin(RUN, self._name(step), line)
 
@@ -154,7 +164,7 @@ class ExecutionSteps(FileSteps):
                 expect(not result.done, message, observed=f"{result}", requirement="4.15/7")
             return f"{command} {show(name)}, which is not stored"
         expect_accepted(command, answer)
-        self._center = self._initial = None  # a program may set its own (A-6.3-3)
+        self._note_program_settings(line)
         self._note_switch_off(command)
         if name in self._endless_programs:
             self._running = command, name, line

@@ -1,12 +1,18 @@
 """Steps that upload, download, list and delete files, and set the default program."""
 
 from contextlib import suppress
+from typing import Final
 
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.controller.harness.model.state import ENDLESS, ModelState, Step
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.files import download, require_place, send_chunk
+from scaraspec.suite.controller.harness.requests.files import (
+    is_plain,
+    receive_chunks,
+    require_place,
+    send_chunk,
+)
 from scaraspec.suite.controller.harness.state.defaults import expect_default
 from scaraspec.suite.engine.expectations import CaseFailed, expect
 from scaraspec.suite.program_files.layout import configured, layout_in_use
@@ -14,22 +20,42 @@ from scaraspec.suite.program_files.listed import program_names
 from scaraspec.suite.program_files.writing import endless_program, program_file, wait
 from scaraspec.user_message import UserMessage
 
+_SIZES: Final = 8  # how many sizes the programs of one value have
+_DURING_TRANSFERS: Final = (
+    *("query", "look", "get_poses", "set_centre", "get_clock", "set_clock", "get_default"),
+    *("get_outputs", "set_output"),
+)
+"""Steps that may take place between two chunks on another connection."""
+
 
 class FileSteps(ModelState):
     """Transfers, lists and deletes files."""
 
-    def _content(self, line: OutgoingConnection, value: int) -> bytes:
+    def _interrupt_transfer(self, step: Step, line: OutgoingConnection) -> None:
+        """Perform another step between two chunks, with every second seed (A-5-17)."""
+        acts = [act for act in _DURING_TRANSFERS if act in self._acts]
+        others = [other for other in self._lines if other is not line]
+        if acts and others and step.seed % 2:
+            act = step.random.choice(acts)
+            description = getattr(self, f"_{act}")(step._replace(act=act), others[0])
+            self.history.append(f"{description or act}, during a transfer")
+
+    def _content(self, line: OutgoingConnection, step: Step) -> bytes:
         """Return a program that does nothing, in several sizes, or one that does not end."""
         dialect, layout = self._subject.dialect, layout_in_use(self._subject)
         base = configured(self._subject, line)
-        if value >= ENDLESS:
+        if step.value >= ENDLESS:
             return endless_program(dialect, layout=layout, base=base)
-        return program_file(dialect, wait(0) * (1 + 2 * value), layout=layout, base=base)
+        count = 1 + 2 * step.value + step.seed % _SIZES
+        return program_file(dialect, wait(0) * count, layout=layout, base=base)
 
     def _upload(self, step: Step, line: OutgoingConnection) -> str | None:
-        name, content = self._names[step.which % len(self._names)], self._content(line, step.value)
+        name = self._names[(step.which + step.seed) % len(self._names)]
+        content = self._content(line, step)
         self._settle_transfer(line)
         answer, exists = line.ask("upload_name", data=name), name in self._files
+        if answer.accepted is False and not is_plain(name):  # A-5-20
+            return f"upload {show(name)}, refused"
         if not (answer.accepted or exists):
             require_place(line, name)
         expect(
@@ -46,7 +72,9 @@ class FileSteps(ModelState):
         )
         if exists:
             return f"upload {show(name)} again"
-        for chunk in chunks_of(content):
+        for number, chunk in enumerate(chunks_of(content)):
+            if number == 1:
+                self._interrupt_transfer(step, line)
             send_chunk(line, chunk)
         self._files[name] = content
         if step.value >= ENDLESS:
@@ -56,7 +84,7 @@ class FileSteps(ModelState):
     def _download(self, step: Step, line: OutgoingConnection) -> str | None:
         name = self._name(step)
         self._settle_transfer(line)
-        received, expected = download(line, name), self._files.get(name)
+        received, expected = self._received(step, line, name), self._files.get(name)
         self._downloading_line = line
         if expected is None:
             message = UserMessage(
@@ -73,6 +101,17 @@ class FileSteps(ModelState):
                 requirement="5.2/12",
             )
         return f"download {show(name)}"
+
+    def _received(self, step: Step, line: OutgoingConnection, name: bytes) -> bytes | None:
+        """Download a file; None if the controller has no such file."""
+        if not line.ask("download_name", data=name).accepted:
+            return None
+        content = b""
+        for chunk in receive_chunks(line):
+            if not content:
+                self._interrupt_transfer(step, line)
+            content += chunk.data
+        return content
 
     def _delete(self, step: Step, line: OutgoingConnection) -> str | None:
         name = self._name(step)

@@ -58,10 +58,13 @@ class Model(ConnectionSteps, SettingSteps, ExecutionSteps):
             if self._running and step.act not in _WHILE_EXECUTING:
                 self._stop(step, line)
                 self.history.append("stop")
+            line.cuts = step.cuts
             description = perform(step, line)
         except CaseFailed as error:
             self._add_history(error, step.act)
             raise
+        finally:
+            line.cuts = ()
         if description:
             self.history.append(description)
 

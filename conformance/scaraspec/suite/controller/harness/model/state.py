@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Sequence
+from random import Random
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from scaraspec.suite.controller.harness.controller_under_test import (
@@ -25,13 +26,21 @@ from scaraspec.suite.controller.harness.two_stage.commands import (
 from scaraspec.suite.engine.expectations import NoReply
 
 if TYPE_CHECKING:
-    from scaraspec.protocol.commands import Point, Pose
     from scaraspec.suite.controller.harness.requests.clock import (
         ClockSample,
     )
 
 VALUES: Final = 4
 """How many values each number of a step can have."""
+
+SEEDS: Final = 2**16
+"""How many values the seed of a step can have."""
+
+_CUTS: Final[Sequence[Sequence[int]]] = (
+    *[()] * 9,
+    *((1,), (2,), (3,), (1, 1, 1), (3, 1), (8,), (20, 100)),
+)
+"""Segments that end in the header or in the data of a request."""
 
 _LINES: Final = 2
 
@@ -55,12 +64,24 @@ class Step(NamedTuple):
         which: Selects a file or a port.
         value: Selects the value to set.
         line: Selects the connection.
+        seed: Selects what has many values: numbers, times, contents, and how requests are cut.
     """
 
     act: str
     which: int
     value: int
     line: int
+    seed: int = 0
+
+    @property
+    def random(self) -> Random:
+        """A source of values that depends only on the step."""
+        return Random(f"{self}")  # noqa: S311 - it must be reproducible
+
+    @property
+    def cuts(self) -> Sequence[int]:
+        """The sizes of the segments of its requests in bytes; for most steps there is one."""
+        return _CUTS[self.seed % len(_CUTS)]
 
 
 class ModelState:
@@ -92,9 +113,9 @@ class ModelState:
         self._accepted_default: bytes | None = (
             None  # the last accepted default program, stored or not
         )
-        self._center: Point | None = None
+        self._centers: list[tuple[float, ...]] = []  # the possible values; empty if unknown
+        self._initials: list[tuple[float, ...]] = []
         self._center_was_set = False
-        self._initial: Pose | None = None
         self._clock: ClockSample | None = None
         self._running: tuple[str, bytes, OutgoingConnection] | None = None
         if {"set_initial", "move"} & set(acts):
@@ -116,7 +137,7 @@ class ModelState:
         """Return the name of a stored file; for the last number a name that may not be stored."""
         if self._files and step.which < VALUES - 1:
             return list(self._files)[step.which % len(self._files)]
-        return self._names[step.value % len(self._names)]
+        return self._names[(step.value + step.seed) % len(self._names)]
 
     @property
     def _unresponsive(self) -> bool:

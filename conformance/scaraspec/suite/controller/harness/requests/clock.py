@@ -4,6 +4,7 @@ A reported time lies between the request and the reply, so a slow link causes no
 """
 
 from datetime import datetime, timedelta
+from random import Random
 from typing import Final, NamedTuple
 
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
@@ -16,6 +17,8 @@ SLACK_S: Final = 2.0
 """The tolerance of the clock, in seconds (4.5/4)."""
 _DRIFT: Final = 0.01
 _NS: Final = 1e9
+_BEGIN, _END = datetime(2001, 1, 2), datetime(2099, 1, 1)  # noqa: DTZ001 - the document names no zone
+_DAY_S: Final = 86400
 
 
 class ClockSample(NamedTuple):
@@ -59,6 +62,28 @@ def shifted_time(time: datetime, by: timedelta) -> datetime:
         raise CaseInconclusive(
             UserMessage("the clock shows {time}, too close to an end of the calendar", time=time)
         ) from None
+
+
+def random_time(random: Random) -> datetime:
+    """Return any time of this century."""
+    days = random.randrange((_END - _BEGIN).days)
+    return _BEGIN + timedelta(days=days, seconds=random.randrange(_DAY_S))
+
+
+def random_rollover(random: Random) -> datetime:
+    """Return the begin of a minute, an hour, a day, a month, a year, or the end of a February."""
+    time = random_time(random)
+    day = time.replace(hour=0, minute=0, second=0)
+    return random.choice(
+        (
+            time.replace(second=0),
+            time.replace(minute=0, second=0),
+            day,
+            day.replace(day=1),
+            day.replace(month=3, day=1),
+            day.replace(month=1, day=1),
+        )
+    )
 
 
 def set_clock(

@@ -48,6 +48,11 @@ class StoreFull(CaseSkipped):
         self.deleted = deleted
 
 
+def is_plain(name: bytes) -> bool:
+    """Whether every controller must accept this name: it has only letters and digits (A-5-20)."""
+    return _PLAIN.fullmatch(name) is not None
+
+
 # ---------------------------------------------------------------------- upload
 
 
@@ -61,7 +66,7 @@ def begin_upload(line: OutgoingConnection, name: bytes) -> None:
         CaseInconclusive: Files of the user may fill the store of the subject.
     """
     answer = line.ask("upload_name", data=name)
-    if answer.accepted is False and not _PLAIN.fullmatch(name):
+    if answer.accepted is False and not is_plain(name):
         raise NameRefused("the subject accepts only names of letters and digits")
     expect_begun(line, name, answer, "a new file name was refused")
 
