@@ -28,6 +28,7 @@ from scaraspec.suite.engine.expectations import (
     NoReply,
     Unreadable,
     observed_by,
+    preparation,
 )
 from scaraspec.suite.engine.hypothesis_profile import HypothesisProfile
 from scaraspec.suite.engine.journal import JournalError
@@ -125,6 +126,7 @@ class CaseRunner:
         self._callbacks = callbacks or Callbacks()
         self._completed, self._verbose = completed, verbose
         self._dead = self._unmoved = ""
+        self._survived = True
         self._drawing = HypothesisProfile(options.examples)
         self._at_last = self._ready = self._stop_reported = False
         self._failed: set[str] = set()
@@ -220,7 +222,8 @@ class CaseRunner:
     @pytest.fixture(name="line")
     def _a_line(self) -> Connection:
         """A connection that is logged in."""
-        return self.subject.open()
+        with preparation():
+            return self.subject.open()
 
     # ------------------------------------------------------------------ one case
 
@@ -273,6 +276,7 @@ class CaseRunner:
         The first failure is checked at once for another client that may have caused it.
         """
         self._callbacks.announce(case)
+        self._survived = True
         observer, begun_ns = self.subject.observer, self.subject.now_ns
         observer.budget.begin_case()
         outcome = self._run_attempts(case, item, nextitem)
@@ -481,10 +485,12 @@ class CaseRunner:
     def _unless_dependency(self, outcome: Outcome) -> Outcome:
         """The outcome of a case; inconclusive if a known failure prevents its preparation.
 
-        So each dependency fails once.
+        So each dependency fails once. The case itself may be the cause if the subject has not
+        survived it.
         """
         step = outcome.step
-        if outcome.verdict is not Verdict.FAIL or step is None or not step.dependency:
+        failed = outcome.verdict is Verdict.FAIL and self._survived
+        if not failed or step is None or not step.dependency:
             return outcome
         dependency = (step.dependency, step.command, step.stage)
         first = self._dependencies.setdefault(dependency, outcome.case.id)
@@ -549,10 +555,12 @@ class CaseRunner:
         try:
             subject.settle()
         except (NoReply, CaseFailed) as error:
+            self._survived = False
             self._revive(case)
             if outcome.verdict is Verdict.FAIL:
                 return outcome
             message = UserMessage("the subject did not survive the case: {error}", error=error)
+            error.preparation = False
             error.expected = "a connection, a login and get_status work after the case"
             requirement = subject.survival_requirement or case.requirements[0]
             return failed_outcome(case, error, requirement, message)

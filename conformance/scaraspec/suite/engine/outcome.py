@@ -91,11 +91,11 @@ def failed_outcome(case: Case, error: CaseFailed, requirement: str, message: str
 def is_about(case: Case, requirement: str, command: str) -> bool:
     """Return whether a case is about a requirement or a command, and not only prepared with it.
 
-    Cases about connections are about every failure, those about frames about every failure without
-    a requirement of its own, and those about two-stage commands about every command.
+    Cases about connections are about every message, and those about frames and about two-stage
+    commands about every message but the login.
     """
     general = case.requirements[0].partition("/")[0]
-    if general == "2" or (general == "3" and not requirement) or (general == "4" and command):
+    if general == "2" or (general in {"3", "4"} and command not in {"", "login"}):
         return True
     own = {topic(each.partition("/")[0]) for each in case.requirements}
     clauses = {requirement.partition("/")[0], BY_NAME[command].clause if command else ""}
@@ -142,17 +142,7 @@ def unless_dependent(outcome: Outcome, raised: BaseException | None) -> Outcome:
     """
     if not isinstance(raised, CaseFailed) or not raised.depends_on:
         return outcome
-    return Outcome(
-        outcome.case,
-        Verdict.INCONCLUSIVE,
-        cause=Cause.DEPENDENCY,
-        reason=Reason.DEPENDENCY,
-        message=UserMessage(
-            "{message}; case {case} has failed for this reason",
-            message=outcome.message,
-            case=raised.depends_on,
-        ),
-    )
+    return prevented(outcome, raised.depends_on)
 
 
 def message_of(error: BaseException) -> str:

@@ -518,3 +518,12 @@ def test_a_failure_shows_its_own_frames(trial: Try) -> None:
     assert case.step
     assert (case.step.command, case.step.stage) == ("get_version", Stage.REPLY)
     assert (case.step.time_ns, case.step.attempt) == (case.wire[-1].time_ns, 1)
+
+
+def test_a_case_that_the_subject_does_not_survive_fails(trial: Try) -> None:
+    """Although another one has had the same effect before: each may be a fault of its own."""
+    crashes = "\ndef test_{}(line):\n    line.send('get_version')\n    line.ask('get_time')\n\n"
+    cases = ("4.8/2", "4.9/6")
+    results = trial("".join(f"@case('{c}')" + crashes.format(c[2]) for c in cases), Reboots)
+    assert [only(results, case).verdict for case in cases] == [Verdict.FAIL] * 2
+    assert [case.step.dependency for case in results.cases if case.step] == ["3/31"] * 2

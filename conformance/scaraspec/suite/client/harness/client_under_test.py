@@ -27,7 +27,6 @@ from scaraspec.suite.engine.expectations import (
     NotConnected,
     OperationRefused,
     expect,
-    preparation,
 )
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.observer import Observer
@@ -141,7 +140,6 @@ class ClientUnderTest:
 
     # ------------------------------------------------------------------ connections
 
-    @preparation()
     def open(self, *, judged: bool = True, requirement: str = "") -> IncomingConnection:
         """Let the client connect and log in.
 

@@ -31,7 +31,6 @@ from scaraspec.suite.engine.expectations import (
     NoReply,
     NotConnected,
     Unreadable,
-    preparation,
 )
 from scaraspec.suite.engine.hooks import HookError
 from scaraspec.suite.engine.ics import Ics
@@ -192,7 +191,6 @@ class ControllerUnderTest:
         """Empty: a case that raises nothing has a verdict."""
         return ""
 
-    @preparation()
     def open(self, *, login: bool = True, judged: bool = True) -> OutgoingConnection:
         """Open a connection, and log in.
 

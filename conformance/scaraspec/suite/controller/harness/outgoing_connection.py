@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 SEGMENT_S: Final = 0.02
 """A pause that separates two segments, in seconds."""
 
-_SIGN_OF_LIFE: Final = "get_status"
-"""The query that shows whether the controller still answers; it is a step of every case."""
+_SIGNS_OF_LIFE: Final = ("login", "get_status")
+"""Requests that show whether the controller still answers; they may be steps of every case."""
 _CUT_S: Final = 0.005  # enough for a link without delay
 _APART_S: Final = 0.05
 _INSTANT_S: Final = 0.001
@@ -321,7 +321,7 @@ class OutgoingConnection(Connection):
         except NoReply as error:
             error.owed = due.requirement
             error.due = error.due or (due.name, Stage.RESULT if due.result else Stage.REPLY)
-            error.preparation = due.name != _SIGN_OF_LIFE
+            error.preparation = due.name not in _SIGNS_OF_LIFE
             if patience.given_up(due):
                 error.requirement, error.depends_on = due.requirement, self.dependency(due)
             elif due != _STOPPED:
