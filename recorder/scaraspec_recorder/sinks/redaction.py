@@ -83,6 +83,8 @@ class _Link:
 
     def force(self) -> Iterator[WireEvent]:
         """Yield all pending events, with possibly secret bytes masked."""
+        if not self._pending:
+            return
         for stream in self._streams.values():
             at, held = stream.framer.offset_bytes, stream.held
             begin = 0 if stream.after_gap else min(secret_offset(held), _known_bytes(held))

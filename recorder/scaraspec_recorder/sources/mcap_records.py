@@ -280,16 +280,16 @@ class _Scanner:
         self, opcode: int, start: int, stated_end: int
     ) -> tuple[McapRecord | _Chunk | None, int | None]:
         """Read a record that has lengths inside, which correct the one in its head."""
-        end = stated_end if self._may_follow(stated_end) else None
+        end, length = stated_end if self._may_follow(stated_end) else None, stated_end - start
         if end and opcode == Opcode.MESSAGE_INDEX:
             return None, end
         try:
             record, inner_end = self._parse(opcode, start)
-        except _TooLargeError:
-            self._unsupported.add(_TOO_LARGE)
-            return None, end
-        except _DAMAGE:
-            self._skipped_bytes += end - start if end else 0
+        except _DAMAGE as error:
+            if end and isinstance(error, _TooLargeError) and length > MAX_RECORD_BYTES:
+                self._unsupported.add(_TOO_LARGE)
+            elif end:
+                self._skipped_bytes += length
             return None, end
         if inner_end == stated_end or self._may_follow(inner_end):
             end = inner_end
