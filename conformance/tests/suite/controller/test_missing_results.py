@@ -50,7 +50,5 @@ def test_cases_are_inconclusive_after_the_wait_budget() -> None:
     assert {(case.verdict, case.cause, case.reason) for case in later} == {
         (Verdict.INCONCLUSIVE, Cause.DEPENDENCY, Reason.DEPENDENCY)
     }
-    assert all(
-        f"failed already in case {failed[0]}" in case.message for case in later
-    )
+    assert all(f"failed already in case {failed[0]}" in case.message for case in later)
     assert results.verdict is Conclusion.NONCONFORMANT
