@@ -184,6 +184,11 @@ class StopMonitor:
             self._rests_from_ns = self._still_from_ns = now_ns + round(EFFECT_S * _NS)
             self._places.clear()
 
+    @property
+    def executing(self) -> bool:
+        """Whether an accepted command may execute: no status and no result has shown its end."""
+        return bool(self._executing)
+
     def _stop_ended(self, now_ns: int) -> None:
         self._still_from_ns = min(self._still_from_ns, now_ns + round(TOLERATED_S * _NS))
         if self._rests_from_ns:

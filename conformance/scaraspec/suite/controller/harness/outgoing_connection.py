@@ -42,7 +42,6 @@ _POLL_S: Final = 0.05
 _LATE_S: Final = 0.3  # a final result may come this much later than the idle status
 _BRIEF_S: Final = 0.5  # a wait of at most this time is not shortened
 _SHORT_REPLIES: Final = 45  # this many status replies fill the longest frame
-_STOPPED: Final = ExpectedReply("emergency_stop")  # not awaited any longer: the robot may move
 _LAG_WAITS: Final = 3  # during a wait the state may change once more
 _NS: Final = 1e9
 _NAME_OPCODES: Final = frozenset(BY_NAME[name].opcode for name in NAMES)
@@ -324,7 +323,7 @@ class OutgoingConnection(Connection):
             error.preparation = due.name not in _SIGNS_OF_LIFE
             if patience.given_up(due):
                 error.requirement, error.depends_on = due.requirement, self.dependency(due)
-            elif due != _STOPPED:
+            elif limit_s >= full_s and (due.result or not self._subject.guard.stop.executing):
                 self.await_late(is_expected)
             if limit_s >= full_s and not self.ended:
                 patience.note_timeout(due)
@@ -407,7 +406,8 @@ class OutgoingConnection(Connection):
                 before.append(seen)
             if not self._more(deadline_s):
                 self.inbox[:0] = before
-                self.await_late(is_reply)
+                if not self._subject.guard.stop.executing:
+                    self.await_late(is_reply)
                 raise self.no_reply_error("get_status was not answered")
 
     def collect_replies(self) -> list[FrameSeen]:
