@@ -244,6 +244,10 @@ async def _record_one(
             where = robot.listen if "://" in robot.listen else join_host_port(*recording.address)
             click.echo(f"recording {where} to {robot.url} in {robot.out}; press Ctrl-C to stop")
             await stopped.wait()
+    except NotADirectoryError:
+        raise Problem(
+            UserMessage("{path} is not a folder: name another one with --out", path=robot.out)
+        ) from None
     except OSError as error:
         place = f"{robot.listen} to {robot.out}"
         reason = (error.strerror or f"{error}").partition(" (while")[0]  # Python adds the address

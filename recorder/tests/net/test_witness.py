@@ -86,7 +86,7 @@ class Witness:
     def connections(self) -> Counter[tuple[str, str]]:
         """What passed on each connection, both ways."""
         seen: dict[str, dict[Direction, Stream]] = {}
-        for event in read_pcap(self._path, port=None):
+        for event in read_pcap(self._path):
             assert event.kind is not Kind.GAP
             ways = seen.setdefault(event.connection, {A2C: Stream(), C2A: Stream()})
             ways[event.direction].add(event.data)

@@ -189,9 +189,9 @@ def test_marks_in_a_single_file(tmp_path: Path, shift: list[WireEvent], *, redac
     sink.close()
     path = tmp_path / "capture.mcap"
     assert [text.partition(":")[0] for _, text in marks(path)] == ["refusal", "malformed"]
-    assert b"".join(e.data for e in read_mcap(path) if e.direction is C2A) == b"".join(
-        e.data for e in shift if e.direction is C2A
-    )
+    recorded = b"".join(e.data for e in read_mcap(path) if e.direction is C2A)
+    sent = b"".join(e.data for e in shift if e.direction is C2A)
+    assert len(recorded) == len(sent) if redact else recorded == sent
     assert "open sesame" not in f"{marks(path)}"
 
 
