@@ -68,14 +68,17 @@ class ConnectionSteps(ModelState):
         if not self._subject.access.needs_login:
             return None
         passwords = (self._subject.password, *usable_passwords(self._subject))
-        new = passwords[step.value % len(passwords)]
+        return self._change_password(passwords[step.value % len(passwords)], line)
+
+    def _change_password(self, new: bytes, line: OutgoingConnection) -> str:
         if not expect_password_changed(line, self._password, new):
             return f"set the password {show(new)}, refused"
         self._password = new
         self._reconnect_all("4.2/4", "the next login with the new password was refused")
         return f"set the password {show(new)}"
 
-    def _mistake_password(self, _: Step, line: OutgoingConnection) -> str | None:
+    def _mistake_password(self, step: Step, line: OutgoingConnection) -> str | None:
+        """Change the password with a wrong old one, and perhaps with the right one after that."""
         if not self._subject.access.needs_login or not self._subject.may_try_wrong_password():
             return None
         answer = request_password_change(line, self._password + b"-no", PLAIN_PASSWORD)
@@ -86,8 +89,13 @@ class ConnectionSteps(ModelState):
             observed=f"{answer}",
             requirement="4.2/3",
         )
+        done = "change the password with a wrong old one"
+        if step.value % 2:
+            known = self._password == PLAIN_PASSWORD
+            new = self._subject.password if known else PLAIN_PASSWORD
+            return f"{done}; {self._change_password(new, line)}"
         self._reconnect_all("4.2/5", "the next login with the password was refused")
-        return "change the password with a wrong old one"
+        return done
 
     def _reconnect_all(self, requirement: str, message: str) -> None:
         """Open all connections again: the login may be lost (A-4.2-2)."""

@@ -144,9 +144,12 @@ class ExecutionSteps(FileSteps):
             uploaded = f"{self._upload(step._replace(value=ENDLESS), line)}; "
             if not self._endless_programs:  # the name was in use
                 return uploaded.rstrip("; ")
-        command, other = (RUN, SIMULATE) if step.value % 2 else (SIMULATE, RUN)
-        begun = self._begin(command, self._endless_programs[0], line)
-        refused = self._expect_busy(other, self._name(step), line) if step.value > 1 else None
+        command, other = ((RUN, SIMULATE)[n % 2] for n in (step.value, step.seed))
+        executing = self._endless_programs[0]
+        begun, refused = self._begin(command, executing, line), None
+        if step.value > 1:
+            name = next((n for n in self._files if n != executing), self._name(step))
+            refused = self._expect_busy(other, name, line)
         self._stop(step, line)
         return uploaded + "; ".join(filter(None, (begun, refused, "stop")))
 
