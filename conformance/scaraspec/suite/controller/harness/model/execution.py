@@ -144,7 +144,7 @@ class ExecutionSteps(FileSteps):
             uploaded = f"{self._upload(step._replace(value=ENDLESS), line)}; "
             if not self._endless_programs:  # the name was in use
                 return uploaded.rstrip("; ")
-        command, other = ((RUN, SIMULATE)[n % 2] for n in (step.value, step.seed))
+        command, other = ((SIMULATE, RUN)[n % 2] for n in (step.value, step.seed))
         executing = self._endless_programs[0]
         begun, refused = self._begin(command, executing, line), None
         if step.value > 1:
