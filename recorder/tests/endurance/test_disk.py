@@ -160,21 +160,16 @@ def test_a_full_disk_with_the_spool(
 
 
 @pytest.mark.network
-def test_a_read_only_disk(plant: Any, disk: Disk, recorded: Callable[[Path], Any]) -> None:
-    """The link works from the start; the recording starts when the disk is writable."""
+def test_a_read_only_disk(tmp_path: Path) -> None:
+    """The recorder refuses it at the start."""
+    disk = Disk(tmp_path)
     disk.allow_writing(allowed=False)
-    plant.recorder.start()
-    plant.talk(2)
-    plant.wait_for_output("writing is stalled, ", " waiting: Read-only file system")
-    plant.wait_for_replies(200)
-    disk.allow_writing(allowed=True)
-    plant.wait_for_output("writing continues")
-    plant.stop_clients()
-    assert plant.recorder.end() == 0
-    assert unaffected(plant)
-    (only,) = interruptions(disk.folder)
-    assert only.endswith(" UTC: Read-only file system")
-    assert check_accounts(plant, recorded) == 0
+    record = ("record", "tcp://127.0.0.1:1", "--listen", "127.0.0.1:0", "--out", disk.folder)
+    done = subprocess.run(
+        [sys.executable, "-m", "scaraspec", *record], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr.endswith(f" to {disk.folder}: Read-only file system\n")
 
 
 @pytest.mark.network

@@ -23,6 +23,7 @@ import pytest
 
 from ledger import Ledger
 from scaraspec.protocol.direction import A2C, C2A, Direction
+from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.traffic.wire import Kind
 from scaraspec_recorder.recording import record
 from scaraspec_recorder.sources.pcap_reader import read_pcap
@@ -54,11 +55,11 @@ class Stream:
 
 
 class Witness:
-    """tcpdump on a machine's cable."""
+    """tcpdump on a machine's cable, on which a server has this port."""
 
-    def __init__(self, machine: Any, path: Path) -> None:
+    def __init__(self, machine: Any, path: Path, port: int = DEFAULT_PORT) -> None:
         self._machine = machine
-        self._path = path
+        self._path, self._port = path, port
         self._marker = random.Random(path.name).randbytes(32)
         self._complete = threading.Event()
         with machine.inside():
@@ -86,7 +87,7 @@ class Witness:
     def connections(self) -> Counter[tuple[str, str]]:
         """What passed on each connection, both ways."""
         seen: dict[str, dict[Direction, Stream]] = {}
-        for event in read_pcap(self._path):
+        for event in read_pcap(self._path, port=self._port):
             assert event.kind is not Kind.GAP
             ways = seen.setdefault(event.connection, {A2C: Stream(), C2A: Stream()})
             ways[event.direction].add(event.data)
@@ -190,8 +191,9 @@ def test_bytes_pass_unchanged_and_are_all_recorded(
 ) -> None:
     """Sent = seen on one cable = seen on the other = received = recorded, for every connection."""
     lab.install(mode)
+    port = lab.listen(mode)[1] if mode is Mode.EXPLICIT else DEFAULT_PORT
     with (
-        closing(Witness(lab.client, tmp_path / "client.pcap")) as near,
+        closing(Witness(lab.client, tmp_path / "client.pcap", port)) as near,
         closing(Witness(lab.controller, tmp_path / "controller.pcap")) as far,
     ):
         clients, controllers = conversation(lab, mode, tmp_path, connections, size_bytes)
