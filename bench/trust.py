@@ -34,6 +34,7 @@ MIN_KILLERS: Final = 2
 _ROOT: Final = Path(__file__).parent.parent
 _SCARASPEC: Final = (sys.executable, "-m", "scaraspec")
 _BUSY: Final = "import os\nparent = os.getppid()\nwhile os.getppid() == parent: sum(range(10_000))"
+_SHOWN_CASES: Final = 3
 _SCALE: Final = 8
 _SERVE: Final = ("--time-scale", f"{_SCALE}", "--reading", f"xfer_timeout={_SCALE}")
 _SOON: Final = ("--transfer-timeout", "1")
@@ -103,8 +104,8 @@ class Ended(NamedTuple):
     def __str__(self) -> str:
         bad = [f"{c['id']} {c['verdict']}" for c in self.with_verdict("fail", "error")]
         bad += [f"{c['id']} {c['verdict']}" for c in self.with_verdict("inconclusive")]
-        shown = f": {', '.join(bad[:3])}" if bad else ""
-        return f"exit status {self.status}{shown}{', …' if len(bad) > 3 else ''}"  # noqa: PLR2004
+        shown = f": {', '.join(bad[:_SHOWN_CASES])}" if bad else ""
+        return f"exit status {self.status}{shown}{', …' if bad[_SHOWN_CASES:] else ''}"
 
 
 def main() -> None:

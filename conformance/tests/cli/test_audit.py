@@ -297,9 +297,9 @@ def test_a_wrong_description(
 ) -> None:
     """It is reported, with the file."""
     file = recorded("login", **description)
-    told = refused("audit", f"{file}")
-    assert f"{file} has an invalid description of its subject: " in told
-    assert says in told
+    message = refused("audit", f"{file}")
+    assert f"{file} has an invalid description of its subject: " in message
+    assert says in message
 
 
 @pytest.mark.parametrize(

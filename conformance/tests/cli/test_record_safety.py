@@ -112,9 +112,9 @@ def test_a_folder_removed_while_recording(
                 assert any("was removed while it was written" in line for line in recorder.stdout)
                 client.sendall(b"after")
                 assert reached.recv(5, socket.MSG_WAITALL) == b"after"
-                told = end(recorder)
+                summary = end(recorder)
     assert recorder.returncode == 3
-    assert "from the client: 11 bytes received and forwarded = 5 recorded + 6 in 1 gaps" in told
+    assert "from the client: 11 bytes received and forwarded = 5 recorded + 6 in 1 gaps" in summary
     (capture,) = out.glob("*.mcap")
     events = list(open_capture(capture, port=None))
     gaps = [(event.offset_bytes, event.length_bytes) for event in events if event.kind is Kind.GAP]

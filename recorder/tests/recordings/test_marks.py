@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -265,14 +266,17 @@ def _warnings(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.WARNING)
 
 
+def _read_ns(clock_s: dict[str, float], name: str) -> int:
+    return int(clock_s[name] * SECOND_NS)
+
+
 @pytest.mark.parametrize("hours", [24, -24])
 def test_a_step_of_the_clock_is_no_silence(hours: int) -> None:
     """Whether a tick or an event comes first; a silence after the step is one."""
     for step_at_a_tick in (False, True):
         tape, clock_s = Tape(), {"wall": 10.0**6, "elapsed": 0.0}
         clock = ClockWatch(
-            lambda now=clock_s: int(now["wall"] * SECOND_NS),  # type: ignore[misc]
-            lambda now=clock_s: int(now["elapsed"] * SECOND_NS),  # type: ignore[misc]
+            partial(_read_ns, clock_s, "wall"), partial(_read_ns, clock_s, "elapsed")
         )
         marked = TriggerMarks([tape], {"silence:30s": parse_trigger("silence:30s")}, clock)
 

@@ -163,7 +163,8 @@ def test_rollovers(subject: ControllerUnderTest, line: OutgoingConnection) -> No
         @settings(max_examples=max(count, 1), phases=(Phase.generate,))
         @given(st.integers(0, 2**64))
         def roll_over(seed: int) -> None:
-            _expect_rollover(subject, line, random_rollover(Random(seed)))  # noqa: S311
+            drawn = Random(seed)  # noqa: S311 - it must be reproducible
+            _expect_rollover(subject, line, random_rollover(drawn))
 
         roll_over()
 
