@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from scaraspec.api import certify
     from scaraspec.api.auditing import audit
-    from scaraspec.api.gating import Baseline, compare, gate, read_waivers
     from scaraspec.api.proving import prove, prove_dialects
     from scaraspec.api.recording import record
     from scaraspec.api.replaying import replay
+    from scaraspec.api.results import Baseline, compare, gate, read_waivers
     from scaraspec.judge.requirements import select
     from scaraspec.protocol.hazard import Hazard
     from scaraspec.protocol.readings import Dialect
@@ -46,7 +46,7 @@ __all__ = [
 ]
 
 _MODULES = {
-    "Baseline": "scaraspec.api.gating",
+    "Baseline": "scaraspec.api.results",
     "Dialect": "scaraspec.protocol.readings",
     "Hazard": "scaraspec.protocol.hazard",
     "Ics": "scaraspec.suite.engine.ics",
@@ -55,11 +55,11 @@ _MODULES = {
     "RobotConfig": "scaraspec_recorder.config",
     "Role": "scaraspec.report.model",
     "audit": "scaraspec.api.auditing",
-    "compare": "scaraspec.api.gating",
-    "gate": "scaraspec.api.gating",
+    "compare": "scaraspec.api.results",
+    "gate": "scaraspec.api.results",
     "prove": "scaraspec.api.proving",
     "prove_dialects": "scaraspec.api.proving",
-    "read_waivers": "scaraspec.api.gating",
+    "read_waivers": "scaraspec.api.results",
     "record": "scaraspec.api.recording",
     "replay": "scaraspec.api.replaying",
     "select": "scaraspec.judge.requirements",

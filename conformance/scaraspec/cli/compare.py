@@ -4,14 +4,12 @@ from pathlib import Path
 
 import click
 
-from scaraspec.api.gating import compare
-from scaraspec.cli.options import results_in
+from scaraspec.api.results import compare
 from scaraspec.cli.problems import Problem
+from scaraspec.cli.results import append_summary, results_in, user_errors
 from scaraspec.judge.verdicts import ExitStatus
-from scaraspec.report.model import ResultsError
 from scaraspec.report.sanitizing import visible
 from scaraspec.results import comparison_report
-from scaraspec.results.findings import OldResultsError
 from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec compare run-1.4 run-1.5"
@@ -29,7 +27,7 @@ def command(before_path: Path, after_path: Path, *, summary: Path | None) -> Non
     Compared are failures, verdicts, readings, what was judged, settings and latency. Exit status 0
     if the behaviour is equal, 1 if it differs; settings and latency do not count.
     """
-    try:
+    with user_errors():
         before, after = results_in(before_path), results_in(after_path)
         if before.role is not after.role:
             raise Problem(
@@ -43,18 +41,7 @@ def command(before_path: Path, after_path: Path, *, summary: Path | None) -> Non
                 )
             )
         comparison = compare(before, after)
-        if summary:
-            with summary.open("a", encoding="utf-8") as file:
-                file.write(comparison_report.markdown(comparison))
-    except (ResultsError, OldResultsError) as error:
-        raise Problem(str(error)) from None
-    except OSError as error:
-        raise Problem(
-            UserMessage(
-                "{file} cannot be written: {reason}", file=error.filename, reason=error.strerror
-            ),
-            ExitStatus.INCONCLUSIVE,
-        ) from None
+        append_summary(summary, comparison_report.markdown(comparison))
     for line in comparison_report.lines(comparison):
         click.echo(visible(line))
     raise SystemExit(ExitStatus.NONCONFORMANT if comparison.differs else ExitStatus.CONFORMANT)

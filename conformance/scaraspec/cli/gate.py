@@ -7,19 +7,18 @@ from pathlib import Path
 
 import click
 
-from scaraspec.api.gating import gate
-from scaraspec.cli.options import results_in
+from scaraspec.api.results import gate
 from scaraspec.cli.problems import Problem
+from scaraspec.cli.results import append_summary, results_in, user_errors
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report import ctrf, junit
 from scaraspec.report.files import write_whole
-from scaraspec.report.model import Results, ResultsError
+from scaraspec.report.model import Results
 from scaraspec.report.sanitizing import visible
 from scaraspec.results import gate_report
-from scaraspec.results.baseline import Baseline, BaselineError
-from scaraspec.results.findings import OldResultsError
+from scaraspec.results.baseline import Baseline
 from scaraspec.results.gate import GateResult
-from scaraspec.results.waivers import WaiverError, read_waivers
+from scaraspec.results.waivers import read_waivers
 from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec gate out --baseline baseline.json --waivers waivers.toml"
@@ -70,14 +69,15 @@ def command(  # noqa: PLR0913 - one for each option
     """
     if update and not baseline_path:
         raise Problem("--update needs --baseline FILE, the file to write")
-    try:
+    with user_errors():
         results = results_in(results_path)
+        waivers = read_waivers(waivers_path) if waivers_path else ()
         if update and baseline_path:
             _update(results, baseline_path)
         result = gate(
             results,
             baseline=Baseline.read(baseline_path) if baseline_path else None,
-            waivers=read_waivers(waivers_path) if waivers_path else (),
+            waivers=waivers,
             today=date.today(),  # noqa: DTZ011 - a waiver expires on the user's calendar
         )
         for path, text in (
@@ -86,18 +86,7 @@ def command(  # noqa: PLR0913 - one for each option
             (code_quality, lambda: gate_report.code_quality(result)),
         ):
             _write(path, text)
-        if summary:
-            with summary.open("a", encoding="utf-8") as file:
-                file.write(gate_report.markdown(result))
-    except (ResultsError, BaselineError, WaiverError, OldResultsError) as error:
-        raise Problem(str(error)) from None
-    except OSError as error:
-        raise Problem(
-            UserMessage(
-                "{file} cannot be written: {reason}", file=error.filename, reason=error.strerror
-            ),
-            ExitStatus.INCONCLUSIVE,
-        ) from None
+        append_summary(summary, gate_report.markdown(result))
     _show(result)
     raise SystemExit(result.exit_status)
 

@@ -2,14 +2,12 @@
 
 import math
 from collections.abc import Callable, Collection, Iterator
-from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import click
 from click.core import ParameterSource
 
 from scaraspec.protocol.port import DEFAULT_PORT
-from scaraspec.report.model import Results
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.units import SECOND_NS, QuantityError, parse_duration
 
@@ -80,15 +78,6 @@ def password_option(default: str | None, text: str) -> Callable[[F], F]:
         metavar="PASSWORD",
         help=f"{text} [SCARASPEC_PASSWORD, or '{DEFAULT_PASSWORD}'].",
     )
-
-
-def results_in(path: Path) -> Results:
-    """Read results: a results.json, or the one in the folder of a run.
-
-    Raises:
-        ResultsError: The file cannot be read as results.
-    """
-    return Results.read(path / "results.json" if path.is_dir() else path)
 
 
 def given_options(

@@ -54,6 +54,8 @@ class Reason(Enum):
     """An earlier session has completed it."""
     FAILED_BEFORE = "failed-before"
     """Its requirements have failed already."""
+    FAIL_FAST = "fail-fast"
+    """A case had failed, and the run was to end then."""
     NOT_APPLICABLE = "not-applicable"
     """The SUT does not support it, or follows another reading of the open point."""
     DEPENDENCY = "dependency"

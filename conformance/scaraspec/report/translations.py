@@ -174,6 +174,7 @@ TRANSLATIONS: Final[Mapping[str, Translation]] = MappingProxyType(
         "reason_hook": Translation("a hook is missing in the ICS", "符合性声明缺少钩子"),
         "reason_earlier-session": Translation("completed in an earlier session", "先前已完成"),
         "reason_failed-before": Translation("its requirements failed before", "其要求先前已失败"),
+        "reason_fail-fast": Translation("ended by --fail-fast", "因 --fail-fast 提前结束"),
         "reason_not-applicable": Translation("not applicable", "不适用"),
         "reason_dependency": Translation("depends on an earlier failure", "依赖先前的失败"),
         "reason_unreachable": Translation("the subject cannot be used", "被测对象不可用"),

@@ -61,7 +61,9 @@ class GateResult:
         problems: Why the gate fails; empty if it does not.
         accepted: Why a failed case is accepted, by case id.
         fixed: Known failures that no longer occur.
-        undecided: The cases that are inconclusive, and errors of the suite.
+        undecided: The cases that are inconclusive, and errors of the suite. A case that an accepted
+            failure prevents is not among them, unless the baseline has judged it.
+        not_run: The number of cases that did not run because of ``--fail-fast``.
     """
 
     results: Results
@@ -69,13 +71,14 @@ class GateResult:
     accepted: Mapping[str, str]
     fixed: tuple[KnownFailure, ...]
     undecided: tuple[Case, ...]
+    not_run: int
 
     @property
     def exit_status(self) -> ExitStatus:
-        """The exit status: 1 for a problem wins over 3 for an inconclusive run."""
+        """The exit status: 1 for a problem wins over 3 for an inconclusive or incomplete run."""
         if self.problems:
             return ExitStatus.NONCONFORMANT
-        if self.undecided or self.results.verdict is Conclusion.INCONCLUSIVE:
+        if self.undecided or self.not_run or self.results.verdict is Conclusion.INCONCLUSIVE:
             return ExitStatus.INCONCLUSIVE
         if self.results.verdict is Conclusion.NOTHING_TESTED:
             return ExitStatus.NOTHING_TESTED
@@ -124,13 +127,25 @@ def gate(
         tuple(problems),
         accepted,
         tuple(f for f in known if f.fingerprint not in fingerprints and f.case not in places),
-        tuple(
-            case
-            for case in results.cases
-            if case.verdict in (Verdict.INCONCLUSIVE, Verdict.ERROR)
-            and not any(_tolerates(waiver, case) for waiver in waivers)
-        ),
+        tuple(_undecided(results, accepted, baseline, waivers)),
+        sum(case.reason is Reason.FAIL_FAST for case in results.cases),
     )
+
+
+def _undecided(
+    results: Results,
+    accepted: Mapping[str, str],
+    baseline: Baseline | None,
+    waivers: Sequence[Waiver],
+) -> Iterator[Case]:
+    """Yield the cases that leave the result open."""
+    judged = baseline.cases if baseline else ()
+    for case in results.cases:
+        if case.verdict not in (Verdict.INCONCLUSIVE, Verdict.ERROR):
+            continue
+        prevented = accepted and case.reason is Reason.DEPENDENCY and case.id not in judged
+        if not (prevented or any(_tolerates(waiver, case) for waiver in waivers)):
+            yield case
 
 
 def _same_seed(results: Results, baseline: Baseline | None) -> bool:

@@ -41,6 +41,10 @@ def lines(result: GateResult) -> Iterator[str]:
             yield f"  reproduction command: {problem.case.replay}"
     for case in result.undecided:
         yield f"{case.verdict.value} · {case.id} · {case.message}"
+    if result.not_run:
+        yield UserMessage(
+            "inconclusive · --fail-fast · {count} cases did not run", count=result.not_run
+        )
     for case_id, why in result.accepted.items():
         yield f"accepted · {case_id} · {why}"
     for failure in result.fixed:

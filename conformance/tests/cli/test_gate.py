@@ -123,6 +123,11 @@ def test_errors(refused: Callable[..., str], tmp_path: Path) -> None:
     assert "cannot be read" in refused("gate", str(tmp_path / "none.json"))
     assert "cannot be read" in refused("gate", results, "--baseline", str(tmp_path / "none.json"))
     assert "cannot be read" in refused("gate", results, "--waivers", str(tmp_path / "none.toml"))
+    new, broken = tmp_path / "new.json", tmp_path / "broken.toml"
+    broken.write_text("[[waiver", "utf-8")
+    options = ("--baseline", str(new), "--update", "--waivers", str(broken))
+    assert "is not valid TOML" in refused("gate", results, *options)
+    assert not new.exists()
     text = refused("gate", results, "--baseline", results, "--update")
     assert "is not a baseline: name another file" in text
     assert Path(results).read_bytes() == before

@@ -157,6 +157,28 @@ def test_flaky(good: Results) -> None:
     assert strict.exit_status is ExitStatus.INCONCLUSIVE
 
 
+def test_prevented_by_an_accepted_failure(results: Results) -> None:
+    """Such a case leaves nothing open, unless the baseline has judged it."""
+    prevented = Case("4.9/2", ("4.9/2",), Verdict.INCONCLUSIVE, reason=Reason.DEPENDENCY)
+    run = results_of(PASSED, FAILED, SEEN, prevented)
+    known = gate(run, baseline=Baseline.of(results), today=TODAY)
+    assert known.exit_status is ExitStatus.CONFORMANT
+    judged = results_of(PASSED, FAILED, SEEN, replace(prevented, verdict=Verdict.PASS))
+    lost = gate(run, baseline=Baseline.of(judged), today=TODAY)
+    assert lost.exit_status is ExitStatus.INCONCLUSIVE
+    alone = gate(results_of(PASSED, prevented), today=TODAY)
+    assert alone.exit_status is ExitStatus.INCONCLUSIVE
+
+
+def test_fail_fast_is_incomplete() -> None:
+    """An accepted failure that ended the run says nothing about the cases after it."""
+    skipped = replace(PASSED, verdict=Verdict.NONE, reason=Reason.FAIL_FAST)
+    run = results_of(skipped, FAILED)
+    assert gate(run, waivers=(waiver(),), today=TODAY).exit_status is ExitStatus.INCONCLUSIVE
+    before = results_of(PASSED, FAILED)
+    assert kinds(run, baseline=before) == ["lost-case 4.8/1", "lost-requirement 4.8/1"]
+
+
 def test_exit_status_without_a_problem(good: Results) -> None:
     """3 if something is inconclusive, 4 if nothing was tested."""
     unsure = Case("4.9/2", ("4.9/2",), Verdict.INCONCLUSIVE, message="the link was lost")

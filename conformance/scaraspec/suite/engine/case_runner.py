@@ -240,7 +240,7 @@ class CaseRunner:
             )
             skip = Skip(Reason.FAILED_BEFORE, message)
         elif not skip and self._failed and self.options.fail_fast:
-            skip = Skip(Reason.FAILED_BEFORE, "a case has failed, and --fail-fast ends the run")
+            skip = Skip(Reason.FAIL_FAST, "a case has failed, and --fail-fast ends the run")
         if skip:
             return Outcome(
                 case,

@@ -1,0 +1,49 @@
+"""Reading results and writing summaries, for the commands that compare results."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from scaraspec.cli.problems import Problem
+from scaraspec.judge.verdicts import ExitStatus
+from scaraspec.report.model import Results, ResultsError
+from scaraspec.results.baseline import BaselineError
+from scaraspec.results.findings import OldResultsError
+from scaraspec.results.waivers import WaiverError
+from scaraspec.user_message import UserMessage
+
+
+def results_in(path: Path) -> Results:
+    """Read results: a results.json, or the one in the folder of a run.
+
+    Raises:
+        ResultsError: The file cannot be read as results.
+    """
+    return Results.read(path / "results.json" if path.is_dir() else path)
+
+
+def append_summary(path: Path | None, text: str) -> None:
+    """Append Markdown to a file, if there is one.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    if path:
+        with path.open("a", encoding="utf-8") as file:
+            file.write(text)
+
+
+@contextmanager
+def user_errors() -> Iterator[None]:
+    """Turn errors that a user can cause into one sentence."""
+    try:
+        yield
+    except (ResultsError, BaselineError, WaiverError, OldResultsError) as error:
+        raise Problem(str(error)) from None
+    except OSError as error:
+        raise Problem(
+            UserMessage(
+                "{file} cannot be written: {reason}", file=error.filename, reason=error.strerror
+            ),
+            ExitStatus.INCONCLUSIVE,
+        ) from None
