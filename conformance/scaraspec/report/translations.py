@@ -176,6 +176,7 @@ TRANSLATIONS: Final[Mapping[str, Translation]] = MappingProxyType(
         "reason_failed-before": Translation("its requirements failed before", "其要求先前已失败"),
         "reason_fail-fast": Translation("ended by --fail-fast", "因 --fail-fast 提前结束"),
         "reason_not-applicable": Translation("not applicable", "不适用"),
+        "reason_too-short": Translation("command too short", "命令过早结束"),
         "reason_dependency": Translation("depends on an earlier failure", "依赖先前的失败"),
         "reason_unreachable": Translation("the subject cannot be used", "被测对象不可用"),
         "reason_withheld": Translation("a motion was withheld", "未发送运动指令"),

@@ -5,7 +5,7 @@ came in time rests on received bytes: it is final, and the case is repeated once
 it is reproducible. A failure of an attempt in which a message was missing or late must occur in two
 attempts. A case that is never repeated waits longer for the message instead: a late message proves
 nothing, a missing one fails the case. An attempt during which this machine stalled proves nothing,
-unless it passed.
+unless it passed; nor does one in which a command ended before the case could use it.
 """
 
 from collections.abc import Sequence
@@ -17,8 +17,8 @@ from scaraspec.report.failed_step import AttemptResult
 from scaraspec.suite.engine.outcome import Outcome
 from scaraspec.user_message import UserMessage
 
-MAX_STALLED: Final = 3
-"""How often a case is tried if this machine stalls each time."""
+MAX_INVALID: Final = 3
+"""How often a case is tried if each time this machine stalls, or a command ends too soon."""
 
 _MAX_VALID: Final = 3
 _CONFIRMED: Final = 2
@@ -46,7 +46,8 @@ class Attempt:
     @property
     def valid(self) -> bool:
         """Whether the attempt counts."""
-        return not self.stall_s or self.outcome.verdict not in _UNDECIDED
+        stalled = self.stall_s and self.outcome.verdict in _UNDECIDED
+        return not stalled and self.outcome.reason is not Reason.TOO_SHORT
 
     @property
     def failed(self) -> bool:
@@ -69,7 +70,7 @@ def needs_another(attempts: Sequence[Attempt]) -> bool:
         attempts: The attempts so far, at least one.
     """
     if not attempts[-1].valid:
-        return len(attempts) < MAX_STALLED
+        return len(attempts) < MAX_INVALID
     valid = [attempt for attempt in attempts if attempt.valid]
     wrong = [attempt for attempt in valid if attempt.failed or attempt.violated]
     if not wrong:
@@ -99,6 +100,8 @@ def _settled(attempts: Sequence[Attempt], *, repeatable: bool) -> Outcome:
     valid = [attempt for attempt in attempts if attempt.valid]
     if not valid:
         last = attempts[-1]
+        if not last.stall_s:
+            return last.outcome
         return _inconclusive(
             last.outcome,
             Reason.STALLED,

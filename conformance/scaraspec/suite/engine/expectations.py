@@ -130,6 +130,12 @@ class CaseSkipped(CaseInconclusive):
     reason = Reason.NOT_APPLICABLE
 
 
+class EndedTooSoon(CaseSkipped):
+    """A command ended before the case could use it. The case is tried again."""
+
+    reason = Reason.TOO_SHORT
+
+
 class HookMissing(CaseSkipped):
     """The ICS does not define the hooks that the case needs.
 

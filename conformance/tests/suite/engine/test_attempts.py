@@ -17,9 +17,10 @@ KINDS = {
     "L": Attempt(Outcome(CASE, Verdict.FAIL, "4.8/2", message="no reply"), late=True),
     "I": Attempt(Outcome(CASE, Verdict.INCONCLUSIVE, message="unclear")),
     "S": Attempt(Outcome(CASE, Verdict.FAIL, "4.8/2", message="stalled"), stall_s=2.0),
+    "T": Attempt(Outcome(CASE, Verdict.NONE, message="too short", reason=Reason.TOO_SHORT)),
     "J": Attempt(Outcome(CASE, Verdict.PASS), frozenset({"3/31"}), late=True),
 }
-"""Passes, fails on bytes, fails on lateness, inconclusive, stalled, judge finds a violation."""
+"""Passes, fails on bytes, fails on lateness, inconclusive, stalled, too short, judge finds one."""
 
 
 @pytest.mark.parametrize(
@@ -37,6 +38,10 @@ KINDS = {
         ("SSS", Verdict.INCONCLUSIVE),
         ("SFP", Verdict.FAIL),
         ("SLPP", Verdict.INCONCLUSIVE),
+        ("TP", Verdict.PASS),
+        ("TTT", Verdict.NONE),
+        ("TFP", Verdict.FAIL),
+        ("STLPP", Verdict.INCONCLUSIVE),
         ("JP", Verdict.PASS),
         ("JJ", Verdict.PASS),
     ],

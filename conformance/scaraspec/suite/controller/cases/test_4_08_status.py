@@ -24,6 +24,7 @@ from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
     CaseSkipped,
+    EndedTooSoon,
     NoReply,
     expect,
     expect_equal,
@@ -98,7 +99,7 @@ def _watch_program(
     try:
         begin_or_skip(subject, line, command, name)
         if not expect_status(subject, line, command, code, requirement):
-            raise CaseSkipped(
+            raise EndedTooSoon(
                 UserMessage("{command} ended before the status could be requested", command=command)
             )
         for _ in range(int(_WAIT_S / _STEP_S) - 1):
@@ -134,7 +135,7 @@ def _watch(
 ) -> None:
     with executing_task(subject, line, command) as task:
         if not expect_status(subject, line, command, task.state, requirement):
-            raise CaseSkipped(
+            raise EndedTooSoon(
                 UserMessage("{command} ended before the status could be requested", command=command)
             )
         line.wait(subject.ics.motion.jog_s / 2)

@@ -27,7 +27,7 @@ from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
     CaseInconclusive,
-    CaseSkipped,
+    EndedTooSoon,
     NoReply,
     expect,
     expect_equal,
@@ -210,7 +210,7 @@ def _run_and_check(
         expect_idle(subject, line, "the robot is not idle although run_program has ended")
         _expect_no_program(line, "a program is reported as running although it has ended")
         if first is None:
-            raise CaseSkipped("the program ended before its status could be requested")
+            raise EndedTooSoon("the program ended before its status could be requested")
     finally:
         stop_motion(subject, line)
 

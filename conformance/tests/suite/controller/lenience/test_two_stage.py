@@ -112,6 +112,26 @@ class DetectsProblemsLate(ControllerCore):
             super().send_result(self.release, outcome)
 
 
+class ResetsInNoTimeAtFirst(ControllerCore):
+    """The first two resets take no time."""
+
+    _resets = 0
+
+    def reset(self, request: Request) -> Acceptance:
+        self._resets += 1
+        if self._resets > 2 or self.robot.refusal_code():
+            return super().reset(request)
+        self.send_result(request, DONE)
+        return ACCEPTED
+
+
+def test_a_case_is_repeated_if_a_command_ends_too_soon(run_cases: RunCases) -> None:
+    """The third attempt has the time that the case needs."""
+    (case,) = (c for c in run_cases(ResetsInNoTimeAtFirst, "4.8/6").values() if c.id == "4.8/6")
+    assert case.verdict is Verdict.PASS
+    assert [attempt.verdict for attempt in case.attempts] == [*[Verdict.NONE] * 2, Verdict.PASS]
+
+
 class MovesInNoTime(ControllerCore):
     """Moves take no time, and a reset does not move the arm (A-4.18-3).
 

@@ -42,7 +42,7 @@ from scaraspec.suite.controller.harness.two_stage.commands import (
 )
 from scaraspec.suite.controller.harness.two_stage.results import expect_success
 from scaraspec.suite.engine.connection import ReceivedFrame
-from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, NoReply
+from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, EndedTooSoon, NoReply
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.user_message import UserMessage
 
@@ -143,10 +143,10 @@ class Task:
         """Require that it still executes.
 
         Raises:
-            CaseSkipped: It has ended: it was too short for the case.
+            EndedTooSoon: It has ended: it was too short for the case.
         """
         if self.finished:
-            raise CaseSkipped(
+            raise EndedTooSoon(
                 UserMessage("{command} ended before the case could send a query", command=self.name)
             )
 
