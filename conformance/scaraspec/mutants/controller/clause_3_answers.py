@@ -358,6 +358,22 @@ class AnswersAfterSixSeconds(SendsLater):
             super().emit(session, frame)
 
 
+@mutant("each-hundredth-reply-is-late", "3/31", subtle=True)
+class SendsEachHundredthLate(SendsLater):
+    """Each hundredth first reply of a connection is sent after six seconds, and out of order."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self._sent: dict[Session, int] = {}
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        self._sent[session] = self._sent.get(session, 0) + (not frame.tagged)
+        if self._sent[session] % 100 == 0 and not frame.tagged:
+            self.send_later(6, session, frame)
+        else:
+            super().emit(session, frame)
+
+
 @mutant("takes-equals-for-repetition", "3/31", subtle=True)
 class IgnoresRepetitions(ControllerCore):
     """A request of the joint angles that directly follows an equal one is not answered."""
