@@ -55,11 +55,13 @@ class Progress:
         case_begins: Called with each case before it runs.
         case_ends: Called with each outcome and the number of outcomes so far.
         say: Called with sentences for the user, such as that a user's setting was restored.
+        begun: Called before the first case with the measured round trip in seconds.
     """
 
     case_begins: Callable[[Case], None] = lambda _case: None
     case_ends: Callable[[Outcome, int], None] = lambda _outcome, _count: None
     say: Callable[[str], None] = lambda _sentence: None
+    begun: Callable[[float], None] = lambda _round_trip_s: None
 
 
 _SILENT = Progress()
@@ -146,6 +148,7 @@ def controller(  # noqa: PLR0913 - independent options of a run
                 take=files.record,
                 report=progress.case_ends,
                 announce=progress.case_begins,
+                begun=progress.begun,
                 interruption=interruption,
             ),
             files,

@@ -45,3 +45,7 @@ class ProgressBar(bars.Progress):
     def count_one(self, text: str, **fields: Any) -> None:
         """Count one more, with its text and the fields of the last column."""
         self.update(self._only_task, advance=1, description=text, **fields)
+
+    def set_fields(self, **fields: Any) -> None:
+        """Show other fields in the last column."""
+        self.update(self._only_task, **fields)

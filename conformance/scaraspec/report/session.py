@@ -6,6 +6,7 @@ histograms (see `histogram` for their error). Lists have a limit; further entrie
 
 from collections import Counter, defaultdict
 from dataclasses import dataclass, field
+from statistics import median
 from typing import Final, TypeVar
 
 from scaraspec.judge.verdicts import Finding
@@ -112,6 +113,15 @@ class SessionStats:
                 self._add_exchange(item)
             case Transfer():
                 self._add_to("transfers", self._transfers, _transfer(item))
+
+    @property
+    def round_trip_s(self) -> float | None:
+        """The median time from a request to its first reply, in seconds; None without a reply.
+
+        It is the median over the commands.
+        """
+        timings = (command.latency.timing() for command in self._commands.values())
+        return median(t.p50_ms / 1e3 for t in ts) if (ts := [*filter(None, timings)]) else None
 
     def session(self) -> Session | None:
         """Return the statistics so far; None if there were no events."""

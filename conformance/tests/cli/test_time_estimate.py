@@ -71,6 +71,21 @@ def test_measured_durations_replace_the_typical_ones() -> None:
     assert str(trial.estimate) == "about 8 min"
 
 
+def test_slow_replies_make_the_run_longer(output: io.StringIO) -> None:
+    """The round trip is measured before the first case, and the new estimate is printed."""
+    trial = Trial(moving=True, count=400)
+    display = Display(Console(file=output), 400, trial.estimate, clock=trial.clock)
+    before_s = trial.estimate.remaining_s
+    display.progress.begun(0.0003)
+    assert trial.estimate.remaining_s == before_s
+    display.progress.begun(0.2)
+    assert trial.estimate.remaining_s == pytest.approx(before_s + 400 * 55 * 0.2, rel=0.01)
+    assert output.getvalue().splitlines() == [
+        "a reply takes 0.3 ms: the run will take about 2 min",
+        "a reply takes 200.0 ms: the run will take about 1 h 15 min",
+    ]
+
+
 def test_a_case_that_does_not_run() -> None:
     """It takes no time and is not measured; an outcome that is no case changes nothing."""
     trial = Trial(count=2)

@@ -132,7 +132,13 @@ class Display:
     @property
     def progress(self) -> Progress:
         """The callbacks that feed this display."""
-        return Progress(self.begin_case, self.end_case, self.say)
+        return Progress(self.begin_case, self.end_case, self.say, self.begin_run)
+
+    def begin_run(self, round_trip_s: float) -> None:
+        """Print the measured round trip, and the time of the run that follows from it."""
+        self._estimate.set_round_trip(round_trip_s)
+        self.bar.set_fields(left=f"{self._estimate}")
+        self.say(f"a reply takes {round_trip_s * 1000:.1f} ms: the run will take {self._estimate}")
 
     def end_case(self, outcome: Outcome, _count: int) -> None:
         """Report a finished case. The reason why all later cases are skipped is printed once."""

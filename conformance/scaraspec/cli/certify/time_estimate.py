@@ -19,6 +19,9 @@ _TYPICAL_S: Final = {
     Hazard.DESTRUCTIVE.value: 0.5,
     "operator": 30.0,
 }
+_ROUND_TRIPS: Final = 55
+"""How many requests a case sends and waits for, on average."""
+_TYPICAL_ROUND_TRIP_S: Final = 0.0005
 _SILENCE: Final = "silence"
 _ABOUT_SILENCE: Final = ("5.2/9", "5.3/7", "5.4/5")
 """Requirements whose cases wait until a transfer times out."""
@@ -55,6 +58,15 @@ class TimeEstimate:
         self._measured = Counter[str]()
         self._measured_s = dict.fromkeys(self._typical_s, 0.0)
         self._begun_s: float | None = None
+
+    def set_round_trip(self, round_trip_s: float) -> None:
+        """Add the time for which slow replies delay each case, before the first case begins.
+
+        Args:
+            round_trip_s: The time from a request to its first reply, in seconds.
+        """
+        extra_s = _ROUND_TRIPS * max(0.0, round_trip_s - _TYPICAL_ROUND_TRIP_S)
+        self._typical_s = {kind: s + extra_s for kind, s in self._typical_s.items()}
 
     def begin(self) -> None:
         """Begin a case."""

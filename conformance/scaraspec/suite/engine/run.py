@@ -58,6 +58,7 @@ class Run(Generic[P]):
         take: Receives every wire event, for a recording.
         report: Called with each outcome and the number of cases.
         announce: Called with each case before it runs.
+        begun: Called once with the measured round trip in seconds, before the first case.
         stalls: Returns the stalls of this machine since the last call; by default the run measures
             them, unless the subject uses a simulated clock.
         interruption: Ends the run early, when it is asked to; None for a new one.
@@ -77,6 +78,7 @@ class Run(Generic[P]):
         take: Take = lambda _: None,
         report: Callable[[Outcome, int], None] = lambda _outcome, _count: None,
         announce: Callable[[cases.Case], None] = lambda _case: None,
+        begun: Callable[[float], None] = lambda _round_trip_s: None,
         stalls: Callable[[], Sequence[Stall]] | None = None,
         interruption: Interruption | None = None,
         verbose: bool = False,
@@ -116,7 +118,7 @@ class Run(Generic[P]):
             verbose=verbose,
         )
         self._state: Mapping[str, Any] = {}
-        self._begun_ns = self._subject.now_ns
+        self._begun_ns, self._report_begun = self._subject.now_ns, begun
         self.start_failure = ""
         self._problems: list[str] = []
 
@@ -165,6 +167,8 @@ class Run(Generic[P]):
             self._resources.enter_context(self._stall_detector)
         try:
             self._state = self._begun()
+            if round_trip_s := self._stats.round_trip_s:
+                self._report_begun(round_trip_s)
             self.adapter.probe(self._subject)
         except JournalError:
             raise

@@ -19,11 +19,12 @@ PROMPT = frozenset(
         *("jog", "upload_chunk", "download_chunk"),
     )
 )
-SLOW_S = 7.0
 
 
 class SlowlyServed(ControllerCore):
     """Serves the requests of a connection in order; most of them take some seconds."""
+
+    delay_s, prompt = 7.0, PROMPT
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
@@ -32,7 +33,7 @@ class SlowlyServed(ControllerCore):
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
         """Serve a request at once, or when its time has come."""
         busy_until_s = max((due_s for due_s, x, _ in self._waiting if x is session), default=0.0)
-        due_s = max(busy_until_s, now_s + (0.0 if frame.opcode in PROMPT else SLOW_S))
+        due_s = max(busy_until_s, now_s + (0.0 if frame.opcode in self.prompt else self.delay_s))
         if due_s > now_s:
             self._waiting.append((due_s, session, frame))
         else:
@@ -74,3 +75,16 @@ def test_transfers_time_out_between_slow_replies(run_cases: RunCases) -> None:
 def test_without_the_claim(run_cases: RunCases) -> None:
     """The default is five seconds."""
     assert "4.7/2" in run_cases(SlowlyServed, "4.7/2").violated
+
+
+class Distant(SlowlyServed):
+    """Every reply takes 200 ms."""
+
+    delay_s = 0.2
+    prompt = frozenset[int]()
+
+
+def test_a_distant_controller(run_cases: RunCases) -> None:
+    """Nothing fails, and the measured round trip is 200 ms."""
+    cases = run_cases(Distant, "4.8", "4.12", "4.24", "5.2/2", "5.3/4", "6.5/9")
+    assert not cases.problems
