@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import Final, Self
 
 from scaraspec.api.viewer import has_viewer
-from scaraspec.report import ctrf, html, junit
+from scaraspec.report import ctrf, html, junit, reproduction
 from scaraspec.report.model import Results, Role
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.traffic.wire import WireEvent
@@ -109,6 +109,7 @@ class RunFolder:
             "report.html": html.write,
             "junit.xml": junit.write,
             "ctrf.json": ctrf.write,
+            reproduction.FOLDER: reproduction.write,
         }
         for name, write in writers.items():
             try:
@@ -163,7 +164,7 @@ def earlier_results(path: Path | None) -> Results | None:
 
 
 def _results_in(folder: Path) -> list[str]:
-    return [name for name in RESULTS if (folder / name).exists()]
+    return [name for name in (*RESULTS, reproduction.FOLDER) if (folder / name).exists()]
 
 
 def _reserve_space(path: Path) -> Path | None:

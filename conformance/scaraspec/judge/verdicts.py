@@ -34,8 +34,6 @@ class Cause(Enum):
     SUBJECT = "subject"
     SET_UP = "set-up"
     """A prerequisite was missing: a program, an open link, a permission."""
-    TOO_SHORT = "too-short"
-    """In each attempt, a command ended before the case could use it."""
     DEPENDENCY = "dependency"
     """A dependency had failed before."""
     SUITE = "suite"

@@ -32,7 +32,7 @@ _RECENT_FRAMES: Final = 256
 _FINDINGS_PER_REQUIREMENT: Final = 50
 _SHOWN_BYTES: Final = 512
 
-_HIDDEN_VALUE: Final = "(hidden)"
+HIDDEN_VALUE: Final = "(hidden)"
 
 
 class EvidenceCollector:
@@ -145,7 +145,7 @@ def _fields(seen: FrameSeen, frame: Frame) -> Iterator[FrameField]:
         yield FrameField(name, at, 1, values.get(name, direction.value))
     at = len(names)
     if frame is not seen.frame:
-        yield FrameField("data", at, len(data), _HIDDEN_VALUE)
+        yield FrameField("data", at, len(data), HIDDEN_VALUE)
     elif isinstance(seen.value, Chunk):
         yield from _chunk_fields(seen.value, at)
     elif data:

@@ -22,7 +22,7 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.errors import TABLE_8_1
 from scaraspec.protocol.readings import READINGS
-from scaraspec.report import formatting
+from scaraspec.report import formatting, reproduction
 from scaraspec.report.files import write_whole
 from scaraspec.report.model import Case, CommandSeen, RequirementResult, Results, Session
 from scaraspec.report.ordering import UNSETTLED, VERDICTS_BY_IMPORTANCE, most_important_first
@@ -171,11 +171,13 @@ def _environment() -> Environment:
         "requirements": REQUIREMENTS,
         "link_to": lambda file: quote(file, safe="/"),
         "text": _text,
+        "repeating_script": reproduction.script_path,
         "script": Markup(script),  # noqa: S704 - our own file
         "script_digest": digest,
         "seconds": lambda time_ns: f"{time_ns // _NS}.{time_ns % _NS:09}",
         "segments": segments,
         "signs": {verdict.value: sign for verdict, sign in _SIGNS.items()},
+        "steps": reproduction.steps,
         "style": Markup(style),  # noqa: S704 - our own file
         "width": WIDTH,
         "words": TRANSLATIONS,

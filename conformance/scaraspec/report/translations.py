@@ -202,6 +202,8 @@ TRANSLATIONS: Final[Mapping[str, Translation]] = MappingProxyType(
         "whole_frame": Translation("whole frame", "完整帧"),
         "more_bytes": Translation("… {count} more", "……另有 {count} 字节"),
         "replay": Translation("Reproduction command", "重现命令"),
+        "steps": Translation("Last steps", "最后步骤"),
+        "script": Translation("Script that repeats them", "重复这些步骤的脚本"),
         "moment": Translation("Show this moment", "查看该时刻"),
         "copy": Translation("copy", "复制"),
         "unknown_requirement": Translation(
