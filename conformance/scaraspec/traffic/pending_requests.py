@@ -40,8 +40,7 @@ class PendingRequests:
 
     def __init__(self, dialect: Dialect) -> None:
         self.reply_ns = int((dialect.seconds("reply_timeout") or 5) * NS_PER_S)
-        chunk_ns = int((dialect.seconds("xfer_timeout") or 30) * NS_PER_S)
-        self._chunk_ns = max(chunk_ns, self.reply_ns)
+        self._transfer_ns = int((dialect.seconds("xfer_timeout") or 30) * NS_PER_S)
         self._open: list[_PendingRequest] = []
         self._late_replies_expected: Counter[str] = Counter()
 
@@ -53,7 +52,10 @@ class PendingRequests:
     def add(self, exchange: Exchange) -> Iterator[Exchange]:
         """Add a request; yield the requests that are not pending any more."""
         time_ns, request, name = exchange.time_ns, exchange.request, exchange.name
-        limit_ns = self._chunk_ns if name in _CHUNKS else self.reply_ns
+        limit_ns = given_up_ns = self.reply_ns
+        if name in _CHUNKS:  # a client may give up sooner than a controller must reply
+            given_up_ns = self._transfer_ns
+            limit_ns = max(limit_ns, given_up_ns)
         open_ = self.sent_by(request.frame.direction)
         exchange.pipelined = any(0 < time_ns - older.time_ns <= self.reply_ns for older in open_)
         for older in [e for e in self._open if e.name == name]:
@@ -61,7 +63,7 @@ class PendingRequests:
                 yield self._drop(older, Ending.UNSEEN)  # it may not have been a request
             elif name in _CHUNKS and older.exchange.error_signal:
                 yield self._drop(older, Ending.UNANSWERED)  # no reply is needed (A-5-10)
-            elif older.due_ns < time_ns:  # repeated: the next reply may answer either
+            elif older.exchange.time_ns + given_up_ns < time_ns:  # the next reply may answer either
                 older.repeated = True
             elif older.exchange.request.frame.opcode == request.frame.opcode:
                 exchange.same_opcode_pending = True

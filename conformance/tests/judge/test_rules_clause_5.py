@@ -1,8 +1,11 @@
 """Clause 5: each requirement on traffic that keeps it, and on traffic that does not."""
 
 from collections.abc import Callable
+from typing import Any
 
 import pytest
+
+from scaraspec.protocol.readings import Dialect
 
 UPLOAD = """
     login
@@ -240,3 +243,14 @@ def test_clause_5(
 ) -> None:
     """The verdict is the register's, and nothing else fails for it."""
     check_case(requirement, expected, session)
+
+
+def test_a_client_that_gives_up_sooner_than_a_reply_is_due(judged: Callable[..., Any]) -> None:
+    """With a transfer timeout of 1 s, a chunk of the next upload is no second one outstanding."""
+    session = (
+        up("chunk 0/300")
+        + f"> chunk 200/300\n+1.1\n{AGAIN.format(1)}> chunk 0/300\n< upload_chunk 1\n"
+        + "> chunk 200/300\n< upload_chunk 1"
+    )
+    assert judged(session, Dialect.of(xfer_timeout="1")).failed == set()
+    assert "5.2/7" in judged(session).failed
