@@ -498,6 +498,7 @@ def _expect_recovery(
     another upload is accepted on the old connection, it contains nothing of the interrupted one.
     """
     line = _expect_served(subject, line, event)
+    transfer_frames(line)  # a late reply to the interrupted upload
     name = subject.new_name()
     if line.ask("upload_name", data=name).accepted:
         for chunk in _NEXT_CHUNKS:

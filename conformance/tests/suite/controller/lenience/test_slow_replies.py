@@ -78,13 +78,13 @@ def test_without_the_claim(run_cases: RunCases) -> None:
 
 
 class Distant(SlowlyServed):
-    """Every reply takes 200 ms."""
+    """Every reply takes as long, longer than the suite waits for a reply that is optional."""
 
-    delay_s = 0.2
+    delay_s = 0.5
     prompt = frozenset[int]()
 
 
 def test_a_distant_controller(run_cases: RunCases) -> None:
-    """Nothing fails, and the measured round trip is 200 ms."""
-    cases = run_cases(Distant, "4.8", "4.12", "4.24", "5.2/2", "5.3/4", "6.5/9")
+    """Nothing fails."""
+    cases = run_cases(Distant, "4.8", "4.12", "4.24", "5.2/2", "5.3/4", "5.4/6", "6.5/9")
     assert not cases.problems
