@@ -106,9 +106,10 @@ prove: $(READY)
 pictures: demo
 	$(BIN)/python docs/pictures.py reports/out/demo
 
-# Generates the pages of the register and the catalogue.
+# Generates the pages of the register and the catalogue, and records what each case of the suite does.
 spec: $(READY)
 	$(BIN)/python spec/generate.py
+	$(BIN)/python -m scaraspec.mutants.recorded_runs
 
 format: $(READY)
 	$(BIN)/ruff check --fix

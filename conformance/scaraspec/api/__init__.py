@@ -20,12 +20,14 @@ if TYPE_CHECKING:
     from scaraspec.protocol.hazard import Hazard
     from scaraspec.protocol.readings import Dialect
     from scaraspec.report.model import Results, Role
+    from scaraspec.suite.engine.case_sheet import CaseSheet, case_sheets
     from scaraspec.suite.engine.ics import Ics
     from scaraspec.suite.engine.plan import Options
     from scaraspec_recorder.config import RobotConfig
 
 __all__ = [
     "Baseline",
+    "CaseSheet",
     "Dialect",
     "Hazard",
     "Ics",
@@ -34,6 +36,7 @@ __all__ = [
     "RobotConfig",
     "Role",
     "audit",
+    "case_sheets",
     "certify",
     "compare",
     "gate",
@@ -47,6 +50,7 @@ __all__ = [
 
 _MODULES = {
     "Baseline": "scaraspec.api.results",
+    "CaseSheet": "scaraspec.suite.engine.case_sheet",
     "Dialect": "scaraspec.protocol.readings",
     "Hazard": "scaraspec.protocol.hazard",
     "Ics": "scaraspec.suite.engine.ics",
@@ -55,6 +59,7 @@ _MODULES = {
     "RobotConfig": "scaraspec_recorder.config",
     "Role": "scaraspec.report.model",
     "audit": "scaraspec.api.auditing",
+    "case_sheets": "scaraspec.suite.engine.case_sheet",
     "compare": "scaraspec.api.results",
     "gate": "scaraspec.api.results",
     "prove": "scaraspec.api.proving",

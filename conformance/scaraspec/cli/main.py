@@ -19,6 +19,7 @@ from scaraspec.report.sanitizing import visible
 COMMANDS = {
     "audit": "Judge a capture: MCAP, pcap or pcapng.",
     "call": "Send one command to a controller.",
+    "cases": "Show the cases of the suite; write the test specification.",
     "certify": "Certify an implementation against the document.",
     "client-driver": "Run the reference client as a driver (JSON Lines).",
     "compare": "Compare the results of two runs.",

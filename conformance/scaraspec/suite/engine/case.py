@@ -6,6 +6,7 @@ needs. This module runs nothing.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from inspect import cleandoc
 from typing import Any, Final, TypeVar
 
 import pytest
@@ -36,6 +37,9 @@ class Case:
         slow: The case is slow, and other cases judge all of its requirements, too.
         attended: The case is also on the checklist of an operator.
         role: The role of the subject.
+        purpose: The whole docstring of the case; `sentence` is its first line.
+        function: The name of the function in the file of the case.
+        parameters: The values of this case if its function has several, such as ``name = jog``.
     """
 
     id: str
@@ -48,6 +52,9 @@ class Case:
     slow: bool = False
     attended: bool = False
     role: Role = Role.CONTROLLER
+    purpose: str = ""
+    function: str = ""
+    parameters: str = ""
 
     @property
     def turn(self) -> int:
@@ -129,8 +136,13 @@ def _marked(case_: Case) -> Callable[[F], F]:
     """Return a decorator that marks a test function with its case."""
 
     def mark(function: F) -> F:
-        sentence = (function.__doc__ or "").strip().partition("\n")[0]
-        marked = replace(case_, sentence=sentence)
+        purpose = cleandoc(function.__doc__ or "")
+        marked = replace(
+            case_,
+            sentence=purpose.partition("\n")[0],
+            purpose=purpose,
+            function=function.__name__,
+        )
         return getattr(pytest.mark, MARK)(marked)(function)  # type: ignore[no-any-return] # pytest returns what it marks
 
     return mark
@@ -160,4 +172,8 @@ def case_of(item: pytest.Item) -> Case:
     if parameters is None or not parameters.id:
         return marked
     separator = "." if "." not in marked.id.partition("/")[2] else "-"
-    return replace(marked, id=f"{marked.id}{separator}{parameters.id}")
+    return replace(
+        marked,
+        id=f"{marked.id}{separator}{parameters.id}",
+        parameters=f"{', '.join(parameters.params)} = {parameters.id}",
+    )
