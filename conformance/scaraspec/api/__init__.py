@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from scaraspec.api.recording import record
     from scaraspec.api.replaying import replay
     from scaraspec.api.results import Baseline, compare, gate, read_waivers
+    from scaraspec.api.statements import CheckedIcs, check_ics, new_ics
     from scaraspec.judge.requirements import select
     from scaraspec.protocol.hazard import Hazard
     from scaraspec.protocol.readings import Dialect
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Baseline",
     "CaseSheet",
+    "CheckedIcs",
     "Dialect",
     "Hazard",
     "Ics",
@@ -38,8 +40,10 @@ __all__ = [
     "audit",
     "case_sheets",
     "certify",
+    "check_ics",
     "compare",
     "gate",
+    "new_ics",
     "prove",
     "prove_dialects",
     "read_waivers",
@@ -51,6 +55,7 @@ __all__ = [
 _MODULES = {
     "Baseline": "scaraspec.api.results",
     "CaseSheet": "scaraspec.suite.engine.case_sheet",
+    "CheckedIcs": "scaraspec.api.statements",
     "Dialect": "scaraspec.protocol.readings",
     "Hazard": "scaraspec.protocol.hazard",
     "Ics": "scaraspec.suite.engine.ics",
@@ -60,8 +65,10 @@ _MODULES = {
     "Role": "scaraspec.report.model",
     "audit": "scaraspec.api.auditing",
     "case_sheets": "scaraspec.suite.engine.case_sheet",
+    "check_ics": "scaraspec.api.statements",
     "compare": "scaraspec.api.results",
     "gate": "scaraspec.api.results",
+    "new_ics": "scaraspec.api.statements",
     "prove": "scaraspec.api.proving",
     "prove_dialects": "scaraspec.api.proving",
     "read_waivers": "scaraspec.api.results",

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Collection, Iterator
+from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import click
@@ -78,6 +79,16 @@ def password_option(default: str | None, text: str) -> Callable[[F], F]:
         metavar="PASSWORD",
         help=f"{text} [SCARASPEC_PASSWORD, or '{DEFAULT_PASSWORD}'].",
     )
+
+
+state_dir_option = click.option(
+    "--state-dir",
+    type=click.Path(path_type=Path),
+    envvar="SCARASPEC_STATE",
+    metavar="DIR",
+    help="Folder of the journals [SCARASPEC_STATE, or the user's state directory].",
+)
+"""The option ``--state-dir``, which can also be set by an environment variable."""
 
 
 def given_options(

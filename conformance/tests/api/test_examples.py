@@ -40,10 +40,11 @@ def test_examples(controller: str, tmp_path: Path) -> None:
         )
         assert (ran.returncode, ran.stderr) == (0, ""), ran
         outputs.append(ran.stdout)
-    certified, specified, gated, recorded, audited, replayed, proved = outputs
+    certified, stated, specified, gated, recorded, audited, replayed, proved = outputs
     assert certified.startswith("no-violation-found\n")
     assert "\n4.8/" in certified
     assert (tmp_path / "run-1/report.html").exists()
+    assert stated.startswith("() ('")
     assert specified.count("\n") == 3
     assert gated == "CONFORMANT\n"
     assert recorded.endswith("no-violation-found\n")

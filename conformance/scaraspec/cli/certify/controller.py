@@ -22,7 +22,13 @@ from scaraspec.cli.certify.running import (
     show_plan,
 )
 from scaraspec.cli.help import GroupedCommand
-from scaraspec.cli.options import DEFAULT_PASSWORD, Duration, Real, password_option
+from scaraspec.cli.options import (
+    DEFAULT_PASSWORD,
+    Duration,
+    Real,
+    password_option,
+    state_dir_option,
+)
 from scaraspec.cli.problems import Problem
 from scaraspec.report.model import Results, Role
 from scaraspec.suite.engine.interruption import Interruption
@@ -100,13 +106,7 @@ EXAMPLE = "Example: scaraspec certify controller tcp://192.168.1.2 --allow state
     metavar="DURATION",
     help="Time to wait until the controller accepts a connection [0s].",
 )
-@click.option(
-    "--state-dir",
-    type=click.Path(path_type=Path),
-    envvar="SCARASPEC_STATE",
-    metavar="DIR",
-    help="Folder of the journals [SCARASPEC_STATE, or the user's state directory].",
-)
+@state_dir_option
 @click.option("-y", "--yes", is_flag=True, help="Move the robot without a confirmation.")
 def command(  # noqa: PLR0913 - one for each option
     url: str | None,

@@ -22,6 +22,29 @@ class IcsError(ValueError):
     """The ICS is invalid or cannot be read; the message is one sentence."""
 
 
+class UnreadableIcsError(IcsError):
+    """The file cannot be read, or is not TOML; the message names it."""
+
+
+def read_document(path: Path) -> dict[str, Any]:
+    """Read the TOML document of an ICS, without a check of its content.
+
+    Raises:
+        UnreadableIcsError: The file cannot be read, or is not TOML.
+    """
+    try:
+        with path.open("rb") as file:
+            return tomllib.load(file)
+    except OSError as error:
+        raise UnreadableIcsError(
+            UserMessage("{path} cannot be read: {strerror}", path=path, strerror=error.strerror)
+        ) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UnreadableIcsError(
+            UserMessage("{path} is not valid TOML: {error}", path=path, error=error)
+        ) from None
+
+
 @dataclass(frozen=True, slots=True)
 class Motion:
     """How far the arm may be moved. The suite assumes nothing about its geometry.
@@ -57,6 +80,8 @@ class Ics:
             faster than real time.
         motion: How far the arm may be moved.
         hooks: The hooks by name.
+        sample: The serial number, firmware and hardware of the tested device.
+        laboratory: The laboratory and the operator.
     """
 
     name: str = ""
@@ -69,6 +94,8 @@ class Ics:
     time_scale: float = 1.0
     motion: Motion = Motion()
     hooks: Mapping[str, Hook] = field(default_factory=dict)
+    sample: Mapping[str, str] = field(default_factory=dict)
+    laboratory: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def reply_s(self) -> float:
@@ -168,18 +195,9 @@ class Ics:
             IcsError: The file cannot be read, or is not a valid ICS.
         """
         try:
-            with path.open("rb") as file:
-                document = tomllib.load(file)
-        except OSError as error:
-            raise IcsError(
-                UserMessage("{path} cannot be read: {strerror}", path=path, strerror=error.strerror)
-            ) from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise IcsError(
-                UserMessage("{path} is not valid TOML: {error}", path=path, error=error)
-            ) from None
-        try:
-            return cls.of(document)
+            return cls.of(read_document(path))
+        except UnreadableIcsError:
+            raise
         except (IcsError, ReadingError) as error:
             raise IcsError(UserMessage("{path}: {error}", path=path, error=error)) from None
 
@@ -191,7 +209,7 @@ class Ics:
             IcsError: A key is unknown, a value is invalid, or a hook cannot be started.
             ReadingError: A claimed reading does not exist.
         """
-        _require_known_keys("", document, ("subject", "readings", "motion", "hooks"))
+        _require_known_keys("", document, _TABLES)
         subject = _table(document, "subject")
         _require_known_keys("subject.", subject, _SUBJECT)
         for key, value in subject.items():
@@ -219,9 +237,16 @@ class Ics:
             claimed=frozenset(readings),
             motion=_motion(_table(document, "motion")),
             hooks=_hooks(_table(document, "hooks")),
+            sample=_texts(document, "sample", SAMPLE),
+            laboratory=_texts(document, "laboratory", LABORATORY),
         )
 
 
+SAMPLE: Final = ("serial_number", "firmware", "hardware")
+"""The keys of the table ``[sample]``, which a certification needs."""
+LABORATORY: Final = ("name", "operator")
+"""The keys of the table ``[laboratory]``, which a certification needs."""
+_TABLES: Final = ("subject", "readings", "motion", "hooks", "sample", "laboratory")
 _SUBJECT: Final[Mapping[str, type | tuple[type, ...]]] = {
     "name": str,
     "version": str,
@@ -245,6 +270,14 @@ def _table(document: Mapping[str, Any], name: str) -> dict[str, Any]:
     table = document.get(name, {})
     if not isinstance(table, dict):
         raise IcsError(UserMessage("[{name}] must be a table", name=name))
+    return table
+
+
+def _texts(document: Mapping[str, Any], name: str, keys: tuple[str, ...]) -> dict[str, str]:
+    table = _table(document, name)
+    _require_known_keys(f"{name}.", table, keys)
+    for key, value in table.items():
+        _require_type(f"{name}.{key}", value, str)
     return table
 
 
