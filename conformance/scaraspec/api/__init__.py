@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from scaraspec.protocol.readings import Dialect
     from scaraspec.report.model import Results, Role
     from scaraspec.suite.engine.case_sheet import CaseSheet, case_sheets
+    from scaraspec.suite.engine.earlier_sitting import cases_to_repeat
     from scaraspec.suite.engine.ics import Ics
     from scaraspec.suite.engine.plan import Options
     from scaraspec_recorder.config import RobotConfig
@@ -39,6 +40,7 @@ __all__ = [
     "Role",
     "audit",
     "case_sheets",
+    "cases_to_repeat",
     "certify",
     "check_ics",
     "compare",
@@ -65,6 +67,7 @@ _MODULES = {
     "Role": "scaraspec.report.model",
     "audit": "scaraspec.api.auditing",
     "case_sheets": "scaraspec.suite.engine.case_sheet",
+    "cases_to_repeat": "scaraspec.suite.engine.earlier_sitting",
     "check_ics": "scaraspec.api.statements",
     "compare": "scaraspec.api.results",
     "gate": "scaraspec.api.results",

@@ -10,6 +10,7 @@ from scaraspec.api import certify
 from scaraspec.cli.certify.options import (
     conclude,
     reproduction,
+    rerun_of,
     selection_of,
     statement_of,
     suite_options,
@@ -30,6 +31,7 @@ _GROUPS = {
     "The subject": ("driver", "listen", "attended", "ics", "transfer_timeout", "answer_timeout"),
     "What to try": (
         "only",
+        "rerun_from",
         "require",
         "require_coverage",
         "seed",
@@ -67,6 +69,7 @@ def command(  # noqa: PLR0913 - one for each option
     ics: Path | None,
     transfer_timeout: float | None,
     only: str | None,
+    rerun_from: Results | None,
     require: str | None,
     require_coverage: float,
     seed: int,
@@ -99,6 +102,8 @@ def command(  # noqa: PLR0913 - one for each option
             fail_fast=fail_fast,
             attended=attended,
         )
+        if rerun_from:
+            options = rerun_of(rerun_from, options, statement, Role.CLIENT, driver or listen or "")
         cases = certify.plan(options, Role.CLIENT)
         estimate = estimate_of(cases, options, statement)
         click.echo(f"{len(cases)} cases will run, in {estimate}")

@@ -9,6 +9,7 @@ from scaraspec.api import certify
 from scaraspec.cli.certify.options import (
     conclude,
     reproduction,
+    rerun_of,
     selection_of,
     statement_of,
     suite_options,
@@ -48,6 +49,7 @@ _GROUPS = {
         *(
             "allow",
             "only",
+            "rerun_from",
             "require",
             "require_coverage",
             "seed",
@@ -117,6 +119,7 @@ def command(  # noqa: PLR0913 - one for each option
     reply_timeout: float | None,
     allow: str,
     only: str | None,
+    rerun_from: Results | None,
     require: str | None,
     require_coverage: float,
     seed: int,
@@ -140,7 +143,8 @@ def command(  # noqa: PLR0913 - one for each option
     """
     with user_errors():
         statement = statement_of(ics, transfer_timeout, reply_timeout)
-        where = url or statement.url
+        earlier_link = rerun_from.subject.link if rerun_from else ""
+        where = url or statement.url or earlier_link
         if not where and not dry_run:
             raise Problem(
                 "no controller: give its URL, such as tcp://192.168.1.2, or set url in the ICS file"
@@ -162,6 +166,8 @@ def command(  # noqa: PLR0913 - one for each option
             brief=only is None and not exhaustive,
             fail_fast=fail_fast,
         )
+        if rerun_from:
+            options = rerun_of(rerun_from, options, statement, Role.CONTROLLER, where)
         cases = certify.plan(options)
         estimate = estimate_of(cases, options, statement)
         show_plan(cases, options, statement, Console(), estimate)

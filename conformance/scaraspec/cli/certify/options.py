@@ -3,6 +3,7 @@
 import shlex
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,6 +14,7 @@ from scaraspec.api.certify import IncompleteFilesError, StartError
 from scaraspec.api.run_folder import RunFolderError
 from scaraspec.cli.options import Percentage, Real, given_options
 from scaraspec.cli.problems import Problem
+from scaraspec.cli.results import results_in
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.readings import ReadingError
 from scaraspec.report import terminal
@@ -20,15 +22,58 @@ from scaraspec.report.model import Results, ResultsError, Role
 from scaraspec.report.sanitizing import visible
 from scaraspec.suite.client.harness.driver import DriverError
 from scaraspec.suite.controller.harness.state.recovery import RecoveryError
-from scaraspec.suite.engine.collection import SuiteError
+from scaraspec.suite.engine.collection import SuiteError, collect
+from scaraspec.suite.engine.earlier_sitting import cases_to_repeat, rerun_difference
 from scaraspec.suite.engine.ics import Ics, IcsError
 from scaraspec.suite.engine.journal import ControllerBusyError, JournalError
-from scaraspec.suite.engine.plan import HazardError
+from scaraspec.suite.engine.plan import HazardError, Options
 from scaraspec.suite.engine.selection import Selection, SelectionError, parse_selection
 from scaraspec.transports.link import LinkError
 from scaraspec.user_message import UserMessage
 
 _PATH: Final = click.Path(path_type=Path)
+
+
+def _earlier_results(
+    context: click.Context, _option: click.Parameter, path: Path | None
+) -> Results | None:
+    """Read the results of ``--rerun-from``; their settings become the defaults of the options.
+
+    Raises:
+        Problem: The results cannot be read, are those of the other role, or state no settings.
+    """
+    if path is None:
+        return None
+    with user_errors():
+        results = results_in(path)
+    if results.role.value != context.info_name:
+        raise Problem(
+            UserMessage("{path} has the results of a {role}", path=path, role=results.role.value)
+        )
+    if results.run is None:
+        raise Problem(
+            UserMessage("{path} states no settings: certify without --rerun-from", path=path)
+        )
+    known = {option.name for option in context.command.params}
+    settings = {_RENAMED.get(key, key): value for key, value in results.run.settings.items()}
+    settings |= {
+        option: f"{results.subject.claims[claim]}{unit}"
+        for option, claim, unit in _CLAIMED
+        if claim in results.subject.claims
+    }
+    settings["seed"] = f"{results.run.seed}"
+    context.default_map = {k: v for k, v in settings.items() if k in known and v}
+    return results
+
+
+_RENAMED: Final = {"patience_s": "patience", "answer_timeout_s": "answer_timeout"}
+"""Options whose setting in the results has another name."""
+_CLAIMED: Final = (
+    ("reply_timeout", "readings.reply_timeout", "s"),
+    ("transfer_timeout", "readings.xfer_timeout", ""),
+)
+"""Options that are claims, and the unit of their value."""
+
 _OPTIONS: Final = (
     click.option(
         "--ics", type=_PATH, metavar="FILE", help="Implementation conformance statement, TOML."
@@ -41,6 +86,14 @@ _OPTIONS: Final = (
     ),
     click.option(
         "--only", metavar="LIST", help="Clauses, requirements or cases, such as 4.15,3/31."
+    ),
+    click.option(
+        "--rerun-from",
+        type=_PATH,
+        metavar="RESULTS",
+        is_eager=True,
+        callback=_earlier_results,
+        help="Repeat the cases of an earlier run that failed, were inconclusive or did not run.",
     ),
     click.option(
         "--require",
@@ -116,6 +169,46 @@ def selection_of(option: str, text: str | None, role: Role) -> Selection:
         raise Problem(UserMessage("{option}: {error}", option=option, error=error)) from None
 
 
+def rerun_of(earlier: Results, options: Options, statement: Ics, role: Role, link: str) -> Options:
+    """Return the options of a run that repeats cases of an earlier one.
+
+    Args:
+        earlier: The results of the earlier run.
+        options: The options of the run; their selection is what the run is about.
+        statement: The ICS.
+        role: The role of the subject.
+        link: Its link.
+
+    Raises:
+        Problem: The run makes no sense as a repetition, or nothing needs to be repeated.
+    """
+    if differs := rerun_difference(earlier, statement, link):
+        raise Problem(
+            UserMessage(
+                "--rerun-from: {difference}; give the same --ics and subject, or certify without "
+                "--rerun-from",
+                difference=differs,
+            )
+        )
+    repeated = cases_to_repeat(earlier, collect(options, role))
+    if not repeated:
+        raise Problem(
+            "--rerun-from: nothing to repeat, because all cases have passed",
+            ExitStatus.NOTHING_TESTED,
+        )
+    before, now = earlier.subject.version, statement.version
+    if before != now:
+        click.echo(
+            UserMessage(
+                "The version was {before!r} and is {now!r}: `scaraspec merge` refuses results of "
+                "both.",
+                before=before,
+                now=now,
+            )
+        )
+    return replace(options, only=frozenset(), cases=repeated)
+
+
 _NOT_REPEATED: Final = frozenset(
     {
         "fail_fast",
@@ -124,6 +217,7 @@ _NOT_REPEATED: Final = frozenset(
         "yes",
         "dry_run",
         "password",
+        "rerun_from",
         "state_dir",
         "wait_for",
         "wait_for_lock",

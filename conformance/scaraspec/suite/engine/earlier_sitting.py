@@ -1,18 +1,21 @@
-"""Earlier sitting: the results of a run that a later run with the same subject continues.
+"""Earlier sitting: the results of a run that a later run continues or repeats.
 
-Its completed cases do not run again. So both runs must test the same build, with the same claims
-and with the same settings.
+The completed cases of a run that is continued do not run again. So both runs must test the same
+build, with the same claims and with the same settings.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Final
 
 from scaraspec.judge.verdicts import Verdict
-from scaraspec.report.model import Case, ReadingSeen, Results, Tool
+from scaraspec.report.model import SEEN, Case, ReadingSeen, Results, Tool
+from scaraspec.suite.engine import case as cases
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.role_adapter import RoleAdapter
 from scaraspec.user_message import UserMessage
 
 _LONGEST: Final = 60
+_SETTLED: Final = (Verdict.PASS, Verdict.TOLERATED)
 
 
 def difference(earlier: Results, this: RoleAdapter[Any]) -> str:
@@ -20,16 +23,7 @@ def difference(earlier: Results, this: RoleAdapter[Any]) -> str:
 
     Only what can change a verdict counts: the build, its claims, the suite and the settings.
     """
-    own, run = Tool.own(), earlier.run
-    before = {
-        "role": earlier.role.value,
-        f"version of {own.name}": earlier.tool.version,
-        "subject.name": earlier.subject.name,
-        "subject.version": earlier.subject.version,
-        **earlier.subject.claims,
-        **(run.settings if run else {}),
-        "seed": f"{run.seed}" if run else "",
-    }
+    own = Tool.own()
     now = {
         "role": this.role.value,
         f"version of {own.name}": own.version,
@@ -39,12 +33,76 @@ def difference(earlier: Results, this: RoleAdapter[Any]) -> str:
         **this.settings,
         "seed": f"{this.options.seed}",
     }
-    for name in now | before:
+    return first_difference(conditions_of(earlier), now)
+
+
+def conditions_of(results: Results) -> dict[str, str]:
+    """Return what can change a verdict of a run, by name: subject, claims, suite and settings."""
+    run = results.run
+    return {
+        "role": results.role.value,
+        f"version of {results.tool.name}": results.tool.version,
+        "subject.name": results.subject.name,
+        "subject.version": results.subject.version,
+        **results.subject.claims,
+        **(run.settings if run else {}),
+        "seed": f"{run.seed}" if run else "",
+    }
+
+
+def first_difference(before: Mapping[str, str], now: Mapping[str, str]) -> str:
+    """Return the first value that differs, as a sentence; empty if none does."""
+    for name in {**now, **before}:
         if (old := before.get(name, "")) != (new := now.get(name, "")):
             return UserMessage(
                 "{name} was {before} and is {now}", name=name, before=_shown(old), now=_shown(new)
             )
     return ""
+
+
+def rerun_difference(earlier: Results, ics: Ics, link: str) -> str:
+    """Return why a run makes no sense as a repetition of an earlier one; empty if it does.
+
+    A repaired build may have another version. Another product, or other claims, need a whole run.
+
+    Args:
+        earlier: The results of the earlier run.
+        ics: The claims of the subject of this run.
+        link: Its link.
+    """
+    named = ics.name and ics.name == earlier.subject.name
+    before = {"subject.name": earlier.subject.name, **earlier.subject.claims}
+    now = {"subject.name": ics.name, **ics.summary}
+    if not named:
+        before["link"], now["link"] = earlier.subject.link, link
+    return first_difference(before, now)
+
+
+def cases_to_repeat(earlier: Results, planned: Iterable[cases.Case]) -> frozenset[str]:
+    """Return the ids of planned cases that failed, were inconclusive or did not run earlier.
+
+    A failure that the judge found repeats the cases of its requirement, and the first case in whose
+    traffic it was found.
+
+    Args:
+        earlier: The results of the earlier run.
+        planned: The cases that the run is about.
+    """
+    settled = {case.id for case in earlier.cases if case.verdict in _SETTLED}
+    found = [case for case in earlier.cases if SEEN in case.id and case.verdict not in _SETTLED]
+    requirements = {requirement for case in found for requirement in case.requirements}
+    first = set(_first_cases(found))
+    return frozenset(
+        case.id
+        for case in planned
+        if case.id not in settled or case.id in first or requirements & {*case.requirements}
+    )
+
+
+def _first_cases(found: Iterable[Case]) -> Iterator[str]:
+    for case in found:
+        if isinstance(case.message, UserMessage) and "first_case" in case.message.values:
+            yield case.message.values["first_case"]
 
 
 def _shown(value: str) -> str:

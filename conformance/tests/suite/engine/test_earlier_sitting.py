@@ -13,10 +13,12 @@ from scaraspec.report.model import SEEN, ReadingSeen, Results, Role
 from scaraspec.suite.controller.harness.access import MemoryAccess
 from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.engine.case import Case
-from scaraspec.suite.engine.earlier_sitting import difference
+from scaraspec.suite.engine.collection import collect
+from scaraspec.suite.engine.earlier_sitting import cases_to_repeat, difference
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.run import Run
+from scaraspec.user_message import UserMessage
 from scaraspec.virtual_controller.core import ControllerCore
 
 ICS = Ics(name="Plant A", version="1.2")
@@ -124,3 +126,21 @@ def test_an_interruption_loses_nothing(first: Results) -> None:
     results, ran = continued(earlier, end_at=missing)
     assert not ran
     assert last in results.cases
+
+
+def test_cases_to_repeat(first: Results) -> None:
+    """Failed, inconclusive and missing cases, and those of a failure that the judge found."""
+    planned = collect(OPTIONS)
+    assert cases_to_repeat(first, planned) == frozenset()
+    failed, missing = first.cases
+    for verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.ERROR, Verdict.NONE):
+        changed = replace(first, cases=(replace(failed, verdict=verdict), missing))
+        assert cases_to_repeat(changed, planned) == {failed.id}
+    assert cases_to_repeat(replace(first, cases=(failed,)), planned) == {missing.id}
+    message = UserMessage.joined("wrong", "; first seen in case {first_case}", first_case=failed.id)
+    seen = replace(
+        failed, id=f"3/31{SEEN}1", requirements=("3/31",), verdict=Verdict.FAIL, message=message
+    )
+    assert cases_to_repeat(replace(first, cases=(*first.cases, seen)), planned) == {failed.id}
+    seen = replace(seen, requirements=missing.requirements, message="wrong")
+    assert cases_to_repeat(replace(first, cases=(*first.cases, seen)), planned) == {missing.id}
