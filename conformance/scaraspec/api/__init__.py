@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from scaraspec.api.proving import prove, prove_dialects
     from scaraspec.api.recording import record
     from scaraspec.api.replaying import replay
-    from scaraspec.api.results import Baseline, compare, gate, read_waivers
+    from scaraspec.api.results import Baseline, compare, gate, merge, read_waivers
     from scaraspec.api.statements import CheckedIcs, check_ics, new_ics
     from scaraspec.judge.requirements import select
     from scaraspec.protocol.hazard import Hazard
@@ -45,6 +45,7 @@ __all__ = [
     "check_ics",
     "compare",
     "gate",
+    "merge",
     "new_ics",
     "prove",
     "prove_dialects",
@@ -71,6 +72,7 @@ _MODULES = {
     "check_ics": "scaraspec.api.statements",
     "compare": "scaraspec.api.results",
     "gate": "scaraspec.api.results",
+    "merge": "scaraspec.api.results",
     "new_ics": "scaraspec.api.statements",
     "prove": "scaraspec.api.proving",
     "prove_dialects": "scaraspec.api.proving",

@@ -1,6 +1,6 @@
 """The output folder of a certification: the recording during the run, the reports at its end."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -18,7 +18,7 @@ from scaraspec_recorder.sinks.background_recorder import BackgroundRecorder
 from scaraspec_recorder.sinks.mcap.mcap_sink import CLAIM, SUBJECT
 from scaraspec_recorder.sinks.sink import SinkFailed
 
-RESULTS: Final = ("results.json", "report.html", "junit.xml", "ctrf.json")
+RESULTS: Final = ("results.json", "report.html", "junit.xml", "ctrf.json", reproduction.FOLDER)
 CAPTURE: Final = "capture.mcap"
 RESERVE: Final = ".results.reserve"
 _RESERVED_BYTES: Final = 4 * 2**20
@@ -63,15 +63,8 @@ class RunFolder:
         if not path.exists():
             path.mkdir(parents=True)
             self._created = path
-        existing = _results_in(path)
-        if existing and not earlier:
-            raise RunFolderError(
-                UserMessage(
-                    "{folder} contains {file} of an earlier run: name another folder",
-                    folder=path,
-                    file=existing[0],
-                )
-            )
+        if not earlier:
+            _require_no_results(path)
         folder = path
         if earlier:
             folder = path / f"sitting-{len(list(path.glob('sitting-*'))) + 2}"
@@ -104,14 +97,7 @@ class RunFolder:
         problems = [*self._close_recording()]
         if self._reserve:
             self._reserve.unlink(missing_ok=True)
-        writers: dict[str, Callable[[Results, Path], None]] = {
-            "results.json": Results.write,
-            "report.html": html.write,
-            "junit.xml": junit.write,
-            "ctrf.json": ctrf.write,
-            reproduction.FOLDER: reproduction.write,
-        }
-        for name, write in writers.items():
+        for name, write in _writers().items():
             try:
                 write(results, self._path / name)
             except OSError as error:
@@ -163,8 +149,38 @@ def earlier_results(path: Path | None) -> Results | None:
     return Results.read(path / RESULTS[0]) if path and _results_in(path) else None
 
 
+def write_results(results: Results, folder: Path) -> None:
+    """Write results that need no recording, such as merged ones, into a folder without results.
+
+    Raises:
+        RunFolderError: The folder contains results.
+        OSError: The folder cannot be created, or a report cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    _require_no_results(folder)
+    for name, write in _writers().items():
+        write(results, folder / name)
+
+
+def _writers() -> Mapping[str, Callable[[Results, Path], None]]:
+    """Return what writes each file of results, the most important first."""
+    writers = (Results.write, html.write, junit.write, ctrf.write, reproduction.write)
+    return dict(zip(RESULTS, writers, strict=True))
+
+
+def _require_no_results(folder: Path) -> None:
+    if existing := _results_in(folder):
+        raise RunFolderError(
+            UserMessage(
+                "{folder} contains {file} of an earlier run: name another folder",
+                folder=folder,
+                file=existing[0],
+            )
+        )
+
+
 def _results_in(folder: Path) -> list[str]:
-    return [name for name in (*RESULTS, reproduction.FOLDER) if (folder / name).exists()]
+    return [name for name in RESULTS if (folder / name).exists()]
 
 
 def _reserve_space(path: Path) -> Path | None:

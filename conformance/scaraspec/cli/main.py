@@ -30,6 +30,7 @@ COMMANDS = {
     "frame": "Explain frames given as hexadecimal digits.",
     "gate": "Compare the results of a run with what is accepted.",
     "ics": "Write or check an implementation conformance statement.",
+    "merge": "Join the results of several sittings.",
     "program": "List, check or convert user program files.",
     "prove": "Run the suite against mutants (faulty implementations).",
     "record": "Record the traffic between a client and a controller.",

@@ -1,4 +1,4 @@
-"""Failed step: the message that a failure is about; the attempts of a case; causes of failures.
+"""Failed step: the message that a failure is about; attempts and sittings of a case; root causes.
 
 These values belong to the results. `evidence.step_of` determines the step, `root_causes` the
 causes.
@@ -69,6 +69,21 @@ class AttemptResult:
     message: str = ""
     late: bool = False
     stall_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class SittingResult:
+    """What one of several merged sittings found in a case.
+
+    Attributes:
+        date: The start of the sitting in UTC, as ISO 8601.
+        verdict: The verdict.
+        message: One sentence.
+    """
+
+    date: str
+    verdict: Verdict
+    message: str = ""
 
 
 @dataclass(frozen=True, slots=True)

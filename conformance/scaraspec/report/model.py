@@ -18,7 +18,7 @@ from scaraspec.judge.verdicts import Cause, Conclusion, Reason, Verdict
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.codec import InvalidValueError, from_plain, to_plain
-from scaraspec.report.failed_step import AttemptResult, FailedStep, RootCause
+from scaraspec.report.failed_step import AttemptResult, FailedStep, RootCause, SittingResult
 from scaraspec.report.files import write_whole
 from scaraspec.user_message import UserMessage
 
@@ -188,8 +188,9 @@ class Case:
         fingerprint: A hash that is equal for equal findings of different runs: it does not depend
             on times, ports, connections, counters or bytes.
         title: What the case tries, or the requirement of a finding, in one line.
-        step: The step that failed; None unless the verdict is fail, or inconclusive because of an
-            observation.
+        step: The step that failed, or whose observation is inconclusive; None otherwise.
+        date: The start of the sitting of the case in UTC, as ISO 8601, if there are several.
+        sittings: What each sitting found, if several ran the case and were merged.
     """
 
     id: str
@@ -211,6 +212,8 @@ class Case:
     fingerprint: str = ""
     title: str = ""
     step: FailedStep | None = None
+    date: str = ""
+    sittings: tuple[SittingResult, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

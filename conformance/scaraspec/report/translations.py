@@ -162,6 +162,8 @@ TRANSLATIONS: Final[Mapping[str, Translation]] = MappingProxyType(
         "step_dependency": Translation(
             "in the preparation of the case: {requirement}", "在用例的准备阶段：{requirement}"
         ),
+        "sitting": Translation("Sitting of", "测试场次"),
+        "sittings": Translation("Sittings", "各测试场次"),
         "attempts": Translation("Attempts", "各次尝试"),
         "attempt_late": Translation("a message was missing or late", "有报文缺失或迟到"),
         "attempt_stalled": Translation("the tester's machine stalled for", "测试机停顿了"),

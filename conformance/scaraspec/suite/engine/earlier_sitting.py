@@ -5,6 +5,8 @@ build, with the same claims and with the same settings.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from datetime import UTC, datetime
 from typing import Any, Final
 
 from scaraspec.judge.verdicts import Verdict
@@ -15,6 +17,7 @@ from scaraspec.suite.engine.role_adapter import RoleAdapter
 from scaraspec.user_message import UserMessage
 
 _LONGEST: Final = 60
+_NS: Final = 1e9
 _SETTLED: Final = (Verdict.PASS, Verdict.TOLERATED)
 
 
@@ -48,6 +51,13 @@ def conditions_of(results: Results) -> dict[str, str]:
         **(run.settings if run else {}),
         "seed": f"{run.seed}" if run else "",
     }
+
+
+def date_of(results: Results) -> str:
+    """Return the start of a run in UTC, as ISO 8601; empty if it is not known."""
+    if results.run is None:
+        return ""
+    return datetime.fromtimestamp(results.run.begun_ns / _NS, UTC).isoformat(timespec="seconds")
 
 
 def first_difference(before: Mapping[str, str], now: Mapping[str, str]) -> str:
@@ -119,14 +129,16 @@ class EarlierSitting:
         results: The results of the earlier run; None if there was none.
 
     Attributes:
-        cases: The cases to take over, by id: those that were judged, and the wrong claims.
+        cases: The cases to take over with their date, by id: those that were judged, and the wrong
+            claims.
         undecided: The number of undecided findings of the judge by requirement.
     """
 
     def __init__(self, results: Results | None) -> None:
         self._results = results
+        date = date_of(results) if results else ""
         self.cases: dict[str, Case] = {
-            case.id: case
+            case.id: replace(case, date=case.date or date)
             for case in (results.cases if results else ())
             if case.verdict is not Verdict.NONE
             and (case.requirements or case.verdict is Verdict.FAIL)
