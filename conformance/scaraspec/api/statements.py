@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from scaraspec.api.certify import StartError
-from scaraspec.judge.verdicts import Verdict
 from scaraspec.operating_system import state_directory
 from scaraspec.report.model import Results, Role
 from scaraspec.suite.controller.harness.access import UrlAccess
@@ -16,6 +15,7 @@ from scaraspec.suite.engine.ics_proforma import Answers, proforma
 from scaraspec.suite.engine.journal import Journal
 from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.run import Run
+from scaraspec.suite.engine.selection import CLAIM
 from scaraspec.transports.connect import resolve_url
 from scaraspec.user_message import UserMessage
 
@@ -105,9 +105,10 @@ def check_ics(
         return CheckedIcs(tuple(problems))
     ics = Ics.of(document)
     results = _ask(url, password, ics, state_dir).results
-    wrong = [case for case in results.cases if case.verdict is Verdict.FAIL]
-    readings = results.readings[Role.CONTROLLER.value]
-    verified = [key for key in sorted(ics.claimed) if ics.dialect[key] in readings[key].options]
+    wrong = [case for case in results.cases if case.id.startswith(CLAIM)]
+    seen = results.readings[Role.CONTROLLER.value]
+    verified = {key for key in ics.claimed if ics.dialect[key] in seen[key].options}
+    contradicted = {case.id.removeprefix(CLAIM) for case in wrong}
     return CheckedIcs(
         tuple(
             UserMessage.joined(
@@ -118,14 +119,9 @@ def check_ics(
             )
             for case in wrong
         ),
-        tuple(verified),
-        tuple(sorted(ics.claimed.difference(verified, _contradicted(results)))),
+        tuple(sorted(verified - contradicted)),
+        tuple(sorted(ics.claimed - verified - contradicted)),
     )
-
-
-def _contradicted(results: Results) -> set[str]:
-    """Return the keys of the claims that are wrong."""
-    return {case.id.removeprefix("claim.") for case in results.cases}
 
 
 class _Seen(NamedTuple):

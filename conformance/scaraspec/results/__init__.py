@@ -1,1 +1,4 @@
-"""What is done with results: gate and comparison. Nothing here runs a test or judges traffic."""
+"""What is done with results: gate, comparison and merge.
+
+Nothing here runs a test or judges traffic.
+"""

@@ -81,8 +81,11 @@ def test_filled_in_by_queries(processes: Any, relay: Callable[..., Any], tmp_pat
 
 
 def test_claims_are_verified(processes: Any, tmp_path: Path) -> None:
-    """A right claim is named, a wrong one and a served command in `lacks` give status 1."""
-    url = "tcp://{}:{}".format(*processes.controller())
+    """A right claim is named, a wrong one and a served command in `lacks` give status 1.
+
+    Another violation, such as a version without data, is no mistake of the statement.
+    """
+    url = "tcp://{}:{}".format(*processes.controller("--mutant", "no-version"))
     path = tmp_path / "ics.toml"
     path.write_text('[readings]\nruninfo_none = "0"\nendian = "little"\n')
     ended = processes.run("ics", "check", str(path), url)

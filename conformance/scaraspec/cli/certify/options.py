@@ -93,7 +93,7 @@ _OPTIONS: Final = (
         metavar="RESULTS",
         is_eager=True,
         callback=_earlier_results,
-        help="Repeat the cases of an earlier run that failed, were inconclusive or did not run.",
+        help="Repeat what failed, was inconclusive or did not run, with the options of that run.",
     ),
     click.option(
         "--require",
