@@ -26,6 +26,7 @@ _CHECKS: Final = {"expect": 1, "expect_equal": 2, "expect_in": 2, "CaseFailed": 
 """Functions that report a failure, and the position of their message."""
 _KINDS: Final = {"examples": "listed", "given": "drawn", "example": "always tried"}
 """Functions that receive the values of a case."""
+_HOUR_S: Final = 3600
 _MAX_EXPRESSION: Final = 200
 
 
@@ -46,7 +47,10 @@ class Duration:
     def __str__(self) -> str:
         """The duration in words."""
         steps = f"{self.steps} step{'s' * (self.steps != 1)}"
-        return f"{self.waits_s:g} s and {steps}" if self.waits_s else steps
+        if not self.waits_s:
+            return steps
+        hours = self.waits_s / _HOUR_S
+        return f"{f'{hours:.3g} h' if hours > 1 else f'{self.waits_s:g} s'} and {steps}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,6 +200,8 @@ def _skips(functions: Iterable[ast.FunctionDef]) -> Iterator[str]:
     for name, call in _calls(functions):
         if name == "CaseSkipped" and call.args and (message := _text(call.args[0])):
             yield f"it is skipped if: {message}"
+        elif name == "patient":
+            yield "--patience, if it waits longer; otherwise it is skipped"
 
 
 def _values(

@@ -34,6 +34,13 @@ def test_preconditions() -> None:
     )
 
 
+def test_a_long_case() -> None:
+    """It needs patience, and its duration is in hours."""
+    sheet = _sheet("4.6/4.days")
+    assert "--patience, if it waits longer; otherwise it is skipped" in sheet.preconditions
+    assert f"{sheet.duration}".startswith("72 h and ")
+
+
 def test_criteria_of_helpers() -> None:
     """The checks of functions in the same file belong to the case, also with values of the run."""
     sheet = _sheet("4.17/9.jog", Role.CLIENT)
