@@ -25,6 +25,7 @@ def test_one_case() -> None:
     for part in (
         'A robot with a failed inner arm motor refuses to run a program with "0|11".',
         "4.15/2: ",
+        "「",
         "--allow state,motion",
         "the hook motor_fault of the ICS: it causes a motor fault",
         "a program runs although a motor has failed (expected: 0|11)",

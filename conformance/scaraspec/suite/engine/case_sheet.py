@@ -22,8 +22,9 @@ from scaraspec.suite.engine.plan import Options, is_selected
 
 RECORDED_RUNS: Final = Path(__file__).with_name("recorded_runs.json")
 
-_CHECKS: Final = {"expect": 1, "expect_equal": 2, "expect_in": 2, "CaseFailed": 0}
-"""Functions that report a failure, and the position of their message."""
+_ROOT: Final = Path(__file__).parents[3]
+_CHECK: Final = "expect"
+"""The beginning of the names of functions that report a failure."""
 _KINDS: Final = {"examples": "listed", "given": "drawn", "example": "always tried"}
 """Functions that receive the values of a case."""
 _HOUR_S: Final = 3600
@@ -106,7 +107,7 @@ def _recorded_runs() -> Mapping[str, Mapping[str, Any]]:
 
 def _sheet(case: Case, file: Path, recorded: Mapping[str, Any]) -> CaseSheet:
     source = _source(file)
-    own = [*_reached(case.function, source.functions)]
+    own = [*_reached(case.function, source)]
     return CaseSheet(
         case=case,
         location=f"{file.name}:{source.functions[case.function].lineno}",
@@ -142,17 +143,25 @@ def _preconditions(case: Case) -> Iterator[str]:
 
 
 class _Source(NamedTuple):
-    """The functions and the constants of a file of cases, by name."""
+    """The functions, the constants and the imported checks of a file of the suite, by name."""
 
     functions: Mapping[str, ast.FunctionDef]
     constants: Mapping[str, ast.expr]
+    checks: Mapping[str, Path]
 
 
 @cache
 def _source(file: Path) -> _Source:
     body = ast.parse(file.read_text("utf-8")).body
     functions = {node.name: node for node in body if isinstance(node, ast.FunctionDef)}
-    return _Source(functions, dict(_assigned(body)))
+    checks = {
+        alias.name: _ROOT.joinpath(*node.module.split(".")).with_suffix(".py")
+        for node in body
+        if isinstance(node, ast.ImportFrom) and node.module and ".harness." in node.module
+        for alias in node.names
+        if alias.name.startswith(_CHECK)
+    }
+    return _Source(functions, dict(_assigned(body)), checks)
 
 
 def _assigned(nodes: Iterable[ast.AST]) -> Iterator[tuple[str, ast.expr]]:
@@ -166,34 +175,44 @@ def _nodes(function: ast.FunctionDef) -> tuple[ast.AST, ...]:
     return tuple(ast.walk(function))
 
 
-def _reached(name: str, functions: Mapping[str, ast.FunctionDef]) -> Iterator[ast.FunctionDef]:
-    """Yield a function and those of the same file that it uses, each once."""
-    waiting, reached = [name], {name}
+def _reached(name: str, source: _Source) -> Iterator[ast.FunctionDef]:
+    """Yield a function, those of the same file that it uses, and shared checks, each once."""
+    waiting, reached = [(name, source)], {name}
     while waiting:
-        function = functions[waiting.pop(0)]
+        name, source = waiting.pop(0)
+        function = source.functions[name]
         yield function
         for node in _nodes(function):
-            if isinstance(node, ast.Name) and node.id in functions and node.id not in reached:
-                reached.add(node.id)
-                waiting.append(node.id)
+            if not isinstance(node, ast.Name) or node.id in reached:
+                continue
+            if node.id in source.functions:
+                waiting.append((node.id, source))
+            elif node.id in source.checks:
+                waiting.append((node.id, _source(source.checks[node.id])))
+            else:
+                continue
+            reached.add(node.id)
 
 
 def _calls(functions: Iterable[ast.FunctionDef]) -> Iterator[tuple[str, ast.Call]]:
     for function in functions:
         for node in _nodes(function):
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-                yield node.func.id, node
+            if isinstance(node, ast.Call):
+                match node.func:
+                    case ast.Name(id=name) | ast.Attribute(attr=name):
+                        yield name, node
 
 
 def _criteria(functions: Iterable[ast.FunctionDef]) -> Iterator[str]:
     for name, call in _calls(functions):
-        at = _CHECKS.get(name)
-        if at is None or len(call.args) <= at or not (message := _text(call.args[at])):
+        if not (name.startswith(_CHECK) or name == "CaseFailed"):
             continue
+        texts = [text for text in map(_text, call.args) if text.count(" ") > 1]
         expected = next((_text(k.value) for k in call.keywords if k.arg == "expected"), "")
         if name == "expect_equal" and isinstance(call.args[1], ast.Constant):
             expected = ast.unparse(call.args[1])
-        yield f"{message} (expected: {expected})" if expected else message
+        if texts:
+            yield f"{texts[-1]} (expected: {expected})" if expected else texts[-1]
 
 
 def _skips(functions: Iterable[ast.FunctionDef]) -> Iterator[str]:

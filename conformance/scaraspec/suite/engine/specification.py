@@ -19,7 +19,7 @@ INTRO: Final = (
     ),
     (
         "A case passes if none of its checks fails and the judge finds no violation in its traffic."
-        " Shared functions of the suite check more than the criteria that are listed."
+        " The connections of the suite also check the form of each reply."
     ),
     (
         "A case is skipped if lacks in the ICS names a command that it needs, or if a hook that it "
@@ -41,7 +41,7 @@ INTRO: Final = (
 def rows(sheet: CaseSheet) -> Iterator[tuple[str, Sequence[str]]]:
     """Yield what a sheet states besides id and purpose: a label and lines."""
     case = sheet.case
-    yield "judges", [_requirement(each) for each in case.requirements]
+    yield "judges", [line for each in case.requirements for line in _requirement(each)]
     yield "hazards", [", ".join(hazard.value for hazard in Hazard if hazard in case.hazards)]
     for label, lines in (
         ("needs", sheet.preconditions),
@@ -57,10 +57,13 @@ def rows(sheet: CaseSheet) -> Iterator[tuple[str, Sequence[str]]]:
     yield "source", [sheet.location]
 
 
-def _requirement(name: str) -> str:
+def _requirement(name: str) -> Iterator[str]:
+    """Yield the sentence of a requirement, and the words of the document."""
     found = REQUIREMENTS[name]
     notes = [f"{found.where}", found.strength.value, *found.register]
-    return f"{name}: {found.sentence} ({', '.join(filter(None, notes))})"
+    yield f"{name}: {found.sentence} ({', '.join(filter(None, notes))})"
+    if found.original:
+        yield f"「{found.original}」"
 
 
 @dataclass(frozen=True, slots=True)

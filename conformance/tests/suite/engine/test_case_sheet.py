@@ -42,6 +42,7 @@ def test_a_long_case() -> None:
 
 
 def test_criteria_of_helpers() -> None:
-    """The checks of functions in the same file belong to the case, also with values of the run."""
+    """Checks in the same file and shared ones belong to the case, also with values of the run."""
+    assert any(each.startswith("{command} of a program that") for each in _sheet("4.15/7").criteria)
     sheet = _sheet("4.17/9.jog", Role.CLIENT)
     assert any("was stopped, but the client reports success" in each for each in sheet.criteria)
