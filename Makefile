@@ -31,7 +31,7 @@ test-lowest: $(READY)
 	$(BIN)/pip install --quiet uv
 	$(BIN)/uv venv --quiet --clear .venv/lowest
 	$(BIN)/uv pip install --quiet --python $(LOWEST) --resolution lowest-direct \
-	  --editable '.[all]' 'pytest-xdist>=3.6'
+	  --editable '.[all]' 'pytest-xdist>=3.6' 'pyyaml>=6.0.2'
 	$(LOWEST) -m pytest -n $(WORKERS) --dist worksteal
 
 # Kills the recorder's processes at 200 random moments under traffic, and 40 certifications during
