@@ -158,7 +158,8 @@ def test_seed(job: Job, run: Callable[..., None], scheduled: Mapping[str, Any], 
 def test_package_is_this_version() -> None:
     """The templates install the version that they belong to."""
     version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
-    for file in (*TEMPLATES.iterdir(), ROOT / "docs/ci-templates.md"):
+    pages = (ROOT / "docs/tutorial-ci.md", ROOT / "docs/ci-templates.md")
+    for file in (*TEMPLATES.iterdir(), *pages):
         found = re.findall(r"scaraspec==([\d.]+)|/ci@v([\d.]+)", file.read_text("utf-8"))
         assert {"".join(each) for each in found} <= {version}, file
 
