@@ -51,7 +51,10 @@ def earlier(tmp_path: Path) -> tuple[Results, Path]:
     """Results with a failure of 4.15/3, and their file."""
     results = results_of(DONE, FAILED)
     assert results.run
-    results = replace(results, run=replace(results.run, settings={"only": "4.8/2,4.15/3"}))
+    results = replace(
+        results,
+        run=replace(results.run, settings={"only": "4.8/2,4.15/3", "allow": "state,motion"}),
+    )
     path = tmp_path / "results.json"
     results.write(path)
     return results, path
@@ -68,7 +71,7 @@ def plan(folder: Path, *arguments: str) -> str:
 
 
 def test_options_of_the_command_line(earlier: tuple[Results, Path], tmp_path: Path) -> None:
-    """An option of the command line replaces that of the earlier run."""
+    """An option of the command line replaces that of the earlier run; no hazard is taken over."""
     _, path = earlier
     assert plan(tmp_path, "--rerun-from", str(path)).startswith("0 of 1 cases will run")
     allowed = plan(tmp_path, "--rerun-from", str(path), "--allow", "state,motion")

@@ -54,7 +54,7 @@ def _earlier_results(
         raise Problem(
             UserMessage("{path} states no settings: certify without --rerun-from", path=path)
         )
-    known = {option.name for option in context.command.params}
+    known = {option.name for option in context.command.params} - _PERMISSIONS
     settings = {_RENAMED.get(key, key): value for key, value in results.run.settings.items()}
     settings |= {
         option: f"{results.subject.claims[claim]}{unit}"
@@ -66,6 +66,8 @@ def _earlier_results(
     return results
 
 
+_PERMISSIONS: Final = {"allow", "undefined_opcodes"}
+"""Options that permit a hazard: each command line must name them itself."""
 _RENAMED: Final = {"patience_s": "patience", "answer_timeout_s": "answer_timeout"}
 """Options whose setting in the results has another name."""
 _CLAIMED: Final = (
@@ -93,7 +95,8 @@ _OPTIONS: Final = (
         metavar="RESULTS",
         is_eager=True,
         callback=_earlier_results,
-        help="Repeat what failed, was inconclusive or did not run, with the options of that run.",
+        help="Repeat what failed, was inconclusive or did not run, with the options of that run; "
+        "--allow must be given again.",
     ),
     click.option(
         "--require",
