@@ -38,6 +38,8 @@ _SHOWN_CASES: Final = 3
 _SCALE: Final = 8
 _SERVE: Final = ("--time-scale", f"{_SCALE}", "--reading", f"xfer_timeout={_SCALE}")
 _SOON: Final = ("--transfer-timeout", "1")
+_GATED: Final = "4.8,4.15,4.20,5.2"
+"""The clauses whose results are gated."""
 _CERTIFY: Final = (
     *(*_SOON, "--patience", "1.25", "--exhaustive", "--undefined-opcodes"),
     *("--allow", "state,motion,destructive", "--yes"),
@@ -112,10 +114,13 @@ def main() -> None:
     """Run all steps and print a line for each, then the table."""
     parser = argparse.ArgumentParser(prog="trust", description=(__doc__ or "").partition("\n")[0])
     for name, count, text in (
+        ("pairs", 1, "pairs of quiet runs with the same seed, for each role"),
         ("runs", 20, "certifications of the controller on a busy machine"),
         ("client-runs", 5, "certifications of the client on a busy machine"),
         ("mutants", 20, "mutants on a busy machine"),
         ("reproductions", 50, "mutants whose first finding is reproduced"),
+        ("gates", 30, "gates of a conforming controller on a busy machine"),
+        ("red-gates", 10, "gates of a mutant on a busy machine"),
         ("seed", 0, "seed that draws the mutants"),
     ):
         parser.add_argument(f"--{name}", type=int, default=count, help=f"{text} [{count}]")
@@ -134,7 +139,8 @@ def _steps(options: argparse.Namespace) -> Iterator[Step]:
     """Yield all steps; the quiet ones come first."""
     drawn = random.Random(options.seed)  # noqa: S311 - a sample
     equal = Criterion("quiet, with the same seed: every case has the same verdict twice")
-    for role, certify in ((Role.CONTROLLER, certify_controller), (Role.CLIENT, certify_client)):
+    roles = (Role.CONTROLLER, certify_controller), (Role.CLIENT, certify_client)
+    for role, certify in roles * options.pairs:
         yield Step(equal, f"{role.value}, quiet, twice", partial(_compare, certify), busy=False)
     reproduced = Criterion(f"reproduced in {MAX_REPRODUCTION_S:g} s with the same fingerprint")
     testable = _testable_mutants()
@@ -150,6 +156,27 @@ def _steps(options: argparse.Namespace) -> Iterator[Step]:
     killed = Criterion("every mutant fails a requirement that it violates")
     for mutant in _of_different_clauses(testable, drawn)[: options.mutants]:
         yield Step(killed, mutant.name, partial(_kill, mutant), busy=True)
+    gates = tuple(_gates(options, drawn))
+    baseline = options.out / "baseline.json"
+    if gates:
+        accepted = Criterion("a gate accepts the baseline of a quiet run")
+        yield Step(accepted, "baseline", partial(_accept, baseline), busy=False)
+    green = Criterion("no gate of a conforming controller is red")
+    red = Criterion("every gate of a mutant is red")
+    for name, wrong in gates:
+        yield Step(red if wrong else green, name, partial(_gate, baseline, wrong), busy=True)
+
+
+def _gates(
+    options: argparse.Namespace, drawn: random.Random
+) -> Iterator[tuple[str, ControllerMutant | None]]:
+    """Yield the name of each gate and its mutant, if it has one."""
+    for number in range(options.gates):
+        yield f"green gate {number + 1}", None
+    clauses = tuple(f"{clause}/" for clause in _GATED.split(","))
+    gated = [m for m in _testable_mutants() if m.requirements[0].startswith(clauses)]
+    for mutant in drawn.sample(gated, options.red_gates):
+        yield f"red gate, {mutant.name}", mutant
 
 
 def _run_all(steps: Sequence[Step], out: Path) -> None:
@@ -213,6 +240,28 @@ def _kill(mutant: ControllerMutant, folder: Path) -> tuple[Grade, str]:
     violated = {each for case in ended.with_verdict("fail") for each in case["requirements"]}
     killed = ended.status == 1 and violated.intersection(mutant.requirements)
     return Grade.MET if killed else Grade.NOT_MET, f"{ended}"
+
+
+def _accept(baseline: Path, folder: Path) -> tuple[Grade, str]:
+    """Write the baseline of the gates from a quiet run."""
+    baseline.unlink(missing_ok=True)
+    ended = certify_controller(folder, options=("--only", _GATED))
+    status = _run_gate(folder, baseline, "--update")
+    return Grade.NOT_MET if status else Grade.MET, f"{ended}; gate: exit status {status}"
+
+
+def _gate(baseline: Path, mutant: ControllerMutant | None, folder: Path) -> tuple[Grade, str]:
+    """Certify, and let the gate decide: 0 or 1, never 3."""
+    ended = certify_controller(folder, mutant, options=("--only", _GATED))
+    status = _run_gate(folder, baseline)
+    grade = Grade.MET if status == bool(mutant) else Grade.NOT_MET
+    return grade, f"{ended}; gate: exit status {status}"
+
+
+def _run_gate(folder: Path, baseline: Path, *options: str) -> int:
+    command = [*_SCARASPEC, "gate", f"{folder}", "--baseline", f"{baseline}", *options]
+    with (folder / "gate.txt").open("wb") as output:
+        return subprocess.run(command, stdout=output, stderr=output, check=False).returncode  # noqa: S603 - ours
 
 
 def _reproduce(mutant: ControllerMutant, folder: Path) -> tuple[Grade, str]:
