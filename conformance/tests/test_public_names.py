@@ -8,16 +8,16 @@ import io
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import click
 import pytest
 from mcap.reader import make_reader
 
+from scaraspec import pytest_plugin
 from scaraspec.cli.main import COMMANDS, group
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.mutants import client, controller
-from scaraspec.suite import plugin
 from scaraspec.suite.engine.hooks import HOOKS
 from scaraspec.suite.engine.ics import Motion
 from scaraspec.transports.url import parse
@@ -61,21 +61,17 @@ def test_ics_keys() -> None:
     assert set(NAMES["ics_motion"]) <= set(Motion.__dataclass_fields__)
 
 
-def test_pytest_options() -> None:
+def test_pytest_options(pytestconfig: pytest.Config) -> None:
     """Users pass these to pytest."""
+    options = vars(pytestconfig.option)
+    assert all(name[2:].replace("-", "_") in options for name in NAMES["pytest_options"])
 
-    class Group:
-        names: list[str] = []  # noqa: RUF012 - filled by the plugin
 
-        def addoption(self, name: str, **_: Any) -> None:
-            self.names.append(name)
-
-    class Parser:
-        def getgroup(self, *_: str) -> Group:
-            return Group()
-
-    plugin.pytest_addoption(cast("pytest.Parser", Parser()))
-    assert set(NAMES["pytest_options"]) <= set(Group.names)
+def test_pytest_fixtures(pytestconfig: pytest.Config) -> None:
+    """Tests of users request these, and users select the cases by this mark."""
+    assert all(hasattr(pytest_plugin, name) for name in NAMES["pytest_fixtures"])
+    marks = pytestconfig.getini("markers")
+    assert any(line.startswith(f"{NAMES['pytest_mark']}(") for line in marks)
 
 
 def test_mcap_topics() -> None:

@@ -1,7 +1,7 @@
 """Certification of a controller or a client against the protocol document."""
 
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack, closing
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from scaraspec.suite.client.harness.adapter import ClientAdapter
 from scaraspec.suite.client.harness.attended import Attended
 from scaraspec.suite.controller.harness.access import UrlAccess
 from scaraspec.suite.controller.harness.adapter import ControllerAdapter
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.engine.case import Case
 from scaraspec.suite.engine.collection import collect
 from scaraspec.suite.engine.earlier_sitting import difference
@@ -124,7 +125,45 @@ def controller(  # noqa: PLR0913 - independent options of a run
         SuiteError: The suite is defective.
         OSError: `out` cannot be created.
     """
-    access, ics = UrlAccess(url, patience_s), ics or Ics()
+    with prepared(
+        url,
+        password=password,
+        ics=ics or Ics(),
+        options=options or Options(),
+        patience_s=patience_s,
+        out=out,
+        state_dir=state_dir,
+        lock_timeout_s=lock_timeout_s,
+        wait_for_s=wait_for_s,
+        reproduction=reproduction,
+        progress=progress,
+        interruption=interruption,
+    ) as (run, files):
+        return write_results(run, run.results(), files)
+
+
+@contextmanager
+def prepared(  # noqa: PLR0913 - independent options of a run
+    url: str,
+    *,
+    password: str,
+    ics: Ics,
+    options: Options,
+    patience_s: float,
+    out: Path | None,
+    state_dir: Path | None,
+    lock_timeout_s: float,
+    wait_for_s: float,
+    reproduction: str,
+    progress: Progress,
+    interruption: Interruption | None,
+) -> Iterator[tuple[Run[ControllerUnderTest], RunFolder]]:
+    """Prepare a run against the controller at a URL, and its folder; nothing has been sent.
+
+    The journal of the controller is locked until the end of the context. Arguments and exceptions
+    are those of `controller`.
+    """
+    access = UrlAccess(url, patience_s)
     folder = state_dir or state_directory()
     with (
         Journal.of(resolve_url(url), folder, wait_s=lock_timeout_s) as journal,
@@ -135,24 +174,22 @@ def controller(  # noqa: PLR0913 - independent options of a run
             access,
             ics,
             password.encode(),
-            options or Options(),
+            options,
             link=url,
             capture=files.capture,
             replay=reproduction,
             journal=journal,
             say=progress.say,
         )
-        return _results(
-            Run(
-                adapter,
-                take=files.record,
-                report=progress.case_ends,
-                announce=progress.case_begins,
-                begun=progress.begun,
-                interruption=interruption,
-            ),
-            files,
+        run = Run(
+            adapter,
+            take=files.record,
+            report=progress.case_ends,
+            announce=progress.case_begins,
+            begun=progress.begun,
+            interruption=interruption,
         )
+        yield run, files
 
 
 def client(  # noqa: PLR0913 - independent options of a run
@@ -203,17 +240,15 @@ def client(  # noqa: PLR0913 - independent options of a run
         if earlier:
             _require_same(earlier, adapter, out)
         files = resources.enter_context(RunFolder(out, Role.CLIENT, adapter.ics, earlier=earlier))
-        return _results(
-            Run(
-                replace(adapter, capture=files.capture),
-                earlier=earlier,
-                take=files.record,
-                report=progress.case_ends,
-                announce=progress.case_begins,
-                interruption=interruption,
-            ),
-            files,
+        run = Run(
+            replace(adapter, capture=files.capture),
+            earlier=earlier,
+            take=files.record,
+            report=progress.case_ends,
+            announce=progress.case_begins,
+            interruption=interruption,
         )
+        return write_results(run, run.results(), files)
 
 
 def _require_same(earlier: Results, adapter: ClientAdapter, out: Path | None) -> None:
@@ -233,8 +268,13 @@ def _require_same(earlier: Results, adapter: ClientAdapter, out: Path | None) ->
         )
 
 
-def _results(run: Run[Any], files: RunFolder) -> Results:
-    results = run.results()
+def write_results(run: Run[Any], results: Results, files: RunFolder) -> Results:
+    """Write the results of a run that has ended to its folder, and return them.
+
+    Raises:
+        StartError: The subject could not be used at the start of the run.
+        IncompleteFilesError: The recording or a report could not be written.
+    """
     if run.start_failure and results.role is Role.CONTROLLER and not results.counts[Verdict.FAIL]:
         files.discard()
         raise StartError(run.start_failure)

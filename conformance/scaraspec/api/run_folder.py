@@ -64,7 +64,7 @@ class RunFolder:
             path.mkdir(parents=True)
             self._created = path
         if not earlier:
-            _require_no_results(path)
+            require_unused(path)
         folder = path
         if earlier:
             folder = path / f"sitting-{len(list(path.glob('sitting-*'))) + 2}"
@@ -140,6 +140,22 @@ class RunFolder:
             self._reserve.unlink(missing_ok=True)
 
 
+def require_unused(path: Path) -> None:
+    """Require that a folder has no results of another run.
+
+    Raises:
+        RunFolderError: It has some.
+    """
+    if existing := _results_in(path):
+        raise RunFolderError(
+            UserMessage(
+                "{folder} contains {file} of an earlier run: name another folder",
+                folder=path,
+                file=existing[0],
+            )
+        )
+
+
 def earlier_results(path: Path | None) -> Results | None:
     """Return the results of an earlier run in this folder; None if there are none.
 
@@ -157,7 +173,7 @@ def write_results(results: Results, folder: Path) -> None:
         OSError: The folder cannot be created, or a report cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    _require_no_results(folder)
+    require_unused(folder)
     for name, write in _writers().items():
         write(results, folder / name)
 
@@ -166,17 +182,6 @@ def _writers() -> Mapping[str, Callable[[Results, Path], None]]:
     """Return what writes each file of results, the most important first."""
     writers = (Results.write, html.write, junit.write, ctrf.write, reproduction.write)
     return dict(zip(RESULTS, writers, strict=True))
-
-
-def _require_no_results(folder: Path) -> None:
-    if existing := _results_in(folder):
-        raise RunFolderError(
-            UserMessage(
-                "{folder} contains {file} of an earlier run: name another folder",
-                folder=folder,
-                file=existing[0],
-            )
-        )
 
 
 def _results_in(folder: Path) -> list[str]:

@@ -12,8 +12,9 @@ import click
 from rich.console import Console
 from rich.progress import Progress
 
-from scaraspec.cli.options import DEFAULT_PASSWORD, Real, password_option
+from scaraspec.cli.options import Real, password_option
 from scaraspec.cli.problems import Problem
+from scaraspec.cli.vocabulary import DEFAULT_PASSWORD
 from scaraspec.client import Client, ClientError, LinkLost, ReplyTimeout
 from scaraspec.client.text_interface import (
     OPERATIONS,

@@ -8,8 +8,9 @@ import click
 
 from scaraspec.api.certify import StartError
 from scaraspec.api.statements import CheckedIcs, check_ics, new_ics
-from scaraspec.cli.options import DEFAULT_PASSWORD, password_option, state_dir_option
+from scaraspec.cli.options import password_option, state_dir_option
 from scaraspec.cli.problems import Problem
+from scaraspec.cli.vocabulary import DEFAULT_PASSWORD
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.sanitizing import visible
 from scaraspec.suite.engine.ics import UnreadableIcsError

@@ -8,13 +8,12 @@ from typing import Any, Final, TypeVar
 import click
 from click.core import ParameterSource
 
+from scaraspec.cli.vocabulary import PASSWORD_SOURCE
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.units import SECOND_NS, QuantityError, parse_duration
 
 F = TypeVar("F", bound=Callable[..., Any])
-
-DEFAULT_PASSWORD: Final = "password"  # noqa: S105 - the document's example (L109)
 
 
 class Real(click.FloatRange):
@@ -77,7 +76,7 @@ def password_option(default: str | None, text: str) -> Callable[[F], F]:
         envvar="SCARASPEC_PASSWORD",
         default=default,
         metavar="PASSWORD",
-        help=f"{text} [SCARASPEC_PASSWORD, or '{DEFAULT_PASSWORD}'].",
+        help=f"{text} {PASSWORD_SOURCE}.",
     )
 
 

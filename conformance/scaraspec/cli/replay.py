@@ -6,8 +6,9 @@ from pathlib import Path
 import click
 
 from scaraspec.api.replaying import LoginFailedError, replay
-from scaraspec.cli.options import DEFAULT_PASSWORD, Real, capture_port, password_option
+from scaraspec.cli.options import Real, capture_port, password_option
 from scaraspec.cli.problems import Problem
+from scaraspec.cli.vocabulary import DEFAULT_PASSWORD
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.hazard import Hazard

@@ -378,42 +378,6 @@ def test_two_signals_at_once_are_one(monkeypatch: pytest.MonkeyPatch) -> None:
         signal.raise_signal(signal.SIGINT)
 
 
-def _run_plugin(tmp_path: Path, address: tuple[str, int], test: str) -> Any:
-    """Run the cases of 4.8 beside a test of a team, as the team runs them."""
-    own = tmp_path / "test_own.py"
-    own.write_text(test, "utf-8")
-    return subprocess.run(
-        [
-            *(sys.executable, "-m", "pytest", "-c", os.devnull, "--rootdir", str(tmp_path)),
-            *("-p", "scaraspec.suite.plugin", "-p", "no:cacheprovider", str(own), "--pyargs"),
-            *("scaraspec.suite", "--requirements", "4.8"),
-            *("--subject", "tcp://{}:{}".format(*address)),
-            *("-W", "error"),  # as a team may run its own
-        ],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-        cwd=tmp_path,
-    )
-
-
-def test_the_plugin_fails_for_the_controller(processes: Any, tmp_path: Path) -> None:
-    """The suite runs beside a team's own tests, under their own pytest."""
-    test = "def test_own(line):\n    assert line.ask('get_version').value\n"
-    done = _run_plugin(tmp_path, processes.controller("--mutant", "status-of-one-digit"), test)
-    assert done.returncode == 1, done.stdout + done.stderr
-    assert "nonconformant" in done.stdout
-    assert "test_own.py ." in done.stdout
-
-
-def test_the_plugin_keeps_the_failure_of_a_team(processes: Any, tmp_path: Path) -> None:
-    """A failed test of the team gives exit status 1, although the suite finds no violation."""
-    done = _run_plugin(tmp_path, processes.controller(), "def test_own():\n    assert False\n")
-    assert done.returncode == 1, done.stdout + done.stderr
-    assert "no violation found" in done.stdout
-
-
 def test_a_full_disk_loses_no_verdict(processes: Any, tmp_path: Path) -> None:
     """The verdict is on the terminal and in results.json; the exit status is 3."""
     host, port = processes.controller()

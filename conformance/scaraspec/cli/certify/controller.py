@@ -1,13 +1,17 @@
 """`scaraspec certify controller`: the suite acts as the client."""
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import click
 from rich.console import Console
 
 from scaraspec.api import certify
 from scaraspec.cli.certify.options import (
+    PATH,
     conclude,
+    option,
     reproduction,
     rerun_of,
     selection_of,
@@ -23,15 +27,11 @@ from scaraspec.cli.certify.running import (
     show_plan,
 )
 from scaraspec.cli.help import GroupedCommand
-from scaraspec.cli.options import (
-    DEFAULT_PASSWORD,
-    Duration,
-    Real,
-    password_option,
-    state_dir_option,
-)
+from scaraspec.cli.options import Duration, Real
 from scaraspec.cli.problems import Problem
+from scaraspec.cli.vocabulary import DEFAULT_PASSWORD
 from scaraspec.report.model import Results, Role
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.plan import Options, hazards
 from scaraspec.transports.url import parse
@@ -65,115 +65,105 @@ _GROUPS = {
 EXAMPLE = "Example: scaraspec certify controller tcp://192.168.1.2 --allow state --out run-1"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """The parameters of the command, as click has converted them; the help texts explain them."""
+
+    url: str | None
+    password: str
+    ics: Path | None
+    transfer_timeout: float | None
+    reply_timeout: float | None
+    allow: str
+    only: str | None
+    rerun_from: Results | None
+    require: str | None
+    require_coverage: float
+    seed: int
+    examples: int
+    patience: float
+    exhaustive: bool
+    undefined_opcodes: bool
+    wait_for_lock: float
+    wait_for: float
+    fail_fast: bool
+    state_dir: Path | None
+    yes: bool
+    out: Path | None
+    dry_run: bool
+
+    def read_statement(self) -> Ics:
+        """Return the claims of the controller.
+
+        Raises:
+            IcsError: The file cannot be read or has an unknown key.
+            ReadingError: A time is too short or too long.
+        """
+        return statement_of(self.ics, self.transfer_timeout, self.reply_timeout)
+
+    def options(self) -> Options:
+        """Return what a run tries.
+
+        Raises:
+            Problem: A list names nothing that can be run.
+            HazardError: The name of a hazard does not exist.
+        """
+        selection = selection_of("--only", self.only, Role.CONTROLLER)
+        required = selection_of("--require", self.require, Role.CONTROLLER)
+        return Options(
+            only=selection.requirements,
+            cases=selection.cases,
+            required=required.requirements or frozenset(),
+            required_percent=self.require_coverage,
+            allowed=hazards(self.allow),
+            undefined=self.undefined_opcodes,
+            seed=self.seed,
+            examples=self.examples,
+            exhaustive=self.exhaustive,
+            brief=self.only is None and not self.exhaustive,
+            fail_fast=self.fail_fast,
+        )
+
+
 @click.command(cls=GroupedCommand, groups=_GROUPS, epilog=EXAMPLE)
 @click.argument("url", required=False)
-@password_option(DEFAULT_PASSWORD, "Password for the login over TCP")
-@click.option(
-    "--allow",
-    default="",
-    metavar="HAZARDS",
-    help="Permit more than queries: state, motion, destructive; separated by commas.",
-)
+@option("password", envvar="SCARASPEC_PASSWORD", default=DEFAULT_PASSWORD)
+@option("allow", default="")
 @suite_options
-@click.option(
-    "--reply-timeout",
-    type=Duration(),
-    metavar="DURATION",
-    help="Time that a first reply may take [5s].",
-)
-@click.option(
-    "--patience",
-    type=Real(0, 100_000),
-    default=10.0,
-    show_default=True,
-    metavar="S",
-    help="Longest wait of one case, for example for the next minute of the clock.",
-)
-@click.option(
-    "--undefined-opcodes",
-    is_flag=True,
-    help="Send undefined opcodes; never to a robot that can move.",
-)
-@click.option(
-    "--wait-for-lock",
-    type=Duration(),
-    default=0.0,
-    metavar="DURATION",
-    help="Time to wait for another run against this controller [0s].",
-)
-@click.option(
-    "--wait-for",
-    type=Duration(),
-    default=0.0,
-    metavar="DURATION",
-    help="Time to wait until the controller accepts a connection [0s].",
-)
-@state_dir_option
-@click.option("-y", "--yes", is_flag=True, help="Move the robot without a confirmation.")
-def command(  # noqa: PLR0913 - one for each option
-    url: str | None,
-    *,
-    password: str,
-    ics: Path | None,
-    transfer_timeout: float | None,
-    reply_timeout: float | None,
-    allow: str,
-    only: str | None,
-    rerun_from: Results | None,
-    require: str | None,
-    require_coverage: float,
-    seed: int,
-    examples: int,
-    patience: float,
-    exhaustive: bool,
-    undefined_opcodes: bool,
-    wait_for_lock: float,
-    wait_for: float,
-    fail_fast: bool,
-    state_dir: Path | None,
-    yes: bool,
-    out: Path | None,
-    dry_run: bool,
-) -> None:
+@option("reply-timeout", type=Duration())
+@option("patience", type=Real(0, 100_000))
+@option("undefined-opcodes")
+@option("wait-for-lock", type=Duration(), default=0.0)
+@option("wait-for", type=Duration(), default=0.0)
+@option("state-dir", type=PATH, envvar="SCARASPEC_STATE")
+@option("yes", "-y")
+def command(**given: Any) -> None:
     """Certify the controller at URL; read-only unless --allow permits more.
 
     Settings and files are restored at the end, after Ctrl-C, and by the next run after a crash.
     Exit status 0 conformant, 1 nonconformant, 2 usage, 3 inconclusive or something is left on the
     controller, 4 nothing tested.
     """
+    settings = Settings(**given)
     with user_errors():
-        statement = statement_of(ics, transfer_timeout, reply_timeout)
-        earlier_link = rerun_from.subject.link if rerun_from else ""
-        where = url or statement.url or earlier_link
-        if not where and not dry_run:
+        statement = settings.read_statement()
+        earlier = settings.rerun_from
+        where = settings.url or statement.url or (earlier.subject.link if earlier else "")
+        if not where and not settings.dry_run:
             raise Problem(
                 "no controller: give its URL, such as tcp://192.168.1.2, or set url in the ICS file"
             )
         if where:
             parse(where)  # an invalid URL is reported before the plan
-        selection = selection_of("--only", only, Role.CONTROLLER)
-        required = selection_of("--require", require, Role.CONTROLLER)
-        options = Options(
-            only=selection.requirements,
-            cases=selection.cases,
-            required=required.requirements or frozenset(),
-            required_percent=require_coverage,
-            allowed=hazards(allow),
-            undefined=undefined_opcodes,
-            seed=seed,
-            examples=examples,
-            exhaustive=exhaustive,
-            brief=only is None and not exhaustive,
-            fail_fast=fail_fast,
-        )
-        if rerun_from:
-            options = rerun_of(rerun_from, options, statement, Role.CONTROLLER, where)
+        options = settings.options()
+        if earlier:
+            options = rerun_of(earlier, options, statement, Role.CONTROLLER, where)
         cases = certify.plan(options)
         estimate = estimate_of(cases, options, statement)
         show_plan(cases, options, statement, Console(), estimate)
-        if dry_run or not where:
+        if settings.dry_run or not where:
             return
-        if not yes:
+        if not settings.yes:
             confirm_motion(cases, options, statement)
         interruption = Interruption()
         display = Display(Console(), len(cases), estimate)
@@ -183,17 +173,17 @@ def command(  # noqa: PLR0913 - one for each option
                 end_on_signals(interruption)
                 return certify.controller(
                     where,
-                    password=password,
+                    password=settings.password,
                     ics=statement,
                     options=options,
-                    patience_s=patience,
-                    out=out,
-                    state_dir=state_dir,
-                    lock_timeout_s=wait_for_lock,
-                    wait_for_s=wait_for,
+                    patience_s=settings.patience,
+                    out=settings.out,
+                    state_dir=settings.state_dir,
+                    lock_timeout_s=settings.wait_for_lock,
+                    wait_for_s=settings.wait_for,
                     reproduction=reproduction(click.get_current_context(), where),
                     progress=display.progress,
                     interruption=interruption,
                 )
 
-        conclude(run, out)
+        conclude(run, settings.out)

@@ -1,7 +1,7 @@
 """Options, errors and output that both certifications share."""
 
 import shlex
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -12,9 +12,10 @@ from rich.console import Console
 
 from scaraspec.api.certify import IncompleteFilesError, StartError
 from scaraspec.api.run_folder import RunFolderError
-from scaraspec.cli.options import Percentage, Real, given_options
+from scaraspec.cli.options import F, Percentage, Real, given_options
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.results import results_in
+from scaraspec.cli.vocabulary import WORDS
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.readings import ReadingError
 from scaraspec.report import terminal
@@ -31,7 +32,26 @@ from scaraspec.suite.engine.selection import Selection, SelectionError, parse_se
 from scaraspec.transports.link import LinkError
 from scaraspec.user_message import UserMessage
 
-_PATH: Final = click.Path(path_type=Path)
+PATH: Final = click.Path(path_type=Path)
+
+
+def option(name: str, *names: str, **more: Any) -> Callable[[F], F]:
+    """Return the click option of a word of the vocabulary.
+
+    Args:
+        name: The word.
+        names: Other names of the option, such as ``-y``.
+        more: Further arguments of `click.option`.
+    """
+    word = WORDS[name]
+    known: dict[str, Any] = {"help": word.help}
+    if word.metavar is None:
+        known["is_flag"] = True
+    elif word.default is None:
+        known["metavar"] = word.metavar
+    else:
+        known |= {"metavar": word.metavar, "default": word.default, "show_default": True}
+    return click.option(f"--{name}", *names, **(known | more))
 
 
 def _earlier_results(
@@ -76,59 +96,26 @@ _CLAIMED: Final = (
 )
 """Options that are claims, and the unit of their value."""
 
-_OPTIONS: Final = (
-    click.option(
-        "--ics", type=_PATH, metavar="FILE", help="Implementation conformance statement, TOML."
-    ),
-    click.option(
-        "--transfer-timeout",
-        type=Real(0.1, 3600),
-        metavar="S",
-        help="Silence after which the subject abandons a transfer [30].",
-    ),
-    click.option(
-        "--only", metavar="LIST", help="Clauses, requirements or cases, such as 4.15,3/31."
-    ),
+_OPTIONS: Final[Sequence[Callable[[Any], Any]]] = (
+    option("ics", type=PATH),
+    option("transfer-timeout", type=Real(0.1, 3600)),
+    option("only"),
     click.option(
         "--rerun-from",
-        type=_PATH,
+        type=PATH,
         metavar="RESULTS",
         is_eager=True,
         callback=_earlier_results,
         help="Repeat what failed, was inconclusive or did not run, with the options of that run; "
         "--allow must be given again.",
     ),
-    click.option(
-        "--require",
-        metavar="LIST",
-        help="Requirements that must be judged; otherwise the exit status is 3.",
-    ),
-    click.option(
-        "--require-coverage",
-        type=Percentage(),
-        default=0.0,
-        metavar="PERCENT",
-        help="Share of the requirements in scope that must be judged, such as 95%.",
-    ),
-    click.option(
-        "--seed", type=int, default=0, show_default=True, help="Seed of the drawn values."
-    ),
-    click.option(
-        "--examples",
-        type=click.IntRange(1, 100_000),
-        default=20,
-        show_default=True,
-        help="Number of values that a drawn case tries.",
-    ),
-    click.option(
-        "--exhaustive",
-        is_flag=True,
-        help="Run all cases, also slow ones and those of requirements that have failed.",
-    ),
-    click.option("--fail-fast", is_flag=True, help="Run no further case after one has failed."),
-    click.option(
-        "--out", type=_PATH, metavar="DIR", help="Folder for results, reports and capture."
-    ),
+    option("require"),
+    option("require-coverage", type=Percentage(), default=0.0),
+    option("seed", type=int),
+    option("examples", type=click.IntRange(1, 100_000)),
+    option("exhaustive"),
+    option("fail-fast"),
+    option("out", type=PATH),
     click.option("--dry-run", is_flag=True, help="Print the plan and send nothing."),
 )
 

@@ -8,6 +8,7 @@ alive before and after it. `run` joins the findings of the judge to the outcomes
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import pytest
@@ -17,8 +18,8 @@ from scaraspec.judge.verdicts import Cause, Reason, Verdict
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.model import Role
 from scaraspec.suite.engine.attempts import Attempt, needs_another, settle
-from scaraspec.suite.engine.case import Case, case_of, declare_mark, is_case
-from scaraspec.suite.engine.connection import Connection
+from scaraspec.suite.engine.case import Case, case_of, is_case
+from scaraspec.suite.engine.case_collector import CaseCollector
 from scaraspec.suite.engine.examples import count_examples
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
@@ -30,7 +31,6 @@ from scaraspec.suite.engine.expectations import (
     observed_by,
     preparation,
 )
-from scaraspec.suite.engine.hypothesis_profile import HypothesisProfile
 from scaraspec.suite.engine.journal import JournalError
 from scaraspec.suite.engine.outcome import (
     Outcome,
@@ -43,7 +43,7 @@ from scaraspec.suite.engine.outcome import (
     unless_disturbed,
     was_interrupted,
 )
-from scaraspec.suite.engine.plan import Options, Skip, is_selected, skip_reason
+from scaraspec.suite.engine.plan import Options, Skip, skip_reason
 from scaraspec.suite.engine.stall_detector import Stall
 from scaraspec.suite.engine.system_under_test import SystemUnderTest
 from scaraspec.user_message import UserMessage
@@ -89,89 +89,47 @@ class Callbacks:
     stalls: Callable[[], Sequence[Stall]] = tuple
 
 
-class CaseRunner:
+class CaseRunner(CaseCollector):
     """The pytest plugin object of one run against one subject.
 
     Args:
-        subject: The subject; None to collect the cases only.
+        subject: The subject.
         role: The role of the subject.
         options: The options of the user.
+        folder: Where the cases are.
         callbacks: The functions that are called during the run.
         completed: The ids of cases that an earlier session has completed. They do not run again.
-        verbose: Whether pytest prints its own report, too.
 
     Attributes:
-        cases: The collected cases that the options select.
-        items: The pytest items of these cases, in the same order.
+        subject: The subject.
         outcomes: The outcomes so far, in the order of the run.
-        suite_errors: Errors of the suite itself; a run with any of them is invalid.
+        reports: The reports of pytest about the last attempt of the last case.
     """
 
     def __init__(  # noqa: PLR0913 - the collaborators of a run
         self,
-        subject: SystemUnderTest | None,
+        subject: SystemUnderTest,
         role: Role,
         options: Options,
-        callbacks: Callbacks | None = None,
+        folder: Path,
+        callbacks: Callbacks,
         *,
         completed: frozenset[str] = frozenset(),
-        verbose: bool = False,
     ) -> None:
-        self.options = options
-        self._subject, self._role = subject, role
+        super().__init__(role, options, folder)
+        self.subject = subject
         self.outcomes: list[Outcome] = []
-        self.cases: list[Case] = []
-        self.items: list[pytest.Item] = []
-        self.suite_errors: list[str] = []
-        self._callbacks = callbacks or Callbacks()
-        self._completed, self._verbose = completed, verbose
+        self._callbacks, self._completed = callbacks, completed
         self._dead = self._unmoved = ""
         self._survived = True
-        self._drawing = HypothesisProfile(options.examples)
         self._at_last = self._ready = self._stop_reported = False
         self._failed: set[str] = set()
         self._sighted: set[str] = set()
         self._raised: BaseException | None = None
+        self.reports: list[pytest.TestReport] = []
         self._dependencies: dict[tuple[str, str, Stage], str] = {}
 
     # ------------------------------------------------------------------ pytest's hooks
-
-    def pytest_configure(self, config: pytest.Config) -> None:
-        """Declare the mark; use short tracebacks if pytest prints no report."""
-        declare_mark(config)
-        if not self._verbose:
-            config.option.tbstyle = "native"  # the long one reads the case's source each time
-
-    def pytest_sessionstart(self) -> None:
-        """Load the hypothesis profile of the suite for this session."""
-        self._drawing.begin()
-
-    def pytest_sessionfinish(self) -> None:
-        """Restore the earlier hypothesis profile."""
-        self._drawing.end()
-
-    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        """Keep the selected cases, the harmless ones first; other tests are left unchanged."""
-        own = [item for item in items if not is_case(item)]
-        cases = {item: case_of(item) for item in items if is_case(item)}
-        ids = [case.id for case in cases.values()]
-        if twice := {i for i in ids if ids.count(i) > 1}:
-            self.suite_errors.append(f"several cases have the same id: {', '.join(sorted(twice))}")
-        chosen = [item for item in cases if self._tries(cases[item])]
-        chosen.sort(key=lambda item: cases[item].turn)
-        self.cases = [cases[item] for item in chosen]
-        self.items = chosen
-        items[:] = own + chosen
-        if self._subject is None:
-            items.clear()
-
-    def _tries(self, case: Case) -> bool:
-        return case.role is self._role and is_selected(case, self.options)
-
-    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
-        """Report a file of the suite that cannot be imported as a mistake of the suite."""
-        if report.failed:
-            self.suite_errors.append(str(report.longrepr))
 
     def pytest_runtest_protocol(
         self, item: pytest.Item, nextitem: pytest.Item | None
@@ -183,47 +141,38 @@ class CaseRunner:
         case = case_of(item)
         outcome = self._known(case)
         if outcome is None:
-            outcome = self._run(case, item, nextitem)
+            with self._profile:
+                outcome = self._run(case, item, nextitem)
         else:  # pytest has to tear down what it had set up for this one
             item.add_marker(pytest.mark.skip(reason=outcome.message))
-            runtestprotocol(item, log=self._verbose, nextitem=nextitem)
+            self.reports = runtestprotocol(item, log=False, nextitem=nextitem)
         if outcome.requirement:
             self._failed.add(outcome.requirement)
         self.outcomes.append(outcome)
         self._callbacks.report(outcome, len(self.cases))
         return True
 
+    def pytest_runtest_setup(self, item: pytest.Item) -> None:
+        """Give a case the subject and a line, a connection that is logged in.
+
+        They are no fixtures: the fixtures of other tests in the session may have these names.
+        """
+        if not (is_case(item) and isinstance(item, pytest.Function)):
+            return
+        item.funcargs["subject"] = self.subject
+        if "line" in item.fixturenames:
+            with preparation():
+                item.funcargs["line"] = self.subject.open()
+
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_makereport(
         self, item: pytest.Item, call: pytest.CallInfo[None]
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-        """Keep the first exception of a case; report an inconclusive case as skipped."""
+        """Keep the first exception of a case."""
         report = yield
-        if call.excinfo is not None and self._raised is None:
+        if is_case(item) and call.excinfo is not None and self._raised is None:
             self._raised = call.excinfo.value
-            if isinstance(root_cause(self._raised), CaseInconclusive):
-                report.outcome = "skipped"
-                report.longrepr = (str(item.path), 0, f"Skipped: {self._raised}")
         return report
-
-    # ------------------------------------------------------------------ fixtures
-
-    @property
-    def subject(self) -> SystemUnderTest:
-        """The system under test."""
-        assert self._subject is not None, "nothing runs without a subject"
-        return self._subject
-
-    @pytest.fixture(name="subject")
-    def _the_subject(self) -> SystemUnderTest:
-        """The system under test."""
-        return self.subject
-
-    @pytest.fixture(name="line")
-    def _a_line(self) -> Connection:
-        """A connection that is logged in."""
-        with preparation():
-            return self.subject.open()
 
     # ------------------------------------------------------------------ one case
 
@@ -395,7 +344,7 @@ class CaseRunner:
         subject.begin_case()
         self._raised = None
         with count_examples() as tally:
-            runtestprotocol(item, log=self._verbose, nextitem=nextitem)
+            self.reports = runtestprotocol(item, log=False, nextitem=nextitem)
         self._end_if_asked()
         outcome = unless_dependent(self._outcome(case), root_cause(self._raised))
         outcome = self._unless_withheld(outcome)

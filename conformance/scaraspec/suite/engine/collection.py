@@ -2,6 +2,8 @@
 
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Final
@@ -11,7 +13,7 @@ import pytest
 from scaraspec.judge.requirements import Method
 from scaraspec.report.model import Role
 from scaraspec.suite.engine import case as cases
-from scaraspec.suite.engine.case_runner import CaseRunner
+from scaraspec.suite.engine.case_collector import CaseCollector
 from scaraspec.suite.engine.plan import Options, is_selected
 from scaraspec.user_message import UserMessage
 
@@ -45,45 +47,78 @@ def cases_in(folder: Path, role: Role) -> tuple[tuple[cases.Case, Path], ...]:
     Raises:
         SuiteError: The suite itself is defective.
     """
-    case_runner = CaseRunner(None, role, Options())
-    run_pytest(case_runner, role, Options(), folder)
-    return tuple(zip(case_runner.cases, (item.path for item in case_runner.items), strict=True))
+    collector = CaseCollector(role, Options(), folder)
+    run_pytest(collector, role, Options(), folder, only_collect=True)
+    return tuple(zip(collector.cases, (item.path for item in collector.items), strict=True))
 
 
-def run_pytest(case_runner: CaseRunner, role: Role, options: Options, *where: Path) -> None:
+def run_pytest(
+    collector: CaseCollector,
+    role: Role,
+    options: Options,
+    *where: Path,
+    only_collect: bool = False,
+) -> None:
     """Collect and run shipped cases with pytest, without output.
+
+    Settings and plugins of the user's pytest do not apply: they may change the order of the cases
+    or end them.
 
     Raises:
         SuiteError: pytest could not collect or run them.
         KeyboardInterrupt: The user interrupted the run.
     """
     folder = CASES[role]
-    _forget_cases(folder)
-    quiet = [f"-pno:{name}" for name in _NOT_NEEDED]
+    forget_cases(role)
+    plugins = ("-phypothesispytest", *(f"-pno:{name}" for name in _NOT_NEEDED))
     alone = ("-c", os.devnull, f"--rootdir={folder}", f"--confcutdir={folder}")
-    drawn = (f"--hypothesis-seed={options.seed}",)
     heard = (
         ("--capture=no",) if options.attended else ()
     )  # an operator reads prompts and types replies
-    status = pytest.main(
-        [*map(str, where), *alone, *quiet, *drawn, *heard, "--import-mode=importlib"],
-        plugins=[case_runner],
-    )
-    if case_runner.suite_errors:
-        raise SuiteError(case_runner.suite_errors[0])
+    how = ("--import-mode=importlib", *(["--collect-only"] if only_collect else ()))
+    with _without_user_settings():
+        status = pytest.main(
+            [*map(str, where), *alone, *plugins, *heard, *how],
+            plugins=[collector, _ShortTracebacks()],
+        )
+    if collector.suite_errors:
+        raise SuiteError(collector.suite_errors[0])
     if status is pytest.ExitCode.INTERRUPTED:
         raise KeyboardInterrupt
     if status not in _FINISHED:
         raise SuiteError(UserMessage("pytest ended with {status!r}", status=status))
 
 
-def _forget_cases(folder: Path) -> None:
+class _ShortTracebacks:
+    """Avoids pytest's long traceback, for which it reads the case's source each time."""
+
+    def pytest_configure(self, config: pytest.Config) -> None:
+        config.option.tbstyle = "native"
+
+
+@contextmanager
+def _without_user_settings() -> Iterator[None]:
+    """Hide what configures pytest in the environment."""
+    hidden = {name: os.environ.pop(name) for name in _SETTINGS if name in os.environ}
+    os.environ[_NO_PLUGINS] = "1"
+    try:
+        yield
+    finally:
+        del os.environ[_NO_PLUGINS]
+        os.environ.update(hidden)
+
+
+def forget_cases(role: Role) -> None:
     """Remove the cases from `sys.modules`: their hypothesis settings are fixed at import."""
-    cases_here = str(folder / "test_")
+    cases_here = str(CASES[role] / "test_")
     for name, module in list(sys.modules.items()):
         if str(getattr(module, "__file__", None)).startswith(cases_here):
             del sys.modules[name]
 
+
+_NO_PLUGINS: Final = "PYTEST_DISABLE_PLUGIN_AUTOLOAD"
+_SETTINGS: Final = ("PYTEST_ADDOPTS", "PYTEST_PLUGINS", _NO_PLUGINS)
+"""Environment variables of pytest."""
 
 _NOT_NEEDED: Final = (
     *("terminal", "cacheprovider", "junitxml", "logging"),

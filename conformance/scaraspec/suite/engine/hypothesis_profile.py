@@ -6,6 +6,7 @@ setting disables this, so this module patches a private function of hypothesis. 
 hypothesis has no such function, the constants are tried.
 """
 
+from types import TracebackType
 from typing import Final
 
 import pytest
@@ -16,7 +17,7 @@ _PROFILE: Final = "scaraspec-suite"
 
 
 class HypothesisProfile:
-    """The hypothesis settings of a run, active from `begin` to `end`.
+    """The hypothesis settings of a run, active within the context.
 
     Args:
         examples: How many values a case tries that draws its values.
@@ -27,7 +28,7 @@ class HypothesisProfile:
         self._before = settings.get_current_profile_name()
         self._patch = pytest.MonkeyPatch()
 
-    def begin(self) -> None:
+    def __enter__(self) -> None:
         """Load the profile of the suite."""
         self._before = settings.get_current_profile_name()
         settings.register_profile(
@@ -45,7 +46,12 @@ class HypothesisProfile:
         self._patch.setattr(providers, "_get_local_constants", no_constants, raising=False)
         _clear_constants()
 
-    def end(self) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        raised: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         """Load the earlier profile."""
         settings.load_profile(self._before)
         self._patch.undo()

@@ -62,7 +62,6 @@ class Run(Generic[P]):
         stalls: Returns the stalls of this machine since the last call; by default the run measures
             them, unless the subject uses a simulated clock.
         interruption: Ends the run early, when it is asked to; None for a new one.
-        verbose: Whether pytest prints its own report, too.
 
     Attributes:
         case_runner: Runs the cases.
@@ -81,7 +80,6 @@ class Run(Generic[P]):
         begun: Callable[[float], None] = lambda _round_trip_s: None,
         stalls: Callable[[], Sequence[Stall]] | None = None,
         interruption: Interruption | None = None,
-        verbose: bool = False,
     ) -> None:
         self.adapter = adapter
         self._stats = SessionStats()
@@ -106,6 +104,7 @@ class Run(Generic[P]):
             self._subject,
             adapter.role,
             adapter.options,
+            CASES[adapter.role],
             Callbacks(
                 report=report,
                 announce=announce,
@@ -115,7 +114,6 @@ class Run(Generic[P]):
                 stalls=stalls or tuple,
             ),
             completed=frozenset(self._earlier.cases),
-            verbose=verbose,
         )
         self._state: Mapping[str, Any] = {}
         self._begun_ns, self._report_begun = self._subject.now_ns, begun
@@ -137,17 +135,8 @@ class Run(Generic[P]):
             self._try_cases()
         except KeyboardInterrupt:
             interrupted = True
-            self.case_runner.outcomes.append(
-                _set_up("interrupted", "the user interrupted the run", Reason.INTERRUPTED)
-            )
         finally:
-            try:
-                self.end()
-            except KeyboardInterrupt:
-                if interrupted:
-                    raise
-                self._subject.close_lines()
-                self.end()  # complete the restoration, unless the user interrupts it again
+            self.end(interrupted=interrupted)
         return self.build_results()
 
     def _try_cases(self) -> None:
@@ -197,8 +186,29 @@ class Run(Generic[P]):
             self._subject.close_lines()
             return self.adapter.begin(self._subject)
 
-    def end(self) -> None:
-        """Restore everything. A difference that remains is reported and stays in the journal."""
+    def end(self, *, interrupted: bool = False) -> None:
+        """Restore everything. A difference that remains is reported and stays in the journal.
+
+        Args:
+            interrupted: The user has interrupted the run. Otherwise one interruption does not end
+                the restoration.
+
+        Raises:
+            KeyboardInterrupt: The user interrupted the run twice.
+        """
+        if interrupted:
+            self.case_runner.outcomes.append(
+                _set_up("interrupted", "the user interrupted the run", Reason.INTERRUPTED)
+            )
+        try:
+            self._end()
+        except KeyboardInterrupt:
+            if interrupted:
+                raise
+            self._subject.close_lines()
+            self._end()  # complete the restoration, unless the user interrupts it again
+
+    def _end(self) -> None:
         if not self._subject.off:  # otherwise it was restored before it was switched off
             self._put_back()
         self._problems += self.adapter.finish(self._subject, self._state)

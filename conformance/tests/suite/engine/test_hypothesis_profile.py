@@ -15,16 +15,14 @@ EXAMPLES = 50
 
 def _drawn() -> list[tuple[str, int]]:
     taken = []
-    drawing = HypothesisProfile(EXAMPLES)
-    drawing.begin()
+    with HypothesisProfile(EXAMPLES):
 
-    @seed(0)
-    @given(st.text(), st.integers())
-    def draw(text: str, number: int) -> None:
-        taken.append((text, number))
+        @seed(0)
+        @given(st.text(), st.integers())
+        def draw(text: str, number: int) -> None:
+            taken.append((text, number))
 
-    draw()
-    drawing.end()
+        draw()
     return taken
 
 
