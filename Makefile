@@ -31,8 +31,8 @@ test-lowest: $(READY)
 	$(BIN)/pip install --quiet uv
 	$(BIN)/uv venv --quiet --clear .venv/lowest
 	$(BIN)/uv pip install --quiet --python $(LOWEST) --resolution lowest-direct \
-	  --editable '.[all]' 'pytest-html>=4.1' 'pytest-randomly>=3.16' 'pytest-timeout>=2.3' \
-	  'pytest-xdist>=3.6' 'pyyaml>=6.0.2'
+	  --editable '.[all]' 'jsonschema>=4.23' 'junitparser>=3.2' 'pytest-html>=4.1' \
+	  'pytest-randomly>=3.16' 'pytest-timeout>=2.3' 'pytest-xdist>=3.6' 'pyyaml>=6.0.2'
 	$(LOWEST) -m pytest -n $(WORKERS) --dist worksteal
 
 # Kills the recorder's processes at 200 random moments under traffic, and 40 certifications during

@@ -7,6 +7,7 @@ from typing import Any
 from xml.etree import ElementTree as ET
 
 import pytest
+from jsonschema import Draft202012Validator  # type: ignore[import-untyped] # it has no types
 from results_of_run import FAILED, PASSED, SEEN, results_of
 
 from scaraspec.report.model import Results
@@ -18,6 +19,31 @@ issue = "FW-12"
 approver = "firmware lead"
 expires = {expires}
 """
+
+CODE_QUALITY = {
+    "type": "array",
+    "items": {
+        "type": "object",
+        "required": ["description", "check_name", "fingerprint", "severity", "location"],
+        "properties": {
+            "description": {"type": "string"},
+            "check_name": {"type": "string"},
+            "fingerprint": {"type": "string", "minLength": 1},
+            "severity": {"enum": ["info", "minor", "major", "critical", "blocker"]},
+            "location": {
+                "required": ["path", "lines"],
+                "properties": {
+                    "path": {"type": "string", "pattern": "^(?!\\./|/)"},
+                    "lines": {
+                        "required": ["begin"],
+                        "properties": {"begin": {"type": "integer", "minimum": 1}},
+                    },
+                },
+            },
+        },
+    },
+}
+"""What GitLab requires of a code quality report; paths are relative and do not begin with `./`."""
 
 
 @pytest.fixture
@@ -78,7 +104,9 @@ def test_each_output(gate: Callable[..., tuple[int, str]], tmp_path: Path) -> No
     assert (root.get("failures"), len(root.findall(".//skipped"))) == ("1", 1)
     statuses = [t["status"] for t in json.loads(files["ctrf"].read_text())["results"]["tests"]]
     assert statuses == ["passed", "failed", "skipped"]
-    (entry,) = json.loads(files["code-quality"].read_text())
+    entries = json.loads(files["code-quality"].read_text())
+    Draft202012Validator(CODE_QUALITY).validate(entries)
+    (entry,) = entries
     assert entry["fingerprint"] == FAILED.fingerprint
     assert entry["location"] == {"path": "scaraspec/4.15/3", "lines": {"begin": 1}}
 

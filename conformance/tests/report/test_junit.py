@@ -5,7 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from scaraspec.judge.verdicts import Conclusion
+from junitparser import JUnitXml
+
+from scaraspec.judge.verdicts import Conclusion, Verdict
 from scaraspec.report import junit
 from scaraspec.report.model import Results, RunInfo
 
@@ -124,6 +126,20 @@ def test_only_allowed_elements(full: Results) -> None:
         attributes, children = ALLOWED[element.tag]
         assert set(element.attrib) <= attributes
         assert {child.tag for child in element} <= children
+
+
+def test_an_independent_reader(full: Results, hostile: Results) -> None:
+    """A reader of other authors finds the cases and their outcomes, whatever text they contain."""
+    for results in (full, hostile):
+        read = JUnitXml.fromstring(junit.render(results).encode())
+        found = [case for suite in read for case in suite]
+        assert read.tests == len(found) == len(results.cases)
+        outcomes = [type(each).__name__ for case in found for each in case.result]
+        assert (read.failures, read.errors) == (outcomes.count("Failure"), outcomes.count("Error"))
+        passed = [case.verdict in (Verdict.PASS, Verdict.TOLERATED) for case in results.cases]
+        assert sum(case.is_passed for case in found) == sum(passed)
+    names = [case.name for suite in JUnitXml.fromstring(junit.render(full)) for case in suite]
+    assert sorted(names) == sorted(case.id for case in full.cases)
 
 
 def test_what_identifies_the_run(full: Results) -> None:
