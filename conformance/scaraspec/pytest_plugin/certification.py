@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import pytest
 from _pytest.runner import runtestprotocol
+from _pytest.terminal import TerminalReporter
 from rich.console import Console
 
 from scaraspec.api import certify
@@ -23,7 +24,7 @@ from scaraspec.api.run_folder import RunFolder, require_unused
 from scaraspec.cli.certify.options import reproduction, user_errors
 from scaraspec.cli.certify.running import confirm_motion, end_on_signals
 from scaraspec.cli.problems import Problem
-from scaraspec.judge.verdicts import ExitStatus, Verdict
+from scaraspec.judge.verdicts import ExitStatus, Reason, Verdict
 from scaraspec.operating_system import ending_signals
 from scaraspec.pytest_plugin.settings import PREFIX, Given, read, usage_errors
 from scaraspec.report import terminal
@@ -129,18 +130,23 @@ class Certification:
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_collection_modifyitems(
-        self, config: pytest.Config, items: list[pytest.Item]
+        self, session: pytest.Session, config: pytest.Config, items: list[pytest.Item]
     ) -> Generator[None, Any, None]:
         """Add the requirements to the cases, and list the tests that use the controller."""
         for item in items:
             if is_case(item):
                 case = case_of(item)
                 item.user_properties += [("requirement", each) for each in case.requirements]
-                if config.pluginmanager.has_plugin("timeout"):
-                    item.add_marker(pytest.mark.timeout(0))  # a case has its own limits
         yield
+        own = [item for item in items if is_case(item)]
+        if own:
+            own.append(Restoration.from_parent(session, name="restore", certification=self))
+            items.append(own[-1])
+        if config.pluginmanager.has_plugin("timeout"):  # cases have their own limits
+            for item in own:
+                item.add_marker(pytest.mark.timeout(0))
         if group := getattr(config, "workerinput", {}).get(_GROUP):
-            using = [item.nodeid for item in items if is_case(item) or _uses_fixture(item)]
+            using = [item.nodeid for item in (*filter(_uses_fixture, items), *own)]
             write_whole(Path(group), json.dumps(using))
 
     @pytest.hookimpl(optionalhook=True)
@@ -264,7 +270,7 @@ class Certification:
 
         Other errors of pytest keep their status.
         """
-        self._end()
+        self.end()
         conclusion = self._conclusion
         output: dict[str, Any] | None = getattr(self._config, "workeroutput", None)
         if output is not None:
@@ -285,7 +291,7 @@ class Certification:
         if conclusion := getattr(node, "workeroutput", {}).get(_OUTPUT):
             self._conclusion = Conclusion(*conclusion)
 
-    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+    def pytest_terminal_summary(self, terminalreporter: TerminalReporter) -> None:
         """Print the results."""
         if not self._conclusion:
             return
@@ -297,11 +303,15 @@ class Certification:
         elif out := self._given.settings.out:
             terminalreporter.write_line(f"{out}/report.html")
 
-    def _end(self) -> None:
-        """End the run if this process has begun it, and write its results."""
+    def end(self) -> Sequence[str]:
+        """End the run if this process has begun it, and write its results.
+
+        Returns:
+            What could not be restored.
+        """
         run, self._run = self._run, None
         if not run or not self._files:
-            return
+            return []
         with self._resources:
             run.end(interrupted=self._interrupted)
             results, problem = run.build_results(), ""
@@ -313,6 +323,29 @@ class Certification:
                 if status is not ExitStatus.NONCONFORMANT:
                     status = ExitStatus.INCONCLUSIVE
         self._conclusion = Conclusion(results.to_json(), problem, int(status))
+        return [each.message for each in results.cases if each.reason is Reason.NOT_RESTORED]
+
+
+class Restoration(pytest.Item):
+    """The last test: it ends the run while the fixtures of the session exist, such as a simulator.
+
+    Args:
+        certification: The certification.
+        arguments: The arguments of `pytest.Item`.
+    """
+
+    def __init__(self, certification: Certification, **arguments: Any) -> None:
+        super().__init__(nodeid="scaraspec::restore", **arguments)
+        self._certification = certification
+
+    def runtest(self) -> None:
+        """End the run; something that is left makes it inconclusive."""
+        if left := self._certification.end():
+            pytest.skip("; ".join(map(visible, left)))
+
+    def reportinfo(self) -> tuple[Path, None, str]:
+        """Return how pytest names this test."""
+        return self.path, None, self.name
 
 
 def reported(

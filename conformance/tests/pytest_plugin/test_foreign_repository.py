@@ -24,6 +24,8 @@ python_functions = ["check_*"]
 """
 
 CONFTEST = """
+from pathlib import Path
+
 import pytest
 from hypothesis import settings
 
@@ -39,6 +41,13 @@ def subject():
 @pytest.fixture(autouse=True)
 def line():
     return None
+
+
+@pytest.fixture(autouse=True, scope="session")
+def simulator(pytestconfig):
+    yield
+    out = pytestconfig.getoption("--scaraspec-out")
+    assert not out or Path(out, "results.json").exists(), "the run ends while the simulator runs"
 """
 
 TESTS = """
@@ -166,8 +175,8 @@ def test_conforming(run: Pytest, controller: str, repository: Path) -> None:
     (repository / "conformance/check_client.py").write_text(WITH_THE_FIXTURE, "utf-8")
     done = run(*_certify(controller, "2/1,4.7/2"), *files)
     assert done.returncode == 0, done.stdout + done.stderr
-    order = re.findall(r"^(\w+)/\w+\.py::\w+ PASSED", done.stdout, re.MULTILINE)
-    assert order == ["conformance"] * 3 + ["scaraspec"] * 2
+    order = re.findall(r"^(\w+).*::\w+ PASSED", done.stdout, re.MULTILINE)
+    assert order == ["conformance"] * 3 + ["scaraspec"] * 3
     cases = [
         [p.get("value") for p in case.iter("property") if p.get("name") == "requirement"]
         for case in ET.parse(repository / "junit.xml").iter("testcase")
@@ -204,7 +213,7 @@ def test_several_workers(run: Pytest, controller: str, repository: Path) -> None
     inconclusive = ("--scaraspec-require", "4.35/5")
     done = run("-n", "2", "--dist", "worksteal", *_certify(controller, "4.7"), *inconclusive)
     assert done.returncode == 3, done.stdout + done.stderr
-    ran = re.findall(r"^\[(gw\d)\].* (\w+/\w+)\.py::", done.stdout, re.MULTILINE)
-    workers = {worker for worker, name in ran if not name.endswith("check_own")}
+    ran = re.findall(r"^\[(gw\d)\].* (\w\S+)::", done.stdout, re.MULTILINE)
+    workers = {worker for worker, name in ran if not name.endswith("check_own.py")}
     assert len(workers) == 1, done.stdout
     assert "inconclusive: tcp://" in done.stdout
