@@ -106,9 +106,10 @@ prove: $(READY)
 pictures: demo
 	$(BIN)/python docs/pictures.py reports/out/demo
 
-# Generates the pages of the register and the catalogue.
+# Generates the pages of the register and the catalogue, and a list of mandatory cases if they changed.
 spec: $(READY)
 	$(BIN)/python spec/generate.py
+	$(BIN)/python spec/mandatory.py
 
 format: $(READY)
 	$(BIN)/ruff check --fix

@@ -40,11 +40,12 @@ def test_examples(controller: str, tmp_path: Path) -> None:
         )
         assert (ran.returncode, ran.stderr) == (0, ""), ran
         outputs.append(ran.stdout)
-    certified, gated, recorded, audited, replayed, proved = outputs
+    certified, gated, verified, recorded, audited, replayed, proved = outputs
     assert certified.startswith("no-violation-found\n")
     assert "\n4.8/" in certified
     assert (tmp_path / "run-1/report.html").exists()
     assert gated == "CONFORMANT\n"
+    assert verified == "plant-a.scaraspec.zip cannot be read: No such file or directory\n"
     assert recorded.endswith("no-violation-found\n")
     assert audited.startswith("no-violation-found Only the controller is judged.")
     assert "get_version answered -> answered" in replayed

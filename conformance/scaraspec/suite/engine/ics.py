@@ -57,6 +57,8 @@ class Ics:
             faster than real time.
         motion: How far the arm may be moved.
         hooks: The hooks by name.
+        sample: The serial number, firmware and hardware of the tested device.
+        laboratory: The laboratory and the operator.
     """
 
     name: str = ""
@@ -69,6 +71,8 @@ class Ics:
     time_scale: float = 1.0
     motion: Motion = Motion()
     hooks: Mapping[str, Hook] = field(default_factory=dict)
+    sample: Mapping[str, str] = field(default_factory=dict)
+    laboratory: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def reply_s(self) -> float:
@@ -191,7 +195,7 @@ class Ics:
             IcsError: A key is unknown, a value is invalid, or a hook cannot be started.
             ReadingError: A claimed reading does not exist.
         """
-        _require_known_keys("", document, ("subject", "readings", "motion", "hooks"))
+        _require_known_keys("", document, _TABLES)
         subject = _table(document, "subject")
         _require_known_keys("subject.", subject, _SUBJECT)
         for key, value in subject.items():
@@ -219,9 +223,16 @@ class Ics:
             claimed=frozenset(readings),
             motion=_motion(_table(document, "motion")),
             hooks=_hooks(_table(document, "hooks")),
+            sample=_texts(document, "sample", SAMPLE),
+            laboratory=_texts(document, "laboratory", LABORATORY),
         )
 
 
+SAMPLE: Final = ("serial_number", "firmware", "hardware")
+"""The keys of the table ``[sample]``, which a certification needs."""
+LABORATORY: Final = ("name", "operator")
+"""The keys of the table ``[laboratory]``, which a certification needs."""
+_TABLES: Final = ("subject", "readings", "motion", "hooks", "sample", "laboratory")
 _SUBJECT: Final[Mapping[str, type | tuple[type, ...]]] = {
     "name": str,
     "version": str,
@@ -245,6 +256,14 @@ def _table(document: Mapping[str, Any], name: str) -> dict[str, Any]:
     table = document.get(name, {})
     if not isinstance(table, dict):
         raise IcsError(UserMessage("[{name}] must be a table", name=name))
+    return table
+
+
+def _texts(document: Mapping[str, Any], name: str, keys: tuple[str, ...]) -> dict[str, str]:
+    table = _table(document, name)
+    _require_known_keys(f"{name}.", table, keys)
+    for key, value in table.items():
+        _require_type(f"{name}.{key}", value, str)
     return table
 
 

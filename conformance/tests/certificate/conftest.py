@@ -1,0 +1,44 @@
+"""A small certification, and the package of it."""
+
+from pathlib import Path
+
+import pytest
+from certification import CASES, ICS, certified
+
+from scaraspec.api.certificates import write_package
+from scaraspec.certificate.mandatory import MandatoryList
+from scaraspec.report.model import Role, Tool
+from scaraspec.suite.engine.collection import collect
+from scaraspec.suite.engine.plan import Options
+
+
+@pytest.fixture(scope="session")
+def small_list() -> MandatoryList:
+    """Return a list of a few cases."""
+    cases = {case.id: case.requirements for case in collect(Options()) if case.id in CASES}
+    return MandatoryList(
+        "controller-2026-01-01",
+        Role.CONTROLLER,
+        Tool.own().version,
+        cases,
+        {},
+        ("clear_faults", "motor_fault"),
+    )
+
+
+@pytest.fixture(scope="session")
+def run_folder(tmp_path_factory: pytest.TempPathFactory, small_list: MandatoryList) -> Path:
+    """Return the output folder of a conformant certification."""
+    folder = tmp_path_factory.mktemp("run")
+    certified(folder, small_list)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def package(
+    run_folder: Path, small_list: MandatoryList, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """Return the package of a conformant certification."""
+    path = tmp_path_factory.mktemp("package") / "cell-7.scaraspec.zip"
+    write_package(path, run_folder, ICS, small_list)
+    return path
