@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from scaraspec.api import certify
     from scaraspec.api.auditing import audit
-    from scaraspec.api.certificates import verify_package
+    from scaraspec.api.certificates import certification, verify_package
     from scaraspec.api.proving import prove, prove_dialects
     from scaraspec.api.recording import record
     from scaraspec.api.replaying import replay
@@ -35,6 +35,7 @@ __all__ = [
     "RobotConfig",
     "Role",
     "audit",
+    "certification",
     "certify",
     "compare",
     "gate",
@@ -57,6 +58,7 @@ _MODULES = {
     "RobotConfig": "scaraspec_recorder.config",
     "Role": "scaraspec.report.model",
     "audit": "scaraspec.api.auditing",
+    "certification": "scaraspec.api.certificates",
     "compare": "scaraspec.api.results",
     "gate": "scaraspec.api.results",
     "prove": "scaraspec.api.proving",

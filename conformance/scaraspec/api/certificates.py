@@ -13,13 +13,25 @@ from scaraspec.certificate.environment import environment
 from scaraspec.certificate.mandatory import MandatoryList, mandatory_lists
 from scaraspec.certificate.package import Manifest, PackageError
 from scaraspec.judge.verdicts import ExitStatus, Verdict
+from scaraspec.protocol.hazard import Hazard
 from scaraspec.report import ctrf, html, junit
-from scaraspec.report.model import Results, ResultsError, Tool
-from scaraspec.suite.engine.ics import Ics
+from scaraspec.report.model import Results, ResultsError, Role, Tool
+from scaraspec.suite.engine.collection import collect
+from scaraspec.suite.engine.ics import LABORATORY, SAMPLE, Ics
+from scaraspec.suite.engine.plan import Options
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
 
-__all__ = ["Check", "PackageError", "Verification", "verify_package", "write_package"]
+__all__ = [
+    "Certification",
+    "CertificationError",
+    "Check",
+    "PackageError",
+    "Verification",
+    "certification",
+    "verify_package",
+    "write_package",
+]
 
 _RESULTS: Final = "results.json"
 _NOT_RECORDED: Final = ("motion.", "hooks.")
@@ -70,6 +82,72 @@ class Verification:
             if status in found:
                 return status
         return ExitStatus.CONFORMANT
+
+
+class CertificationError(Exception):
+    """A certification cannot begin; one sentence for the user."""
+
+
+@dataclass(frozen=True, slots=True)
+class Certification:
+    """A certification that can begin.
+
+    Attributes:
+        package: The package to write.
+        mandatory: The list of mandatory cases.
+        options: The options of the run.
+    """
+
+    package: Path
+    mandatory: MandatoryList
+    options: Options
+
+
+def certification(  # noqa: PLR0913 - independent choices of a user
+    role: Role,
+    ics: Ics,
+    package: Path,
+    *,
+    allowed: frozenset[Hazard] = frozenset(),
+    seed: int = 0,
+    undefined: bool = False,
+) -> Certification:
+    """Check what a certification needs, and return it with its options. Nothing is sent.
+
+    Args:
+        role: The role of the SUT.
+        ics: The ICS with the sample and the laboratory.
+        package: The package to write, ``NAME.scaraspec.zip``; it must not exist.
+        allowed: The permitted hazards; for a controller all of them are needed.
+        seed: The seed of all random values, 0 to 9.
+        undefined: Send undefined opcodes, too; never to a robot that can move.
+
+    Raises:
+        CertificationError: Something is missing.
+    """
+    mandatory = mandatory_lists(role)[-1]
+    options = checks.certification_options(role, mandatory, seed=seed, undefined=undefined)
+    if lacking := sorted(hazard.value for hazard in options.allowed - allowed - {Hazard.READ_ONLY}):
+        text = "a certification needs all hazards: --allow {hazards} is missing"
+        raise CertificationError(UserMessage(text, hazards=",".join(lacking)))
+    if seed not in checks.SEEDS:
+        text = "the seed of a certification is 0 to 9, not {seed}"
+        raise CertificationError(UserMessage(text, seed=seed))
+    for table, keys, values in (
+        ("sample", SAMPLE, ics.sample),
+        ("laboratory", LABORATORY, ics.laboratory),
+    ):
+        if missing := [key for key in keys if not values.get(key)]:
+            text = "a certification needs {key} in [{table}] of the ICS"
+            raise CertificationError(UserMessage(text, key=missing[0], table=table))
+    needed = {hook for case in collect(options, role) for hook in case.needs}
+    if hooks := sorted(needed - ics.hooks.keys() - {*mandatory.optional_hooks}):
+        text = "a certification needs the hook {hook} in [hooks] of the ICS"
+        raise CertificationError(UserMessage(text, hook=hooks[0]))
+    if package.exists():
+        text = "{package} exists: name another file with --package"
+        raise CertificationError(UserMessage(text, package=package))
+    return Certification(package, mandatory, options)
 
 
 def write_package(

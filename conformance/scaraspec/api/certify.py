@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from scaraspec.api.certificates import Certification, write_package
 from scaraspec.api.run_folder import RunFolder, RunFolderError, earlier_results
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.operating_system import state_directory
@@ -84,6 +85,7 @@ def controller(  # noqa: PLR0913 - independent options of a run
     options: Options | None = None,
     patience_s: float = 10.0,
     out: Path | None = None,
+    certification: Certification | None = None,
     state_dir: Path | None = None,
     lock_timeout_s: float = 0.0,
     wait_for_s: float = 0.0,
@@ -104,6 +106,7 @@ def controller(  # noqa: PLR0913 - independent options of a run
         patience_s: Longest wait of one case in seconds, for example for the next minute of the
             controller's clock.
         out: Folder for results, reports and recording; None to write nothing.
+        certification: Makes the run a certification, with its options; needs `out`.
         state_dir: Folder of the journals; None for the user's state directory.
         lock_timeout_s: How long to wait for another run against this controller, in seconds.
         wait_for_s: How long to wait until the controller accepts a connection, in seconds.
@@ -126,14 +129,20 @@ def controller(  # noqa: PLR0913 - independent options of a run
     folder = state_dir or state_directory()
     with (
         Journal.of(resolve_url(url), folder, wait_s=lock_timeout_s) as journal,
-        RunFolder(out, Role.CONTROLLER, ics, needs_login=access.needs_login) as files,
+        RunFolder(
+            out,
+            Role.CONTROLLER,
+            ics,
+            needs_login=access.needs_login,
+            redact=certification is not None,
+        ) as files,
     ):
         access.wait_until_reachable(wait_for_s)
         adapter = ControllerAdapter(
             access,
             ics,
             password.encode(),
-            options or Options(),
+            certification.options if certification else options or Options(),
             link=url,
             capture=files.capture,
             replay=reproduction,
@@ -149,6 +158,7 @@ def controller(  # noqa: PLR0913 - independent options of a run
                 interruption=interruption,
             ),
             files,
+            certification,
         )
 
 
@@ -159,6 +169,7 @@ def client(  # noqa: PLR0913 - independent options of a run
     ics: Ics | None = None,
     options: Options | None = None,
     out: Path | None = None,
+    certification: Certification | None = None,
     reproduction: str = "",
     progress: Progress = _SILENT,
     interruption: Interruption | None = None,
@@ -173,6 +184,7 @@ def client(  # noqa: PLR0913 - independent options of a run
         options: Requirements, seed and depth.
         out: Folder for results, reports and recording; None to write nothing. An attended run
             continues an earlier one in the same folder, with the same ICS and options.
+        certification: Makes the run a certification, with its options; needs `out` and a driver.
         reproduction: The command that repeats the run, for the report.
         progress: Callbacks.
         interruption: Ends the run early.
@@ -190,7 +202,7 @@ def client(  # noqa: PLR0913 - independent options of a run
     adapter = ClientAdapter(
         access,
         ics or Ics(),
-        options or Options(attended=access.attended),
+        certification.options if certification else options or Options(attended=access.attended),
         link=driver if isinstance(driver, str) else f"{access.host}:{access.port}",
         replay=reproduction,
     )
@@ -199,7 +211,11 @@ def client(  # noqa: PLR0913 - independent options of a run
         earlier = earlier_results(out) if access.attended else None
         if earlier:
             _require_same(earlier, adapter, out)
-        files = resources.enter_context(RunFolder(out, Role.CLIENT, adapter.ics, earlier=earlier))
+        files = resources.enter_context(
+            RunFolder(
+                out, Role.CLIENT, adapter.ics, earlier=earlier, redact=certification is not None
+            )
+        )
         return _results(
             Run(
                 replace(adapter, capture=files.capture),
@@ -210,6 +226,7 @@ def client(  # noqa: PLR0913 - independent options of a run
                 interruption=interruption,
             ),
             files,
+            certification,
         )
 
 
@@ -230,7 +247,7 @@ def _require_same(earlier: Results, adapter: ClientAdapter, out: Path | None) ->
         )
 
 
-def _results(run: Run[Any], files: RunFolder) -> Results:
+def _results(run: Run[Any], files: RunFolder, certification: Certification | None) -> Results:
     results = run.results()
     if run.start_failure and results.role is Role.CONTROLLER and not results.counts[Verdict.FAIL]:
         files.discard()
@@ -240,4 +257,8 @@ def _results(run: Run[Any], files: RunFolder) -> Results:
             files.finish(results)
         except RunFolderError as error:
             raise IncompleteFilesError(results, error) from None
+        if certification and files.path:
+            write_package(
+                certification.package, files.path, run.adapter.ics, certification.mandatory
+            )
     return results

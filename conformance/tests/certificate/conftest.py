@@ -3,27 +3,16 @@
 from pathlib import Path
 
 import pytest
-from certification import CASES, ICS, certified
+from certification import ICS, certified, list_of_cases
 
 from scaraspec.api.certificates import write_package
 from scaraspec.certificate.mandatory import MandatoryList
-from scaraspec.report.model import Role, Tool
-from scaraspec.suite.engine.collection import collect
-from scaraspec.suite.engine.plan import Options
 
 
 @pytest.fixture(scope="session")
 def small_list() -> MandatoryList:
     """Return a list of a few cases."""
-    cases = {case.id: case.requirements for case in collect(Options()) if case.id in CASES}
-    return MandatoryList(
-        "controller-2026-01-01",
-        Role.CONTROLLER,
-        Tool.own().version,
-        cases,
-        {},
-        ("clear_faults", "motor_fault"),
-    )
+    return list_of_cases()
 
 
 @pytest.fixture(scope="session")

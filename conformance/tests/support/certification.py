@@ -9,10 +9,12 @@ from scaraspec.certificate.checks import PATIENCE_S, certification_options
 from scaraspec.certificate.mandatory import MandatoryList
 from scaraspec.mutants.controller_run import PASSWORD, Robot, tokens
 from scaraspec.protocol.readings import DEFAULT
-from scaraspec.report.model import Results, Role
+from scaraspec.report.model import Results, Role, Tool
 from scaraspec.suite.controller.harness.access import MemoryAccess
 from scaraspec.suite.controller.harness.adapter import ControllerAdapter
+from scaraspec.suite.engine.collection import collect
 from scaraspec.suite.engine.ics import Ics
+from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.run import Run
 from scaraspec.traffic.wire import WireEvent
 from scaraspec.virtual_controller.core import ControllerCore
@@ -28,6 +30,19 @@ ICS = Ics(
     sample={"serial_number": "7", "firmware": "1.4", "hardware": "B"},
     laboratory={"name": "Lab", "operator": "Li"},
 )
+
+
+def list_of_cases() -> MandatoryList:
+    """Return a list of a few cases, for this version."""
+    cases = {case.id: case.requirements for case in collect(Options()) if case.id in CASES}
+    return MandatoryList(
+        "controller-2026-01-01",
+        Role.CONTROLLER,
+        Tool.own().version,
+        cases,
+        {},
+        ("clear_faults", "motor_fault"),
+    )
 
 
 def certified(

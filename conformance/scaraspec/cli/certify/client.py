@@ -8,6 +8,7 @@ from rich.console import Console
 
 from scaraspec.api import certify
 from scaraspec.cli.certify.options import (
+    certification_of,
     conclude,
     reproduction,
     selection_of,
@@ -37,7 +38,7 @@ _GROUPS = {
         "exhaustive",
         "fail_fast",
     ),
-    "The run": ("out", "dry_run"),
+    "The run": ("out", "certification", "package", "dry_run"),
 }
 _DRIVER_S: Final = 10.0
 _OPERATOR_S: Final = 600.0
@@ -75,6 +76,7 @@ def command(  # noqa: PLR0913 - one for each option
     fail_fast: bool,
     out: Path | None,
     dry_run: bool,
+    **_: object,
 ) -> None:
     """Certify a client build: the suite acts as the controller.
 
@@ -99,6 +101,9 @@ def command(  # noqa: PLR0913 - one for each option
             fail_fast=fail_fast,
             attended=attended,
         )
+        certification = certification_of(click.get_current_context(), Role.CLIENT, statement)
+        if certification:
+            options = certification.options
         cases = certify.plan(options, Role.CLIENT)
         estimate = estimate_of(cases, options, statement)
         click.echo(f"{len(cases)} cases will run, in {estimate}")
@@ -123,12 +128,13 @@ def command(  # noqa: PLR0913 - one for each option
                     ics=statement,
                     options=options,
                     out=out,
+                    certification=certification,
                     reproduction=reproduction(click.get_current_context()),
                     progress=display.progress,
                     interruption=interruption,
                 )
 
-        conclude(run, out)
+        conclude(run, out, certification)
 
 
 def _attended(listen: str, answer_timeout_s: float) -> Attended:

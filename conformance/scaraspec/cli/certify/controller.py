@@ -7,6 +7,7 @@ from rich.console import Console
 
 from scaraspec.api import certify
 from scaraspec.cli.certify.options import (
+    certification_of,
     conclude,
     reproduction,
     selection_of,
@@ -52,7 +53,7 @@ _GROUPS = {
             "undefined_opcodes",
         ),
     ),
-    "The run": ("out", "state_dir", "yes", "dry_run"),
+    "The run": ("out", "certification", "package", "state_dir", "yes", "dry_run"),
 }
 EXAMPLE = "Example: scaraspec certify controller tcp://192.168.1.2 --allow state --out run-1"
 
@@ -131,6 +132,7 @@ def command(  # noqa: PLR0913 - one for each option
     yes: bool,
     out: Path | None,
     dry_run: bool,
+    **_: object,
 ) -> None:
     """Certify the controller at URL; read-only unless --allow permits more.
 
@@ -162,6 +164,15 @@ def command(  # noqa: PLR0913 - one for each option
             brief=only is None and not exhaustive,
             fail_fast=fail_fast,
         )
+        certification = certification_of(
+            click.get_current_context(),
+            Role.CONTROLLER,
+            statement,
+            allowed=options.allowed,
+            undefined=undefined_opcodes,
+        )
+        if certification:
+            options = certification.options
         cases = certify.plan(options)
         estimate = estimate_of(cases, options, statement)
         show_plan(cases, options, statement, Console(), estimate)
@@ -182,6 +193,7 @@ def command(  # noqa: PLR0913 - one for each option
                     options=options,
                     patience_s=patience,
                     out=out,
+                    certification=certification,
                     state_dir=state_dir,
                     lock_timeout_s=wait_for_lock,
                     wait_for_s=wait_for,
@@ -190,4 +202,4 @@ def command(  # noqa: PLR0913 - one for each option
                     interruption=interruption,
                 )
 
-        conclude(run, out)
+        conclude(run, out, certification)
