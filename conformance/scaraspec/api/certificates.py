@@ -1,20 +1,23 @@
 """Result packages of certifications: they are written at the end of a run, and verified later."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import BinaryIO, Final
 
 from scaraspec.api.auditing import audit
+from scaraspec.api.calibration import MUTANTS, Calibration, calibrate, chosen_mutants
 from scaraspec.certificate import checks, package, signature
 from scaraspec.certificate.environment import environment
 from scaraspec.certificate.mandatory import MandatoryList, mandatory_lists
 from scaraspec.certificate.package import Manifest, PackageError
 from scaraspec.judge.verdicts import ExitStatus, Verdict
+from scaraspec.mutants.kill_matrix import Proof
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report import ctrf, html, junit
+from scaraspec.report.codec import InvalidValueError, from_plain, to_plain
 from scaraspec.report.model import Results, ResultsError, Role, Tool
 from scaraspec.suite.engine.collection import collect
 from scaraspec.suite.engine.ics import LABORATORY, SAMPLE, Ics
@@ -23,16 +26,19 @@ from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
 
 __all__ = [
+    "CalibrationError",
     "Certification",
     "CertificationError",
     "Check",
     "PackageError",
     "Verification",
+    "calibrated",
     "certification",
     "verify_package",
     "write_package",
 ]
 
+_CALIBRATION: Final = "calibration.json"
 _RESULTS: Final = "results.json"
 _NOT_RECORDED: Final = ("motion.", "hooks.")
 """The beginnings of the claims that a capture does not state."""
@@ -84,6 +90,10 @@ class Verification:
         return ExitStatus.CONFORMANT
 
 
+class CalibrationError(Exception):
+    """The tester is not fit for a certification; one sentence for the user."""
+
+
 class CertificationError(Exception):
     """A certification cannot begin; one sentence for the user."""
 
@@ -96,11 +106,13 @@ class Certification:
         package: The package to write.
         mandatory: The list of mandatory cases.
         options: The options of the run.
+        calibration: The calibration of the tester; None before it.
     """
 
     package: Path
     mandatory: MandatoryList
     options: Options
+    calibration: Calibration | None = None
 
 
 def certification(  # noqa: PLR0913 - independent choices of a user
@@ -150,29 +162,53 @@ def certification(  # noqa: PLR0913 - independent choices of a user
     return Certification(package, mandatory, options)
 
 
-def write_package(
-    path: Path, folder: Path, ics: Ics, mandatory: MandatoryList | None = None
-) -> None:
+def calibrated(
+    certification: Certification,
+    *,
+    jobs: int = 1,
+    mutant_ends: Callable[[Proof], None] = lambda _proof: None,
+) -> Certification:
+    """Calibrate the tester, unless that was done, and return the certification with the result.
+
+    Args:
+        certification: The certification.
+        jobs: Number of processes.
+        mutant_ends: Called with the result of each mutant.
+
+    Raises:
+        CalibrationError: The tester is not fit for a certification.
+        KeyboardInterrupt: The user interrupted the calibration.
+    """
+    if certification.calibration:
+        return certification
+    role, seed = certification.mandatory.role, certification.options.seed
+    calibration = calibrate(role, seed, jobs=jobs, mutant_ends=mutant_ends)
+    if calibration.problem:
+        text = "no certification on this machine: {problem}"
+        raise CalibrationError(UserMessage(text, problem=calibration.problem))
+    return replace(certification, calibration=calibration)
+
+
+def write_package(certification: Certification, folder: Path, ics: Ics) -> None:
     """Write the package of a certification that has ended.
 
     Args:
-        path: The package, ``NAME.scaraspec.zip``; it must not exist.
+        certification: The certification, calibrated. Its package must not exist.
         folder: The output folder of the run, with a recording in which passwords are masked.
         ics: The ICS of the run, with the sample and the laboratory.
-        mandatory: The list of mandatory cases; None for the newest one.
 
     Raises:
         ResultsError: The results in the folder cannot be read.
         OSError: The package exists or cannot be written, or a file of the run is missing.
     """
-    results = Results.read(folder / _RESULTS)
-    mandatory = mandatory or mandatory_lists(results.role)[-1]
+    results, mandatory = Results.read(folder / _RESULTS), certification.mandatory
     files = {name: folder / name for name in (_RESULTS, package.CAPTURE)}
     with TemporaryDirectory(prefix="scaraspec-") as scratch:
         texts = {
             **_derived(results),
             "ics.json": package.plain_json(_ics_of(ics)),
             "environment.json": package.plain_json(environment(ics, results)),
+            _CALIBRATION: package.plain_json(to_plain(certification.calibration)),
         }
         for name, text in texts.items():
             files[name] = _written(Path(scratch) / name, text)
@@ -185,7 +221,7 @@ def write_package(
             package.case_sums(results),
         )
         files[package.MANIFEST] = _written(Path(scratch) / package.MANIFEST, manifest.to_json())
-        package.write(path, files)
+        package.write(certification.package, files)
 
 
 def _written(path: Path, text: str) -> Path:
@@ -320,6 +356,8 @@ def _checks_of_results(
     note = UserMessage("seed {seed}", seed=results.run.seed if results.run else "")
     yield _refusing("options", checks.option_problems(results, mandatory), note)
     is_own = results.tool == Tool.own()
+    problems = _calibration_problems(folder, results, is_own=is_own)
+    yield _refusing("calibration", problems, "reference conformant, mutants killed")
     yield _check_capture(folder, results, is_own=is_own)
     if is_own:
         yield _refusing("reports", _report_problems(folder, results), "those of the results")
@@ -345,6 +383,22 @@ def _version_problems(
         )
 
 
+def _calibration_problems(folder: Path, results: Results, *, is_own: bool) -> Iterator[str]:
+    try:
+        found = from_plain(Calibration, _json_in(folder / _CALIBRATION))
+    except InvalidValueError as error:
+        yield UserMessage("{name} is damaged: {error}", name=_CALIBRATION, error=error)
+        return
+    if found.problem:
+        yield found.problem
+    if (found.role, found.seed) != (results.role, results.run.seed if results.run else None):
+        yield "the calibration has another role or seed than the run"
+    elif len(found.mutants) < MUTANTS or (
+        is_own and {*found.mutants} != {*chosen_mutants(found.role, found.seed)}
+    ):
+        yield "the calibration has not tried the mutants that the seed chooses"
+
+
 def _check_capture(folder: Path, results: Results, *, is_own: bool) -> Check:
     """Judge the capture again. A difference of another version is reported and not refused."""
     try:
@@ -367,7 +421,8 @@ def _report_problems(folder: Path, results: Results) -> Iterator[str]:
             yield UserMessage("{name} is not that of the results", name=name)
     subject = results.subject
     stated = (subject.name, subject.version, subject.claims)
-    if stated != tuple(map(_ics_in(folder).get, ("name", "version", "claims"))):
+    ics = _json_in(folder / "ics.json")
+    if stated != tuple(map(ics.get, ("name", "version", "claims"))):
         yield "ics.json has other claims than the results"
 
 
@@ -375,9 +430,10 @@ def _has_text(path: Path, text: str) -> bool:
     return path.is_file() and path.read_bytes() == text.encode("utf-8", "backslashreplace")
 
 
-def _ics_in(folder: Path) -> Mapping[str, object]:
+def _json_in(path: Path) -> Mapping[str, object]:
+    """Return the object in a JSON file; empty if there is none."""
     try:
-        plain = json.loads((folder / "ics.json").read_bytes())
+        plain = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):
         return {}
     return plain if isinstance(plain, dict) else {}

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from scaraspec.api.certificates import Certification, write_package
+from scaraspec.api.certificates import Certification, calibrated, write_package
 from scaraspec.api.run_folder import RunFolder, RunFolderError, earlier_results
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.operating_system import state_directory
@@ -106,7 +106,8 @@ def controller(  # noqa: PLR0913 - independent options of a run
         patience_s: Longest wait of one case in seconds, for example for the next minute of the
             controller's clock.
         out: Folder for results, reports and recording; None to write nothing.
-        certification: Makes the run a certification, with its options; needs `out`.
+        certification: Makes the run a certification, with its options; needs `out`. The tester is
+            calibrated first, unless `certificates.calibrated` has done it.
         state_dir: Folder of the journals; None for the user's state directory.
         lock_timeout_s: How long to wait for another run against this controller, in seconds.
         wait_for_s: How long to wait until the controller accepts a connection, in seconds.
@@ -115,6 +116,7 @@ def controller(  # noqa: PLR0913 - independent options of a run
         interruption: Ends the run early; its `ask` may be called by a signal handler.
 
     Raises:
+        CalibrationError: The tester is not fit for a certification.
         LinkError: The URL is invalid.
         ControllerBusyError: Another run uses the controller.
         JournalError: The journal cannot be used.
@@ -125,6 +127,7 @@ def controller(  # noqa: PLR0913 - independent options of a run
         SuiteError: The suite is defective.
         OSError: `out` cannot be created.
     """
+    certification = calibrated(certification) if certification else None
     access, ics = UrlAccess(url, patience_s), ics or Ics()
     folder = state_dir or state_directory()
     with (
@@ -184,12 +187,13 @@ def client(  # noqa: PLR0913 - independent options of a run
         options: Requirements, seed and depth.
         out: Folder for results, reports and recording; None to write nothing. An attended run
             continues an earlier one in the same folder, with the same ICS and options.
-        certification: Makes the run a certification, with its options; needs `out` and a driver.
+        certification: As for `controller`; needs a driver.
         reproduction: The command that repeats the run, for the report.
         progress: Callbacks.
         interruption: Ends the run early.
 
     Raises:
+        CalibrationError: The tester is not fit for a certification.
         DriverError: The driver cannot be started.
         RunFolderError: `out` contains results of an earlier run that this one cannot continue.
         StartError: The subject could not be used at the start of the run.
@@ -198,6 +202,7 @@ def client(  # noqa: PLR0913 - independent options of a run
         SuiteError: The suite is defective.
         OSError: `out` cannot be created.
     """
+    certification = calibrated(certification) if certification else None
     access = DriverAccess(driver, answer_timeout_s) if isinstance(driver, str) else driver
     adapter = ClientAdapter(
         access,
@@ -258,7 +263,5 @@ def _results(run: Run[Any], files: RunFolder, certification: Certification | Non
         except RunFolderError as error:
             raise IncompleteFilesError(results, error) from None
         if certification and files.path:
-            write_package(
-                certification.package, files.path, run.adapter.ics, certification.mandatory
-            )
+            write_package(certification, files.path, run.adapter.ics)
     return results

@@ -34,6 +34,7 @@ FILES: Final = (
     "ics.json",
     "settings.json",
     "environment.json",
+    "calibration.json",
 )
 """The files of a package besides the manifest."""
 

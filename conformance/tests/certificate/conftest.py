@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from certification import ICS, certified, list_of_cases
+from certification import ICS, certification_of, certified, list_of_cases
 
 from scaraspec.api.certificates import write_package
 from scaraspec.certificate.mandatory import MandatoryList
@@ -29,5 +29,5 @@ def package(
 ) -> Path:
     """Return the package of a conformant certification."""
     path = tmp_path_factory.mktemp("package") / "cell-7.scaraspec.zip"
-    write_package(path, run_folder, ICS, small_list)
+    write_package(certification_of(path, small_list), run_folder, ICS)
     return path

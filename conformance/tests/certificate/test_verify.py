@@ -12,9 +12,19 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
-from certification import CASES, ICS, STATUS, certified, packed
+from certification import (
+    CASES,
+    ICS,
+    STATUS,
+    calibrated,
+    certification_of,
+    certified,
+    list_of_cases,
+    packed,
+)
 from wording import ROOT
 
 from scaraspec.api import certificates
@@ -25,7 +35,7 @@ from scaraspec.cli.main import main
 from scaraspec.judge.verdicts import Cause, Conclusion, ExitStatus, Reason, Verdict, conclude
 from scaraspec.mutants.controller import mutants
 from scaraspec.report import junit
-from scaraspec.report.model import SEEN, Case, Results, Tool
+from scaraspec.report.model import SEEN, Case, Results, Role, Tool
 
 Verify = Callable[..., tuple[int, str]]
 NAMES = sorted((*FILES, MANIFEST))
@@ -149,14 +159,14 @@ def test_equal_content_gives_equal_bytes(
     package: Path, run_folder: Path, small_list: MandatoryList, tmp_path: Path
 ) -> None:
     again = tmp_path / "again.scaraspec.zip"
-    write_package(again, run_folder, ICS, small_list)
+    write_package(certification_of(again, small_list), run_folder, ICS)
     assert again.read_bytes() == package.read_bytes()
 
 
 def test_nothing_is_overwritten(package: Path, run_folder: Path, small_list: MandatoryList) -> None:
     before = package.read_bytes()
     with pytest.raises(FileExistsError):
-        write_package(package, run_folder, ICS, small_list)
+        write_package(certification_of(package, small_list), run_folder, ICS)
     assert package.read_bytes() == before
 
 
@@ -542,12 +552,45 @@ def test_other_reports(
     """A report that does not show the results is refused."""
     monkeypatch.setattr(junit, "render", lambda _: "<testsuite/>")
     path = tmp_path / "forged.zip"
-    write_package(path, run_folder, replace(ICS, version="9"), small_list)
+    write_package(certification_of(path, small_list), run_folder, replace(ICS, version="9"))
     monkeypatch.undo()
     status, text = verify(path)
     assert status == 1
     assert "junit.xml is not that of the results" in text
     assert "ics.json has other claims than the results" in text
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"reference": Conclusion.NONCONFORMANT}, "the reference implementation is nonconformant"),
+        ({"mutants": {**calibrated().mutants, "status-in-words": ()}}, "no case kills status-in-"),
+        ({"mutants": {}}, "has not tried the mutants that the seed chooses"),
+        ({"seed": 1}, "the calibration has another role or seed than the run"),
+        ({"role": Role.CLIENT}, "the calibration has another role or seed than the run"),
+    ],
+)
+def test_other_calibration(
+    verify: Verify,
+    run_folder: Path,
+    tmp_path: Path,
+    change: dict[str, Any],
+    says: str,
+) -> None:
+    path = tmp_path / "forged.zip"
+    right = certification_of(path, list_of_cases())
+    write_package(replace(right, calibration=replace(calibrated(), **change)), run_folder, ICS)
+    status, text = verify(path)
+    assert (status, says in text) == (1, True), text
+
+
+def test_no_calibration(verify: Verify, run_folder: Path, tmp_path: Path) -> None:
+    path = tmp_path / "forged.zip"
+    write_package(
+        replace(certification_of(path, list_of_cases()), calibration=None), run_folder, ICS
+    )
+    status, text = verify(path)
+    assert (status, "calibration.json is damaged" in text) == (1, True), text
 
 
 # A controller that violates the protocol.
@@ -566,7 +609,7 @@ def test_nonconformant(
 ) -> None:
     """A genuine package of a nonconformant controller does not verify as conformant."""
     path = tmp_path / "faulty.scaraspec.zip"
-    write_package(path, faulty, ICS, small_list)
+    write_package(certification_of(path, small_list), faulty, ICS)
     status, text = verify(path)
     assert status == 1
     assert "the controller is nonconformant: " in text

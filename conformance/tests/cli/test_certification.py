@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from certification import CASES, list_of_cases
+from certification import CASES, calibrated, list_of_cases
 
-from scaraspec.api import certificates
+from scaraspec.api import calibration, certificates
 from scaraspec.certificate import checks
 from scaraspec.cli.main import main
-from scaraspec.report.model import Results
+from scaraspec.judge.verdicts import Conclusion
+from scaraspec.report.model import Results, Role
 from scaraspec.suite.engine.plan import Options
 
 ICS = """
@@ -63,6 +64,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(certificates, "mandatory_lists", lambda _: (list_of_cases(),))
     monkeypatch.setattr(checks, "certification_options", small_options)
+    monkeypatch.setattr(certificates, "calibrate", lambda *_, **__: calibrated())
 
 
 @pytest.mark.usefixtures("small")
@@ -79,6 +81,45 @@ def test_certified(certify: Run, processes: Any, tmp_path: Path) -> None:
     capture = (out / "capture.mcap").read_bytes()
     assert b"\x08password" not in capture
     assert certificates.verify_package(package).exit_status == 0
+
+
+@pytest.mark.usefixtures("small")
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"reference": Conclusion.INCONCLUSIVE}, "the reference implementation is inconclusive"),
+        ({"mutants": {"status-in-words": ()}}, "no case kills status-in-words"),
+    ],
+)
+def test_no_certification_without_calibration(
+    certify: Run,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    change: dict[str, Any],
+    says: str,
+) -> None:
+    """A tester that does not find faults certifies nothing, and sends nothing."""
+    unfit = replace(calibrated(), **change)
+    monkeypatch.setattr(certificates, "calibrate", lambda *_, **__: unfit)
+    status, text = certify("tcp://127.0.0.1:1", *ALLOW, "--out", tmp_path / "out")
+    assert (status, f"no certification on this machine: {says}" in text) == (3, True)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("role", [Role.CONTROLLER, Role.CLIENT])
+def test_the_seed_chooses_the_mutants(role: Role) -> None:
+    """Every seed of a certification chooses others."""
+    choices = [tuple(calibration.chosen_mutants(role, seed)) for seed in checks.SEEDS]
+    assert len({*choices}) == len(choices)
+    assert {len({*choice}) for choice in choices} == {calibration.MUTANTS}
+
+
+def test_a_calibration(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mutant is killed, and the reference implementation is conformant."""
+    monkeypatch.setattr(calibration, "chosen_mutants", lambda *_: ["status-in-words"])
+    found = calibration.calibrate(Role.CONTROLLER, 3)
+    assert found.problem == ""
+    assert "4.8/2" in found.mutants["status-in-words"]
 
 
 @pytest.mark.usefixtures("small")

@@ -4,9 +4,11 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
-from scaraspec.api.certificates import write_package
+from scaraspec.api.calibration import Calibration, chosen_mutants
+from scaraspec.api.certificates import Certification, write_package
 from scaraspec.certificate.checks import PATIENCE_S, certification_options
 from scaraspec.certificate.mandatory import MandatoryList
+from scaraspec.judge.verdicts import Conclusion
 from scaraspec.mutants.controller_run import PASSWORD, Robot, tokens
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Results, Role, Tool
@@ -43,6 +45,18 @@ def list_of_cases() -> MandatoryList:
         {},
         ("clear_faults", "motor_fault"),
     )
+
+
+def calibrated() -> Calibration:
+    """Return a calibration that has succeeded."""
+    killed = dict.fromkeys(chosen_mutants(Role.CONTROLLER, 0), (STATUS,))
+    return Calibration(Role.CONTROLLER, 0, Conclusion.CONFORMANT, killed)
+
+
+def certification_of(path: Path, mandatory: MandatoryList) -> Certification:
+    """Return a certification of a controller, after the calibration."""
+    options = certification_options(Role.CONTROLLER, mandatory)
+    return Certification(path, mandatory, options, calibrated())
 
 
 def certified(
@@ -90,5 +104,5 @@ def packed(folder: Path, results: Results, capture: Path, mandatory: MandatoryLi
     results.write(folder / "results.json")
     shutil.copy(capture, folder)
     path = folder / "forged.scaraspec.zip"
-    write_package(path, folder, ICS, mandatory)
+    write_package(certification_of(path, mandatory), folder, ICS)
     return path

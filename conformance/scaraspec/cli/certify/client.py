@@ -8,6 +8,7 @@ from rich.console import Console
 
 from scaraspec.api import certify
 from scaraspec.cli.certify.options import (
+    calibrated,
     certification_of,
     conclude,
     reproduction,
@@ -116,6 +117,7 @@ def command(  # noqa: PLR0913 - one for each option
             subject = _attended(listen, answer_timeout or _OPERATOR_S)
         else:
             raise Problem("no client: name its driver, such as --driver 'scaraspec client-driver'")
+        certification = calibrated(certification, Console())
         interruption = Interruption()
         display = Display(Console(), len(cases), estimate, ticks=attended)
 

@@ -7,6 +7,7 @@ from rich.console import Console
 
 from scaraspec.api import certify
 from scaraspec.cli.certify.options import (
+    calibrated,
     certification_of,
     conclude,
     reproduction,
@@ -180,6 +181,7 @@ def command(  # noqa: PLR0913 - one for each option
             return
         if not yes:
             confirm_motion(cases, options, statement)
+        certification = calibrated(certification, Console())
         interruption = Interruption()
         display = Display(Console(), len(cases), estimate)
 

@@ -1,5 +1,6 @@
 """Options, errors and output that both certifications share."""
 
+import os
 import shlex
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -9,8 +10,12 @@ from typing import Any, Final
 import click
 from click.core import ParameterSource
 from rich.console import Console
+from rich.progress import TimeRemainingColumn
 
+from scaraspec.api import certificates
+from scaraspec.api.calibration import MUTANTS
 from scaraspec.api.certificates import (
+    CalibrationError,
     Certification,
     CertificationError,
     PackageError,
@@ -22,6 +27,7 @@ from scaraspec.api.run_folder import RunFolderError
 from scaraspec.certificate.package import SUFFIX
 from scaraspec.cli.options import Percentage, Real, given_options
 from scaraspec.cli.problems import Problem
+from scaraspec.cli.progress_bar import ProgressBar
 from scaraspec.cli.verify import show
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.hazard import Hazard
@@ -218,6 +224,24 @@ def certification_of(
     )
 
 
+def calibrated(certified: Certification | None, console: Console) -> Certification | None:
+    """Calibrate the tester before a certification, with a bar on a terminal.
+
+    Raises:
+        CalibrationError: The tester is not fit for a certification.
+    """
+    if certified is None:
+        return None
+    console.print(f"calibration: {MUTANTS} mutants must be killed on this machine")
+    bar = ProgressBar(console, "calibrating", MUTANTS, TimeRemainingColumn(), transient=True)
+    with bar:
+        return certificates.calibrated(
+            certified,
+            jobs=os.cpu_count() or 1,
+            mutant_ends=lambda proof: bar.count_one(proof.fault),
+        )
+
+
 def conclude(
     run: Callable[[], Results], out: Path | None, certified: Certification | None = None
 ) -> None:
@@ -276,7 +300,13 @@ def user_errors() -> Iterator[None]:
         raise Problem(str(error)) from None
     except HazardError as error:
         raise Problem(UserMessage("--allow: {error}", error=error)) from None
-    except (ControllerBusyError, PackageError, RecoveryError, StartError) as error:
+    except (
+        CalibrationError,
+        ControllerBusyError,
+        PackageError,
+        RecoveryError,
+        StartError,
+    ) as error:
         raise Problem(str(error), ExitStatus.INCONCLUSIVE) from None
     except JournalError as error:
         raise Problem(str(error)) from None
