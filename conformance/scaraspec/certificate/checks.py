@@ -92,30 +92,38 @@ def case_problems(results: Results, mandatory: MandatoryList) -> Iterator[str]:
 def _is_skipped(case: Case, results: Results, mandatory: MandatoryList) -> bool:
     """Whether a case was skipped without a reason that the list allows.
 
-    A case that does not apply is allowed if other cases have judged its requirements, or if they
-    are those of a command that is verified to be unsupported.
+    A case that does not apply is allowed if it needs a command that is verified to be unsupported,
+    or if its requirements were judged by other cases or are about such a command.
     """
     if case.verdict is not Verdict.NONE:
         return False
+    named = getattr(case.message, "values", {})
     if case.reason is Reason.HOOK:
-        hooks = getattr(case.message, "values", {}).get("hooks", "").split(", ")
         claims = results.subject.claims
         return any(
-            hook not in mandatory.optional_hooks or f"hooks.{hook}" in claims for hook in hooks
+            hook not in mandatory.optional_hooks or f"hooks.{hook}" in claims
+            for hook in named.get("hooks", "").split(", ")
         )
-    judged = {each.id for each in results.requirements if each.decided}
-    settled = all(each in judged or _is_excluded(each, results) for each in case.requirements)
-    return case.reason is not Reason.NOT_APPLICABLE or not settled
+    settled = {each.id for each in results.requirements if each.decided}
+    return case.reason is not Reason.NOT_APPLICABLE or not (
+        named.get("name") in _verified_lacks(results)
+        or all(each in settled or _is_excluded(each, results) for each in case.requirements)
+    )
 
 
 def _is_excluded(requirement: str, results: Results) -> bool:
-    """Whether a requirement is about a command that is claimed and verified to be unsupported."""
-    lacks = results.subject.claims.get("lacks", "").split(", ")
-    tried = {each.name for each in results.session.exchanges} if results.session else set()
+    """Whether a requirement is about a command that is verified to be unsupported."""
     clause = requirement.partition("/")[0]
-    return any(
-        name in BY_NAME and name in tried and BY_NAME[name].clause == clause for name in lacks
-    )
+    return any(BY_NAME[name].clause == clause for name in _verified_lacks(results))
+
+
+def _verified_lacks(results: Results) -> set[str]:
+    """Return the commands that the ICS calls unsupported, and that the run has tried.
+
+    An answer to one of them is a failure of the run.
+    """
+    tried = {each.name for each in results.session.exchanges} if results.session else set()
+    return BY_NAME.keys() & tried & {*results.subject.claims.get("lacks", "").split(", ")}
 
 
 def verdict_problems(results: Results, mandatory: MandatoryList) -> Iterator[str]:

@@ -29,13 +29,17 @@ from wording import ROOT
 
 from scaraspec.api import certificates
 from scaraspec.api.certificates import PackageError, verify_package, write_package
+from scaraspec.certificate import checks
 from scaraspec.certificate.mandatory import MandatoryList
 from scaraspec.certificate.package import FILES, MANIFEST
 from scaraspec.cli.main import main
 from scaraspec.judge.verdicts import Cause, Conclusion, ExitStatus, Reason, Verdict, conclude
 from scaraspec.mutants.controller import mutants
+from scaraspec.protocol.commands import Command
+from scaraspec.protocol.frames import Frame
 from scaraspec.report import junit
 from scaraspec.report.model import SEEN, Case, Results, Role, Tool
+from scaraspec.virtual_controller.core import ControllerCore
 
 Verify = Callable[..., tuple[int, str]]
 NAMES = sorted((*FILES, MANIFEST))
@@ -500,6 +504,35 @@ def test_required_hook(
     status, text = verify(path, lists=(strict,))
     assert status == 1
     assert "case 4/3.fault was skipped" in text
+
+
+class WithoutClockQuery(ControllerCore):
+    """Does not know the opcode of get_time."""
+
+    def _command(self, frame: Frame) -> Command | None:
+        command = super()._command(frame)
+        return None if command and command.name == "get_time" else command
+
+
+def test_unsupported_command(verify: Verify, tmp_path: Path) -> None:
+    """The cases of a command may be skipped if the ICS claims so, and if the run has tried it."""
+    clock = "4.5/4"
+    mandatory = list_of_cases((clock, STATUS))
+    ics = replace(ICS, unsupported=frozenset({"get_time"}))
+    results = certified(tmp_path, mandatory, WithoutClockQuery, ics)
+    path = tmp_path / "package.zip"
+    write_package(certification_of(path, mandatory), tmp_path, ics)
+    status, text = verify(path, lists=(mandatory,))
+    assert status == 0, text
+    assert "no violation found (3 of 5 requirements judged), without get_time" in text
+    assert results.session
+    others = tuple(each for each in results.session.exchanges if each.name != "get_time")
+    for changed in (
+        replace(results, subject=replace(results.subject, claims={})),
+        replace(results, session=replace(results.session, exchanges=others)),
+    ):
+        found = [*checks.case_problems(changed, mandatory)]
+        assert [f"case {clock} was skipped" in problem for problem in found] == [True]
 
 
 @pytest.mark.parametrize(

@@ -34,9 +34,9 @@ ICS = Ics(
 )
 
 
-def list_of_cases() -> MandatoryList:
+def list_of_cases(ids: tuple[str, ...] = CASES) -> MandatoryList:
     """Return a list of a few cases, for this version."""
-    cases = {case.id: case.requirements for case in collect(Options()) if case.id in CASES}
+    cases = {case.id: case.requirements for case in collect(Options()) if case.id in ids}
     return MandatoryList(
         "controller-2026-01-01",
         Role.CONTROLLER,
@@ -60,31 +60,30 @@ def certification_of(path: Path, mandatory: MandatoryList) -> Certification:
 
 
 def certified(
-    folder: Path, mandatory: MandatoryList, core: type[ControllerCore] = ControllerCore
+    folder: Path,
+    mandatory: MandatoryList,
+    core: type[ControllerCore] = ControllerCore,
+    ics: Ics = ICS,
 ) -> Results:
     """Run these cases on the simulated clock as a certification does, and write all files."""
     robot = Robot(core, DEFAULT)
-
     options = certification_options(Role.CONTROLLER, mandatory)
     events = list[WireEvent]()
     adapter = ControllerAdapter(
         MemoryAccess(robot.network),
-        ICS,
+        ics,
         PASSWORD,
-        replace(options, only=frozenset(), cases=frozenset(CASES)),
+        replace(options, only=frozenset(), cases=frozenset(mandatory.cases)),
         link="memory",
         capture="capture.mcap",
         draw_token=tokens().__next__,
     )
     results = Run(adapter, take=events.append).results()
     assert results.run
-    settings = {
-        **adapter.settings,
-        **options.summary,
-        "patience_s": PATIENCE_S,
-    }  # the small list is the whole list
+    whole = {**options.summary, "patience_s": PATIENCE_S}  # the small list is the whole list
+    settings = {**adapter.settings, **whole}
     results = replace(results, run=replace(results.run, settings=settings))
-    claims = {f"{CLAIM}{key}": value for key, value in ICS.recorded.items()}
+    claims = {f"{CLAIM}{key}": value for key, value in ics.recorded.items()}
     sink = capture_sink(
         OutputFolder(folder, []),
         session={SUBJECT: "controller", **claims},
