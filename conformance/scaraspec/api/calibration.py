@@ -50,9 +50,8 @@ class Calibration:
 def chosen_mutants(role: Role, seed: int) -> list[str]:
     """Return the ids of the mutants that a seed chooses; equal on every machine."""
     ids = [mutant.name for mutant in mutants(role)]
-    return sorted(ids, key=lambda name: hashlib.sha256(f"{seed} {name}".encode()).digest())[
-        :MUTANTS
-    ]
+    ids.sort(key=lambda name: hashlib.sha256(f"{seed} {name}".encode()).digest())
+    return ids[:MUTANTS]
 
 
 def calibrate(

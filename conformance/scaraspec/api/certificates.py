@@ -72,12 +72,12 @@ class Verification:
 
     Attributes:
         checks: The checks, in order. A check that needs what another one has refused is left out.
-        signed: Whether the signature was verified.
+        signed: ``signed`` by the signer, ``unsigned``, or ``signature not checked``.
         results: The results in the package; None if they cannot be read.
     """
 
     checks: tuple[Check, ...]
-    signed: bool
+    signed: str
     results: Results | None
 
     @property
@@ -279,7 +279,8 @@ def verify_package(
             if results and found[0].passed:
                 known = mandatory_lists(manifest.role) if lists is None else lists
                 found += _checks_of_results(folder, manifest, results, known)
-            return Verification(tuple(found), signer is not None and found[1].passed, results)
+            signed = "signed" if signer and found[1].passed else found[1].note
+            return Verification(tuple(found), signed or "unsigned", results)
     except OSError as error:
         raise PackageError(
             UserMessage("{path} cannot be read: {reason}", path=path, reason=error.strerror),
@@ -333,7 +334,7 @@ def _check_signature(path: Path, file: BinaryIO, signer: Path | None) -> Check:
         problem = signature.signature_problem(file, signed, signer)
         made_by = UserMessage("made by {signer}", signer=signer)
         return _refusing("signature", filter(None, [problem]), made_by)
-    note = "not checked: --signer names the signer" if signed.exists() else "unsigned"
+    note = "signature not checked" if signed.exists() else "unsigned"
     return Check("signature", note=note)
 
 
@@ -350,7 +351,10 @@ def _checks_of_results(
         yield Check("version", (problem,), status=ExitStatus.INCONCLUSIVE)
         return
     note = UserMessage("scaraspec {version}, {id}", version=mandatory.version, id=mandatory.id)
-    yield _refusing("version", _version_problems(manifest, results, mandatory), note)
+    version = _refusing("version", _version_problems(manifest, results, mandatory), note)
+    yield version
+    if not version.passed:
+        return
     note = UserMessage("{count} mandatory cases", count=len(mandatory.cases))
     yield _refusing("cases", checks.case_problems(results, mandatory), note)
     note = UserMessage("seed {seed}", seed=results.run.seed if results.run else "")

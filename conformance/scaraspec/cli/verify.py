@@ -42,7 +42,7 @@ def command(package: Path, *, signer: Path | None) -> None:
 def show(package: Path, verification: Verification) -> None:
     """Print one line for each check, its problems, and the conclusion."""
     for check in verification.checks:
-        click.echo(visible(f"{check.name:10} {_mark(check.status)}  {check.note}").rstrip())
+        click.echo(visible(f"{check.name:11} {_mark(check.status)}  {check.note}").rstrip())
         for problem in check.problems:
             click.echo(visible(f"  {problem}"))
     click.echo(visible(_conclusion(package, verification)))
@@ -64,7 +64,7 @@ def _conclusion(package: Path, verification: Verification) -> str:
     return UserMessage(
         "{package}: verified, {signed}: {title} {version}: {label}",
         package=package,
-        signed="signed" if verification.signed else "unsigned",
+        signed=verification.signed,
         title=results.subject.title,
         version=results.subject.version,
         label=results.label,

@@ -349,7 +349,7 @@ def test_signed(verify: Verify, copy: Path, key: Path, tmp_path: Path) -> None:
     """The public key, or a file of allowed signers, names the signer."""
     sign(copy, key)
     public = key.with_suffix(".pub")
-    assert "signature  ok  not checked" in verify(copy)[1]
+    assert "verified, signature not checked: " in verify(copy)[1]
     status, text = verify(copy, "--signer", public)
     assert status == 0, text
     assert "verified, signed: " in text
@@ -444,7 +444,7 @@ def test_another_version(
     path = packed(tmp_path / "other", changed, run_folder / "capture.mcap", other)
     status, text = verify(path, lists=(other,))
     assert status == 0, text
-    assert "capture    ok  differs, but scaraspec 0.1.9 judged it" in text
+    assert "capture     ok  differs, but scaraspec 0.1.9 judged it" in text
     assert "the results have a finding on the wire about 4.8/1" in text
 
 

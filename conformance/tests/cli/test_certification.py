@@ -171,7 +171,7 @@ def test_incomplete_ics(certify: Run, tmp_path: Path, change: tuple[str, str], s
 
 
 def test_what_is_missing(certify: Run, tmp_path: Path) -> None:
-    """All hazards, an output folder, a seed of the set, and a new file."""
+    """All hazards, an output folder, a seed of the set, a TCP link, and a new file."""
     url, out = "tcp://127.0.0.1:1", ("--out", tmp_path / "out")
     status, text = certify(url, "--allow", "state", *out)
     assert (status, "--allow destructive,motion is missing" in text) == (2, True)
@@ -179,6 +179,8 @@ def test_what_is_missing(certify: Run, tmp_path: Path) -> None:
     assert (status, "--certification needs --out DIR" in text) == (2, True)
     status, text = certify(url, *ALLOW, *out, "--seed", "10")
     assert (status, "the seed of a certification is 0 to 9, not 10" in text) == (2, True)
+    status, text = certify("serial:///dev/ttyS9", *ALLOW, *out)
+    assert (status, "--certification needs a TCP link" in text) == (2, True)
     (tmp_path / "out.scaraspec.zip").touch()
     status, text = certify(url, *ALLOW, *out)
     assert (status, "name another file with --package" in text) == (2, True)

@@ -77,7 +77,7 @@ def command(  # noqa: PLR0913 - one for each option
     fail_fast: bool,
     out: Path | None,
     dry_run: bool,
-    **_: object,
+    **_: object,  # those of `certification_of`
 ) -> None:
     """Certify a client build: the suite acts as the controller.
 

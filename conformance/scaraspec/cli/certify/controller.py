@@ -29,7 +29,7 @@ from scaraspec.cli.problems import Problem
 from scaraspec.report.model import Results, Role
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.plan import Options, hazards
-from scaraspec.transports.url import parse
+from scaraspec.transports.url import Tcp, parse
 
 _GROUPS = {
     "The subject": (
@@ -133,7 +133,7 @@ def command(  # noqa: PLR0913 - one for each option
     yes: bool,
     out: Path | None,
     dry_run: bool,
-    **_: object,
+    **_: object,  # those of `certification_of`
 ) -> None:
     """Certify the controller at URL; read-only unless --allow permits more.
 
@@ -173,6 +173,10 @@ def command(  # noqa: PLR0913 - one for each option
             undefined=undefined_opcodes,
         )
         if certification:
+            if where and not isinstance(parse(where), Tcp):
+                raise Problem(
+                    "--certification needs a TCP link: some requirements are about connections"
+                )
             options = certification.options
         cases = certify.plan(options)
         estimate = estimate_of(cases, options, statement)
