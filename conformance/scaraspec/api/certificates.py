@@ -378,10 +378,12 @@ def _version_problems(
         yield UserMessage("the list {id} has another checksum", id=mandatory.id)
     if (manifest.tool, manifest.role) != (results.tool, results.role):
         yield "the manifest names another tool or role than the results"
-    if (results.tool.version, results.role) != (mandatory.version, mandatory.role):
+    listed = (replace(Tool.own(), version=mandatory.version), mandatory.role)
+    if (results.tool, results.role) != listed:
         yield UserMessage(
-            "{id} is no list of scaraspec {version} for a {role}",
+            "{id} is no list of {tool} {version} for a {role}",
             id=mandatory.id,
+            tool=results.tool.name,
             version=results.tool.version,
             role=results.role.value,
         )

@@ -425,6 +425,16 @@ def test_altered_list(verify: Verify, package: Path, small_list: MandatoryList) 
     assert "the list controller-2026-01-01 has another checksum" in text
 
 
+@pytest.mark.parametrize("tool", [Tool("scaraspec", "0.1.9"), Tool("other", Tool.own().version)])
+def test_another_tool(
+    verify: Verify, results: Results, forge: Callable[[Results], Path], tool: Tool
+) -> None:
+    """The list names the version, so that no other one can be pretended."""
+    status, text = verify(forge(replace(results, tool=tool)))
+    assert status == 1
+    assert f"is no list of {tool.name} {tool.version} for a controller" in text
+
+
 def test_later_format(verify: Verify, package: Path, tmp_path: Path) -> None:
     text = json.dumps({**_plain(package, MANIFEST), "schema": "scaraspec.package/9"})
     path = rezipped(package, tmp_path / "later.zip", manifest__json=text.encode())
