@@ -39,6 +39,7 @@ from scaraspec.protocol.commands import Command
 from scaraspec.protocol.frames import Frame
 from scaraspec.report import junit
 from scaraspec.report.model import SEEN, Case, Results, Role, Tool
+from scaraspec.suite.engine.hooks import CommandHook
 from scaraspec.virtual_controller.core import ControllerCore
 
 Verify = Callable[..., tuple[int, str]]
@@ -180,6 +181,28 @@ def test_no_password(package: Path) -> None:
         for name in set(NAMES) - {"report.html"}:  # it explains what a password is
             assert b"|password" not in archive.read(name)
             assert b"\x01\x08password" not in archive.read(name)
+
+
+def test_environment(package: Path) -> None:
+    """Who tested which sample, where, and with what."""
+    found: Any = _plain(package, "environment.json")
+    assert found["sample"] == {"serial_number": "7", "firmware": "1.4", "hardware": "B"}
+    assert found["laboratory"] == {"name": "Lab", "operator": "Li"}
+    machine = {"host", "operating_system", "python", "clock"}
+    assert {key for key, text in found["machine"].items() if text} == machine
+    assert found["tool"]["version"] == Tool.own().version
+    assert found["round_trip"]["command"] == "get_status"
+    assert found["round_trip"]["count"] > 0
+
+
+def test_hooks_only_by_name(run_folder: Path, tmp_path: Path) -> None:
+    """The command of a hook may contain a password."""
+    ics = replace(ICS, hooks={"restart": CommandHook("restart", "ssh -p secret", 1.0)})
+    path = tmp_path / "package.zip"
+    write_package(certification_of(path, list_of_cases()), run_folder, ics)
+    assert _plain(path, "ics.json")["claims"] == {"hooks.restart": "given"}
+    with zipfile.ZipFile(path) as archive:
+        assert not any(b"secret" in archive.read(name) for name in ("ics.json", "environment.json"))
 
 
 # Files.

@@ -276,6 +276,7 @@ def conclude(
 
 def _verify(package: Path, status: ExitStatus) -> ExitStatus:
     """Verify the package of this run; return the exit status of the run."""
+    click.echo(UserMessage("verifying {package}", package=visible(f"{package}")))
     verification = verify_package(package)
     show(package, verification)
     if status is ExitStatus.CONFORMANT and verification.exit_status is not status:
