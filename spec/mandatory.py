@@ -24,6 +24,9 @@ OPTIONAL_HOOKS: Final = (
 )
 """A fault cannot be produced safely on every arm, and not every robot has an analog source."""
 
+UNLESS_CLAIMED: Final = {"3/24": ("readings.pipelining=one",)}
+"""A controller that serves one request at a time has no order of replies."""
+
 
 def renewed(role: Role, today: date, repaired: Sequence[str] = ()) -> MandatoryList | None:
     """Return a new list of a role; None if the newest one is right.
@@ -41,6 +44,7 @@ def renewed(role: Role, today: date, repaired: Sequence[str] = ()) -> MandatoryL
         cases=_requirements(role, undefined=False),
         optional_cases=_requirements(role, undefined=True),
         optional_hooks=OPTIONAL_HOOKS if role is Role.CONTROLLER else (),
+        unless_claimed=UNLESS_CLAIMED if role is Role.CONTROLLER else {},
     )
     own = [case for case in repaired if case in made.cases]
     if earlier and not own:

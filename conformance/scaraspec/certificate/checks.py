@@ -93,21 +93,27 @@ def _is_skipped(case: Case, results: Results, mandatory: MandatoryList) -> bool:
     """Whether a case was skipped without a reason that the list allows.
 
     A case that does not apply is allowed if it needs a command that is verified to be unsupported,
-    or if its requirements were judged by other cases or are about such a command.
+    or if each of its requirements was judged by other cases, is about such a command, or does not
+    apply under a claim of the ICS.
     """
     if case.verdict is not Verdict.NONE:
         return False
     named = getattr(case.message, "values", {})
     if case.reason is Reason.HOOK:
-        claims = results.subject.claims
         return any(
-            hook not in mandatory.optional_hooks or f"hooks.{hook}" in claims
+            hook not in mandatory.optional_hooks or f"hooks.{hook}" in results.subject.claims
             for hook in named.get("hooks", "").split(", ")
         )
+    claims = {f"{key}={value}" for key, value in results.subject.claims.items()}
     settled = {each.id for each in results.requirements if each.decided}
     return case.reason is not Reason.NOT_APPLICABLE or not (
         named.get("name") in _verified_lacks(results)
-        or all(each in settled or _is_excluded(each, results) for each in case.requirements)
+        or all(
+            each in settled
+            or _is_excluded(each, results)
+            or not claims.isdisjoint(mandatory.unless_claimed.get(each, ()))
+            for each in case.requirements
+        )
     )
 
 

@@ -7,7 +7,7 @@ a change of the cases gives a new file, with the difference in its history.
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Final
@@ -48,6 +48,8 @@ class MandatoryList:
         cases: The ids of the mandatory cases, each with the requirements that it judges.
         optional_cases: The same of cases that need not run: they send undefined opcodes.
         optional_hooks: The hooks that the ICS may leave out; the cases that need them are skipped.
+        unless_claimed: The requirements that no case can judge if the ICS has one of these claims,
+            such as ``readings.pipelining=one``. A claim that the run refutes is a failure.
         history: The differences between this list and the earlier ones, the oldest first.
     """
 
@@ -55,13 +57,18 @@ class MandatoryList:
     role: Role
     version: str
     cases: Mapping[str, tuple[str, ...]]
-    optional_cases: Mapping[str, tuple[str, ...]]
+    optional_cases: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     optional_hooks: tuple[str, ...] = ()
+    unless_claimed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     history: tuple[Change, ...] = ()
 
     def to_json(self) -> str:
-        """Return the text of its file; equal lists give equal bytes."""
-        plain = {"schema": SCHEMA, **to_plain(self)}
+        """Return the text of its file; equal lists give equal bytes.
+
+        Empty members are not written: a later version may add members, and the checksum stays.
+        """
+        members = {name: value for name, value in to_plain(self).items() if value}
+        plain = {"schema": SCHEMA, **members}
         return json.dumps(plain, ensure_ascii=False, indent=1, sort_keys=True) + "\n"
 
     @property

@@ -568,6 +568,24 @@ def test_unsupported_command(verify: Verify, tmp_path: Path) -> None:
         assert [f"case {clock} was skipped" in problem for problem in found] == [True]
 
 
+def test_another_reading(verify: Verify, tmp_path: Path) -> None:
+    """The list names the claims under which no case can judge a requirement."""
+    order, claim = "3/24", "readings.pipelining=one"
+    mandatory = replace(list_of_cases((order, STATUS)), unless_claimed={order: (claim,)})
+    ics = ICS.with_claims(pipelining="one")
+    results = certified(tmp_path, mandatory, ics=ics)
+    path = tmp_path / "package.zip"
+    write_package(certification_of(path, mandatory), tmp_path, ics)
+    status, text = verify(path, lists=(mandatory,))
+    assert status == 0, text
+    unclaimed = replace(results, subject=replace(results.subject, claims={}))
+    for found in (
+        checks.case_problems(unclaimed, mandatory),
+        checks.case_problems(results, replace(mandatory, unless_claimed={})),
+    ):
+        assert [f"case {order} was skipped" in problem for problem in found] == [True]
+
+
 @pytest.mark.parametrize(
     ("name", "value"),
     [

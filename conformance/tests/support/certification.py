@@ -42,8 +42,7 @@ def list_of_cases(ids: tuple[str, ...] = CASES) -> MandatoryList:
         Role.CONTROLLER,
         Tool.own().version,
         cases,
-        {},
-        ("clear_faults", "motor_fault"),
+        optional_hooks=("clear_faults", "motor_fault"),
     )
 
 
