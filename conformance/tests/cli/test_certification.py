@@ -11,6 +11,7 @@ from certification import CASES, calibrated, list_of_cases
 
 from scaraspec.api import calibration, certificates
 from scaraspec.certificate import checks
+from scaraspec.cli.certify import controller
 from scaraspec.cli.main import main
 from scaraspec.judge.verdicts import Conclusion
 from scaraspec.report.model import Results, Role
@@ -65,6 +66,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(certificates, "mandatory_lists", lambda _: (list_of_cases(),))
     monkeypatch.setattr(checks, "certification_options", small_options)
     monkeypatch.setattr(certificates, "calibrate", lambda *_, **__: calibrated())
+    monkeypatch.setattr(controller, "end_on_signals", lambda _: None)  # they are those of pytest
 
 
 @pytest.mark.usefixtures("small")
