@@ -184,6 +184,11 @@ def capture_problems(results: Results, derived: Results) -> Iterator[str]:
         yield UserMessage(
             "the capture violates {id}, but the results do not say so", id=requirement
         )
+    known = {case.id for case in results.cases}
+    for case in derived.cases:
+        if not case.requirements and case.id not in known:  # a claim that is refuted
+            text = "the capture has a failure {case}, but the results have not"
+            yield UserMessage(text, case=case.id)
     for verdict in (Verdict.FAIL, Verdict.TOLERATED):
         for requirement in sorted(seen[verdict] - found[verdict] - undecidable):
             yield UserMessage(

@@ -27,7 +27,7 @@ from certification import (
 )
 from wording import ROOT
 
-from scaraspec.api import certificates
+from scaraspec.api import audit, certificates
 from scaraspec.api.certificates import PackageError, verify_package, write_package
 from scaraspec.certificate import checks
 from scaraspec.certificate.mandatory import MandatoryList
@@ -566,6 +566,19 @@ def test_unsupported_command(verify: Verify, tmp_path: Path) -> None:
     ):
         found = [*checks.case_problems(changed, mandatory)]
         assert [f"case {clock} was skipped" in problem for problem in found] == [True]
+
+
+def test_a_refuted_claim(tmp_path: Path) -> None:
+    """The capture shows that a command is answered which the ICS calls unsupported."""
+    mandatory = list_of_cases((STATUS,))
+    ics = replace(ICS, unsupported=frozenset({"get_time"}))
+    results = certified(tmp_path, mandatory, ics=ics)
+    derived, _ = audit(tmp_path / "capture.mcap")
+    assert [*checks.capture_problems(results, derived)] == []
+    others = [case for case in results.cases if case.id != "claim.lacks.get_time"]
+    assert [*checks.capture_problems(concluded(results, *others), derived)] == [
+        "the capture has a failure claim.lacks.get_time, but the results have not"
+    ]
 
 
 def test_another_reading(verify: Verify, tmp_path: Path) -> None:
