@@ -109,10 +109,12 @@ prove: $(READY)
 pictures: demo
 	$(BIN)/python docs/pictures.py reports/out/demo
 
-# Generates the pages of the register and the catalogue, and records what each case of the suite does.
+# Generates the pages of the register and the catalogue, records what each case of the suite does, and
+# writes a list of mandatory cases if they changed.
 spec: $(READY)
 	$(BIN)/python spec/generate.py
 	$(BIN)/python -m scaraspec.mutants.recorded_runs
+	$(BIN)/python spec/mandatory.py
 
 format: $(READY)
 	$(BIN)/ruff check --fix

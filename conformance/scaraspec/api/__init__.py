@@ -1,6 +1,6 @@
 """The Python interface: what the command line can do, as documented and typed functions.
 
-    from scaraspec.api import audit, certify, compare, gate, prove, record, replay
+    from scaraspec.api import audit, certify, compare, gate, prove, record, replay, verify_package
 
 `certify` is a module with the functions `controller` and `client`; the others are functions. This
 package composes all others. Nothing in it prints, reads the command line or handles signals.
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from scaraspec.api import certify
     from scaraspec.api.auditing import audit
+    from scaraspec.api.certificates import certification, verify_package
     from scaraspec.api.proving import prove, prove_dialects
     from scaraspec.api.recording import record
     from scaraspec.api.replaying import replay
@@ -41,6 +42,7 @@ __all__ = [
     "audit",
     "case_sheets",
     "cases_to_repeat",
+    "certification",
     "certify",
     "check_ics",
     "compare",
@@ -53,6 +55,7 @@ __all__ = [
     "record",
     "replay",
     "select",
+    "verify_package",
 ]
 
 _MODULES = {
@@ -70,6 +73,7 @@ _MODULES = {
     "case_sheets": "scaraspec.suite.engine.case_sheet",
     "cases_to_repeat": "scaraspec.suite.engine.earlier_sitting",
     "check_ics": "scaraspec.api.statements",
+    "certification": "scaraspec.api.certificates",
     "compare": "scaraspec.api.results",
     "gate": "scaraspec.api.results",
     "merge": "scaraspec.api.results",
@@ -80,6 +84,7 @@ _MODULES = {
     "record": "scaraspec.api.recording",
     "replay": "scaraspec.api.replaying",
     "select": "scaraspec.judge.requirements",
+    "verify_package": "scaraspec.api.certificates",
 }
 
 

@@ -24,10 +24,12 @@ from scaraspec.traffic.wire import UNJUDGED, Kind, WireEvent
 from scaraspec.transports.url import Tcp, parse
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
-from scaraspec_recorder.sinks.mcap.mcap_sink import CLAIM, SUBJECT
+from scaraspec_recorder.sinks.mcap.mcap_sink import CLAIM, MASKED, PASSWORDS, SUBJECT
 from scaraspec_recorder.sources.capture import McapCapture, PcapCapture, open_capture
 
 _EVENTS_PER_UPDATE: Final = 1000
+_ON_PASSWORDS: Final = frozenset({"4.1/2", "4.1/3", "4.2/3"})
+"""Requirements that masked passwords make undecidable."""
 _OTHER_SIDE: Final = {Role.CONTROLLER: "client", Role.CLIENT: "controller"}
 
 
@@ -73,7 +75,10 @@ def audit(  # noqa: PLR0913 - independent options of an audit
     subject, ics = subject or tested, (ics or claimed).with_claims(**(readings or {}))
     serial = serial or not capture.needs_login or bool(ics.url and not _is_tcp(ics.url))
     side = None if subject is Role.CAPTURE else sending_direction(subject)
-    judge = Judge(ics.dialect, needs_login=not serial, scope=ics.scope(side))
+    scope = ics.scope(side)
+    if capture.session.get(PASSWORDS) == MASKED:
+        scope = replace(scope, undecidable=scope.undecidable | _ON_PASSWORDS)
+    judge = Judge(ics.dialect, needs_login=not serial, scope=scope)
     replay = reproduction or f"scaraspec audit {file}"
     listener = _Listener(judge, ics)
     for number, event in enumerate(capture):

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from scaraspec.api.certificates import Certification, calibrated, write_package
 from scaraspec.api.run_folder import RunFolder, RunFolderError, earlier_results
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.operating_system import state_directory
@@ -87,6 +88,7 @@ def controller(  # noqa: PLR0913 - independent options of a run
     options: Options | None = None,
     patience_s: float = 10.0,
     out: Path | None = None,
+    certification: Certification | None = None,
     state_dir: Path | None = None,
     lock_timeout_s: float = 0.0,
     wait_for_s: float = 0.0,
@@ -107,6 +109,8 @@ def controller(  # noqa: PLR0913 - independent options of a run
         patience_s: Longest wait of one case in seconds, for example for the next minute of the
             controller's clock.
         out: Folder for results, reports and recording; None to write nothing.
+        certification: Makes the run a certification, with its options; needs `out`. The tester is
+            calibrated first, unless `certificates.calibrated` has done it.
         state_dir: Folder of the journals; None for the user's state directory.
         lock_timeout_s: How long to wait for another run against this controller, in seconds.
         wait_for_s: How long to wait until the controller accepts a connection, in seconds.
@@ -115,6 +119,7 @@ def controller(  # noqa: PLR0913 - independent options of a run
         interruption: Ends the run early; its `ask` may be called by a signal handler.
 
     Raises:
+        CalibrationError: The tester is not fit for a certification.
         LinkError: The URL is invalid.
         ControllerBusyError: Another run uses the controller.
         JournalError: The journal cannot be used.
@@ -125,13 +130,15 @@ def controller(  # noqa: PLR0913 - independent options of a run
         SuiteError: The suite is defective.
         OSError: `out` cannot be created.
     """
+    certification = calibrated(certification) if certification else None
     with prepared(
         url,
         password=password,
         ics=ics or Ics(),
-        options=options or Options(),
+        options=certification.options if certification else options or Options(),
         patience_s=patience_s,
         out=out,
+        redact=certification is not None,
         state_dir=state_dir,
         lock_timeout_s=lock_timeout_s,
         wait_for_s=wait_for_s,
@@ -139,7 +146,7 @@ def controller(  # noqa: PLR0913 - independent options of a run
         progress=progress,
         interruption=interruption,
     ) as (run, files):
-        return write_results(run, run.results(), files)
+        return write_results(run, run.results(), files, certification)
 
 
 @contextmanager
@@ -151,6 +158,7 @@ def prepared(  # noqa: PLR0913 - independent options of a run
     options: Options,
     patience_s: float,
     out: Path | None,
+    redact: bool,
     state_dir: Path | None,
     lock_timeout_s: float,
     wait_for_s: float,
@@ -161,13 +169,19 @@ def prepared(  # noqa: PLR0913 - independent options of a run
     """Prepare a run against the controller at a URL, and its folder; nothing has been sent.
 
     The journal of the controller is locked until the end of the context. Arguments and exceptions
-    are those of `controller`.
+    are those of `controller`; with `redact` the recording has masked passwords.
     """
     access = UrlAccess(url, patience_s)
     folder = state_dir or state_directory()
     with (
         Journal.of(resolve_url(url), folder, wait_s=lock_timeout_s) as journal,
-        RunFolder(out, Role.CONTROLLER, ics, needs_login=access.needs_login) as files,
+        RunFolder(
+            out,
+            Role.CONTROLLER,
+            ics,
+            needs_login=access.needs_login,
+            redact=redact,
+        ) as files,
     ):
         access.wait_until_reachable(wait_for_s)
         adapter = ControllerAdapter(
@@ -199,6 +213,7 @@ def client(  # noqa: PLR0913 - independent options of a run
     ics: Ics | None = None,
     options: Options | None = None,
     out: Path | None = None,
+    certification: Certification | None = None,
     reproduction: str = "",
     progress: Progress = _SILENT,
     interruption: Interruption | None = None,
@@ -213,11 +228,13 @@ def client(  # noqa: PLR0913 - independent options of a run
         options: Requirements, seed and depth.
         out: Folder for results, reports and recording; None to write nothing. An attended run
             continues an earlier one in the same folder, with the same ICS and options.
+        certification: As for `controller`; needs a driver.
         reproduction: The command that repeats the run, for the report.
         progress: Callbacks.
         interruption: Ends the run early.
 
     Raises:
+        CalibrationError: The tester is not fit for a certification.
         DriverError: The driver cannot be started.
         RunFolderError: `out` contains results of an earlier run that this one cannot continue.
         StartError: The subject could not be used at the start of the run.
@@ -226,11 +243,12 @@ def client(  # noqa: PLR0913 - independent options of a run
         SuiteError: The suite is defective.
         OSError: `out` cannot be created.
     """
+    certification = calibrated(certification) if certification else None
     access = DriverAccess(driver, answer_timeout_s) if isinstance(driver, str) else driver
     adapter = ClientAdapter(
         access,
         ics or Ics(),
-        options or Options(attended=access.attended),
+        certification.options if certification else options or Options(attended=access.attended),
         link=driver if isinstance(driver, str) else f"{access.host}:{access.port}",
         replay=reproduction,
     )
@@ -239,7 +257,11 @@ def client(  # noqa: PLR0913 - independent options of a run
         earlier = earlier_results(out) if access.attended else None
         if earlier:
             _require_same(earlier, adapter, out)
-        files = resources.enter_context(RunFolder(out, Role.CLIENT, adapter.ics, earlier=earlier))
+        files = resources.enter_context(
+            RunFolder(
+                out, Role.CLIENT, adapter.ics, earlier=earlier, redact=certification is not None
+            )
+        )
         run = Run(
             replace(adapter, capture=files.capture),
             earlier=earlier,
@@ -248,7 +270,7 @@ def client(  # noqa: PLR0913 - independent options of a run
             announce=progress.case_begins,
             interruption=interruption,
         )
-        return write_results(run, run.results(), files)
+        return write_results(run, run.results(), files, certification)
 
 
 def _require_same(earlier: Results, adapter: ClientAdapter, out: Path | None) -> None:
@@ -268,8 +290,12 @@ def _require_same(earlier: Results, adapter: ClientAdapter, out: Path | None) ->
         )
 
 
-def write_results(run: Run[Any], results: Results, files: RunFolder) -> Results:
+def write_results(
+    run: Run[Any], results: Results, files: RunFolder, certification: Certification | None = None
+) -> Results:
     """Write the results of a run that has ended to its folder, and return them.
+
+    A certification also writes its package.
 
     Raises:
         StartError: The subject could not be used at the start of the run.
@@ -283,4 +309,6 @@ def write_results(run: Run[Any], results: Results, files: RunFolder) -> Results:
             files.finish(results)
         except RunFolderError as error:
             raise IncompleteFilesError(results, error) from None
+        if certification and files.path:
+            write_package(certification, files.path, run.adapter.ics)
     return results

@@ -38,13 +38,17 @@ class RunFolder:
         earlier: The results of an earlier run in this folder, which this run continues. The new
             recording goes into a subfolder ``sitting-2`` and so on.
         needs_login: False for a serial link (L83).
+        redact: Whether passwords are masked in the raw bytes of the recording.
+
+    Attributes:
+        path: The folder; None if nothing is written.
 
     Raises:
         RunFolderError: The folder contains the results of another run.
         OSError: The folder cannot be created.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - independent options
         self,
         path: Path | None,
         role: Role,
@@ -52,8 +56,9 @@ class RunFolder:
         *,
         earlier: Results | None = None,
         needs_login: bool = True,
+        redact: bool = False,
     ) -> None:
-        self._path = path
+        self.path = path
         self._recording: BackgroundRecorder | None = None
         self._reserve: Path | None = None
         self._created: Path | None = None
@@ -72,13 +77,19 @@ class RunFolder:
         self._reserve = _reserve_space(folder / RESERVE)
         claims = {f"{CLAIM}{key}": value for key, value in ics.recorded.items()}
         session = {SUBJECT: role.value, **claims}
-        sink = partial(capture_sink, session=session, draw=has_viewer(), needs_login=needs_login)
+        sink = partial(
+            capture_sink,
+            session=session,
+            draw=has_viewer(),
+            needs_login=needs_login,
+            redact=redact,
+        )
         self._recording = BackgroundRecorder(folder, [sink])
 
     @property
     def capture(self) -> str:
         """The recording, relative to the results; empty if there are several."""
-        return CAPTURE if self._path and not self._earlier else ""
+        return CAPTURE if self.path and not self._earlier else ""
 
     def record(self, event: WireEvent) -> None:
         """Write a wire event to the recording."""
@@ -92,16 +103,16 @@ class RunFolder:
             RunFolderError: The recording is incomplete, or a report cannot be written. Everything
                 that can be written is written.
         """
-        if self._path is None:
+        if self.path is None:
             return
         problems = [*self._close_recording()]
         if self._reserve:
             self._reserve.unlink(missing_ok=True)
         for name, write in _writers().items():
             try:
-                write(results, self._path / name)
+                write(results, self.path / name)
             except OSError as error:
-                problems.append(f"{self._path / name} cannot be written: {error.strerror}")
+                problems.append(f"{self.path / name} cannot be written: {error.strerror}")
         if problems:
             raise RunFolderError(problems[0])
 
@@ -122,7 +133,7 @@ class RunFolder:
             try:
                 recording.close()
             except SinkFailed as error:
-                yield f"{self._path}: the recording is incomplete: {error}"
+                yield f"{self.path}: the recording is incomplete: {error}"
 
     def __enter__(self) -> Self:
         """Return self."""

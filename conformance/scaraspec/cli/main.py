@@ -37,6 +37,7 @@ COMMANDS = {
     "recover": "Repair recordings whose recorder was killed.",
     "replay": "Send recorded requests to a controller again.",
     "requirements": "Show requirements and register entries.",
+    "verify": "Verify the result package of a certification.",
     "view": "Open a capture in the Rerun viewer.",
 }
 """Each command with its one-line help. The module of the same name defines `command`."""

@@ -212,6 +212,7 @@ class Certification:
                 options=self._options,
                 patience_s=settings.patience,
                 out=settings.out,
+                redact=False,
                 state_dir=settings.state_dir,
                 lock_timeout_s=settings.wait_for_lock,
                 wait_for_s=settings.wait_for,

@@ -104,7 +104,7 @@ def _undecidable(requirement: str, replay: str) -> Case:
         requirement,
         (requirement,),
         Verdict.NONE,
-        message="the claims of the ICS make it undecidable in a capture",
+        message="the claims of the ICS, or masked passwords, make it undecidable in a capture",
         replay=replay,
         reason=Reason.UNDECIDED,
         lines=document_lines((requirement,)),

@@ -40,13 +40,14 @@ def test_examples(controller: str, tmp_path: Path) -> None:
         )
         assert (ran.returncode, ran.stderr) == (0, ""), ran
         outputs.append(ran.stdout)
-    certified, stated, specified, gated, recorded, audited, replayed, proved = outputs
+    certified, stated, specified, gated, verified, recorded, audited, replayed, proved = outputs
     assert certified.startswith("no-violation-found\n")
     assert "\n4.8/" in certified
     assert (tmp_path / "run-1/report.html").exists()
     assert stated.startswith("() ('")
     assert specified.count("\n") == 3
     assert gated == "CONFORMANT\n"
+    assert verified == "plant-a.scaraspec.zip cannot be read: No such file or directory\n"
     assert recorded.endswith("no-violation-found\n")
     assert audited.startswith("no-violation-found Only the controller is judged.")
     assert "get_version answered -> answered" in replayed

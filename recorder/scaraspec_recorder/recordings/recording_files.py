@@ -19,7 +19,7 @@ from scaraspec_recorder.recordings.recording_stats import (
 )
 from scaraspec_recorder.sinks.decoder import Item, Output
 from scaraspec_recorder.sinks.file_names import file_stem
-from scaraspec_recorder.sinks.mcap.mcap_sink import LINK, SERIAL, McapSink
+from scaraspec_recorder.sinks.mcap.mcap_sink import LINK, MASKED, PASSWORDS, SERIAL, McapSink
 from scaraspec_recorder.sinks.rerun.optimizer import optimize_later
 from scaraspec_recorder.sinks.sink import OutputFolder
 from scaraspec_recorder.sinks.text import LogLine
@@ -93,8 +93,8 @@ def session_metadata(
         needs_login: False for a serial link (L83).
         redact: Whether passwords are masked in the raw bytes, too.
     """
-    passwords = "masked" if redact else "masked but in raw bytes"
-    return {**session, LINK: "tcp" if needs_login else SERIAL, "passwords": passwords}
+    passwords = MASKED if redact else "masked but in raw bytes"
+    return {**session, LINK: "tcp" if needs_login else SERIAL, PASSWORDS: passwords}
 
 
 def make_files(

@@ -8,6 +8,8 @@ from rich.console import Console
 
 from scaraspec.api import certify
 from scaraspec.cli.certify.options import (
+    calibrated,
+    certification_of,
     conclude,
     reproduction,
     rerun_of,
@@ -39,7 +41,7 @@ _GROUPS = {
         "exhaustive",
         "fail_fast",
     ),
-    "The run": ("out", "dry_run"),
+    "The run": ("out", "certification", "package", "dry_run"),
 }
 _DRIVER_S: Final = 10.0
 _OPERATOR_S: Final = 600.0
@@ -78,6 +80,7 @@ def command(  # noqa: PLR0913 - one for each option
     fail_fast: bool,
     out: Path | None,
     dry_run: bool,
+    **_: object,  # those of `certification_of`
 ) -> None:
     """Certify a client build: the suite acts as the controller.
 
@@ -104,6 +107,9 @@ def command(  # noqa: PLR0913 - one for each option
         )
         if rerun_from:
             options = rerun_of(rerun_from, options, statement, Role.CLIENT, driver or listen or "")
+        certification = certification_of(click.get_current_context(), Role.CLIENT, statement)
+        if certification:
+            options = certification.options
         cases = certify.plan(options, Role.CLIENT)
         estimate = estimate_of(cases, options, statement)
         click.echo(f"{len(cases)} cases will run, in {estimate}")
@@ -116,6 +122,7 @@ def command(  # noqa: PLR0913 - one for each option
             subject = _attended(listen, answer_timeout or _OPERATOR_S)
         else:
             raise Problem("no client: name its driver, such as --driver 'scaraspec client-driver'")
+        certification = calibrated(certification, Console())
         interruption = Interruption()
         display = Display(Console(), len(cases), estimate, ticks=attended)
 
@@ -128,12 +135,13 @@ def command(  # noqa: PLR0913 - one for each option
                     ics=statement,
                     options=options,
                     out=out,
+                    certification=certification,
                     reproduction=reproduction(click.get_current_context()),
                     progress=display.progress,
                     interruption=interruption,
                 )
 
-        conclude(run, out)
+        conclude(run, out, certification)
 
 
 def _attended(listen: str, answer_timeout_s: float) -> Attended:

@@ -10,6 +10,8 @@ from rich.console import Console
 from scaraspec.api import certify
 from scaraspec.cli.certify.options import (
     PATH,
+    calibrated,
+    certification_of,
     conclude,
     option,
     reproduction,
@@ -34,7 +36,7 @@ from scaraspec.report.model import Results, Role
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.plan import Options, hazards
-from scaraspec.transports.url import parse
+from scaraspec.transports.url import Tcp, parse
 
 _GROUPS = {
     "The subject": (
@@ -60,7 +62,7 @@ _GROUPS = {
             "undefined_opcodes",
         ),
     ),
-    "The run": ("out", "state_dir", "yes", "dry_run"),
+    "The run": ("out", "certification", "package", "state_dir", "yes", "dry_run"),
 }
 EXAMPLE = "Example: scaraspec certify controller tcp://192.168.1.2 --allow state --out run-1"
 
@@ -90,6 +92,8 @@ class Settings:
     state_dir: Path | None
     yes: bool
     out: Path | None
+    certification: bool
+    package: Path | None
     dry_run: bool
 
     def read_statement(self) -> Ics:
@@ -158,6 +162,19 @@ def command(**given: Any) -> None:
         options = settings.options()
         if earlier:
             options = rerun_of(earlier, options, statement, Role.CONTROLLER, where)
+        certification = certification_of(
+            click.get_current_context(),
+            Role.CONTROLLER,
+            statement,
+            allowed=options.allowed,
+            undefined=settings.undefined_opcodes,
+        )
+        if certification:
+            if where and not isinstance(parse(where), Tcp):
+                raise Problem(
+                    "--certification needs a TCP link: some requirements are about connections"
+                )
+            options = certification.options
         cases = certify.plan(options)
         estimate = estimate_of(cases, options, statement)
         show_plan(cases, options, statement, Console(), estimate)
@@ -165,6 +182,7 @@ def command(**given: Any) -> None:
             return
         if not settings.yes:
             confirm_motion(cases, options, statement)
+        certification = calibrated(certification, Console())
         interruption = Interruption()
         display = Display(Console(), len(cases), estimate)
 
@@ -178,6 +196,7 @@ def command(**given: Any) -> None:
                     options=options,
                     patience_s=settings.patience,
                     out=settings.out,
+                    certification=certification,
                     state_dir=settings.state_dir,
                     lock_timeout_s=settings.wait_for_lock,
                     wait_for_s=settings.wait_for,
@@ -186,4 +205,4 @@ def command(**given: Any) -> None:
                     interruption=interruption,
                 )
 
-        conclude(run, settings.out)
+        conclude(run, settings.out, certification)

@@ -1,5 +1,6 @@
 """Options, errors and output that both certifications share."""
 
+import os
 import shlex
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -8,15 +9,31 @@ from pathlib import Path
 from typing import Any, Final
 
 import click
+from click.core import ParameterSource
 from rich.console import Console
+from rich.progress import TimeRemainingColumn
 
+from scaraspec.api import certificates
+from scaraspec.api.calibration import MUTANTS
+from scaraspec.api.certificates import (
+    CalibrationError,
+    Certification,
+    CertificationError,
+    PackageError,
+    certification,
+    verify_package,
+)
 from scaraspec.api.certify import IncompleteFilesError, StartError
 from scaraspec.api.run_folder import RunFolderError
+from scaraspec.certificate.package import SUFFIX
 from scaraspec.cli.options import F, Percentage, Real, given_options
 from scaraspec.cli.problems import Problem
+from scaraspec.cli.progress_bar import ProgressBar
 from scaraspec.cli.results import results_in
+from scaraspec.cli.verify import show
 from scaraspec.cli.vocabulary import WORDS
 from scaraspec.judge.verdicts import ExitStatus
+from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import ReadingError
 from scaraspec.report import terminal
 from scaraspec.report.model import Results, ResultsError, Role
@@ -116,6 +133,17 @@ _OPTIONS: Final[Sequence[Callable[[Any], Any]]] = (
     option("exhaustive"),
     option("fail-fast"),
     option("out", type=PATH),
+    click.option(
+        "--certification",
+        is_flag=True,
+        help="Run all mandatory cases with fixed options, and write a package.",
+    ),
+    click.option(
+        "--package",
+        type=PATH,
+        metavar="FILE",
+        help="The package of --certification [OUT.scaraspec.zip].",
+    ),
     click.option("--dry-run", is_flag=True, help="Print the plan and send nothing."),
 )
 
@@ -201,9 +229,11 @@ def rerun_of(earlier: Results, options: Options, statement: Ics, role: Role, lin
 
 _NOT_REPEATED: Final = frozenset(
     {
+        "certification",
         "fail_fast",
         "only",
         "out",
+        "package",
         "yes",
         "dry_run",
         "password",
@@ -228,11 +258,88 @@ def reproduction(context: click.Context, url: str = "") -> str:
     return shlex.join([*filter(None, words), *options])
 
 
-def conclude(run: Callable[[], Results], out: Path | None) -> None:
-    """Run a certification, print its results and exit with its status.
+_FIXED: Final = {
+    "only": "--only",
+    "require": "--require",
+    "require_coverage": "--require-coverage",
+    "examples": "--examples",
+    "fail_fast": "--fail-fast",
+    "patience": "--patience",
+    "attended": "--attended",
+    "rerun_from": "--rerun-from",
+}
+"""Parameters that a certification fixes, and their options."""
+
+
+def certification_of(
+    context: click.Context,
+    role: Role,
+    ics: Ics,
+    *,
+    allowed: frozenset[Hazard] = frozenset(),
+    undefined: bool = False,
+) -> Certification | None:
+    """Return the certification that the options request; None if they request none.
 
     Raises:
-        SystemExit: Always. If a file could not be written, the status is 3, or 1 for a violation.
+        Problem: An option cannot be combined with it, or is missing.
+        CertificationError: The ICS or the options lack something.
+    """
+    given = context.params
+    package, out = given["package"], given["out"]
+    if not given["certification"]:
+        if package:
+            raise Problem("--package needs --certification")
+        return None
+    for name, option in _FIXED.items():
+        source = context.get_parameter_source(name)
+        if source not in (None, ParameterSource.DEFAULT):
+            raise Problem(
+                UserMessage("--certification fixes the options: leave out {option}", option=option)
+            )
+    if out is None:
+        raise Problem("--certification needs --out DIR, the folder for results and capture")
+    return certification(
+        role,
+        ics,
+        package or out.with_name(f"{out.name}{SUFFIX}"),
+        allowed=allowed,
+        seed=given["seed"],
+        undefined=undefined,
+    )
+
+
+def calibrated(certified: Certification | None, console: Console) -> Certification | None:
+    """Calibrate the tester before a certification, with a bar on a terminal.
+
+    Raises:
+        CalibrationError: The tester is not fit for a certification.
+    """
+    if certified is None:
+        return None
+    console.print(f"calibration: {MUTANTS} mutants must be killed on this machine")
+    bar = ProgressBar(console, "calibrating", MUTANTS, TimeRemainingColumn(), transient=True)
+    with bar:
+        return certificates.calibrated(
+            certified,
+            jobs=os.cpu_count() or 1,
+            mutant_ends=lambda proof: bar.count_one(proof.fault),
+        )
+
+
+def conclude(
+    run: Callable[[], Results], out: Path | None, certified: Certification | None = None
+) -> None:
+    """Run a certification, print its results and exit with its status.
+
+    Args:
+        run: Runs it.
+        out: The output folder; None if nothing is written.
+        certified: What a run with ``--certification`` writes; it is verified at once.
+
+    Raises:
+        SystemExit: Always. If a file could not be written, or the package is refused, the status is
+            3, or 1 for a violation.
     """
     problem = ""
     try:
@@ -247,7 +354,19 @@ def conclude(run: Callable[[], Results], out: Path | None) -> None:
             status = ExitStatus.INCONCLUSIVE
     elif out:
         click.echo(f"{out}/report.html")
+        if certified:
+            status = _verify(certified.package, status)
     raise SystemExit(status)
+
+
+def _verify(package: Path, status: ExitStatus) -> ExitStatus:
+    """Verify the package of this run; return the exit status of the run."""
+    click.echo(UserMessage("verifying {package}", package=visible(f"{package}")))
+    verification = verify_package(package)
+    show(package, verification)
+    if status is ExitStatus.CONFORMANT and verification.exit_status is not status:
+        return ExitStatus.INCONCLUSIVE
+    return status
 
 
 @contextmanager
@@ -255,11 +374,25 @@ def user_errors() -> Iterator[None]:
     """Turn errors that a user can cause into one sentence."""
     try:
         yield
-    except (IcsError, LinkError, ReadingError, DriverError, ResultsError, RunFolderError) as error:
+    except (
+        IcsError,
+        LinkError,
+        ReadingError,
+        DriverError,
+        ResultsError,
+        RunFolderError,
+        CertificationError,
+    ) as error:
         raise Problem(str(error)) from None
     except HazardError as error:
         raise Problem(UserMessage("--allow: {error}", error=error)) from None
-    except (ControllerBusyError, RecoveryError, StartError) as error:
+    except (
+        CalibrationError,
+        ControllerBusyError,
+        PackageError,
+        RecoveryError,
+        StartError,
+    ) as error:
         raise Problem(str(error), ExitStatus.INCONCLUSIVE) from None
     except JournalError as error:
         raise Problem(str(error)) from None

@@ -38,6 +38,7 @@ class Options:
         required: The requirements that must be judged; otherwise the run is inconclusive.
         required_percent: The share of the requirements in scope that must be judged.
         fail_fast: Run no further case after one has failed.
+        certification: The list of mandatory cases, with its checksum; empty for any other run.
     """
 
     only: frozenset[str] | None = None
@@ -52,6 +53,7 @@ class Options:
     required: frozenset[str] = frozenset()
     required_percent: float = 0.0
     fail_fast: bool = False
+    certification: str = ""
 
     @property
     def summary(self) -> dict[str, str]:
@@ -66,6 +68,7 @@ class Options:
             "undefined_opcodes": str(self.undefined).lower(),
             "attended": str(self.attended).lower(),
             "fail_fast": str(self.fail_fast).lower(),
+            **({"certification": self.certification} if self.certification else {}),
         }
 
 

@@ -63,6 +63,10 @@ LINK: Final = "link"
 SERIAL: Final = "serial"
 """Key and value in it of a serial link, which needs no login (L83)."""
 
+PASSWORDS: Final = "passwords"
+MASKED: Final = "masked"
+"""Key and value in it of a recording whose raw bytes contain no passwords."""
+
 _TOOL: Final = f"scaraspec {version('scaraspec')}"
 
 _OWN_TOPICS: Final[dict[str, type[schemas.Message]]] = {

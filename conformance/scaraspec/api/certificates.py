@@ -1,0 +1,471 @@
+"""Result packages of certifications: they are written at the end of a run, and verified later."""
+
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import BinaryIO, Final
+
+from scaraspec.api.auditing import audit
+from scaraspec.api.calibration import MUTANTS, Calibration, calibrate, chosen_mutants
+from scaraspec.certificate import checks, package, signature
+from scaraspec.certificate.environment import environment
+from scaraspec.certificate.mandatory import MandatoryList, mandatory_lists
+from scaraspec.certificate.package import Manifest, PackageError
+from scaraspec.judge.verdicts import ExitStatus, Verdict
+from scaraspec.mutants.kill_matrix import Proof
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.report import ctrf, html, junit
+from scaraspec.report.codec import InvalidValueError, from_plain, to_plain
+from scaraspec.report.model import Results, ResultsError, Role, Tool
+from scaraspec.suite.engine.collection import collect
+from scaraspec.suite.engine.ics import LABORATORY, SAMPLE, Ics
+from scaraspec.suite.engine.plan import Options
+from scaraspec.user_message import UserMessage
+from scaraspec_recorder.errors import CaptureError
+
+__all__ = [
+    "CalibrationError",
+    "Certification",
+    "CertificationError",
+    "Check",
+    "PackageError",
+    "Verification",
+    "calibrated",
+    "certification",
+    "verify_package",
+    "write_package",
+]
+
+_CALIBRATION: Final = "calibration.json"
+_RESULTS: Final = "results.json"
+_NOT_RECORDED: Final = ("motion.", "hooks.")
+"""The beginnings of the claims that a capture does not state."""
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One check of a package.
+
+    Attributes:
+        name: Its name.
+        problems: One sentence for each thing that is wrong.
+        note: What was checked, or why it was not.
+        status: What follows from the check for the exit status.
+    """
+
+    name: str
+    problems: tuple[str, ...] = ()
+    note: str = ""
+    status: ExitStatus = ExitStatus.CONFORMANT
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing follows from it for the exit status."""
+        return self.status is ExitStatus.CONFORMANT
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """What the checks of a package have found.
+
+    Attributes:
+        checks: The checks, in order. A check that needs what another one has refused is left out.
+        signed: ``signed`` by the signer, ``unsigned``, or ``signature not checked``.
+        results: The results in the package; None if they cannot be read.
+    """
+
+    checks: tuple[Check, ...]
+    signed: str
+    results: Results | None
+
+    @property
+    def exit_status(self) -> ExitStatus:
+        """The exit status: refused has priority over undecided."""
+        found = {check.status for check in self.checks}
+        for status in (ExitStatus.NONCONFORMANT, ExitStatus.INCONCLUSIVE):
+            if status in found:
+                return status
+        return ExitStatus.CONFORMANT
+
+
+class CalibrationError(Exception):
+    """The tester is not fit for a certification; one sentence for the user."""
+
+
+class CertificationError(Exception):
+    """A certification cannot begin; one sentence for the user."""
+
+
+@dataclass(frozen=True, slots=True)
+class Certification:
+    """A certification that can begin.
+
+    Attributes:
+        package: The package to write.
+        mandatory: The list of mandatory cases.
+        options: The options of the run.
+        calibration: The calibration of the tester; None before it.
+    """
+
+    package: Path
+    mandatory: MandatoryList
+    options: Options
+    calibration: Calibration | None = None
+
+
+def certification(  # noqa: PLR0913 - independent choices of a user
+    role: Role,
+    ics: Ics,
+    package: Path,
+    *,
+    allowed: frozenset[Hazard] = frozenset(),
+    seed: int = 0,
+    undefined: bool = False,
+) -> Certification:
+    """Check what a certification needs, and return it with its options. Nothing is sent.
+
+    Args:
+        role: The role of the SUT.
+        ics: The ICS with the sample and the laboratory.
+        package: The package to write, ``NAME.scaraspec.zip``; it must not exist.
+        allowed: The permitted hazards; for a controller all of them are needed.
+        seed: The seed of all random values, 0 to 9.
+        undefined: Send undefined opcodes, too; never to a robot that can move.
+
+    Raises:
+        CertificationError: Something is missing.
+    """
+    mandatory = mandatory_lists(role)[-1]
+    options = checks.certification_options(role, mandatory, seed=seed, undefined=undefined)
+    if lacking := sorted(hazard.value for hazard in options.allowed - allowed - {Hazard.READ_ONLY}):
+        text = "a certification needs all hazards: --allow {hazards} is missing"
+        raise CertificationError(UserMessage(text, hazards=",".join(lacking)))
+    if seed not in checks.SEEDS:
+        text = "the seed of a certification is 0 to 9, not {seed}"
+        raise CertificationError(UserMessage(text, seed=seed))
+    for table, keys, values in (
+        ("sample", SAMPLE, ics.sample),
+        ("laboratory", LABORATORY, ics.laboratory),
+    ):
+        if missing := [key for key in keys if not values.get(key)]:
+            text = "a certification needs {key} in [{table}] of the ICS"
+            raise CertificationError(UserMessage(text, key=missing[0], table=table))
+    needed = {hook for case in collect(options, role) for hook in case.needs}
+    if hooks := sorted(needed - ics.hooks.keys() - {*mandatory.optional_hooks}):
+        text = "a certification needs the hook {hook} in [hooks] of the ICS"
+        raise CertificationError(UserMessage(text, hook=hooks[0]))
+    if package.exists():
+        text = "{package} exists: name another file with --package"
+        raise CertificationError(UserMessage(text, package=package))
+    return Certification(package, mandatory, options)
+
+
+def calibrated(
+    certification: Certification,
+    *,
+    jobs: int = 1,
+    mutant_ends: Callable[[Proof], None] = lambda _proof: None,
+) -> Certification:
+    """Calibrate the tester, unless that was done, and return the certification with the result.
+
+    Args:
+        certification: The certification.
+        jobs: Number of processes.
+        mutant_ends: Called with the result of each mutant.
+
+    Raises:
+        CalibrationError: The tester is not fit for a certification.
+        KeyboardInterrupt: The user interrupted the calibration.
+    """
+    if certification.calibration:
+        return certification
+    role, seed = certification.mandatory.role, certification.options.seed
+    calibration = calibrate(role, seed, jobs=jobs, mutant_ends=mutant_ends)
+    if calibration.problem:
+        text = "no certification on this machine: {problem}"
+        raise CalibrationError(UserMessage(text, problem=calibration.problem))
+    return replace(certification, calibration=calibration)
+
+
+def write_package(certification: Certification, folder: Path, ics: Ics) -> None:
+    """Write the package of a certification that has ended.
+
+    Args:
+        certification: The certification, calibrated. Its package must not exist.
+        folder: The output folder of the run, with a recording in which passwords are masked.
+        ics: The ICS of the run, with the sample and the laboratory.
+
+    Raises:
+        ResultsError: The results in the folder cannot be read.
+        OSError: The package exists or cannot be written, or a file of the run is missing.
+    """
+    results, mandatory = Results.read(folder / _RESULTS), certification.mandatory
+    files = {name: folder / name for name in (_RESULTS, package.CAPTURE)}
+    with TemporaryDirectory(prefix="scaraspec-") as scratch:
+        texts = {
+            **_derived(results),
+            "ics.json": package.plain_json(_ics_of(ics)),
+            "environment.json": package.plain_json(environment(ics, results)),
+            _CALIBRATION: package.plain_json(to_plain(certification.calibration)),
+        }
+        for name, text in texts.items():
+            files[name] = _written(Path(scratch) / name, text)
+        manifest = Manifest(
+            results.tool,
+            results.role,
+            mandatory.id,
+            mandatory.sha256,
+            {name: package.file_of(file) for name, file in files.items()},
+            package.case_sums(results),
+        )
+        files[package.MANIFEST] = _written(Path(scratch) / package.MANIFEST, manifest.to_json())
+        package.write(certification.package, files)
+
+
+def _written(path: Path, text: str) -> Path:
+    path.write_bytes(text.encode("utf-8", "backslashreplace"))
+    return path
+
+
+def _ics_of(ics: Ics) -> dict[str, object]:
+    """Return the ICS; of hooks only the names, because a command may contain a password."""
+    return {
+        "name": ics.name,
+        "version": ics.version,
+        "claims": ics.summary,
+        "sample": ics.sample,
+        "laboratory": ics.laboratory,
+    }
+
+
+def _derived(results: Results) -> dict[str, str]:
+    """Return the files that follow from the results."""
+    run = results.run
+    return {
+        "report.html": html.render(results),
+        "junit.xml": junit.render(results),
+        "ctrf.json": ctrf.render(results),
+        "settings.json": package.plain_json({"seed": run.seed, **run.settings} if run else {}),
+    }
+
+
+def verify_package(
+    path: Path,
+    *,
+    signer: Path | None = None,
+    lists: Sequence[MandatoryList] | None = None,
+) -> Verification:
+    """Verify a package: files, signature, version, cases, options, verdict, capture and reports.
+
+    Args:
+        path: The package.
+        signer: The public key of the signer, or a file of allowed signers. The signature is in the
+            file with the name of the package and ``.sig``. None to check no signature.
+        lists: The known lists of mandatory cases; None for those of this version.
+
+    Raises:
+        PackageError: The package cannot be read, or contains what no package may contain.
+    """
+    try:
+        with path.open("rb") as file, TemporaryDirectory(prefix="scaraspec-") as scratch:
+            folder = Path(scratch)
+            names = package.extract(file, folder)
+            manifest = package.read_manifest(folder)
+            results = _results_in(folder)
+            found = [_check_files(folder, names, manifest, results)]
+            found.append(_check_signature(path, file, signer))
+            if results and found[0].passed:
+                known = mandatory_lists(manifest.role) if lists is None else lists
+                found += _checks_of_results(folder, manifest, results, known)
+            signed = "signed" if signer and found[1].passed else found[1].note
+            return Verification(tuple(found), signed or "unsigned", results)
+    except OSError as error:
+        raise PackageError(
+            UserMessage("{path} cannot be read: {reason}", path=path, reason=error.strerror),
+            ExitStatus.USAGE,
+        ) from None
+
+
+def _results_in(folder: Path) -> Results | None:
+    try:
+        return Results.read(folder / _RESULTS)
+    except ResultsError:  # reported as a changed or missing file
+        return None
+
+
+def _check_files(
+    folder: Path, names: frozenset[str], manifest: Manifest, results: Results | None
+) -> Check:
+    return _refusing(
+        "files",
+        _file_problems(folder, names, manifest, results),
+        UserMessage("{count} files as in the manifest", count=len(manifest.files)),
+    )
+
+
+def _file_problems(
+    folder: Path, names: frozenset[str], manifest: Manifest, results: Results | None
+) -> Iterator[str]:
+    for name in package.FILES:
+        if name not in names or name not in manifest.files:
+            yield UserMessage("{name} is missing", name=name)
+        elif package.file_of(folder / name) != manifest.files[name]:
+            yield UserMessage("{name} was changed", name=name)
+    for name in sorted(manifest.files.keys() - {*package.FILES}):
+        yield UserMessage("the manifest has a file {name!r}, which no package has", name=name)
+    if results is None:
+        yield UserMessage("{name} cannot be read", name=_RESULTS)
+        return
+    sums = package.case_sums(results)
+    for case_id in sorted(sums.keys() | manifest.cases.keys()):
+        if case_id not in sums:
+            yield UserMessage("case {case} was removed", case=case_id)
+        elif case_id not in manifest.cases:
+            yield UserMessage("case {case} was added", case=case_id)
+        elif sums[case_id] != manifest.cases[case_id]:
+            yield UserMessage("case {case} was altered", case=case_id)
+
+
+def _check_signature(path: Path, file: BinaryIO, signer: Path | None) -> Check:
+    signed = path.with_name(f"{path.name}{signature.SUFFIX}")
+    if signer:
+        problem = signature.signature_problem(file, signed, signer)
+        made_by = UserMessage("made by {signer}", signer=signer)
+        return _refusing("signature", filter(None, [problem]), made_by)
+    note = "signature not checked" if signed.exists() else "unsigned"
+    return Check("signature", note=note)
+
+
+def _checks_of_results(
+    folder: Path, manifest: Manifest, results: Results, lists: Sequence[MandatoryList]
+) -> Iterator[Check]:
+    mandatory = next((each for each in lists if each.id == manifest.mandatory_id), None)
+    if mandatory is None:
+        problem = UserMessage(
+            "this version does not know the list {id} of scaraspec {version}: use that version",
+            id=manifest.mandatory_id,
+            version=manifest.tool.version,
+        )
+        yield Check("version", (problem,), status=ExitStatus.INCONCLUSIVE)
+        return
+    note = UserMessage("scaraspec {version}, {id}", version=mandatory.version, id=mandatory.id)
+    version = _refusing("version", _version_problems(manifest, results, mandatory), note)
+    yield version
+    if not version.passed:
+        return
+    note = UserMessage("{count} mandatory cases", count=len(mandatory.cases))
+    yield _refusing("cases", checks.case_problems(results, mandatory), note)
+    note = UserMessage("seed {seed}", seed=results.run.seed if results.run else "")
+    yield _refusing("options", checks.option_problems(results, mandatory), note)
+    is_own = results.tool == Tool.own()
+    problems = _calibration_problems(folder, results, is_own=is_own)
+    yield _refusing("calibration", problems, "reference conformant, mutants killed")
+    yield _check_capture(folder, results, is_own=is_own)
+    if is_own:
+        yield _refusing("reports", _report_problems(folder, results), "those of the results")
+    yield _refusing(
+        "verdicts", checks.verdict_problems(results, mandatory), "follow from the cases"
+    )
+    yield _conclusion(results)
+
+
+def _version_problems(
+    manifest: Manifest, results: Results, mandatory: MandatoryList
+) -> Iterator[str]:
+    if manifest.mandatory_sha256 != mandatory.sha256:
+        yield UserMessage("the list {id} has another checksum", id=mandatory.id)
+    if (manifest.tool, manifest.role) != (results.tool, results.role):
+        yield "the manifest names another tool or role than the results"
+    listed = (replace(Tool.own(), version=mandatory.version), mandatory.role)
+    if (results.tool, results.role) != listed:
+        yield UserMessage(
+            "{id} is no list of {tool} {version} for a {role}",
+            id=mandatory.id,
+            tool=results.tool.name,
+            version=results.tool.version,
+            role=results.role.value,
+        )
+
+
+def _calibration_problems(folder: Path, results: Results, *, is_own: bool) -> Iterator[str]:
+    try:
+        found = from_plain(Calibration, _json_in(folder / _CALIBRATION))
+    except InvalidValueError as error:
+        yield UserMessage("{name} is damaged: {error}", name=_CALIBRATION, error=error)
+        return
+    if found.problem:
+        yield found.problem
+    if (found.role, found.seed) != (results.role, results.run.seed if results.run else None):
+        yield "the calibration has another role or seed than the run"
+    elif len(found.mutants) < MUTANTS or (
+        is_own and {*found.mutants} != {*chosen_mutants(found.role, found.seed)}
+    ):
+        yield "the calibration has not tried the mutants that the seed chooses"
+
+
+def _check_capture(folder: Path, results: Results, *, is_own: bool) -> Check:
+    """Judge the capture again. A difference of another version is reported and not refused."""
+    try:
+        derived, notes = audit(folder / package.CAPTURE, subject=results.role)
+    except (CaptureError, ValueError) as error:  # also an invalid reading or link
+        return _refusing("capture", [f"{error}".replace(f"{folder}/", "")], "")
+    problems = [*notes, *checks.capture_problems(results, derived)]
+    stated = {k: v for k, v in results.subject.claims.items() if not k.startswith(_NOT_RECORDED)}
+    if derived.subject.claims != stated:
+        problems.append("the capture states other claims than the results")
+    if is_own or not problems:
+        return _refusing("capture", problems, "the judge finds the same again")
+    note = UserMessage("differs, but scaraspec {version} judged it", version=results.tool.version)
+    return Check("capture", tuple(problems), note)
+
+
+def _report_problems(folder: Path, results: Results) -> Iterator[str]:
+    for name, text in _derived(results).items():
+        if not _has_text(folder / name, text):
+            yield UserMessage("{name} is not that of the results", name=name)
+    subject = results.subject
+    stated = (subject.name, subject.version, subject.claims)
+    ics = _json_in(folder / "ics.json")
+    if stated != tuple(map(ics.get, ("name", "version", "claims"))):
+        yield "ics.json has other claims than the results"
+
+
+def _has_text(path: Path, text: str) -> bool:
+    return path.is_file() and path.read_bytes() == text.encode("utf-8", "backslashreplace")
+
+
+def _json_in(path: Path) -> Mapping[str, object]:
+    """Return the object in a JSON file; empty if there is none."""
+    try:
+        plain = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return plain if isinstance(plain, dict) else {}
+
+
+def _conclusion(results: Results) -> Check:
+    """Return the check that the subject conforms."""
+    status = results.verdict.exit_status
+    if status is ExitStatus.CONFORMANT:
+        return Check("conclusion", note=results.label)
+    failed = [case.id for case in results.cases if case.verdict is Verdict.FAIL]
+    problem: str = UserMessage(
+        "the {role} is {label}", role=results.role.value, label=results.label
+    )
+    if failed:
+        problem = UserMessage.joined(problem, ": {cases}", cases=", ".join(failed))
+    undecided = status is not ExitStatus.NONCONFORMANT
+    return Check(
+        "conclusion",
+        (problem,),
+        status=ExitStatus.INCONCLUSIVE if undecided else ExitStatus.NONCONFORMANT,
+    )
+
+
+def _refusing(name: str, problems: Iterable[str], note: str) -> Check:
+    """Return a check that refuses the package if there are problems."""
+    if listed := tuple(problems):
+        return Check(name, listed, status=ExitStatus.NONCONFORMANT)
+    return Check(name, note=note)

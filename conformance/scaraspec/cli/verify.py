@@ -1,0 +1,71 @@
+"""`scaraspec verify`: verify the result package of a certification."""
+
+from pathlib import Path
+
+import click
+
+from scaraspec.api.certificates import PackageError, Verification, verify_package
+from scaraspec.cli.problems import Problem
+from scaraspec.judge.verdicts import ExitStatus
+from scaraspec.report.sanitizing import visible
+from scaraspec.user_message import UserMessage
+
+EXAMPLE = "Example: scaraspec verify robot.scaraspec.zip --signer laboratory.pub"
+
+_PATH = click.Path(path_type=Path)
+
+
+@click.command(epilog=EXAMPLE)
+@click.argument("package", metavar="PACKAGE", type=_PATH)
+@click.option(
+    "--signer",
+    type=_PATH,
+    metavar="KEY",
+    help="Public key of the signer, or a file of allowed signers (ssh-keygen).",
+)
+def command(package: Path, *, signer: Path | None) -> None:
+    """Verify PACKAGE, the result package of a certification.
+
+    Exit status 0 verified and conformant, 1 refused or nonconformant, 2 not a package, 3 it cannot
+    be decided, for example because this version does not know the list of mandatory cases.
+    """
+    try:
+        verification = verify_package(package, signer=signer)
+    except PackageError as error:
+        raise Problem(
+            UserMessage("{package}: {error}", package=package, error=error), error.exit_status
+        ) from None
+    show(package, verification)
+    raise SystemExit(verification.exit_status)
+
+
+def show(package: Path, verification: Verification) -> None:
+    """Print one line for each check, its problems, and the conclusion."""
+    for check in verification.checks:
+        click.echo(visible(f"{check.name:11} {_mark(check.status)}  {check.note}").rstrip())
+        for problem in check.problems:
+            click.echo(visible(f"  {problem}"))
+    click.echo(visible(_conclusion(package, verification)))
+
+
+def _mark(status: ExitStatus) -> str:
+    if status is ExitStatus.CONFORMANT:
+        return "ok"
+    return "undecided" if status is ExitStatus.INCONCLUSIVE else "REFUSED"
+
+
+def _conclusion(package: Path, verification: Verification) -> str:
+    if verification.exit_status is ExitStatus.NONCONFORMANT:
+        return UserMessage("{package}: refused", package=package)
+    if verification.exit_status is ExitStatus.INCONCLUSIVE:
+        return UserMessage("{package}: it cannot be decided", package=package)
+    results = verification.results
+    assert results is not None, "without results the package is refused"
+    return UserMessage(
+        "{package}: verified, {signed}: {title} {version}: {label}",
+        package=package,
+        signed=verification.signed,
+        title=results.subject.title,
+        version=results.subject.version,
+        label=results.label,
+    )

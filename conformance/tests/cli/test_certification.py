@@ -1,0 +1,194 @@
+"""`scaraspec certify … --certification`: what it needs, and the package that it writes."""
+
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from certification import CASES, calibrated, list_of_cases
+
+from scaraspec.api import calibration, certificates
+from scaraspec.certificate import checks
+from scaraspec.cli.certify import controller
+from scaraspec.cli.main import main
+from scaraspec.judge.verdicts import Conclusion
+from scaraspec.report.model import Results, Role
+from scaraspec.suite.engine.plan import Options
+
+ICS = """
+[subject]
+name = "Cell 7"
+[sample]
+serial_number = "7"
+firmware = "1.4"
+hardware = "B"
+[laboratory]
+name = "Lab"
+operator = "Li"
+[hooks]
+set_input = "true"
+"""
+ALLOW = ("--allow", "state,motion,destructive", "--yes")
+
+Run = Callable[..., tuple[int, str]]
+
+
+@pytest.fixture
+def certify(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> Run:
+    """Run the command with an ICS; return its exit status and output."""
+    monkeypatch.setenv("SCARASPEC_STATE", str(tmp_path / "state"))
+    ics = tmp_path / "ics.toml"
+
+    def run(*arguments: object, role: str = "controller", text: str = ICS) -> tuple[int, str]:
+        ics.write_text(text, "utf-8")
+        words = ["certify", role, *map(str, arguments), "--ics", f"{ics}", "--certification"]
+        monkeypatch.setattr(sys, "argv", ["scaraspec", *words])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        shown = capsys.readouterr()
+        return int(ended.value.code or 0), shown.out + shown.err
+
+    return run
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Replace the list of mandatory cases, and run only the cases of it."""
+    options_of = checks.certification_options
+
+    def small_options(*arguments: Any, **choices: Any) -> Options:
+        return replace(options_of(*arguments, **choices), only=frozenset(), cases=frozenset(CASES))
+
+    monkeypatch.setattr(certificates, "mandatory_lists", lambda _: (list_of_cases(),))
+    monkeypatch.setattr(checks, "certification_options", small_options)
+    monkeypatch.setattr(certificates, "calibrate", lambda *_, **__: calibrated())
+    monkeypatch.setattr(controller, "end_on_signals", lambda _: None)  # they are those of pytest
+
+
+@pytest.mark.usefixtures("small")
+def test_certified(certify: Run, processes: Any, tmp_path: Path) -> None:
+    """The package is beside the output folder, and is verified at once."""
+    host, port = processes.controller()
+    out, package = tmp_path / "run-1", tmp_path / "run-1.scaraspec.zip"
+    status, text = certify(f"tcp://{host}:{port}", *ALLOW, "--out", out)
+    assert status == 0, text
+    assert f"{package}: verified, unsigned: Cell 7" in text
+    results = Results.read(out / "results.json")
+    assert results.run
+    assert results.run.settings["certification"].startswith("controller-2026-01-01 sha256:")
+    capture = (out / "capture.mcap").read_bytes()
+    assert b"\x08password" not in capture
+    assert certificates.verify_package(package).exit_status == 0
+
+
+@pytest.mark.usefixtures("small")
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"reference": Conclusion.INCONCLUSIVE}, "the reference implementation is inconclusive"),
+        ({"mutants": {"status-in-words": ()}}, "no case kills status-in-words"),
+    ],
+)
+def test_no_certification_without_calibration(
+    certify: Run,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    change: dict[str, Any],
+    says: str,
+) -> None:
+    """A tester that does not find faults certifies nothing, and sends nothing."""
+    unfit = replace(calibrated(), **change)
+    monkeypatch.setattr(certificates, "calibrate", lambda *_, **__: unfit)
+    status, text = certify("tcp://127.0.0.1:1", *ALLOW, "--out", tmp_path / "out")
+    assert (status, f"no certification on this machine: {says}" in text) == (3, True)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("role", [Role.CONTROLLER, Role.CLIENT])
+def test_the_seed_chooses_the_mutants(role: Role) -> None:
+    """Every seed of a certification chooses others."""
+    choices = [tuple(calibration.chosen_mutants(role, seed)) for seed in checks.SEEDS]
+    assert len({*choices}) == len(choices)
+    assert {len({*choice}) for choice in choices} == {calibration.MUTANTS}
+
+
+def test_a_calibration(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mutant is killed, and the reference implementation is conformant."""
+    monkeypatch.setattr(calibration, "chosen_mutants", lambda *_: ["status-in-words"])
+    found = calibration.calibrate(Role.CONTROLLER, 3)
+    assert found.problem == ""
+    assert "4.8/2" in found.mutants["status-in-words"]
+
+
+@pytest.mark.usefixtures("small")
+def test_nonconformant(certify: Run, processes: Any, tmp_path: Path) -> None:
+    """The package of a nonconformant controller is written; the exit status is that of the run."""
+    host, port = processes.controller("--mutant", "status-of-one-digit")
+    package = tmp_path / "other.scaraspec.zip"
+    arguments = (*ALLOW, "--out", tmp_path / "out", "--package", package)
+    status, text = certify(f"tcp://{host}:{port}", *arguments)
+    assert status == 1, text
+    assert "the controller is nonconformant" in text
+    assert text.endswith(f"{package}: refused\n")
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        *(("--only", "4.8"), ("--require", "4.8"), ("--require-coverage", "5%")),
+        *(("--examples", "1"), ("--fail-fast",), ("--patience", "1")),
+    ],
+)
+def test_fixed_options(certify: Run, tmp_path: Path, option: tuple[str, ...]) -> None:
+    status, text = certify("tcp://127.0.0.1:1", *ALLOW, "--out", tmp_path / "out", *option)
+    assert status == 2
+    assert f"--certification fixes the options: leave out {option[0]}" in text
+
+
+def test_no_attended_certification(certify: Run, tmp_path: Path) -> None:
+    """The checklist of an operator has only some of the cases."""
+    arguments = ("--listen", "127.0.0.1:0", "--attended", "--out", tmp_path / "out")
+    status, text = certify(*arguments, role="client", text=ICS.partition("[hooks]")[0])
+    assert (status, "leave out --attended" in text) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (("Li", ""), "a certification needs operator in [laboratory] of the ICS"),
+        (("firmware", "# firmware"), "a certification needs firmware in [sample] of the ICS"),
+        (("set_input", "# set_input"), "a certification needs the hook set_input"),
+        (("firmware", "software"), "sample.software is not known"),
+        (('"1.4"', "1.4"), "sample.firmware must be str"),
+    ],
+)
+def test_incomplete_ics(certify: Run, tmp_path: Path, change: tuple[str, str], says: str) -> None:
+    arguments = ("tcp://127.0.0.1:1", *ALLOW, "--out", tmp_path / "out")
+    status, text = certify(*arguments, text=ICS.replace(*change))
+    assert (status, says in text) == (2, True), text
+
+
+def test_what_is_missing(certify: Run, tmp_path: Path) -> None:
+    """All hazards, an output folder, a seed of the set, a TCP link, and a new file."""
+    url, out = "tcp://127.0.0.1:1", ("--out", tmp_path / "out")
+    status, text = certify(url, "--allow", "state", *out)
+    assert (status, "--allow destructive,motion is missing" in text) == (2, True)
+    status, text = certify(url, *ALLOW)
+    assert (status, "--certification needs --out DIR" in text) == (2, True)
+    status, text = certify(url, *ALLOW, *out, "--seed", "10")
+    assert (status, "the seed of a certification is 0 to 9, not 10" in text) == (2, True)
+    status, text = certify("serial:///dev/ttyS9", *ALLOW, *out)
+    assert (status, "--certification needs a TCP link" in text) == (2, True)
+    (tmp_path / "out.scaraspec.zip").touch()
+    status, text = certify(url, *ALLOW, *out)
+    assert (status, "name another file with --package" in text) == (2, True)
+    assert not (tmp_path / "out").exists()
+
+
+def test_package_needs_certification(refused: Callable[..., str]) -> None:
+    text = refused("certify", "controller", "tcp://127.0.0.1:1", "--package", "a.zip")
+    assert "--package needs --certification" in text
