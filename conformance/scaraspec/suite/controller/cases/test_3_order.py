@@ -13,7 +13,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import JogDirection
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
-from scaraspec.suite.controller.harness.malformed.delivery import serves_one_at_a_time
+from scaraspec.suite.controller.harness.malformed.delivery import require_pipelining
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.clock import shifted_time
 from scaraspec.suite.controller.harness.requests.files import expect_begun, expect_stored
@@ -35,7 +35,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import jog_somewhere
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import given
-from scaraspec.suite.engine.expectations import CaseInconclusive, CaseSkipped, expect, expect_equal
+from scaraspec.suite.engine.expectations import CaseInconclusive, expect, expect_equal
 from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.user_message import UserMessage
 
@@ -51,22 +51,12 @@ _CHUNKS: Final = 3
 @given(queries=some_queries)
 def test_replies_in_order(subject: ControllerUnderTest, queries: list[Query]) -> None:
     """Every query sent without waiting is answered, and the replies keep the order."""
-    _require_pipelining(subject)
+    require_pipelining(subject)
     line = subject.open()
     queries = supported_queries(subject, queries)
     line.send_bytes(b"".join(query.frame(line).encode() for query in queries))
     _check_order(subject, wait_for_replies(line, queries))
     line.close()
-
-
-def _require_pipelining(subject: ControllerUnderTest) -> None:
-    """Skip the case if the SUT serves one request at a time.
-
-    Raises:
-        CaseSkipped: It serves one request at a time.
-    """
-    if serves_one_at_a_time(subject):
-        raise CaseSkipped("the controller serves one request at a time (pipelining)")
 
 
 def _check_order(subject: ControllerUnderTest, replies: list[ReceivedFrame]) -> None:
@@ -78,7 +68,7 @@ def _check_order(subject: ControllerUnderTest, replies: list[ReceivedFrame]) -> 
 @case("3/24", name="same")
 def test_same_opcode(subject: ControllerUnderTest) -> None:
     """Twenty status requests get exactly twenty replies."""
-    _require_pipelining(subject)
+    require_pipelining(subject)
     line = subject.open()
     line.send_bytes(line.request("get_status").encode() * 20)
     wait_for_replies(line, [Query("get_status")] * 20)
@@ -97,7 +87,7 @@ def test_same_opcode(subject: ControllerUnderTest) -> None:
 @case("3/30", hazards=_STATE)
 def test_last_setting_takes_effect(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The last of eight gripper centers that are set in one segment is kept."""
-    _require_pipelining(subject)
+    require_pipelining(subject)
     require_command(subject, "set_gripper_center", "get_gripper_center")
     before = line.ask("get_gripper_center").value
     try:
@@ -116,7 +106,7 @@ def test_last_setting_takes_effect(subject: ControllerUnderTest, line: OutgoingC
 @case("3/30", name="queries", hazards=_STATE)
 def test_queries_between_settings(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Queries between settings in one segment return the values that are set before them."""
-    _require_pipelining(subject)
+    require_pipelining(subject)
     require_command(subject, "set_gripper_center", "get_gripper_center")
     before = line.ask("get_gripper_center").value
     requests: list[tuple[str, object]] = []
@@ -137,7 +127,7 @@ def test_queries_between_settings(subject: ControllerUnderTest, line: OutgoingCo
 @case("3/30", name="clock", hazards=_STATE)
 def test_last_time_takes_effect(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The last of several times that are set in one segment is kept."""
-    _require_pipelining(subject)
+    require_pipelining(subject)
     require_command(subject, "set_time", "get_time")
     before: datetime | None = line.ask("get_time").value
     if before is None:
@@ -165,7 +155,7 @@ def test_last_time_takes_effect(subject: ControllerUnderTest, line: OutgoingConn
 @case("3/30", name="upload", hazards=_STATE)
 def test_upload_in_one_segment(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An upload whose name and chunks are sent in one segment is stored unchanged."""
-    _require_pipelining(subject)
+    require_pipelining(subject)
     require_command(subject, "upload_name", "upload_chunk")
     name, content = subject.new_name(), content_of(200 * _CHUNKS)
     requests: list[tuple[str, object]] = [("upload_name", name)]
@@ -182,7 +172,7 @@ def test_upload_in_one_segment(subject: ControllerUnderTest, line: OutgoingConne
 @case("3/30", "4/6", name="stop", hazards=_MOTION)
 def test_stop_after_a_jog(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A jog, a lock and a stop in one segment: the lock is refused, and the arm stops."""
-    _require_pipelining(subject)
+    require_pipelining(subject)
     require_command(subject, "jog", "emergency_stop")
     with arm_returned(subject, line):
         jog_somewhere(subject, line)  # determines the notation (A-4.28-1)

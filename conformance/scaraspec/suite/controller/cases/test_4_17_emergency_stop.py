@@ -10,7 +10,10 @@ from scaraspec.protocol.commands import MoveTarget
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, ControllerUnderTest
-from scaraspec.suite.controller.harness.malformed.delivery import serves_one_at_a_time
+from scaraspec.suite.controller.harness.malformed.delivery import (
+    require_pipelining,
+    serves_one_at_a_time,
+)
 from scaraspec.suite.controller.harness.malformed.mutation_targets import GET_STATUS
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import (
@@ -186,6 +189,7 @@ def test_stop_right_after_start(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str
 ) -> None:
     """A stop that is sent before the reply to the start stops the command that was started."""
+    require_pipelining(subject)
     perform(subject, line, name)
     with arm_returned(subject, line):
         value = (

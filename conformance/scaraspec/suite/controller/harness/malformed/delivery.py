@@ -15,6 +15,7 @@ from scaraspec.suite.controller.harness.requests.queries import (
     supported_queries,
     wait_for_replies,
 )
+from scaraspec.suite.engine.expectations import CaseSkipped
 
 SLOWEST_S: Final = 0.9
 """The longest pause inside a frame, in seconds: 1 s (A-3-11), less the delay of a link."""
@@ -36,6 +37,16 @@ def send_parts(
 def serves_one_at_a_time(subject: ControllerUnderTest) -> bool:
     """Whether the subject claims to serve no request before it has replied to the last one."""
     return subject.dialect["pipelining"] == "one"
+
+
+def require_pipelining(subject: ControllerUnderTest) -> None:
+    """Skip the case if the subject claims to serve one request at a time.
+
+    Raises:
+        CaseSkipped: It claims this.
+    """
+    if serves_one_at_a_time(subject):
+        raise CaseSkipped("the controller serves one request at a time (pipelining)")
 
 
 def ask_together(
