@@ -1,7 +1,8 @@
 """Warm processes: `scaraspec` in a process of its own that need not import its modules first.
 
-Each process is forked from a server that has imported them. It has its own standard streams,
-environment, working directory and session, and runs the same entry point as the installed command.
+Each process is forked from a server that has imported them and collected the cases. It has its own
+standard streams, environment, working directory and session, and runs the same entry point as the
+installed command.
 Tests of the interpreter's start and of terminals start `python -m scaraspec` instead.
 """
 
@@ -16,6 +17,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import IO, Final
 
+import pytest
+
 from scaraspec.cli.main import main
 from scaraspec_recorder.child_process import safe_import_path
 
@@ -27,6 +30,8 @@ _PRELOADED: Final = (
     "scaraspec.cli.controller",
     "scaraspec.cli.record",
     "scaraspec.suite.controller.harness.adapter",
+    "scaraspec.suite.client.harness.adapter",
+    "collected_cases",
 )
 _context = multiprocessing.get_context("forkserver")
 _context.set_forkserver_preload([*_PRELOADED])
@@ -52,7 +57,8 @@ class WarmProcess:
             target=_command,
             args=(arguments, dict(os.environ), Path.cwd(), out, error),
         )
-        with safe_import_path():
+        with safe_import_path(), pytest.MonkeyPatch.context() as patch:
+            patch.setenv("PYTHONPATH", os.pathsep.join(sys.path))  # the server has no other
             self._process.start()
         out.close()
         error.close()
