@@ -43,19 +43,21 @@ class WarmProcess:
     Args:
         arguments: The arguments after ``scaraspec``.
         merged: Whether standard error goes to the same pipe as standard output.
+        viewer: Whether it finds the extra ``view``, and draws what it records.
 
     Attributes:
         stdout: What it prints.
         stderr: What it prints as errors; None if that is in `stdout`.
     """
 
-    def __init__(self, *arguments: str, merged: bool) -> None:
+    def __init__(self, *arguments: str, merged: bool, viewer: bool = False) -> None:
         self.stdout, out = _pipe()
         self.stderr: IO[str] | None
         self.stderr, error = (None, out) if merged else _pipe()
         self._process = _context.Process(
             target=_command,
             args=(arguments, dict(os.environ), Path.cwd(), out, error),
+            kwargs={"viewer": viewer},
         )
         with safe_import_path(), pytest.MonkeyPatch.context() as patch:
             patch.setenv("PYTHONPATH", os.pathsep.join(sys.path))  # the server has no other
@@ -128,15 +130,19 @@ def _pipe() -> tuple[IO[str], Connection]:
     return stream, writer
 
 
-def _command(
+def _command(  # noqa: PLR0913 - what it has from the process that starts it
     arguments: tuple[str, ...],
     environment: dict[str, str],
     folder: Path,
     out: Connection,
     error: Connection,
+    *,
+    viewer: bool,
 ) -> None:
     """Become the command; runs in the new process."""
     os.setsid()
+    if not viewer:
+        sys.modules["rerun"] = None  # type: ignore[assignment] # as if it were not installed
     os.environ.clear()
     os.environ.update(environment)
     os.chdir(folder)
