@@ -170,11 +170,11 @@ class Judge:
     def judge(self, traffic_event: TrafficEvent, robot: RobotState) -> Iterator[Finding]:
         """Apply every rule for this traffic event; yield the findings other than passes."""
         self.dialect_seen.add(traffic_event)
-        if isinstance(traffic_event, Transfer):
-            self.dialect_seen.counts.update(observed_file_readings(traffic_event))
         if isinstance(traffic_event, FrameSeen):
             results = self._judge_frame(traffic_event.frame)
         else:
+            if isinstance(traffic_event, Transfer):
+                self.dialect_seen.counts.update(observed_file_readings(traffic_event))
             results = _results(traffic_event, robot, self.scope)
         tallies = self.tallies
         for requirement in results.passed:

@@ -51,7 +51,9 @@ class EvidenceCollector:
         if isinstance(item, Finding):
             if item.verdict is Verdict.FAIL:
                 self._passing = None
-        elif self._passing:
+            self._store(item)
+            return
+        if self._passing:
             self._passed[self._passing.name] = self._passing.frames
             self._passing = None
         match item:
@@ -62,8 +64,6 @@ class EvidenceCollector:
                 self._passing = item if item.ending is Ending.ANSWERED else None
             case Transfer():
                 self._last = item.opening.frames if item.opening else ()
-            case Finding():
-                self._store(item)
 
     def evidence(self, place: WireRange) -> Evidence:
         """Return the evidence at a position, with its bytes if they were stored."""
@@ -79,8 +79,11 @@ class EvidenceCollector:
         if self._findings[finding.requirement] > _FINDINGS_PER_REQUIREMENT:
             return
         wanted = set(finding.evidence) - self._stored.keys()
-        for seen in chain(self._last, self._recent):
+        for seen in chain(self._last, reversed(self._recent)):
+            if not wanted:
+                return
             if seen.place in wanted:
+                wanted.remove(seen.place)
                 self._stored[seen.place] = evidence_of(seen)
 
 

@@ -5,7 +5,7 @@ It adds the time of each item, and whether the framing is certain after a gap.
 """
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import islice
 from typing import Final
@@ -35,27 +35,34 @@ class Stream:
         self._silent_bytes = 0  # offset of a long silence inside a frame
         self._claimed_bytes = 0  # offset at which an abandoned frame would have ended
 
-    def feed(self, event: WireEvent) -> Iterator[FrameSeen | InvalidBytes]:
-        """Process the next bytes; yield the frames and invalid bytes that they complete."""
+    def feed(self, event: WireEvent) -> Iterable[FrameSeen | InvalidBytes]:
+        """Process the next bytes; return the frames and invalid bytes that they complete."""
         data, time_ns, framer = event.data, event.time_ns, self._framer
         if not data:
-            return
-        begins = not self._run and not framer.buffered_bytes
+            return ()
         if framer.buffered_bytes:
-            yield from self._abandon_after_silence(event)
+            return self._continue(event)
         at = framer.offset_bytes
-        piece = (at + framer.buffered_bytes, time_ns)
         items = framer.feed(data)
-        frame = items[0] if begins and len(items) == 1 else None
-        if isinstance(frame, Frame) and not framer.buffered_bytes:
-            # The short path of `_emit` for the usual event: it is one frame.
-            self._ends_with_frame = True
-            place = WireRange(self._connection, self._direction, at, len(data), time_ns)
-            is_certain = self._in_sync and framer.offset_bytes > self._claimed_bytes
-            yield FrameSeen(frame, place, time_ns, commands.parse_frame(frame), is_certain)
-        else:
-            self._pieces.append(piece)
-            yield from self._emit(at, items, certain=self._in_sync)
+        if len(items) == 1 and isinstance(frame := items[0], Frame) and not self._run:
+            end = framer.offset_bytes
+            if end - at == len(data):
+                # The short path of `_emit` for the usual event: it is one frame.
+                self._ends_with_frame = True
+                place = WireRange(self._connection, self._direction, at, len(data), time_ns)
+                is_certain = self._in_sync and end > self._claimed_bytes
+                parsed = commands.parse_frame(frame)
+                return (FrameSeen(frame, place, time_ns, parsed, is_certain),)
+        self._pieces.append((at, time_ns))
+        return self._emit(at, items, certain=self._in_sync)
+
+    def _continue(self, event: WireEvent) -> Iterator[FrameSeen | InvalidBytes]:
+        """Process bytes after an unfinished frame."""
+        framer = self._framer
+        yield from self._abandon_after_silence(event)
+        at = framer.offset_bytes
+        self._pieces.append((at + framer.buffered_bytes, event.time_ns))
+        yield from self._emit(at, framer.feed(event.data), certain=self._in_sync)
 
     def _abandon_after_silence(self, event: WireEvent) -> Iterator[FrameSeen | InvalidBytes]:
         """Abandon an unfinished frame if another frame follows after a long silence.
@@ -81,16 +88,15 @@ class Stream:
         """Number of buffered bytes of an unfinished frame."""
         return self._framer.buffered_bytes
 
-    def settle(self) -> Iterator[InvalidBytes]:
-        """End the run of invalid bytes, because the other side sends.
+    def settle(self) -> tuple[InvalidBytes, ...]:
+        """End the run of invalid bytes, because the other side sends; return it.
 
         If the bytes end with a frame at this time, the stream is in sync again after a gap: a false
         frame, read from the middle of another one, would leave bytes after it.
         """
-        if self._run:
-            yield from self.flush()
         if self._ends_with_frame and not self._framer.buffered_bytes:
             self._in_sync = True
+        return self.flush()
 
     def skip_gap(self, length_bytes: int) -> Iterator[FrameSeen | InvalidBytes]:
         """Process a gap; an unfinished frame before it is not searched for other frames."""
@@ -110,11 +116,10 @@ class Stream:
         yield from self._emit(at, self._framer.finish(), certain=False)
         yield from self.flush()
 
-    def flush(self) -> Iterator[InvalidBytes]:
-        """Yield the current run of invalid bytes, if there is one."""
+    def flush(self) -> tuple[InvalidBytes, ...]:
+        """End the current run of invalid bytes, if there is one; return it."""
         run, self._run = self._run, None
-        if run:
-            yield run
+        return (run,) if run else ()
 
     def _emit(
         self, at: int, items: list[StreamItem], *, certain: bool

@@ -172,8 +172,8 @@ class MemoryLink:
         """Advance the clock until bytes or the end arrive; see `Link.receive`."""
         if not self._can_receive:
             raise LinkError("this link has been closed")
-        while not (self._arrivals or any(other.has_arrivals for other in others)):
-            if self.now_s >= deadline_s:
+        while not self._arrivals:
+            if self.now_s >= deadline_s or (others and any(other.has_arrivals for other in others)):
                 break
             self._network.step(deadline_s)
         if not self._arrivals:

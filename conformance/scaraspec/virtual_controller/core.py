@@ -285,7 +285,8 @@ class ControllerCore(Behaviour):
     def _process_due(self, now_s: float) -> None:
         """Expire partial frames and transfers, and finish tasks that have ended by `now_s`."""
         for session in list(self.sessions.values()):
-            self._process_items(session, session.framer.expire(now_s), now_s)
+            if items := session.framer.expire(now_s):
+                self._process_items(session, items, now_s)
             if session.transfer is not None:
                 session.transfer.end.expire(now_s)
                 if session.transfer.end.state is TransferState.FAILED:

@@ -112,10 +112,15 @@ class Relay:
 
 
 class Processes:
-    """Starts `scaraspec` and sees to it that nothing outlives the test."""
+    """Starts `scaraspec` and sees to it that nothing outlives the test.
+
+    Attributes:
+        viewer: Whether the extra ``view`` is found; importing it takes longer than a short run.
+    """
 
     def __init__(self) -> None:
         self._running: list[WarmProcess] = []
+        self.viewer = False
 
     def run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         """Run a command to its end."""
@@ -128,7 +133,7 @@ class Processes:
         return self._start(*arguments, merged=True)
 
     def _start(self, *arguments: str, merged: bool) -> WarmProcess:
-        process = WarmProcess(*arguments, merged=merged)
+        process = WarmProcess(*arguments, merged=merged, viewer=self.viewer)
         self._running.append(process)
         return process
 
@@ -171,6 +176,12 @@ def processes() -> Iterator[Processes]:
     processes = Processes()
     yield processes
     processes.end()
+
+
+@pytest.fixture
+def viewer(processes: Processes) -> None:
+    """Let the processes draw what they record."""
+    processes.viewer = True
 
 
 @pytest.fixture

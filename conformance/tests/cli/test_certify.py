@@ -55,6 +55,7 @@ def hostile() -> Iterator[Callable[[Callable[[socket.socket], None]], str]]:
         listener.close()
 
 
+@pytest.mark.usefixtures("viewer")
 def test_a_conforming_controller(processes: Any, tmp_path: Path) -> None:
     """Conformant, with every file that was promised, and the plan before it."""
     host, port = processes.controller()

@@ -26,6 +26,8 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame, Framer
 
+pytestmark = pytest.mark.usefixtures("viewer")
+
 TIMEOUT_S = 60
 CLOCK_SLACK_S = 2
 TIME_SCALE = 2

@@ -60,6 +60,7 @@ def test_the_description_of_the_session_is_kept(
     assert known.items() <= read_mcap(target).session.items()
 
 
+@pytest.mark.usefixtures("viewer")
 def test_a_picture(processes: Any, field: Path, tmp_path: Path) -> None:
     """pcapng to rrd: a finished file of the viewer."""
     drawn = tmp_path / "a.rrd"

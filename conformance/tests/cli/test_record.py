@@ -37,6 +37,7 @@ def streams(file: Path) -> dict[str, dict[Any, bytes]]:
     return found
 
 
+@pytest.mark.usefixtures("viewer")
 @pytest.mark.parametrize("redact", [False, True])
 def test_every_byte_is_recorded(
     processes: Any, witness: Callable[..., Any], tmp_path: Path, *, redact: bool

@@ -28,7 +28,10 @@ viewer._OPTIONS = ("--save", sys.argv.pop(1))
 main.main()
 """
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks for processes in /proc")
+pytestmark = [
+    pytest.mark.skipif(sys.platform != "linux", reason="looks for processes in /proc"),
+    pytest.mark.usefixtures("viewer"),
+]
 
 
 def until(condition: Callable[[], Any]) -> Any:

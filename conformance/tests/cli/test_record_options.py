@@ -75,6 +75,7 @@ def test_help_fits_a_screen(processes: Any) -> None:
     assert lines[-1].startswith("  Example: scaraspec record tcp://")
 
 
+@pytest.mark.usefixtures("viewer")
 def test_a_file_for_each_connection(processes: Any, controller: str, tmp_path: Path) -> None:
     """Named by time and robot, each whole, listed in the table of contents."""
     recorder = processes.start(

@@ -15,6 +15,8 @@ from scaraspec_recorder.sources.capture import open_capture
 from scaraspec_recorder.spool.locks import spool_folder
 from scaraspec_recorder.spool.spool import read_checkpoint
 
+pytestmark = pytest.mark.usefixtures("viewer")
+
 LOCAL = ("--listen", "127.0.0.1:0")
 NOWHERE = "tcp://127.0.0.1:9"
 DEADLINE_S = 60

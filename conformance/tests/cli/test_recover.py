@@ -6,6 +6,8 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
+pytestmark = pytest.mark.usefixtures("viewer")
+
 
 @pytest.fixture
 def recording(processes: Any, fixtures_dir: Path, tmp_path: Path) -> Path:

@@ -14,7 +14,10 @@ from rerun.experimental import ViewerClient
 
 from scaraspec_recorder.sources.capture import open_capture
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a script stands in as the viewer")
+pytestmark = [
+    pytest.mark.skipif(sys.platform == "win32", reason="a script stands in as the viewer"),
+    pytest.mark.usefixtures("viewer"),
+]
 
 
 @pytest.fixture

@@ -1,7 +1,8 @@
 """Warm processes: `scaraspec` in a process of its own that need not import its modules first.
 
-Each process is forked from a server that has imported them. It has its own standard streams,
-environment, working directory and session, and runs the same entry point as the installed command.
+Each process is forked from a server that has imported them and collected the cases. It has its own
+standard streams, environment, working directory and session, and runs the same entry point as the
+installed command.
 Tests of the interpreter's start and of terminals start `python -m scaraspec` instead.
 """
 
@@ -16,6 +17,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import IO, Final
 
+import pytest
+
 from scaraspec.cli.main import main
 from scaraspec_recorder.child_process import safe_import_path
 
@@ -27,6 +30,8 @@ _PRELOADED: Final = (
     "scaraspec.cli.controller",
     "scaraspec.cli.record",
     "scaraspec.suite.controller.harness.adapter",
+    "scaraspec.suite.client.harness.adapter",
+    "collected_cases",
 )
 _context = multiprocessing.get_context("forkserver")
 _context.set_forkserver_preload([*_PRELOADED])
@@ -38,21 +43,24 @@ class WarmProcess:
     Args:
         arguments: The arguments after ``scaraspec``.
         merged: Whether standard error goes to the same pipe as standard output.
+        viewer: Whether it finds the extra ``view``, and draws what it records.
 
     Attributes:
         stdout: What it prints.
         stderr: What it prints as errors; None if that is in `stdout`.
     """
 
-    def __init__(self, *arguments: str, merged: bool) -> None:
+    def __init__(self, *arguments: str, merged: bool, viewer: bool = False) -> None:
         self.stdout, out = _pipe()
         self.stderr: IO[str] | None
         self.stderr, error = (None, out) if merged else _pipe()
         self._process = _context.Process(
             target=_command,
             args=(arguments, dict(os.environ), Path.cwd(), out, error),
+            kwargs={"viewer": viewer},
         )
-        with safe_import_path():
+        with safe_import_path(), pytest.MonkeyPatch.context() as patch:
+            patch.setenv("PYTHONPATH", os.pathsep.join(sys.path))  # the server has no other
             self._process.start()
         out.close()
         error.close()
@@ -122,15 +130,19 @@ def _pipe() -> tuple[IO[str], Connection]:
     return stream, writer
 
 
-def _command(
+def _command(  # noqa: PLR0913 - what it has from the process that starts it
     arguments: tuple[str, ...],
     environment: dict[str, str],
     folder: Path,
     out: Connection,
     error: Connection,
+    *,
+    viewer: bool,
 ) -> None:
     """Become the command; runs in the new process."""
     os.setsid()
+    if not viewer:
+        sys.modules["rerun"] = None  # type: ignore[assignment] # as if it were not installed
     os.environ.clear()
     os.environ.update(environment)
     os.chdir(folder)

@@ -5,7 +5,7 @@ read. The observer sees everything. This module does not know the meaning of a f
 frame is expected.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from typing import Any, Final, NamedTuple, Protocol
 
@@ -294,7 +294,7 @@ class Connection:
                 self._take(direction.opposite, self._streams[direction.opposite].settle())
                 self._take(direction, self._streams[direction].feed(event))
 
-    def _take(self, direction: Direction, items: "Iterator[FrameSeen | InvalidBytes]") -> None:
+    def _take(self, direction: Direction, items: Iterable[FrameSeen | InvalidBytes]) -> None:
         for item in items:
             self._owner.observer.frame(item)
             if direction is self._sends:

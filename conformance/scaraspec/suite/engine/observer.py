@@ -196,6 +196,8 @@ class Observer:
             self._hear(item)
             if not isinstance(item, Finding):
                 event = item
+                if isinstance(item, FrameSeen):  # most items; what follows is about others
+                    continue
                 if (connection := _late_connection(item)) is not None:
                     self.attempt.late.add(connection)
                 if isinstance(item, UnsolicitedReply) and not (item.late or item.seen.frame.tagged):

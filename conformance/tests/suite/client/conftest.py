@@ -46,7 +46,7 @@ def _certified(
     dialect: Dialect = DEFAULT,
     driver: type[Driver] = Driver,
 ) -> tuple[Case, ...]:
-    """Return the results of the cases of these requirements."""
+    """Return the results of these cases and of the cases of these requirements."""
     shell = make if issubclass(make, AsyncClient) else type("Made", (AsyncClient,), {"core": make})
 
     class Access(MemoryClient):
@@ -57,7 +57,7 @@ def _certified(
             )
 
     with closing(Access(shell, dialect)) as access:
-        options = Options(only=only, allowed=ALL, examples=3, exhaustive=True)
+        options = Options(only=only, cases=only, allowed=ALL, examples=3, exhaustive=True)
         results = Run(ClientAdapter(access, Ics(), options)).results()
     assert results.cases
     return results.cases

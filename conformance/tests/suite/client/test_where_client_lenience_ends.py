@@ -128,7 +128,7 @@ class WritesTinyNumbersWithExponents(ClientCore):
 
 def test_tiny_numbers_are_ordered(tried: Try) -> None:
     """A rounding error is sent without an exponent, or as 0."""
-    assert tried(WritesTinyNumbersWithExponents, "4.20/1")["4.20/1.numbers"] is Verdict.FAIL
+    assert tried(WritesTinyNumbersWithExponents, "4.20/1.numbers")["4.20/1.numbers"] is Verdict.FAIL
 
 
 class GivesLongNamesUp(ClientCore):
@@ -148,7 +148,7 @@ class GivesLongNamesUp(ClientCore):
 
 def test_what_is_begun_is_not_declined(tried: Try) -> None:
     """An abort after the name was sent is not a local refusal."""
-    assert tried(GivesLongNamesUp, "5.2/1")["5.2/1.drawn"] is Verdict.FAIL
+    assert tried(GivesLongNamesUp, "5.2/1.drawn")["5.2/1.drawn"] is Verdict.FAIL
 
 
 class SendsNoLongNames(ClientCore):
@@ -160,4 +160,4 @@ class SendsNoLongNames(ClientCore):
 
 def test_what_is_tried_is_not_declined(tried: Try) -> None:
     """A timeout of a request that was never sent is not a local refusal."""
-    assert tried(SendsNoLongNames, "4.11/1")["4.11/1.names"] is Verdict.FAIL
+    assert tried(SendsNoLongNames, "4.11/1.names")["4.11/1.names"] is Verdict.FAIL

@@ -29,3 +29,14 @@ def test_deadline_follows_the_clock() -> None:
 def test_deadline_without_duration_has_expired() -> None:
     """A deadline after no time has expired from the start."""
     assert Deadline(_Clock(), 0.0).expired
+
+
+def test_queries_become_rare_in_a_long_wait() -> None:
+    """The pause is 50 ms in the first seconds, then 2 % of the time waited."""
+    clock = _Clock()
+    deadline = Deadline(clock, 100.0)
+    assert deadline.poll_s == 0.05
+    clock.now_ns += 2_000_000_000
+    assert deadline.poll_s == 0.05
+    clock.now_ns += 48_000_000_000
+    assert deadline.poll_s == 1.0

@@ -52,7 +52,6 @@ _RETURN_S: Final = 30.0  # a crashed controller may restart by itself within thi
 _RETURN_POLL_S: Final = 1.0
 _REFUSAL_S: Final = 0.05  # a connection that is not served is closed within this time (A-2-2)
 _CLOSED_LINES: Final = 8  # how many closed connections are remembered
-_POLL_S: Final = 0.05
 _ALWAYS: Final = ("login",)
 _DELETE, _RUNNING = "delete_program", "get_running_program"
 _ALWAYS_WITH_STATE: Final = ("login", _DELETE)  # to delete the files of the suite
@@ -436,7 +435,7 @@ class ControllerUnderTest:
                         "the subject's status stays {status} and does not become 00", status=status
                     )
                 )
-            line.wait(_POLL_S)
+            line.wait(deadline.poll_s)
         self.patience.note_rest(full_s - deadline.remaining_s, rests=True)
 
     def settle(self) -> None:

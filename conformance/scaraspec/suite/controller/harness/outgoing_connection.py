@@ -111,8 +111,10 @@ class OutgoingConnection(Connection):
             RuntimeError: The suite is defective: the case does not declare the hazard.
         """
         self._subject.require_permitted(frame.opcode)
-        cuts = () if frame.opcode == _STOP_OPCODE else self.cuts
-        for number, part in enumerate(split_bytes(frame.encode(), cuts)):
+        if not self.cuts or frame.opcode == _STOP_OPCODE:
+            self.send_bytes(frame.encode())
+            return
+        for number, part in enumerate(split_bytes(frame.encode(), self.cuts)):
             if number:
                 self.wait(_CUT_S)
             self.send_bytes(part)

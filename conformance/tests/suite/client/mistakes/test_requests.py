@@ -59,7 +59,7 @@ class SetsWhatChanges(ClientCore):
 
 def test_what_is_ordered_again_is_sent_again(tried: Try) -> None:
     """A program may have changed the output in the meantime."""
-    assert tried(SetsWhatChanges, "4.32/1")["4.32/1.each"] is Verdict.FAIL
+    assert tried(SetsWhatChanges, "4.32/1.each")["4.32/1.each"] is Verdict.FAIL
 
 
 class CountsCharacters(ClientCore):
@@ -118,7 +118,7 @@ def test_nothing_is_tidied_up(
     tried: Try, make: type[ClientCore] | type[AsyncClient], requirement: str, name: str
 ) -> None:
     """Percent signs and empty lines stay unchanged."""
-    assert tried(make, requirement)[requirement + name] is Verdict.FAIL
+    assert tried(make, requirement + name)[requirement + name] is Verdict.FAIL
 
 
 def tidies(altered: Callable[[str], str]) -> type[AsyncClient]:
@@ -153,7 +153,7 @@ def tidies(altered: Callable[[str], str]) -> type[AsyncClient]:
 )
 def test_another_name_is_another_program(tried: Try, altered: Callable[[str], str]) -> None:
     """The name to delete is sent unchanged, however unusual it is."""
-    assert tried(tidies(altered), "T/10")["T/10.outer-blanks"] is Verdict.FAIL
+    assert tried(tidies(altered), "T/10.outer-blanks")["T/10.outer-blanks"] is Verdict.FAIL
 
 
 class SendsTimesAsGiven(ClientCore):
@@ -217,4 +217,4 @@ class TriesTheDefaultPassword(AsyncClient):
 
 def test_no_password_is_made_up(tried: Try) -> None:
     """The client logs in only with the given password."""
-    assert tried(TriesTheDefaultPassword, "4.1/5")["4.1/5.told-to"] is Verdict.FAIL
+    assert tried(TriesTheDefaultPassword, "4.1/5.told-to")["4.1/5.told-to"] is Verdict.FAIL

@@ -48,7 +48,7 @@ class Resumes(ClientCore):
 @pytest.mark.parametrize("name", ["upload", "download"])
 def test_what_broke_off_begins_anew(tried: Try, name: str) -> None:
     """A transfer after a failure starts from the beginning."""
-    assert tried(Resumes, "5.4/6")[f"5.4/6.{name}"] is Verdict.FAIL
+    assert tried(Resumes, f"5.4/6.{name}")[f"5.4/6.{name}"] is Verdict.FAIL
 
 
 class _EndsEarly(Receiver):
@@ -85,7 +85,7 @@ class TakesSignalsForEnds(ClientCore):
 @pytest.mark.parametrize("signal", ["length-0", "numbers-only"])
 def test_an_error_signal_is_no_end(tried: Try, signal: str) -> None:
     """An error signal at the end position does not complete a download."""
-    assert tried(TakesSignalsForEnds, "5.3/8")[f"5.3/8.{signal}"] is Verdict.FAIL
+    assert tried(TakesSignalsForEnds, f"5.3/8.{signal}")[f"5.3/8.{signal}"] is Verdict.FAIL
 
 
 class CountsIn16Bits(ClientCore):
@@ -100,7 +100,7 @@ class CountsIn16Bits(ClientCore):
 
 def test_no_download_is_over_too_early(tried: Try) -> None:
     """A 16-bit counter must not end a large download."""
-    assert tried(CountsIn16Bits, "5.3/11")["5.3/11.large"] is Verdict.FAIL
+    assert tried(CountsIn16Bits, "5.3/11.large")["5.3/11.large"] is Verdict.FAIL
 
 
 class _LimitsAll(Upload):

@@ -7,6 +7,9 @@ import pytest
 
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.mutants.operators.controller.sampling import INPUTS, POSE, STATUS, sampling
+from scaraspec.protocol.commands import Pose
+from scaraspec.virtual_controller.core import ControllerCore
+from scaraspec.virtual_controller.session import Request
 
 RunCases = Callable[..., Any]
 
@@ -50,3 +53,16 @@ def test_other_controllers_have_no_lag(run_cases: RunCases) -> None:
     cases = run_cases(sampling(0.1), "4/8", hooks=("set_input",))
     assert cases["4/8.lag"].verdict is Verdict.PASS
     assert "status_lag" not in cases.readings
+
+
+def test_pose_at_its_target_is_queried_seldom(run_cases: RunCases) -> None:
+    """A robot without a lag is not asked for its pose a hundred times after each step."""
+    queries: list[float] = []
+
+    class Counts(ControllerCore):
+        def get_tool_coordinates(self, request: Request) -> Pose:
+            queries.append(request.now_s)
+            return super().get_tool_coordinates(request)
+
+    assert not run_cases(Counts, "4.15/2").problems
+    assert 24 < len(queries) < 100

@@ -27,6 +27,7 @@ _STEPS: Final = 4  # slow ones to observe the status, and fast ones to observe t
 _STEPS_IF_LATE: Final = 8
 _PHASE_S: Final = 0.017  # the steps end at different moments between two samples
 _POLL_S: Final = 0.005
+_ARRIVED_POLL_S: Final = 0.1  # the pose at the target seldom changes any more
 _NS: Final = 1e9
 
 
@@ -68,16 +69,17 @@ def probe_lag(subject: ControllerUnderTest) -> None:
     lags: list[tuple[State, Lag]] = []
     with subject.observer.ignoring(*_JUDGED), arm_returned(subject, line) as start:
         there, answer = begin_step_somewhere(subject, line, SLOWEST_PERCENT)
+        target = there
         for number in range(_STEPS_IF_LATE):
             if not answer.accepted:
                 break
-            lags += _lags_of_step(subject, line)
+            lags += _lags_of_step(subject, line, target)
             if number + 1 >= (_STEPS_IF_LATE if lags else _STEPS):
                 break
             line.wait(number * _PHASE_S)
             back = number % 2 == 0
-            speed_percent = None if back else SLOWEST_PERCENT
-            answer = ask_move(subject, line, start if back else there, speed_percent)
+            target, speed_percent = (start, None) if back else (there, SLOWEST_PERCENT)
+            answer = ask_move(subject, line, target, speed_percent)
     for state, lag in lags:
         subject.lag.note(state, lag)
     subject.lag.steps_taken = True
@@ -86,27 +88,30 @@ def probe_lag(subject: ControllerUnderTest) -> None:
 
 
 def _lags_of_step(
-    subject: ControllerUnderTest, line: OutgoingConnection
+    subject: ControllerUnderTest, line: OutgoingConnection, target: Pose
 ) -> Iterator[tuple[State, Lag]]:
     """Yield the lags of the status at the begin of a step, and of the pose at its end."""
     begin = measure(subject, line, lambda: line.ask("get_status").value != IDLE)
     if begin and not any(seen.frame.tagged for seen in line.inbox):
         yield State.STATUS, begin
     line.result(_MOVE)
-    if end := _pose_lag(subject, line):
+    if end := _pose_lag(subject, line, target):
         yield State.POSE, end
     measure(subject, line, lambda: line.ask("get_status").value == IDLE)
 
 
-def _pose_lag(subject: ControllerUnderTest, line: OutgoingConnection) -> Lag | None:
+def _pose_lag(subject: ControllerUnderTest, line: OutgoingConnection, target: Pose) -> Lag | None:
     """Measure for how long the pose still changes after the end of a step; None if it does not.
 
-    An arm that decelerates shows the last part of the lag only by the least digits of its pose.
+    An arm that decelerates shows the last part of the lag only by the least digits of its pose. A
+    pose that is at the target from the beginning is queried less often.
     """
-    ended_ns, poses = subject.now_ns, list[tuple[float, Pose]]()
-    while not poses or poses[-1][0] < LONGEST_S:
+    ended_ns, poses = subject.now_ns, [(0.0, pose_of(line))]
+    poll_s = _ARRIVED_POLL_S if same_place(poses[0][1], target) else _POLL_S
+    while poses[-1][0] < LONGEST_S:
+        line.wait(poll_s)
         poses.append(((subject.now_ns - ended_ns) / _NS, pose_of(line)))
-        line.wait(_POLL_S)
+    line.wait(_POLL_S)
     last_s, last = poses[-1]
     late_s = [age_s for age_s, pose in poses if not same_place(pose, last)]
     if not late_s:

@@ -426,7 +426,7 @@ def wait_until_at_rest(subject: ControllerUnderTest, line: OutgoingConnection) -
     while (busy := status_of(subject, line) in (*BUSY, None)) and not (
         deadline.expired or line.ended
     ):
-        line.wait(_POLL_S)
+        line.wait(deadline.poll_s)
     subject.patience.note_rest(full_s - deadline.remaining_s, rests=not busy)
 
 
