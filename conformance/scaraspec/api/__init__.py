@@ -22,9 +22,11 @@ if TYPE_CHECKING:
     from scaraspec.protocol.hazard import Hazard
     from scaraspec.protocol.readings import Dialect
     from scaraspec.report.model import Results, Role
+    from scaraspec.report.operator_request import OperatorAnswer
     from scaraspec.suite.engine.case_sheet import CaseSheet, case_sheets
     from scaraspec.suite.engine.earlier_sitting import cases_to_repeat
     from scaraspec.suite.engine.ics import Ics
+    from scaraspec.suite.engine.operator import Operator
     from scaraspec.suite.engine.plan import Options
     from scaraspec_recorder.config import RobotConfig
 
@@ -35,6 +37,8 @@ __all__ = [
     "Dialect",
     "Hazard",
     "Ics",
+    "Operator",
+    "OperatorAnswer",
     "Options",
     "Results",
     "RobotConfig",
@@ -65,6 +69,8 @@ _MODULES = {
     "Dialect": "scaraspec.protocol.readings",
     "Hazard": "scaraspec.protocol.hazard",
     "Ics": "scaraspec.suite.engine.ics",
+    "Operator": "scaraspec.suite.engine.operator",
+    "OperatorAnswer": "scaraspec.report.operator_request",
     "Options": "scaraspec.suite.engine.plan",
     "Results": "scaraspec.report.model",
     "RobotConfig": "scaraspec_recorder.config",

@@ -23,6 +23,7 @@ from scaraspec.suite.engine.earlier_sitting import difference
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.journal import Journal
+from scaraspec.suite.engine.operator import Operator
 from scaraspec.suite.engine.outcome import Outcome
 from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.run import Run
@@ -95,6 +96,7 @@ def controller(  # noqa: PLR0913 - independent options of a run
     reproduction: str = "",
     progress: Progress = _SILENT,
     interruption: Interruption | None = None,
+    operator: Operator | None = None,
 ) -> Results:
     """Certify the controller at a URL: the suite acts as the client.
 
@@ -117,6 +119,7 @@ def controller(  # noqa: PLR0913 - independent options of a run
         reproduction: The command that repeats the run, for the report.
         progress: Callbacks.
         interruption: Ends the run early; its `ask` may be called by a signal handler.
+        operator: Replaces hooks that the ICS does not define; None without an operator.
 
     Raises:
         CalibrationError: The tester is not fit for a certification.
@@ -145,6 +148,7 @@ def controller(  # noqa: PLR0913 - independent options of a run
         reproduction=reproduction,
         progress=progress,
         interruption=interruption,
+        operator=operator,
     ) as (run, files):
         return write_results(run, run.results(), files, certification)
 
@@ -165,6 +169,7 @@ def prepared(  # noqa: PLR0913 - independent options of a run
     reproduction: str,
     progress: Progress,
     interruption: Interruption | None,
+    operator: Operator | None = None,
 ) -> Iterator[tuple[Run[ControllerUnderTest], RunFolder]]:
     """Prepare a run against the controller at a URL, and its folder; nothing has been sent.
 
@@ -188,12 +193,13 @@ def prepared(  # noqa: PLR0913 - independent options of a run
             access,
             ics,
             password.encode(),
-            options,
+            replace(options, attended=operator is not None),
             link=url,
             capture=files.capture,
             replay=reproduction,
             journal=journal,
             say=progress.say,
+            operator=operator,
         )
         run = Run(
             adapter,

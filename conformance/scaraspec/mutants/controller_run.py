@@ -5,6 +5,7 @@ simulated robot as they operate a real one: power cycle, inputs, motor faults.
 """
 
 import itertools
+import re
 import string
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,11 +15,13 @@ from typing import Final, Literal
 from scaraspec.mutants.controller import ControllerMutant
 from scaraspec.protocol.readings import READINGS, Dialect
 from scaraspec.report.model import Results
+from scaraspec.report.operator_request import OperatorAnswer
 from scaraspec.suite.controller.harness.access import MemoryAccess
 from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.controller.harness.own_files import TOKEN_LETTERS
-from scaraspec.suite.engine.hooks import HookError
+from scaraspec.suite.engine.hooks import REQUESTS, HookError
 from scaraspec.suite.engine.ics import Ics
+from scaraspec.suite.engine.operator import Operator
 from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.run import Run
 from scaraspec.transports.memory import MemoryNetwork
@@ -118,6 +121,41 @@ class _RobotHook:
         self.act(values)
 
 
+class RobotOperator:
+    """An operator who does at once what the suite asks for; see `suite.engine.operator.Operator`.
+
+    Args:
+        robot: The robot that the operator works with.
+
+    Attributes:
+        requests: The requests, in order.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        hooks = hooks_of(robot)
+        self._hooks = {**hooks, "start": hooks["restart"]}
+        self.requests: list[str] = []
+
+    def ask(self, request: str) -> None:
+        """Carry out a request."""
+        self.requests.append(request)
+        for part in request.split("; "):
+            for name, template in REQUESTS.items():
+                pattern = re.sub(r"\\{(\w+)\\}", r"(?P<\1>.+)", re.escape(template))
+                if found := re.fullmatch(pattern, part):
+                    values = {key: _as_value(text) for key, text in found.groupdict().items()}
+                    self._hooks[name].run(**values)
+
+    def poll(self, note: Callable[[str], None]) -> OperatorAnswer | None:  # noqa: ARG002 - no remark
+        """Return that it has been done."""
+        return OperatorAnswer.DONE
+
+
+def _as_value(text: str) -> str:
+    """Return the value of a hook of which the text of a request was made."""
+    return text.replace(", ", ",").replace(" ", "_")
+
+
 def prove_controller(
     options: Options, fault: ControllerMutant | None = None, dialect: Dialect | None = None
 ) -> Results:
@@ -139,17 +177,26 @@ def prove_controller(
     return certified(robot, ics, options)
 
 
-def certified(robot: Robot, ics: Ics, options: Options) -> Results:
+def certified(
+    robot: Robot, ics: Ics, options: Options, operator: Operator | None = None
+) -> Results:
     """Run the suite against this robot.
 
     Args:
         robot: The simulated robot.
         ics: The claims of the robot.
         options: Options of the run.
+        operator: Replaces missing hooks, if the options say that an operator is present.
     """
     access = MemoryAccess(robot.network)
     setting = ControllerAdapter(
-        access, ics, PASSWORD, options, link="memory", draw_token=tokens().__next__
+        access,
+        ics,
+        PASSWORD,
+        options,
+        link="memory",
+        draw_token=tokens().__next__,
+        operator=operator,
     )
     return Run(setting).results()
 

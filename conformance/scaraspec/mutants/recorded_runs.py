@@ -8,12 +8,19 @@ reads; `make spec` calls it.
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from scaraspec.client.aio import AsyncClient
 from scaraspec.mutants.client_run import MemoryClient
-from scaraspec.mutants.controller_run import PASSWORD, Robot, hooks_of, tokens
+from scaraspec.mutants.controller_run import (
+    PASSWORD,
+    Robot,
+    RobotOperator,
+    certified,
+    hooks_of,
+    tokens,
+)
 from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.frames import Frame, Framer, StreamItem
 from scaraspec.protocol.readings import DEFAULT
@@ -24,6 +31,7 @@ from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.engine import case as cases
 from scaraspec.suite.engine.case_sheet import RECORDED_RUNS
+from scaraspec.suite.engine.collection import collect
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.role_adapter import RoleAdapter
@@ -163,8 +171,10 @@ def recorded_runs(role: Role, options: Options = _EVERYTHING) -> dict[str, dict[
         options: Options of the run.
 
     Returns:
-        By case id: the waits in seconds, the steps, their number and the number of values.
+        By case id: the waits in seconds, the steps, their number, the number of values, and of a
+        case that asks an operator the number of requests.
     """
+    asked = dict[str, int]()
     steps = StepRecorder()
     if role is Role.CONTROLLER:
         robot = Robot(ControllerCore, DEFAULT)
@@ -177,11 +187,24 @@ def recorded_runs(role: Role, options: Options = _EVERYTHING) -> dict[str, dict[
             forget=steps.forget,
         )
         results = _run(adapter, steps)
+        asked = _asked(options)
     else:
         with closing(MemoryClient(AsyncClient, DEFAULT)) as access:
             client = ClientAdapter(access, Ics(), options)
             results = _run(client, steps)
-    return {case.id: _recorded(case, steps.steps[case.id]) for case in results.cases}
+    return {
+        case.id: _recorded(case, steps.steps[case.id], asked.get(case.id, 0))
+        for case in results.cases
+    }
+
+
+def _asked(options: Options) -> dict[str, int]:
+    """Return how many requests each case makes to an operator if the ICS defines no hook."""
+    attended = frozenset(case.id for case in collect(options) if case.attended)
+    robot = Robot(ControllerCore, DEFAULT)
+    only = replace(options, only=frozenset(), cases=attended, attended=True)
+    results = certified(robot, Ics(), only, RobotOperator(robot))
+    return {case.id: len(case.operator) for case in results.cases}
 
 
 def _run(adapter: RoleAdapter[Any], steps: StepRecorder) -> Results:
@@ -193,13 +216,14 @@ def _run(adapter: RoleAdapter[Any], steps: StepRecorder) -> Results:
     ).results()
 
 
-def _recorded(case: Case, steps: Sequence[str]) -> dict[str, Any]:
+def _recorded(case: Case, steps: Sequence[str], asked: int) -> dict[str, Any]:
     own = _without_control(steps)
     return {
         "waits_s": round(case.duration_s, 2),
         "steps": compressed(own),
         "count": len(own),
         "examples": case.examples,
+        **({"asked": asked} if asked else {}),
     }
 
 

@@ -20,6 +20,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.codec import InvalidValueError, from_plain, to_plain
 from scaraspec.report.failed_step import AttemptResult, FailedStep, RootCause, SittingResult
 from scaraspec.report.files import write_whole
+from scaraspec.report.operator_request import OperatorRequest
 from scaraspec.user_message import UserMessage
 
 SCHEMA: Final = "scaraspec.results/2"
@@ -141,8 +142,7 @@ class Evidence:
         length_bytes: The number of bytes.
         time_ns: The time of the last byte, in nanoseconds since the Unix epoch.
         note: A description, such as ``run_program, final result``.
-        frame_hex: The bytes in upper-case hex without spaces, passwords as ``2A``; empty if they
-            were not stored; only the beginning of very long frames.
+        frame_hex: The bytes in upper-case hex, passwords as ``2A``; cut if long, empty if not kept.
         fields: The parts of the frame, in order; empty for invalid bytes.
     """
 
@@ -185,12 +185,12 @@ class Case:
         attempts: The results of all attempts, if the case was tried several times.
         reason: Why the verdict is none or inconclusive.
         lines: The lines of the document that state the first requirement, such as ``L397``.
-        fingerprint: A hash that is equal for equal findings of different runs: it does not depend
-            on times, ports, connections, counters or bytes.
+        fingerprint: A hash that is equal for equal findings of different runs.
         title: What the case tries, or the requirement of a finding, in one line.
         step: The step that failed, or whose observation is inconclusive; None otherwise.
         date: The start of the sitting of the case in UTC, as ISO 8601, if there are several.
         sittings: What each sitting found, if several ran the case and were merged.
+        operator: What an operator was asked to do, and the answers; not part of the duration.
     """
 
     id: str
@@ -214,6 +214,7 @@ class Case:
     step: FailedStep | None = None
     date: str = ""
     sittings: tuple[SittingResult, ...] = ()
+    operator: tuple[OperatorRequest, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -371,8 +372,7 @@ class Results:
         requirements: The requirements in scope, in the order of the document.
         cases: The cases, in the order of the document.
         session: The traffic on the wire, if known.
-        notices: Important notices to show before the verdict, such as that the emergency stop
-            does not work or that an interrupted run was recovered.
+        notices: Sentences before the verdict, such as that the emergency stop does not work.
         run: How the results were produced; None for results of schema 1.
         undecided: The number of findings of the judge that the traffic of a run does not decide,
             by requirement. They have no case and do not count.

@@ -1,7 +1,8 @@
 """Merge: joins the sittings of one certification into one result. A pure function.
 
 All sittings must test the same build with the same claims, options and version of scaraspec. Only
-the selection of cases may differ. If several sittings ran a case, all are listed, and one counts:
+the selection of cases may differ, and for a controller the presence of an operator. If several
+sittings ran a case, all are listed, and one counts:
 
 1. A failure counts, whatever an earlier or later sitting found: the build is the same, so the fault
    is still there.
@@ -122,7 +123,8 @@ def _runs_of(ordered: Sequence[Results]) -> list[RunInfo]:
 
 def _conditions(results: Results) -> dict[str, str]:
     """Return what must be equal; an unnamed subject is known by its link alone."""
-    conditions = {k: v for k, v in conditions_of(results).items() if k not in _MAY_DIFFER}
+    may_differ = {*_MAY_DIFFER, *(("attended",) if results.role is Role.CONTROLLER else ())}
+    conditions = {k: v for k, v in conditions_of(results).items() if k not in may_differ}
     return conditions if results.subject.name else {**conditions, "link": results.subject.link}
 
 

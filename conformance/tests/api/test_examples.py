@@ -40,10 +40,13 @@ def test_examples(controller: str, tmp_path: Path) -> None:
         )
         assert (ran.returncode, ran.stderr) == (0, ""), ran
         outputs.append(ran.stdout)
-    certified, stated, specified, gated, verified, recorded, audited, replayed, proved = outputs
+    certified, attended, *outputs = outputs
+    stated, specified, gated, verified, recorded, audited, replayed, proved = outputs
     assert certified.startswith("no-violation-found\n")
     assert "\n4.8/" in certified
     assert (tmp_path / "run-1/report.html").exists()
+    assert attended.startswith("set digital input 1 to 1\n")
+    assert "\n4.31/2.driven none the operator skipped the case " in attended
     assert stated.startswith("() ('")
     assert specified.count("\n") == 3
     assert gated == "CONFORMANT\n"

@@ -15,7 +15,7 @@ from scaraspec.suite.engine.case import Case
 from scaraspec.suite.engine.collection import collect
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.outcome import Outcome
-from scaraspec.suite.engine.plan import ALL, Options
+from scaraspec.suite.engine.plan import ALL, Options, asks_operator
 
 READS = frozenset({Hazard.READ_ONLY})
 MOVES = frozenset({Hazard.READ_ONLY, Hazard.MOTION})
@@ -113,8 +113,7 @@ def test_kinds_are_measured_separately() -> None:
 def test_in_words(count: int, says: str) -> None:
     """Rounded, because it is an estimate; an operator needs half a minute for a case."""
     cases = [Case(f"4.8/1.{n}", ("4.8/1",), READS) for n in range(count)]
-    attended = count > 1
-    assert str(TimeEstimate(cases, 30.0, attended=attended)) == says
+    assert str(TimeEstimate(cases, 30.0, asks=lambda _: count > 1)) == says
 
 
 def test_the_plan(output: io.StringIO) -> None:
@@ -129,6 +128,19 @@ def test_the_plan(output: io.StringIO) -> None:
     attended = Options(attended=True)
     operated = collect(attended, Role.CLIENT)
     assert estimate_of(operated, attended, Ics()).remaining_s == 30 * len(operated)
+
+
+def test_the_plan_of_an_attended_run(output: io.StringIO) -> None:
+    """It has the number of requests; only the cases that ask need the time of an operator."""
+    options = Options(allowed=ALL, attended=True)
+    cases = collect(options)
+    estimate = estimate_of(cases, options, Ics())
+    show_plan(cases, options, Ics(), Console(file=output), estimate)
+    asking = sum(asks_operator(case, options, Ics()) for case in cases)
+    assert 10 < asking < 20
+    unattended_s = estimate_of(cases, Options(allowed=ALL), Ics()).remaining_s
+    assert estimate.remaining_s == pytest.approx(unattended_s + 30 * asking, rel=0.02)
+    assert "the operator is asked about 51 times" in output.getvalue()
 
 
 def test_lines_without_a_terminal(output: io.StringIO) -> None:

@@ -31,6 +31,7 @@ from scaraspec.report.model import (
     Tool,
     TransferSeen,
 )
+from scaraspec.report.operator_request import OperatorAnswer, OperatorRequest
 from scaraspec.report.session import SessionStats
 from scaraspec_recorder.sources.pcap_reader import read_pcap
 
@@ -175,6 +176,7 @@ def hostile() -> Results:
             replay=HOSTILE,
             wire=(evidence, replace(evidence, frame_hex=HOSTILE)),
             step=FailedStep(_NS, Stage.FRAME, HOSTILE, HOSTILE, dependency=HOSTILE),
+            operator=(OperatorRequest(HOSTILE, 1, 2, OperatorAnswer.DONE, (HOSTILE,)),),
         )
         for number, case in enumerate(FULL.cases)
     )

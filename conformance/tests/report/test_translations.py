@@ -13,6 +13,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import TransferState
 from scaraspec.report import translations as words
 from scaraspec.report.model import Role
+from scaraspec.report.operator_request import OperatorAnswer
 from scaraspec.report.translations import CLAUSE_TITLES, TRANSLATIONS, Translation
 from scaraspec.traffic.events import Ending
 from scaraspec.traffic.wire import Kind
@@ -48,6 +49,7 @@ def test_every_shown_value_has_a_translation() -> None:
         *(f"state_{s.value}" for s in TransferState),
         *(f"outcome_{e.value}".replace(" ", "-") for e in Ending if e.name not in SETTLED),
         *(f"outcome_{o}" for o in ("done", "failed", "refused", "interrupted")),
+        *(f"operator_{a.value}" for a in OperatorAnswer),
         *(f"ending_{k.value}" for k in (Kind.HALF_CLOSED, Kind.CLOSED, Kind.RESET)),
         "ending_open",
     }
@@ -67,6 +69,7 @@ def test_no_unused_translations() -> None:
     kinds = (Conclusion, Verdict, Role, Strength, Basis, Direction)
     computed = {member.value for kind in kinds for member in kind}
     computed |= {f"{conclusion.value}_means" for conclusion in Conclusion}
+    computed |= {f"operator_{answer.value}" for answer in OperatorAnswer}
     left = [
         key
         for key in TRANSLATIONS

@@ -156,6 +156,17 @@ def test_the_coverage_of_a_sitting_does_not_count() -> None:
     assert merged.verdict is Conclusion.CONFORMANT
 
 
+def test_an_operator_may_be_present_in_one_sitting() -> None:
+    """An operator of a controller only adds cases; of a client, an operator replaces the driver."""
+    first, second = sitting(PASSED), sitting(PASSED, day=1)
+    assert second.run
+    settings = {**second.run.settings, "attended": "true"}
+    attended = replace(second, run=replace(second.run, settings=settings))
+    assert merge([first, attended])
+    with pytest.raises(MergeError, match="attended was"):
+        merge([replace(each, role=Role.CLIENT) for each in (first, attended)])
+
+
 def test_refusals() -> None:
     """Another build, ICS, option, version or role, and the same sitting twice."""
     first, second = sitting(PASSED), sitting(PASSED, day=1)

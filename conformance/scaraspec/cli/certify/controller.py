@@ -26,6 +26,7 @@ from scaraspec.cli.certify.running import (
     confirm_motion,
     end_on_signals,
     estimate_of,
+    require_terminal,
     show_plan,
 )
 from scaraspec.cli.help import GroupedCommand
@@ -35,6 +36,7 @@ from scaraspec.cli.vocabulary import DEFAULT_PASSWORD
 from scaraspec.report.model import Results, Role
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
+from scaraspec.suite.engine.operator import TerminalOperator
 from scaraspec.suite.engine.plan import Options, hazards
 from scaraspec.transports.url import Tcp, parse
 
@@ -42,6 +44,7 @@ _GROUPS = {
     "The subject": (
         "password",
         "ics",
+        "attended",
         "reply_timeout",
         "transfer_timeout",
         "wait_for",
@@ -75,6 +78,7 @@ class Settings:
     password: str
     ics: Path | None
     transfer_timeout: float | None
+    attended: bool
     reply_timeout: float | None
     allow: str
     only: str | None
@@ -126,6 +130,7 @@ class Settings:
             exhaustive=self.exhaustive,
             brief=self.only is None and not self.exhaustive,
             fail_fast=self.fail_fast,
+            attended=self.attended,
         )
 
 
@@ -134,6 +139,9 @@ class Settings:
 @option("password", envvar="SCARASPEC_PASSWORD", default=DEFAULT_PASSWORD)
 @option("allow", default="")
 @suite_options
+@click.option(
+    "--attended", is_flag=True, help="Ask an operator to do what the ICS has no hook for."
+)
 @option("reply-timeout", type=Duration())
 @option("patience", type=Real(0, 100_000))
 @option("undefined-opcodes")
@@ -149,6 +157,8 @@ def command(**given: Any) -> None:
     controller, 4 nothing tested.
     """
     settings = Settings(**given)
+    if settings.attended and not settings.dry_run:
+        require_terminal()
     with user_errors():
         statement = settings.read_statement()
         earlier = settings.rerun_from
@@ -184,7 +194,7 @@ def command(**given: Any) -> None:
             confirm_motion(cases, options, statement)
         certification = calibrated(certification, Console())
         interruption = Interruption()
-        display = Display(Console(), len(cases), estimate)
+        display = Display(Console(), len(cases), estimate, ticks=settings.attended)
 
         def run() -> Results:
             with display.bar:
@@ -203,6 +213,7 @@ def command(**given: Any) -> None:
                     reproduction=reproduction(click.get_current_context(), where),
                     progress=display.progress,
                     interruption=interruption,
+                    operator=TerminalOperator(click.echo) if settings.attended else None,
                 )
 
         conclude(run, settings.out, certification)

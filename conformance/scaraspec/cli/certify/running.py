@@ -6,6 +6,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import partial
 from types import FrameType
 from typing import Final
 
@@ -24,10 +25,11 @@ from scaraspec.operating_system import ending_signals
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.sanitizing import visible
 from scaraspec.suite.engine.case import Case
+from scaraspec.suite.engine.case_sheet import operator_requests
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.outcome import Outcome
-from scaraspec.suite.engine.plan import Options, skip_reason
+from scaraspec.suite.engine.plan import Options, asks_operator, skip_reason
 
 _RISKS: Final = {
     Hazard.READ_ONLY: "send queries only",
@@ -40,7 +42,8 @@ _RISKS: Final = {
 def estimate_of(cases: Sequence[Case], options: Options, statement: Ics) -> TimeEstimate:
     """Return an estimate of the time of a run."""
     runs = [case for case in cases if not skip_reason(case, options, statement)]
-    return TimeEstimate(runs, statement.transfer_s, attended=options.attended)
+    asks = partial(asks_operator, options=options, ics=statement)
+    return TimeEstimate(runs, statement.transfer_s, asks=asks)
 
 
 def show_plan(
@@ -61,6 +64,9 @@ def show_plan(
             console.print(
                 f"  {counts[hazard]:4}  {_RISKS[hazard]}", soft_wrap=True, highlight=False
             )
+    if asked := operator_requests(c for c in runs if asks_operator(c, options, statement)):
+        text = f"  the operator is asked about {asked} times"
+        console.print(text, soft_wrap=True, highlight=False)
     for why, count in skipped.most_common():
         console.print(Text(f"  {count:4}  skipped: {visible(why)}"), soft_wrap=True)
 
@@ -83,6 +89,16 @@ def confirm_motion(cases: Sequence[Case], options: Options, statement: Ics) -> N
     )
     if not click.confirm("Is the area clear, and a hardware emergency stop within reach?"):
         raise Problem("nothing was sent: the run was not confirmed")
+
+
+def require_terminal() -> None:
+    """Require that an operator can answer.
+
+    Raises:
+        Problem: The input is not a terminal.
+    """
+    if sys.stdin is None or not sys.stdin.isatty():
+        raise Problem("--attended: nothing was sent, because stdin is no terminal")
 
 
 class Display:

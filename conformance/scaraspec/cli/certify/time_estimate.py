@@ -40,7 +40,7 @@ class TimeEstimate:
     Args:
         cases: The cases that will run.
         transfer_s: The silence after which the subject abandons a transfer, in seconds.
-        attended: Whether an operator works with the subject.
+        asks: Whether a case asks an operator.
         clock: Returns the current time in seconds.
     """
 
@@ -49,11 +49,11 @@ class TimeEstimate:
         cases: Iterable[Case],
         transfer_s: float,
         *,
-        attended: bool = False,
+        asks: Callable[[Case], bool] = lambda _: False,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._typical_s = {**_TYPICAL_S, _SILENCE: _SILENCES * transfer_s}
-        self._attended, self._clock = attended, clock
+        self._asks, self._clock = asks, clock
         self._kinds = {case.id: self._kind(case) for case in cases}
         self._measured = Counter[str]()
         self._measured_s = dict.fromkeys(self._typical_s, 0.0)
@@ -96,7 +96,7 @@ class TimeEstimate:
         return f"about {minutes // _HOUR_MIN} h {minutes % _HOUR_MIN} min"
 
     def _kind(self, case: Case) -> str:
-        if self._attended:
+        if self._asks(case):
             return "operator"
         return _SILENCE if case.requirements[0] in _ABOUT_SILENCE else case.hazard.value
 

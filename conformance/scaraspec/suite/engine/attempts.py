@@ -93,7 +93,11 @@ def settle(attempts: Sequence[Attempt], *, repeatable: bool = True) -> Outcome:
     outcome = _settled(attempts, repeatable=repeatable)
     if len(attempts) == 1:
         return outcome
-    return replace(outcome, attempts=tuple(attempt.result for attempt in attempts))
+    return replace(
+        outcome,
+        attempts=tuple(attempt.result for attempt in attempts),
+        operator=tuple(each for attempt in attempts for each in attempt.outcome.operator),
+    )
 
 
 def _settled(attempts: Sequence[Attempt], *, repeatable: bool) -> Outcome:

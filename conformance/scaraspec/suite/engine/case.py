@@ -35,7 +35,8 @@ class Case:
         undefined: The case sends undefined opcodes.
         last: The subject may be switched off afterwards.
         slow: The case is slow, and other cases judge all of its requirements, too.
-        attended: The case is also on the checklist of an operator.
+        attended: The case is also on the checklist of an operator; for a controller, an operator
+            may replace its hooks.
         role: The role of the subject.
         purpose: The whole docstring of the case; `sentence` is its first line.
         function: The name of the function in the file of the case.
@@ -94,6 +95,7 @@ def case(  # noqa: PLR0913 - one for each property of a case
     hazards: tuple[Hazard, ...] = (),
     needs: tuple[str, ...] = (),
     undefined: bool = False,
+    attended: bool = False,
     last: bool = False,
     slow: bool = False,
 ) -> Callable[[F], F]:
@@ -105,6 +107,8 @@ def case(  # noqa: PLR0913 - one for each property of a case
         hazards: What it may do to a real robot; by default the hazards of its requirements.
         needs: The hooks without which it cannot run.
         undefined: The case sends undefined opcodes.
+        attended: An operator may replace the hooks: the case does not depend on the moment at which
+            they act, and asks only a few times.
         last: The case may switch the subject off.
         slow: The case is slow, and other cases judge all of its requirements, too.
 
@@ -116,7 +120,16 @@ def case(  # noqa: PLR0913 - one for each property of a case
     own = frozenset(hazards or (entry.hazard for entry in entries)) | {Hazard.READ_ONLY}
     case_id = _case_id(requirements, name)
     return _marked(
-        Case(case_id, requirements, own, needs, undefined=undefined, last=last, slow=slow)
+        Case(
+            case_id,
+            requirements,
+            own,
+            needs,
+            undefined=undefined,
+            attended=attended,
+            last=last,
+            slow=slow,
+        )
     )
 
 

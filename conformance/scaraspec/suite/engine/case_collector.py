@@ -97,12 +97,16 @@ class CaseCollector:
             self.suite_errors.append(f"several cases have the same id: {', '.join(sorted(twice))}")
         kept = {item for item in items if item in self._collected and self._tries(item)}
         chosen = [item for item in self._collected if item in kept]
-        chosen.sort(key=lambda item: self._collected[item].turn)
+        chosen.sort(key=lambda item: self._turn(self._collected[item]))
         self.cases = [self._collected[item] for item in chosen]
         self.items = chosen
         if rest := [i for i in items if i in self._collected and i not in kept]:
             config.hook.pytest_deselected(items=rest)
         items[:] = [*(item for item in items if item not in self._collected), *chosen]
+
+    def _turn(self, case: Case) -> tuple[int, tuple[str, ...]]:
+        """The order of execution: a key to sort the cases by."""
+        return case.turn, ()
 
     def _tries(self, item: pytest.Item) -> bool:
         case = self._collected[item]

@@ -17,6 +17,7 @@ from _pytest.runner import runtestprotocol
 from scaraspec.judge.verdicts import Cause, Reason, Verdict
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.model import Role
+from scaraspec.report.operator_request import operator_s
 from scaraspec.suite.engine.attempts import Attempt, needs_another, settle
 from scaraspec.suite.engine.case import Case, case_of, is_case
 from scaraspec.suite.engine.case_collector import CaseCollector
@@ -43,7 +44,7 @@ from scaraspec.suite.engine.outcome import (
     unless_disturbed,
     was_interrupted,
 )
-from scaraspec.suite.engine.plan import Options, Skip, skip_reason
+from scaraspec.suite.engine.plan import Options, Skip, asks_operator, skip_reason
 from scaraspec.suite.engine.stall_detector import Stall
 from scaraspec.suite.engine.system_under_test import SystemUnderTest
 from scaraspec.user_message import UserMessage
@@ -176,6 +177,14 @@ class CaseRunner(CaseCollector):
 
     # ------------------------------------------------------------------ one case
 
+    def _asks(self, case: Case) -> bool:
+        """Whether the case asks an operator."""
+        return asks_operator(case, self.options, self.subject.ics)
+
+    def _turn(self, case: Case) -> tuple[int, tuple[str, ...]]:
+        """The order of execution; the cases that ask an operator for the same are together."""
+        return case.turn, case.needs if self._asks(case) else ()
+
     def _known(self, case: Case) -> Outcome | None:
         """The outcome of a case that need not run; None if it must run."""
         if case.id in self._completed:
@@ -229,7 +238,7 @@ class CaseRunner(CaseCollector):
         observer, begun_ns = self.subject.observer, self.subject.now_ns
         observer.budget.begin_case()
         outcome = self._run_attempts(case, item, nextitem)
-        for_s = (self.subject.now_ns - begun_ns) / _NS
+        for_s = (self.subject.now_ns - begun_ns) / _NS - operator_s(outcome.operator)
         observer.budget.end_case(outcome, for_s, late=bool(observer.attempt.late))
         return outcome
 
@@ -261,7 +270,7 @@ class CaseRunner(CaseCollector):
             self._dead
             or case.last
             or Hazard.DESTRUCTIVE in case.hazards
-            or self.options.attended
+            or self._asks(case)
             or self.subject.stop_failure
             or any(requirement.startswith("4.17/") for requirement in failed)
         )
@@ -276,7 +285,7 @@ class CaseRunner(CaseCollector):
         case, others = attempt.outcome.case, self.subject.others
         if self._dead or case.last:
             return ""
-        once = Hazard.DESTRUCTIVE in case.hazards
+        once = Hazard.DESTRUCTIVE in case.hazards or self._asks(case)
         for_s = max(_WATCH_S, _TIMES * attempt.outcome.duration_s)
         for_s = _WATCH_MOST_S if once else min(for_s, _WATCH_MOST_S)
         self._callbacks.watch(for_s)
@@ -315,7 +324,8 @@ class CaseRunner(CaseCollector):
     def _attempt(self, case: Case, item: pytest.Item, nextitem: pytest.Item | None) -> Attempt:
         """Try a case once; findings that span a stall of this machine are dropped."""
         observer = self.subject.observer
-        observer.begin(case.id, repeatable=self._is_repeatable(case, case.requirements[:1]))
+        repeatable = self._is_repeatable(case, case.requirements[:1])
+        observer.begin(case.id, repeatable=repeatable, attended=case.attended)
         self._callbacks.stalls()
         since = len(observer.findings)
         with observed_by(lambda: observer.moment):
@@ -357,12 +367,14 @@ class CaseRunner(CaseCollector):
         else:
             outcome = self._afterwards(case, outcome)
         self._report_stop(case, outcome)
-        duration_s = (subject.now_ns - begun_ns) / _NS
+        requests = tuple(subject.observer.attempt.requests)
+        duration_s = (subject.now_ns - begun_ns) / _NS - operator_s(requests)
         return replace(
             outcome,
             duration_s=duration_s,
             examples=tally.examples,
             frames=outcome.frames or frames,
+            operator=requests,
         )
 
     def _end_if_asked(self) -> None:
@@ -380,6 +392,8 @@ class CaseRunner(CaseCollector):
     def _outcome(self, case: Case) -> Outcome:
         """The outcome that follows from the exception that the case raised."""
         raised = root_cause(self._raised)
+        if isinstance(raised, HookMissing) and isinstance(raised.__context__, CaseFailed):
+            raised = raised.__context__  # the operator skipped what follows the failure
         if raised is None and self.subject.no_verdict_reason:
             raised = CaseSkipped(self.subject.no_verdict_reason)
         match raised:

@@ -99,6 +99,12 @@ def case_sheets(role: Role, options: Options | None = None) -> list[CaseSheet]:
     ]
 
 
+def operator_requests(cases: Iterable[Case]) -> int:
+    """Return how many requests these cases make to an operator, in a run that passes."""
+    recorded = _recorded_runs()
+    return sum(recorded[case.role.value][case.id].get("asked", 0) for case in cases)
+
+
 @cache
 def _recorded_runs() -> Mapping[str, Mapping[str, Any]]:
     runs: Mapping[str, Mapping[str, Any]] = json.loads(RECORDED_RUNS.read_text("utf-8"))
@@ -136,7 +142,8 @@ def _preconditions(case: Case) -> Iterator[str]:
     elif case.turn:
         yield "it runs after the cases of other clauses, because it may crash the subject"
     if case.attended:
-        yield "an operator can take the place of a driver"
+        replaced = "a driver" if case.role is Role.CLIENT else "a hook, with --attended"
+        yield f"an operator can take the place of {replaced}"
 
 
 # ---------------------------------------------------------------------- what the source contains

@@ -141,12 +141,13 @@ class HookMissing(CaseSkipped):
 
     Args:
         hooks: Their names.
+        message: Replaces the usual message.
     """
 
     reason = Reason.HOOK
 
-    def __init__(self, *hooks: str) -> None:
-        super().__init__(missing_hooks_message(hooks))
+    def __init__(self, *hooks: str, message: str = "") -> None:
+        super().__init__(message or missing_hooks_message(hooks))
         self.hooks = hooks
 
 

@@ -33,6 +33,23 @@ HOOKS: Final[Mapping[str, str]] = MappingProxyType(
 )
 """Every hook: its name in ``[hooks]``, what its command must do, and its placeholders."""
 
+REQUESTS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "start": "switch the robot on, and wait until it has started",
+        "restart": "switch the robot off at its plug and on again, and wait until it has started",
+        "set_input": "set digital input {port} to {value}",
+        "motor_fault": "cause a motor fault of {joints} that lasts",
+        "position_fault": "cause the position fault of code 05 so that it lasts",
+        "angle_fault": "cause the angle fault of code 06 so that it lasts",
+        "clear_faults": "remove every fault and its cause",
+    }
+)
+"""What an operator is asked to do in place of a hook, with the same placeholders.
+
+The others need a program: `factory_reset`, because the suite risks the password if it can be reset,
+and `set_analog`, because an operator cannot set an exact value.
+"""
+
 _SAMPLES: Final[Mapping[str, object]] = {"port": 1, "value": 1, "joints": "inner_arm"}
 """A value of each placeholder, to check a command line."""
 _MAX_OUTPUT: Final = 200

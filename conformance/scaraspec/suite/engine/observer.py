@@ -14,6 +14,7 @@ from scaraspec.judge.judge import Judge
 from scaraspec.judge.verdicts import Finding
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.report.model import Role
+from scaraspec.report.operator_request import OperatorRequest
 from scaraspec.suite.engine.expectations import Moment
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
@@ -43,6 +44,8 @@ class ObservedAttempt:
         case: The id of the case; empty between cases.
         late: The connections on which a message was missing or late.
         repeatable: The case may be repeated after this attempt.
+        attended: The case may ask an operator in place of a hook.
+        requests: What the operator was asked to do.
         delayed: A message that was due came after its timeout. Noted only if the attempt is not
             repeatable: such a failure proves nothing, and no further attempt can confirm it.
     """
@@ -51,6 +54,8 @@ class ObservedAttempt:
     late: set[str] = field(default_factory=set)
     repeatable: bool = True
     delayed: bool = False
+    attended: bool = False
+    requests: list[OperatorRequest] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,9 +138,9 @@ class Observer:
         """The id of the running case; empty between cases."""
         return self.attempt.case
 
-    def begin(self, case: str, *, repeatable: bool = True) -> None:
+    def begin(self, case: str, *, repeatable: bool = True, attended: bool = False) -> None:
         """Begin an attempt of a case; an empty id ends it."""
-        self.attempt = ObservedAttempt(case, repeatable=repeatable)
+        self.attempt = ObservedAttempt(case, repeatable=repeatable, attended=attended)
         self.recent.clear()
 
     def report_late(self, connection: str) -> None:

@@ -8,6 +8,7 @@ from scaraspec.judge.verdicts import Cause, Reason, Verdict
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.report.evidence import evidence_of, step_of
 from scaraspec.report.failed_step import AttemptResult, FailedStep, topic
+from scaraspec.report.operator_request import OperatorRequest
 from scaraspec.suite.engine.case import Case
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
@@ -29,7 +30,8 @@ class Outcome:
         message: One sentence.
         expected: What the document requires.
         observed: What was observed instead.
-        duration_s: The duration in seconds, on the clock of the subject.
+        duration_s: The duration in seconds, on the clock of the subject, without the time that an
+            operator took.
         examples: The number of values that were tried; 0 if the case draws no values.
         frames: The last frames of the case.
         readings: The readings that were tolerated, as key and option.
@@ -37,6 +39,7 @@ class Outcome:
         reason: Why the verdict is none or inconclusive.
         missing_hooks: The hooks that the case needs and that the ICS does not define.
         step: The step that failed.
+        operator: What an operator was asked to do.
     """
 
     case: Case
@@ -54,6 +57,7 @@ class Outcome:
     reason: Reason | None = None
     missing_hooks: tuple[str, ...] = ()
     step: FailedStep | None = None
+    operator: tuple[OperatorRequest, ...] = ()
 
 
 def failed_outcome(case: Case, error: CaseFailed, requirement: str, message: str = "") -> Outcome:

@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 
 from scaraspec.judge.verdicts import Reason
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.report.model import Role
 from scaraspec.suite.engine.case import Case
 from scaraspec.suite.engine.hooks import missing_hooks_message
 from scaraspec.suite.engine.ics import Ics
@@ -32,7 +33,8 @@ class Options:
         seed: The seed of all random values.
         examples: How many values a case tries that draws its values.
         exhaustive: Run all cases of a requirement, even after one has failed.
-        attended: Run only the cases on the checklist of an operator.
+        attended: An operator is present. For a client, run only the cases on the checklist of an
+            operator; for a controller, the operator replaces hooks that the ICS does not define.
         brief: Skip slow cases whose requirements other cases judge, too.
         cases: The ids of cases to run besides those of `only`.
         required: The requirements that must be judged; otherwise the run is inconclusive.
@@ -112,14 +114,21 @@ def skip_reason(case: Case, options: Options, ics: Ics) -> Skip | None:
     if options.brief and case.slow:
         message = "it is slow, and other cases judge its requirements, too: --exhaustive runs it"
         return Skip(Reason.SLOW, message)
-    if missing_hooks := tuple(name for name in case.needs if name not in ics.hooks):
+    missing_hooks = tuple(name for name in case.needs if name not in ics.hooks)
+    if missing_hooks and not asks_operator(case, options, ics):
         return Skip(Reason.HOOK, missing_hooks_message(missing_hooks), missing_hooks)
     return None
 
 
+def asks_operator(case: Case, options: Options, ics: Ics) -> bool:
+    """Return whether a case may ask an operator: for a controller, in place of a missing hook."""
+    replaces = not case.needs or not ics.hooks.keys() >= {*case.needs}
+    return options.attended and case.attended and replaces
+
+
 def is_selected(case: Case, options: Options) -> bool:
     """Whether the options select a case."""
-    if options.attended and not case.attended:
+    if options.attended and case.role is Role.CLIENT and not case.attended:
         return False
     if options.only is None or case.id in options.cases:
         return True

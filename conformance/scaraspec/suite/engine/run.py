@@ -395,6 +395,7 @@ class Run(Generic[P]):
             wire=() if outcome.verdict in (Verdict.NONE, Verdict.PASS) else wire,
             passing=self._stats.evidence.passing(wire) if bad else (),
             attempts=outcome.attempts,
+            operator=outcome.operator,
             reason=outcome.reason,
             lines=document_lines(failed),
             fingerprint=fingerprint(case.id, outcome.requirement, outcome.message),

@@ -5,7 +5,6 @@ the operator what the client displays. At any time the operator can type a line 
 to leave the session.
 """
 
-import os
 import socket
 import tempfile
 import time
@@ -15,12 +14,11 @@ from typing import Any, Final
 
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.watched_link import WatchedLink
-from scaraspec.suite.engine.expectations import CaseSkipped
+from scaraspec.suite.engine.operator_terminal import OperatorTerminal
 from scaraspec.transports.clock import now_ns
 from scaraspec.transports.link import Link
 from scaraspec.transports.tcp import wait_readable
 
-_READ_BYTES: Final = 4096
 _ANSWERS: Final = {"y": True, "yes": True, "n": False, "no": False}
 HELP: Final = (
     'Do the step after "now:" as soon as it appears. Type y = yes, n = no or the client refuses '
@@ -63,9 +61,7 @@ class Attended:
         self.answer_timeout_s = answer_timeout_s
         self._scratch = tempfile.TemporaryDirectory(prefix="scaraspec-")
         self.folder = Path(self._scratch.name)
-        self._say, self._input_fd = say, input_fd
-        self._buffer = b""
-        self._last_line = ""
+        self._terminal = OperatorTerminal(say, input_fd, HELP)
         self._number = 0
         self._open_question: Call | None = None
 
@@ -87,7 +83,7 @@ class Attended:
             call.answer = {"ok": True}
         else:
             parameters = ", ".join(f"{key} = {value}" for key, value in values.items())
-            self._show(f"now: {name}" + (f" with {parameters}" if parameters else ""))
+            self._terminal.show(f"now: {name}" + (f" with {parameters}" if parameters else ""))
             self._open_question = call
         return call
 
@@ -98,19 +94,19 @@ class Attended:
             CaseSkipped: The operator skips the case.
             KeyboardInterrupt: The operator leaves the session.
         """
-        while b"\n" in self._buffer or wait_readable(time.monotonic(), self._input_fd):
-            self._handle_input(self._read_line())
+        for line in self._terminal.lines():
+            self._handle_input(line.lower())
 
     def wait(self, deadline_s: float) -> None:
         """Wait until the operator types a line or the deadline passes."""
-        wait_readable(deadline_s, self._input_fd)
+        wait_readable(deadline_s, self._terminal.input_fd)
 
     def accept(self, deadline_s: float) -> Link | None:
         """Return the next connection; None at the deadline or if the operator types first."""
-        if self._listener not in wait_readable(deadline_s, self._input_fd, self._listener):
+        if self._listener not in wait_readable(deadline_s, self._terminal.input_fd, self._listener):
             return None
         connected, _ = self._listener.accept()
-        return WatchedLink(connected, self._input_fd)
+        return WatchedLink(connected, self._terminal.input_fd)
 
     def listen_at_default(self) -> bool:
         """Return False: the operator already knows the address and the port."""
@@ -119,48 +115,23 @@ class Attended:
     def ask_operator(self, sentence: str) -> Call | None:
         """Ask the operator whether the client shows that the sentence is true."""
         self._open_question = question = Call(0, "", {})
-        self._show(f"does the client show that {sentence}? [y/n]")
+        self._terminal.show(f"does the client show that {sentence}? [y/n]")
         return question
 
     def restart(self) -> None:
         """Ask the operator to restart the client."""
-        self._show("the client does not respond: restart it")
+        self._terminal.show("the client does not respond: restart it")
 
     def close(self) -> None:
         """Stop listening and remove the files."""
         self._listener.close()
         self._scratch.cleanup()
 
-    def _show(self, sentence: str) -> None:
-        self._last_line = sentence
-        self._say(sentence)
-
     def _handle_input(self, line: str) -> None:
         """Handle a line: the answer to the question, or "n" because the client refuses the step."""
         answer, question = _ANSWERS.get(line), self._open_question
-        if line == "s":
-            raise CaseSkipped("the operator skipped the case")
-        if line == "q":
-            raise KeyboardInterrupt
         if answer is None or question is None or (question.name and answer):
-            self._say(f"{HELP}\n{self._last_line}")
+            self._terminal.explain()
         else:
             self._open_question = None
             question.answer = {"ok": answer}
-
-    def _read_line(self) -> str:
-        """Return the next line of the operator.
-
-        Raises:
-            KeyboardInterrupt: The input has ended.
-        """
-        while b"\n" not in self._buffer:
-            try:
-                data = os.read(self._input_fd, _READ_BYTES)
-            except OSError:  # the terminal is gone
-                data = b""
-            if not data:
-                raise KeyboardInterrupt
-            self._buffer += data
-        line, _, self._buffer = self._buffer.partition(b"\n")
-        return line.decode("utf-8", "replace").strip().lower()

@@ -64,7 +64,13 @@ def test_missing_program_is_refused_at_once(
         subject.tolerate("4.15/2", "A-4.15-1", "00|20", "the missing program was detected late")
 
 
-@case("4.15/2", name="fault", needs=("motor_fault", "clear_faults"), hazards=_MOTION)
+@case(
+    "4.15/2",
+    name="fault",
+    needs=("motor_fault", "clear_faults"),
+    hazards=_MOTION,
+    attended=True,
+)
 def test_motor_fault(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A robot with a failed inner arm motor refuses to run a program with "0|11"."""
     program = upload_wait_program(subject, line, 0)

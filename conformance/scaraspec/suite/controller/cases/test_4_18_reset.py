@@ -129,6 +129,7 @@ def test_end_of_a_reset(subject: ControllerUnderTest, line: OutgoingConnection) 
     name="fault",
     hazards=_MOTION,
     needs=("position_fault", "angle_fault", "motor_fault", "clear_faults"),
+    attended=True,
 )
 def test_reset_from_a_fault(
     subject: ControllerUnderTest, line: OutgoingConnection, fault: str

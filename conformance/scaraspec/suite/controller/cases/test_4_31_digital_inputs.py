@@ -34,7 +34,7 @@ def test_format_while_running(subject: ControllerUnderTest, line: OutgoingConnec
         expect_form(subject, line, "get_digital_inputs")
 
 
-@case("4.31/2", name="driven", needs=("set_input",))
+@case("4.31/2", name="driven", needs=("set_input",), attended=True)
 def test_driven(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Each driven input changes only its own digit; the highest port is first."""
     with driven_inputs(subject, line) as drive:

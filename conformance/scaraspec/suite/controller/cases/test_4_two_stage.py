@@ -260,6 +260,7 @@ def _immediate_result(line: OutgoingConnection, name: str) -> ReceivedFrame | No
     "4/4",
     hazards=_MOTION,
     needs=("position_fault", "angle_fault", "motor_fault", "clear_faults"),
+    attended=True,
 )
 def test_faults_refuse(
     subject: ControllerUnderTest, line: OutgoingConnection, fault: str, code: str

@@ -280,12 +280,11 @@ def test_conditions(subject: ControllerUnderTest, line: OutgoingConnection) -> N
         _check_conditions(line, robot)
 
 
-@case("6.5/9", "6.5/21", name="driven", needs=("set_input",), hazards=PROGRAMS)
+@case("6.5/9", "6.5/21", name="driven", needs=("set_input",), hazards=PROGRAMS, attended=True)
 def test_driven_conditions(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program passes conditions that driven inputs meet, and waits at the others."""
     with bench(subject, line) as robot, driven_inputs(subject, line) as drive:
-        for port in INPUTS:
-            drive(port, on=bool(port % 2))
+        drive.set_ports({port: bool(port % 2) for port in INPUTS})
         _check_conditions(line, robot)
 
 
@@ -317,14 +316,16 @@ def _check_conditions(line: OutgoingConnection, robot: Bench) -> None:
         robot.run(fulfilled)
 
 
-@case("6.5/21", "6.5/9", name="goes-on", needs=("set_input",), hazards=PROGRAMS)
+@case("6.5/21", "6.5/9", name="goes-on", needs=("set_input",), hazards=PROGRAMS, attended=True)
 def test_continues_when_fulfilled(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program waits until the input meets the condition, for each of the five, and continues."""
     steps = list(zip(_VALUES.items(), INPUTS, OUTPUTS, strict=False))
     with bench(subject, line) as robot, driven_inputs(subject, line) as drive:
         nodes: list[Node] = []
+        drive.set_ports(
+            {port: not _is_true(condition, on=True) for (condition, _), port, _ in steps}
+        )
         for (condition, value), port, output in steps:
-            drive(port, on=not _is_true(condition, on=True))
             nodes += [
                 wait_input(port, condition, value),
                 set_output(output, on=not robot.before[output - 1]),
@@ -355,22 +356,20 @@ def test_continues_when_fulfilled(subject: ControllerUnderTest, line: OutgoingCo
         robot.finish()
 
 
-@case("6.5/21", name="each-port", needs=("set_input",), hazards=PROGRAMS)
+@case("6.5/21", name="each-port", needs=("set_input",), hazards=PROGRAMS, attended=True)
 def test_waits_for_its_port(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program waits for the port of its node, and does not continue because of another input.
 
     An IF after the wait uses the current state of an input, not the one at the start.
     """
     with bench(subject, line) as robot, driven_inputs(subject, line) as drive:
-        for port in INPUTS:
-            drive(port, on=False)
+        drive.set_ports(dict.fromkeys(INPUTS, False))
         port_waited_for, output = INPUTS[2], OUTPUTS[0]
         on = not robot.before[output - 1]
         input_is_on = compare(input_port(INPUTS[0]), Opt.GREATER, number(0))
         waiting = wait_input(port_waited_for, Condition.GREATER, 0)
         robot.start([waiting, *branch(input_is_on, [set_output(output, on=on)])])
-        for port in (*INPUTS[:2], *INPUTS[3:]):
-            drive(port, on=True)
+        drive.set_ports(dict.fromkeys((*INPUTS[:2], *INPUTS[3:]), True))
         description = UserMessage("only inputs other than {port} are on", port=port_waited_for)
         _expect_waiting(line, robot, robot.before, description)
         drive(port_waited_for, on=True)
@@ -380,7 +379,7 @@ def test_waits_for_its_port(subject: ControllerUnderTest, line: OutgoingConnecti
         expect_outputs(line, expected_outputs, message, requirement="6.6a/14")
 
 
-@case("6.5/9", name="hundredths", needs=("set_input",), hazards=PROGRAMS)
+@case("6.5/9", name="hundredths", needs=("set_input",), hazards=PROGRAMS, attended=True)
 def test_hundredths(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An active digital input equals 100, or 1 if only analog inputs are scaled (A-6.5-10)."""
     port = INPUTS[0]

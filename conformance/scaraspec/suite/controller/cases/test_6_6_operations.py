@@ -182,13 +182,12 @@ def test_input_operands(subject: ControllerUnderTest, line: OutgoingConnection) 
         _check_input_operands(robot, line)
 
 
-@case("6.6a/14", name="driven-inputs", needs=("set_input",), hazards=PROGRAMS)
+@case("6.6a/14", name="driven-inputs", needs=("set_input",), hazards=PROGRAMS, attended=True)
 def test_driven_input_operands(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Inputs that the hook `set_input` sets work as operands."""
     with bench(subject, line) as robot, driven_inputs(subject, line) as drive:
         for pattern in examples((0b101001, 0b010110)):
-            for index, port in enumerate(INPUTS):
-                drive(port, on=bool(pattern >> index & 1))
+            drive.set_ports({p: bool(pattern >> index & 1) for index, p in enumerate(INPUTS)})
             _check_input_operands(robot, line)
 
 

@@ -25,6 +25,7 @@ from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.journal import Journal, JournalError
 from scaraspec.suite.engine.observer import Observer
+from scaraspec.suite.engine.operator import Operator
 from scaraspec.suite.engine.plan import Options
 from scaraspec.user_message import UserMessage
 
@@ -46,6 +47,7 @@ class ControllerAdapter:
         journal: Records what the run may change, before it is changed.
         draw_token: Creates the token in the names of the run's files.
         say: Shows a sentence to the user at once.
+        operator: Replaces hooks that the ICS does not define; None without an operator.
     """
 
     access: Access
@@ -58,6 +60,7 @@ class ControllerAdapter:
     journal: Journal = field(default_factory=Journal)
     draw_token: Callable[[], str] = random_token
     say: Callable[[str], None] = lambda _: None
+    operator: Operator | None = None
     role = Role.CONTROLLER
 
     @property
@@ -87,6 +90,7 @@ class ControllerAdapter:
             journal=self.journal,
             draw_token=self.draw_token,
             say=self.say,
+            operator=self.operator,
         )
 
     def begin(self, subject: ControllerUnderTest) -> Mapping[str, Any]:

@@ -5,7 +5,7 @@ be restored. It judges no requirement.
 """
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Final
 
@@ -32,10 +32,10 @@ from scaraspec.suite.engine.expectations import (
     NotConnected,
     Unreadable,
 )
-from scaraspec.suite.engine.hooks import HookError
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.journal import Journal
 from scaraspec.suite.engine.observer import Observer
+from scaraspec.suite.engine.operator import HookRunner, Operator
 from scaraspec.suite.engine.system_under_test import StopFailure, ToleratedReading
 from scaraspec.transports.link import Link, LinkError
 from scaraspec.user_message import UserMessage
@@ -72,6 +72,7 @@ class ControllerUnderTest:
         journal: Records what the run may change, before it is changed.
         draw_token: Creates the token in the names of the run's files.
         say: Shows a sentence to the user at once.
+        operator: Replaces hooks that the ICS does not define; None without an operator.
 
     Attributes:
         dialect: The readings that it follows: claimed, detected, or the defaults.
@@ -87,6 +88,7 @@ class ControllerUnderTest:
         files: The files on the controller that the suite has created.
         others: Detects other clients.
         guard: Checks every frame before it is sent.
+        hooks: Operates it with the hooks of the ICS, or asks the operator.
         notices: Sentences at the head of the results.
     """
 
@@ -101,6 +103,7 @@ class ControllerUnderTest:
         journal: Journal,
         draw_token: Callable[[], str] = random_token,
         say: Callable[[str], None] = lambda _: None,
+        operator: Operator | None = None,
     ) -> None:
         self.access, self.ics, self.password = access, ics, password
         self.observer, self.allowed = observer, allowed
@@ -120,6 +123,7 @@ class ControllerUnderTest:
         self.off = False
         self.notices: list[str] = []
         self._say = say
+        self.hooks = HookRunner(ics, operator, observer, lambda: self.now_ns, self.pause)
         self.journal = journal
         self.files = OwnFiles(journal, draw_token)
         self.others = OtherClients(self)
@@ -343,25 +347,26 @@ class ControllerUnderTest:
             raise CaseSkipped("the subject does not notice the end of this link")
 
     def has_hook(self, name: str) -> bool:
-        """Whether the ICS names this hook."""
-        return name in self.ics.hooks
+        """Whether the ICS names this hook, or an operator replaces it in the running case."""
+        return self.hooks.has(name)
 
     def hook(self, name: str, **values: object) -> None:
         """Run a hook.
 
         Raises:
-            HookMissing: The ICS does not name this hook.
+            HookMissing: The ICS does not name this hook, and no operator replaces it.
             CaseInconclusive: The hook failed.
         """
-        hook = self.ics.hooks.get(name)
-        if hook is None:
-            raise HookMissing(name)
+        self.hook_each(name, values)
+
+    def hook_each(self, name: str, *each: Mapping[str, object]) -> None:
+        """Run a hook once for each set of values; see `hook`. An operator is asked once."""
         self.guard.note_change(EVERYTHING)
         self.guard.stop.forget()
-        try:
-            hook.run(**values)
-        except HookError as error:
-            raise CaseInconclusive(str(error)) from None
+        alive = [line for line in self._lines if line.ending is None]
+        self.hooks.run(name, *each)
+        if self.hooks.asks(name) and any(line.ending is not None for line in alive):
+            raise CaseInconclusive("a connection ended during a request to the operator")
         self.lag.changed(self.now_ns)
 
     def notify(self, sentence: str) -> None:
@@ -504,15 +509,18 @@ class ControllerUnderTest:
         return False
 
     def revive(self) -> None:
-        """Restart it with the hook. Without a hook, wait for a watchdog of the device.
+        """Restart it with the hook or by the operator, or wait for a watchdog of the device.
 
         Raises:
             CaseInconclusive: The hook failed.
         """
         self.close_lines()
-        if self.has_hook("restart"):
+        if "restart" in self.ics.hooks:
             self.hook("restart")
             return
+        with suppress(HookMissing):  # skipped
+            if self.hooks.ask("restart", {}):
+                return
         deadline = Deadline(self, _RETURN_S)
         while not deadline.expired:
             try:
