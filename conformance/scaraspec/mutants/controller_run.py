@@ -13,6 +13,7 @@ from datetime import datetime
 from typing import Final, Literal
 
 from scaraspec.mutants.controller import ControllerMutant
+from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.readings import READINGS, Dialect
 from scaraspec.report.model import Results
 from scaraspec.report.operator_request import OperatorAnswer
@@ -71,8 +72,14 @@ class Robot:
         return self._core.open(connection, now_s, link)
 
     def receive(self, connection: int, data: bytes, now_s: float) -> Sequence[Action]:
-        """Bytes have arrived."""
-        return self._core.receive(connection, data, now_s)
+        """Bytes have arrived.
+
+        A controller that cannot send a stored value ends the connection, as over TCP.
+        """
+        try:
+            return self._core.receive(connection, data, now_s)
+        except PayloadError:
+            return [*self.close(connection, now_s), Close(connection)]
 
     def close(self, connection: int, now_s: float) -> Sequence[Action]:
         """A client sends no more."""

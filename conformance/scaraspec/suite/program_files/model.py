@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from scaraspec.protocol.program_files import Node, Opt, ValueType, Variable
+from scaraspec.protocol.program_files import Condition, Node, Opt, ValueType, Variable
 from scaraspec.suite.controller.harness.requests.ports import ALL_OUTPUTS, Bits, with_port
 from scaraspec.suite.program_files import writing as programs
 from scaraspec.suite.program_files.writing import Operand, number, variable
@@ -50,6 +50,21 @@ class Wait(NamedTuple):
     seconds: int
 
 
+class Pass(NamedTuple):
+    """Wait for a condition that an input meets already (L930-934): it has no effect."""
+
+    port: int
+    condition: Condition
+    value: int
+
+
+class Go(NamedTuple):
+    """Move the arm in straight lines, from point to point (L911); `State` does not follow it."""
+
+    speed_percent: int
+    points: Sequence[programs.Values]
+
+
 class If(NamedTuple):
     """Execute one of two blocks (L917-919); None for no ELSE."""
 
@@ -60,7 +75,7 @@ class If(NamedTuple):
     otherwise: "Block | None" = None
 
 
-Statement = Flip | Put | Assign | Calculate | Wait | If
+Statement = Flip | Put | Assign | Calculate | Wait | Pass | Go | If
 Block = Sequence[Statement]
 
 
@@ -157,15 +172,15 @@ def compared(opt: Opt, a: int, b: int) -> bool:
     }[opt]
 
 
-def new_state(variables: Mapping[int, int]) -> State:
-    """Return the state before a program that reads no input, with all outputs off."""
-    return State((False,) * len(ALL_OUTPUTS), (), dict(variables))
+def new_state(variables: Mapping[int, int], inputs: Bits = ()) -> State:
+    """Return the state before a program, with all outputs off."""
+    return State((False,) * len(ALL_OUTPUTS), inputs, dict(variables))
 
 
-def is_defined(block: Block, variables: Mapping[int, int]) -> bool:
-    """Whether the document defines the result of a program that reads no input."""
+def is_defined(block: Block, variables: Mapping[int, int], inputs: Bits = ()) -> bool:
+    """Whether the document defines the result of a program."""
     try:
-        new_state(variables).execute(block)
+        new_state(variables, inputs).execute(block)
     except UndefinedResultError:
         return False
     return True
@@ -186,22 +201,31 @@ def nodes_of(block: Block, initial: Bits) -> list[Node]:
 
 def _nodes(statement: Statement, initial: Bits) -> Iterable[Node]:
     match statement:
-        case Flip(port):
-            return [programs.set_output(port, on=not initial[port - 1])]
-        case Put(port, value):
-            return [programs.set_port(port, value)]
-        case Assign(key, value):
-            return [programs.assign(key, value)]
-        case Calculate(key, a, opt, b):
-            return [programs.calculate(key, a, opt, b)]
         case Wait(seconds):
             return programs.wait(seconds)
+        case Go(speed_percent, points):
+            return programs.straight(speed_percent, points)
         case If(a, opt, b, then, otherwise):
             return programs.branch(
                 programs.compare(a, opt, b),
                 nodes_of(then, initial),
                 None if otherwise is None else nodes_of(otherwise, initial),
             )
+    return [_node(statement, initial)]
+
+
+def _node(statement: Flip | Put | Assign | Calculate | Pass, initial: Bits) -> Node:
+    match statement:
+        case Flip(port):
+            return programs.set_output(port, on=not initial[port - 1])
+        case Put(port, value):
+            return programs.set_port(port, value)
+        case Assign(key, value):
+            return programs.assign(key, value)
+        case Calculate(key, a, opt, b):
+            return programs.calculate(key, a, opt, b)
+        case Pass(port, condition, hundredths):
+            return programs.wait_input(port, condition, hundredths)
 
 
 def variables_of(values: Mapping[int, int]) -> list[Variable]:

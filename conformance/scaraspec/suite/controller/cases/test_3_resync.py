@@ -136,20 +136,28 @@ def test_much_garbage(subject: ControllerUnderTest) -> None:
 @case("3/19", name="alone")
 def test_stray_bytes_alone(subject: ControllerUnderTest) -> None:
     """The first request is answered one second after stray bytes; or the connection is closed."""
-    line = subject.open(judged=False)
-    for garbage in examples(_ALONE):
-        try:
+    count = len(_ALONE) if subject.supports_multiple_connections else 1
+    for number in range(0, len(_ALONE), count):  # on several connections at the same time
+        sent = [(subject.open(judged=False), each) for each in _ALONE[number : number + count]]
+        for line, garbage in sent:
             line.send_bytes(garbage)
-            line.wait(_ALONE_S)
-            line.ask("get_version")
-        except NoReply as error:
-            if line.ending is None:
-                error.requirement = "3/19"
-                raise
-            recovery = recovery_of(subject, line)
-            _tolerate_close(subject, "3/19", recovery)
-            line = subject.open(judged=False)
-    expect_only_replies(line, requirement="3/19")
+        subject.pause(_ALONE_S)
+        for line, _ in examples(sent):
+            _expect_reply_or_close(subject, line)
+        subject.close_lines()
+
+
+def _expect_reply_or_close(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+    """Expect that a request on this connection is answered, or that the connection is closed."""
+    try:
+        line.ask("get_version")
+    except NoReply as error:
+        if line.ending is None:
+            error.requirement = "3/19"
+            raise
+        _tolerate_close(subject, "3/19", recovery_of(subject, line))
+    else:
+        expect_only_replies(line, requirement="3/19")
 
 
 # ---------------------------------------------------------------------- malformed frames

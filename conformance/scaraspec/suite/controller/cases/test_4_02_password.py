@@ -50,8 +50,7 @@ def test_changed(subject: ControllerUnderTest) -> None:
     first = old = subject.password
     with password_preserved(subject):
         for new in examples((*usable_passwords(subject), first)):
-            line = subject.open(login=False)
-            subject.log_in(line, old)
+            line = subject.open(password=old)
             changed = expect_password_changed(line, old, new)
             line.close()
             if not changed:
@@ -75,8 +74,7 @@ def test_changed_repeatedly(subject: ControllerUnderTest) -> None:
     old, new = subject.password, PLAIN_PASSWORD
     with password_preserved(subject):
         for count in examples((2, 3)):
-            line = subject.open(login=False)
-            subject.log_in(line, old)
+            line = subject.open(password=old)
             for number in range(count):
                 if number and not _is_served(line):
                     raise CaseSkipped("a password change ends the login of its connection")

@@ -13,9 +13,11 @@ from scaraspec.suite.controller.harness.malformed.payloads import malformed, sen
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.clock import (
     ClockSample,
+    clock_rolls_over,
     expect_clock_ran,
-    random_rollover,
+    random_time,
     read_clock,
+    rollovers,
     set_clock,
     shifted_time,
 )
@@ -28,7 +30,6 @@ from scaraspec.suite.program_files.bench import PROGRAMS, running
 from scaraspec.user_message import UserMessage
 
 _NS_PER_S: Final = 1e9
-_SECOND: Final = timedelta(seconds=1)
 
 
 def _datetime(text: str) -> datetime:
@@ -74,6 +75,7 @@ _OTHER_ROLLOVERS: Final = tuple(
         ),
     )
 )
+_FEWEST_ROLLOVERS: Final = 4
 _ROLLOVER_S: Final = 1.1
 """Wait from one second before a rollover until after it."""
 _DRIFT_CHECK_S: Final = 2.1
@@ -126,10 +128,8 @@ def test_every_moment(subject: ControllerUnderTest, line: OutgoingConnection) ->
 def _expect_rollover(
     subject: ControllerUnderTest, line: OutgoingConnection, time: datetime
 ) -> ClockSample:
-    first = set_clock(subject, line, time - _SECOND)
-    line.wait(_ROLLOVER_S / subject.ics.time_scale)
-    message = UserMessage("the clock does not roll over to {time}", time=time)
-    expect_clock_ran(subject, first, read_clock(subject, line), message, "4.5/6")
+    with clock_rolls_over(subject, line, time) as first:
+        line.wait(_ROLLOVER_S / subject.ics.time_scale)
     return first
 
 
@@ -144,27 +144,33 @@ def test_new_year(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
         expect_clock_ran(subject, first, read_clock(subject, line), message, "4.5/4")
 
 
-@case("4.5/6", name="month")
+@case("4.5/6", name="month", slow=True)
 def test_month(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The clock rolls over to a new month at midnight."""
     with settings_preserved(subject, line, "clock"):
         _expect_rollover(subject, line, _datetime("20240501000000"))
 
 
-@case("4.5/6", name="rollovers")
+@case("4.5/6", name="rollovers", slow=True)
 def test_rollovers(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """The clock rolls over to minutes, hours, days, months and years, listed and random ones."""
-    count = settings().max_examples // 4
-    patient(subject, (len(_OTHER_ROLLOVERS) + count) * _ROLLOVER_S)
+    """The clock rolls over to minutes, hours, days, months and years, listed and random ones.
+
+    If time is short, fewer of them are tried.
+    """
+    patient(subject, (_FEWEST_ROLLOVERS + 1) * _ROLLOVER_S)
+    count = max(1, settings().max_examples // 4)
+    most = subject.access.wait_limit_s * subject.ics.time_scale / _ROLLOVER_S
+    fitting = int(min(most, len(_OTHER_ROLLOVERS) + count))
+    count = min(count, fitting - _FEWEST_ROLLOVERS)
     with settings_preserved(subject, line, "clock"):
-        for time in examples(_OTHER_ROLLOVERS):
+        for time in examples(_OTHER_ROLLOVERS[: fitting - count]):
             _expect_rollover(subject, line, time)
 
-        @settings(max_examples=max(count, 1), phases=(Phase.generate,))
+        @settings(max_examples=count, phases=(Phase.generate,))
         @given(st.integers(0, 2**64))
         def roll_over(seed: int) -> None:
             drawn = Random(seed)  # noqa: S311 - it must be reproducible
-            _expect_rollover(subject, line, random_rollover(drawn))
+            _expect_rollover(subject, line, drawn.choice(rollovers(random_time(drawn))))
 
         roll_over()
 

@@ -1,5 +1,9 @@
 """Clause 6.5: which nodes are executed, in which order: sequence, branches and loops."""
 
+import itertools
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from datetime import datetime
 from typing import Final
 
 from hypothesis import Phase, settings
@@ -9,13 +13,16 @@ from scaraspec.protocol.program_files import Opt
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
+from scaraspec.suite.controller.harness.requests.clock import clock_rolls_over
 from scaraspec.suite.controller.harness.requests.files import send_chunk
 from scaraspec.suite.controller.harness.requests.ports import (
     expect_outputs,
     outputs,
+    readable_inputs,
     set_output,
     with_port,
 )
+from scaraspec.suite.controller.harness.state.preserve import settings_preserved
 from scaraspec.suite.controller.harness.two_stage.commands import BRIEFLY_S, SIMULATE
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
@@ -40,16 +47,28 @@ from scaraspec.suite.program_files.strategies import (
     FAILED,
     LOOPS,
     DrawnProgram,
-    loops,
-    programs,
+    ProgramDealer,
 )
-from scaraspec.suite.program_files.writing import OUTPUTS, branch, compare, loop, number, variable
+from scaraspec.suite.program_files.writing import (
+    INPUTS,
+    OUTPUTS,
+    branch,
+    compare,
+    loop,
+    number,
+    variable,
+)
 from scaraspec.suite.program_files.writing import set_output as output_node
 from scaraspec.user_message import UserMessage
 
 _PASSED, _FAILED = OUTPUTS[0], OUTPUTS[-1]
 _X: Final = 3
 _COUNTER: Final = 9
+_SEEDS: Final = st.integers(0, 2**64)
+_NEW_YEAR, _LEAP_DAY, _NO_LEAP_DAY = (
+    datetime(year, month, day)  # noqa: DTZ001 - the document names no zone
+    for year, month, day in ((2025, 1, 1), (2024, 2, 29), (2023, 3, 1))
+)
 _MANY_NODES: Final = 500
 """Number of nodes that does not fit one byte."""
 _LATE_S: Final = 5.0
@@ -262,47 +281,83 @@ def test_many_nodes(subject: ControllerUnderTest, line: OutgoingConnection) -> N
 
 
 @case(
-    *("6.5/26", "6.4/5", "6.5/19", "6.5/20", "6.5/24", "6.6a/11", "6.6a/12", "6.6a/13"),
+    *("6.5/26", "6.4/5", "6.5/19", "6.5/20", "6.5/21", "6.5/24", "6.6a/11", "6.6a/12", "6.6a/13"),
+    *("6.6a/14", "4.5/6"),
     name="drawn",
     hazards=PROGRAMS,
 )
 def test_drawn_programs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Random programs end with the outputs and variables that the document requires.
 
-    Some are simulated before: they must end with success, and run as usual after it.
+    Some are simulated before: they must end with success, and run as usual after it. During the
+    programs that wait, the clock rolls over.
     """
     can_simulate = SIMULATE not in subject.ics.unsupported
-    with bench(subject, line) as robot:
+    with _programs(subject, line, (_LEAP_DAY, _NEW_YEAR)) as (robot, dealer, rollover):
 
         @_drawn(share=2)
-        @given(program=programs, simulated=st.booleans())
-        def run_and_check(*, program: DrawnProgram, simulated: bool) -> None:
-            state = new_state(program.variables)
+        @given(seed=_SEEDS, simulated=st.booleans())
+        def run_and_check(*, seed: int, simulated: bool) -> None:
+            program = dealer.program(seed)
+            state = new_state(program.variables, dealer.inputs)
             state.execute(program.block)
             block = [*program.block, *value_checks(state.variables, FAILED)]
-            robot.performs(block, program.variables, simulated=simulated and can_simulate)
+            simulated = simulated and can_simulate and not state.waited_s
+            with rollover(state):
+                robot.performs(block, program.variables, inputs=dealer.inputs, simulated=simulated)
 
         run_and_check()
 
 
-@case("6.5/23", "6.5/24", "6.6a/11", "6.6a/12", "6.6a/13", name="drawn", hazards=PROGRAMS)
+@case(
+    *("6.5/23", "6.5/24", "6.6a/11", "6.6a/12", "6.6a/13", "4.5/6"), name="drawn", hazards=PROGRAMS
+)
 def test_drawn_loops(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Random programs with a loop set the outputs and variables that the document requires.
 
     The loop counts its iterations. After the last one, it compares the variables instead of
     executing its statements again.
     """
-    with bench(subject, line) as robot:
+    with _programs(subject, line, (_NO_LEAP_DAY,)) as (robot, dealer, rollover):
 
         @_drawn(share=4)
-        @given(loops)
-        def run_and_check(program: DrawnProgram) -> None:
+        @given(_SEEDS)
+        def run_and_check(seed: int) -> None:
+            program = dealer.loop(seed)
+            initial = outputs(line)
+            state = State(initial, dealer.inputs, dict(program.variables))
+            state.execute([*program.block, *[*program.body] * LOOPS])
             try:
-                _expect_loop(subject, line, robot, program)
+                with rollover(state):
+                    _expect_loop(subject, robot, program, state)
             finally:
                 robot.stop()
 
         run_and_check()
+
+
+@contextmanager
+def _programs(
+    subject: ControllerUnderTest, line: OutgoingConnection, rollovers: tuple[datetime, ...]
+) -> Iterator[tuple[Bench, ProgramDealer, Callable[[State], AbstractContextManager[object]]]]:
+    """Yield a bench, the source of the programs, and a context for a program that waits.
+
+    In this context the clock rolls over to one of the given times, if the program waits.
+    """
+    times = itertools.cycle(rollovers)
+    has_clock = subject.ics.unsupported.isdisjoint(("get_time", "set_time"))
+
+    def rollover(state: State) -> AbstractContextManager[object]:
+        if not (state.waited_s and has_clock):
+            return nullcontext()
+        return clock_rolls_over(subject, line, next(times))
+
+    with (
+        bench(subject, line) as robot,
+        settings_preserved(subject, line, *["clock"] * has_clock),
+        readable_inputs(line, INPUTS) as (inputs, ports),
+    ):
+        yield robot, ProgramDealer(inputs, ports), rollover
 
 
 def _drawn(share: int) -> settings:
@@ -314,21 +369,21 @@ def _drawn(share: int) -> settings:
 
 
 def _expect_loop(
-    subject: ControllerUnderTest, line: OutgoingConnection, robot: Bench, program: DrawnProgram
+    subject: ControllerUnderTest, robot: Bench, program: DrawnProgram, state: State
 ) -> None:
-    """Run a program with a loop, and compare what it sets.
+    """Run a program with a loop, and compare what it sets with the state after the iterations.
 
     Raises:
         CaseFailed: An output differs, or the loop does not end its iterations.
     """
-    initial = outputs(line)
-    state = State(initial, (), dict(program.variables))
-    state.execute([*program.block, *[*program.body] * LOOPS])
+    initial = state.initial
     checks: Block = [*value_checks(state.variables, FAILED), Flip(DONE)]
     state.execute([Flip(DONE)])
-    counted = [*program.body, Calculate(_COUNTER, variable(_COUNTER), Opt.ADD, number(1))]
-    iteration = If(variable(_COUNTER), Opt.LESS, number(LOOPS), counted, checks)
-    nodes = [*nodes_of(program.block, initial), *robot.loop(nodes_of([iteration], initial))]
+    iteration: Block = [
+        Calculate(_COUNTER, variable(_COUNTER), Opt.ADD, number(1)),
+        If(variable(_COUNTER), Opt.LESS_OR_EQUAL, number(LOOPS), program.body, checks),
+    ]
+    nodes = [*nodes_of(program.block, initial), *robot.loop(nodes_of(iteration, initial))]
     within_s = robot.theirs_s(subject.longest_s) + state.waited_s
     with robot.with_listing():
         robot.start(nodes, variables_of({**program.variables, _COUNTER: 0}))

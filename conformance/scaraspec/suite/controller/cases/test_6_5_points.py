@@ -6,20 +6,37 @@ All moves are steps of one value from the current pose, and back.
 from itertools import product
 from typing import Final
 
+from hypothesis import Phase, settings
+from hypothesis import strategies as st
+
 from scaraspec.judge.tolerances import angle_difference
+from scaraspec.protocol.program_files import Opt
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
+from scaraspec.suite.controller.harness.requests.ports import outputs, readable_inputs
 from scaraspec.suite.controller.harness.two_stage.arm import Arm, arm, near
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.deadline import Deadline
-from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import CaseInconclusive, expect
 from scaraspec.suite.program_files.bench import PROGRAMS, bench
-from scaraspec.suite.program_files.writing import Values, curve, straight
+from scaraspec.suite.program_files.model import (
+    Flip,
+    Go,
+    If,
+    State,
+    nodes_of,
+    value_checks,
+    variables_of,
+)
+from scaraspec.suite.program_files.strategies import DONE, FAILED, SUM, ProgramDealer
+from scaraspec.suite.program_files.writing import INPUTS, Values, curve, number, straight, variable
 from scaraspec.user_message import UserMessage
 
 _VALUE_INDICES: Final = (3, 2, 1, 0)  # the last one only turns the gripper
+_KINDS: Final = ("calculate", "put", "flip", "branch", "pass")
+"""The statements before a drawn move."""
 _MIN_OBSERVATIONS: Final = 8
 """Minimum number of observed positions on a path for a statement about it."""
 _MANY_POINTS: Final = 20
@@ -75,6 +92,49 @@ def test_curve(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
                     _expect_at(robot_arm, points[-1])
                 return
     raise CaseInconclusive("the arm cannot move along a small curve at its current pose")
+
+
+@case("6.5/27", "6.5/24", "6.5/25", "6.5/26", name="drawn", hazards=PROGRAMS)
+def test_drawn_moves(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+    """Random programs with a move along each value, first in the negative direction, end at it.
+
+    The move is in a branch that is executed; the other branch moves back.
+    """
+    ways = [(index, direction) for direction in (-1, 1) for index in _VALUE_INDICES]
+    turns: dict[int, int] = {}
+    with (
+        bench(subject, line) as robot,
+        arm(subject, line, robot) as robot_arm,
+        readable_inputs(line, INPUTS) as (inputs, ports),
+    ):
+        dealer = ProgramDealer(inputs, ports)
+
+        @settings(
+            max_examples=max(len(_VALUE_INDICES), settings().max_examples // 4),
+            phases=(Phase.generate,),
+        )
+        @given(st.integers(0, 2**64))
+        def run_and_check(seed: int) -> None:
+            turn = turns.setdefault(seed, len(turns))
+            way = robot_arm.step(robot_arm.home, *ways[turn % len(ways)])
+            move, back = (Go(robot_arm.speed_percent, [each]) for each in (way, robot_arm.home))
+            program = dealer.program(seed, _KINDS)
+            state = State(outputs(line), inputs, dict(program.variables))
+            state.execute(program.block)
+            result = number(state.variables[SUM])
+            branch = If(variable(SUM), Opt.LESS, result, [back], [move])
+            if turn % 3:
+                branch = If(variable(SUM), Opt.EQUAL, result, [move], [back])
+            checks = value_checks(state.variables, FAILED)
+            nodes = nodes_of([*program.block, branch, *checks, Flip(DONE)], state.initial)
+            state.execute([Flip(DONE)])
+            with robot.with_listing():
+                if robot_arm.goes(nodes, variables_of(program.variables)):
+                    _expect_at(robot_arm, way)
+                    message = "the outputs after a move differ from the result of the statements"
+                    robot.expect_outputs(state.outputs, state.written, message)
+
+        run_and_check()
 
 
 @case("6.5/27", name="out-of-reach", hazards=PROGRAMS)

@@ -194,11 +194,14 @@ class ControllerUnderTest:
         """Empty: a case that raises nothing has a verdict."""
         return ""
 
-    def open(self, *, login: bool = True, judged: bool = True) -> OutgoingConnection:
+    def open(
+        self, *, login: bool = True, password: bytes | None = None, judged: bool = True
+    ) -> OutgoingConnection:
         """Open a connection, and log in.
 
         Args:
             login: Whether to log in.
+            password: The password; None for the one of the run.
             judged: False for a connection that will carry invalid bytes: the judge cannot decide
                 about the bytes after them.
 
@@ -210,7 +213,7 @@ class ControllerUnderTest:
         refusals: list[NoReply] = []
         while True:
             line = self._open(judged=judged)
-            refusal = self._refusal(line, login=login, retries=until_ns > 0)
+            refusal = self._refusal(line, password, login=login, retries=until_ns > 0)
             if refusal is None:
                 if refusals:
                     self.places.note_refusals(self._recent_lines, refusals)
@@ -223,11 +226,13 @@ class ControllerUnderTest:
             self._lines.remove(line)  # a connection that is not served takes no place
             self.access.pause(RECONNECT_S)
 
-    def _refusal(self, line: OutgoingConnection, *, login: bool, retries: bool) -> NoReply | None:
+    def _refusal(
+        self, line: OutgoingConnection, password: bytes | None, *, login: bool, retries: bool
+    ) -> NoReply | None:
         """Log in; return the error if it closes the connection instead, as without a free place."""
         if login and self.access.needs_login:
             try:
-                self.log_in(line)
+                self.log_in(line, password)
             except CaseFailed as error:
                 line.close()
                 if not isinstance(error, NoReply) or line.ending is None:

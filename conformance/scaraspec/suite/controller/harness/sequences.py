@@ -1,22 +1,30 @@
 """Sequences: requests in any order, each compared with all requests before it.
 
-Sequences are drawn at random. A `Model` of the subject performs them step by step. Any step may be
-omitted, so a failing sequence can be shrunk to the few steps that cause the failure.
+Sequences are dealt at random, but in such a way that every step occurs in every run, and in every
+variant. A `Model` of the subject performs them step by step. Any step may be omitted, so a failing
+sequence can be shrunk to the few steps that cause the failure.
 """
 
-import itertools
-import random
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from random import Random
 from typing import Final, NamedTuple
 
-from hypothesis import strategies as st
-
+from scaraspec.protocol.commands import Point, Pose
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.model.model import Model
-from scaraspec.suite.controller.harness.model.state import SEEDS, VALUES, Step
+from scaraspec.suite.controller.harness.model.state import SEEDS, VALUES, Scene, Step
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
+from scaraspec.suite.controller.harness.requests.motion import (
+    ask_move,
+    in_box,
+    pose_of,
+    release_latch,
+    stop_motion,
+    wait_for_end,
+)
 from scaraspec.suite.controller.harness.state.password import restore_password
 from scaraspec.suite.controller.harness.state.preserve import password_preserved, settings_preserved
 from scaraspec.suite.controller.harness.two_stage.commands import MOVE, RUN, SIMULATE, STOP
@@ -25,9 +33,8 @@ from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 from scaraspec.suite.engine.shrink import Failure
 from scaraspec.suite.program_files.listed import long_name
 
-_NAMES: Final = 3
+_ZERO: Final = Point(0, 0, 0)
 _LONG_NAME: Final = 30  # bytes, the maximum that every controller accepts (A-5-20)
-_GROUP: Final = 10
 
 
 class _Act(NamedTuple):
@@ -45,11 +52,13 @@ _ACTS: Final[Mapping[str, _Act]] = {
     "look": _Act(_READ_ONLY, ("get_running_program",)),
     "query": _Act(_READ_ONLY),
     "reconnect": _Act(_READ_ONLY),
+    "send_in_parts": _Act(_READ_ONLY),
     "log_in": _Act(_STATE),
     "log_in_wrongly": _Act(_STATE),
     "upload": _Act(_STATE),
     "download": _Act(_STATE),
     "delete": _Act(_STATE),
+    "abandon": _Act(_STATE),
     "list_programs": _Act(_STATE, ("list_programs",)),
     "set_default": _Act(_STATE, ("get_default_program", "set_default_program")),
     "get_default": _Act(_STATE, ("get_default_program", "set_default_program")),
@@ -65,7 +74,8 @@ _ACTS: Final[Mapping[str, _Act]] = {
     "run": _Act(_MOTION, (RUN, STOP)),
     "simulate": _Act(_MOTION, (SIMULATE, STOP)),
     "interrupt": _Act(_MOTION, (RUN, SIMULATE, STOP)),
-    "move": _Act(_MOTION, (MOVE,)),
+    "move": _Act(_MOTION, (MOVE, "get_gripper_center", "set_gripper_center")),
+    "get_place": _Act(_MOTION, (MOVE, "get_gripper_center", "set_gripper_center")),
     "stop": _Act(_MOTION, (STOP,)),
 }
 
@@ -85,36 +95,49 @@ def operations_within(
     ]
 
 
-def sequences(acts: list[str], groups: int) -> st.SearchStrategy[list[Step]]:
-    """Return a strategy for sequences of these steps. More groups allow longer sequences."""
-    number, seed = st.integers(0, VALUES - 1), st.integers(0, SEEDS - 1)
-    group = st.lists(
-        st.builds(Step, st.sampled_from(acts), number, number, number, seed), max_size=_GROUP
-    )
-    return st.lists(group, min_size=1, max_size=groups).map(
-        lambda groups: list(itertools.chain.from_iterable(groups))
-    )
+class StepDealer:
+    """Deals steps like cards: each one occurs before any occurs again.
 
+    Args:
+        acts: The names of the steps. A name that occurs several times is dealt more often.
+    """
 
-def endless_sequence(acts: list[str]) -> Iterator[Step]:
-    """Yield a reproducible sequence without end."""
-    drawn = random.Random(0)  # noqa: S311 - it must be reproducible
-    while True:
-        which, value, line = (drawn.randrange(VALUES) for _ in range(3))
-        yield Step(drawn.choice(acts), which, value, line, drawn.randrange(SEEDS))
+    def __init__(self, acts: list[str]) -> None:
+        self._acts = acts
+        self._deck: list[str] = []
+        self._turns = Counter[str]()
+        self._dealt: dict[int, list[Step]] = {}
+
+    def sequence(self, seed: int, longest: int) -> list[Step]:
+        """Return the sequence of a seed, of at most so many steps; always the same one."""
+        if seed not in self._dealt:
+            random = Random(seed)  # noqa: S311 - it must be reproducible
+            count = random.randint(1, longest)
+            self._dealt[seed] = [self.step(random) for _ in range(count)]
+        return self._dealt[seed]
+
+    def step(self, random: Random) -> Step:
+        """Return the next step."""
+        if not self._deck:
+            self._deck = random.sample(self._acts, len(self._acts))
+        act = self._deck.pop()
+        self._turns[act] += 1
+        which, value, line = (random.randrange(VALUES) for _ in range(3))
+        return Step(act, which, value, line, random.randrange(SEEDS), self._turns[act] - 1)
 
 
 @contextmanager
 def state_preserved(
-    subject: ControllerUnderTest, line: OutgoingConnection, hazards: frozenset[Hazard]
-) -> Iterator[list[bytes]]:
-    """Restore everything that sequences may change when the context ends.
+    subject: ControllerUnderTest, line: OutgoingConnection, acts: list[str]
+) -> Iterator[Scene]:
+    """Restore everything that these steps may change when the context ends.
 
     The connection is closed, because sequences open their own.
 
     Yields:
-        The names that sequences may give to files.
+        What the sequences have in common.
     """
+    hazards = frozenset[Hazard]().union(*(_ACTS[act].hazards for act in acts))
     with ExitStack() as stack:
         if Hazard.STATE in hazards:
             items = ("default program", "gripper centre", "initial tool position", "clock")
@@ -122,18 +145,54 @@ def state_preserved(
         if Hazard.MOTION in hazards:
             probe_responsiveness(subject, line)
             stack.enter_context(settings_preserved(subject, line, "outputs"))
+        home = _home(subject, line) if "move" in acts else None
         if Hazard.DESTRUCTIVE in hazards and subject.access.needs_login:
             stack.enter_context(password_preserved(subject))
-        names = [subject.new_name() for _ in range(_NAMES)]
-        names += [long_name(subject, _LONG_NAME), subject.new_name("-_.Z")]
         line.close()
-        yield names
+        scene = Scene(_names(subject), home)
+        stack.callback(_go_home, subject, scene)
+        yield scene
+
+
+def _names(subject: ControllerUnderTest) -> list[bytes]:
+    """Return names of every shape: similar, short, long, capital, with digits and other bytes."""
+    name = subject.new_name()
+    stem, _, extension = name.rpartition(b".")
+    return [
+        name,
+        stem + b"x." + extension,
+        long_name(subject, _LONG_NAME),
+        long_name(subject, _LONG_NAME),
+        subject.new_name(lead="Z"),
+        subject.new_name("-_.Z"),
+        subject.new_name("0099"),
+        subject.new_name("a b"),
+    ]
+
+
+def _go_home(subject: ControllerUnderTest, scene: Scene) -> None:
+    """Move the arm to its start pose if a sequence has moved it."""
+    if scene.home is None or scene.place == scene.home:
+        return
+    with suppress(CaseFailed, CaseInconclusive):
+        line = subject.open()
+        stop_motion(subject, line)
+        if line.ask("set_gripper_center", _ZERO).accepted:
+            ask_move(subject, line, scene.home)
+            wait_for_end(subject, line, MOVE)
+
+
+def _home(subject: ControllerUnderTest, line: OutgoingConnection) -> Pose | None:
+    """Return the pose of the arm for a gripper center of zero; None if it must not move there."""
+    release_latch(subject, line)
+    if not line.ask("set_gripper_center", _ZERO).accepted:
+        return None
+    pose = pose_of(line)
+    return pose if in_box(subject, pose) else None
 
 
 @contextmanager
-def new_model(
-    subject: ControllerUnderTest, acts: list[str], names: Sequence[bytes]
-) -> Iterator[Model]:
+def new_model(subject: ControllerUnderTest, acts: list[str], scene: Scene) -> Iterator[Model]:
     """Yield a new model without files. Check the final state and clean up when the context ends.
 
     Raises:
@@ -145,7 +204,7 @@ def new_model(
                 CaseFailed, CaseInconclusive
             ):  # a model that failed may have left another
                 restore_password(subject)
-    model = Model(subject, acts, names)
+    model = Model(subject, acts, scene)
     try:
         yield model
         model.check()
@@ -157,7 +216,7 @@ def new_model(
 def attempt(
     subject: ControllerUnderTest,
     acts: list[str],
-    names: Sequence[bytes],
+    scene: Scene,
     steps: Sequence[Step],
     like: Failure | None = None,
 ) -> Failure | None:
@@ -168,7 +227,7 @@ def attempt(
     """
     performed = 0
     try:
-        with new_model(subject, acts, names) as model:
+        with new_model(subject, acts, scene) as model:
             for step in steps:
                 performed += 1
                 model.perform(step)

@@ -74,6 +74,11 @@ class StateLag:
         self.steps_taken = self.inputs_driven = False
         self._changed_ns = self._ended_ns = 0
 
+    @property
+    def is_absent(self) -> bool:
+        """Whether the steps of the arm have shown no lag."""
+        return self.steps_taken and not self.measured
+
     def note(self, state: State, lag: Lag) -> None:
         """Note a measured lag; the longest one counts."""
         self.measured[state] = max(lag, self.measured.get(state, lag))

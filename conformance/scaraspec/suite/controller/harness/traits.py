@@ -46,6 +46,7 @@ class ControllerTraits:
             that a stop does not latch it.
         latches: An emergency stop has latched it in this run.
         wrong_passwords_tried: How many wrong passwords sequences have tried.
+        stable_inputs: The digital inputs that did not change during a second.
         no_late_reply: The commands whose malformed request it left unanswered.
         start_poses: The reported poses before the arm was moved away from the end of its travel.
         point_meaning: What the values of a point are; None if no meaning fits.
@@ -88,6 +89,9 @@ class ControllerTraits:
     unresponsive_while_jogging: bool | None = None
     may_be_latched: bool | None = None
     latches: bool = False
+
+    # set by requests.ports
+    stable_inputs: frozenset[int] | None = None
 
     # set by malformed.payloads
     no_late_reply: set[str] = field(default_factory=set)

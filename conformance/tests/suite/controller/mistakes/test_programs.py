@@ -464,12 +464,12 @@ class SimulatesOnceMore(ControllerCore):
 @pytest.mark.parametrize(
     ("core", "case"),
     [
-        (with_interpreter(_GreaterOrEqualVariables), "6.5/23.drawn"),
+        (with_interpreter(_GreaterOrEqualVariables), "6.5/26.drawn"),
         (with_interpreter(_RestoresVariables), "6.5/23.drawn"),
         (SimulatesOnceMore, "6.5/26.drawn"),
     ],
 )
 def test_drawn_programs_find_it(run_cases: RunCases, core: type[ControllerCore], case: str) -> None:
     """Random programs find faults that need a rare combination of statements."""
-    results = run_cases(core, case.rpartition(".")[0], examples=8)
+    results = run_cases(core, case.rpartition(".")[0], examples=20)
     assert results[case].verdict is Verdict.FAIL

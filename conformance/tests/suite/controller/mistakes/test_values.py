@@ -371,3 +371,20 @@ class IgnoresGripperCenter(ControllerCore):
 def test_refusal_is_not_the_reported_cause(run_cases: RunCases) -> None:
     """If a setting is not stored, the message does not blame the refused request after it."""
     assert "was refused" not in run_cases(IgnoresGripperCenter, "4.20/4")["4.20/4"].message
+
+
+class StoresRefusedPosition(ControllerCore):
+    """A refused initial position is stored, even one that the reply cannot contain."""
+
+    def set_initial_tool_position(self, request: Request) -> bool:
+        accepted = super().set_initial_tool_position(request)
+        if not accepted and request.value is not None:
+            self.save(initial_tool_position=tuple(request.value))
+        return accepted
+
+
+def test_stored_position_that_cannot_be_reported(run_cases: RunCases) -> None:
+    """A controller that cannot encode its reply ends the connection, which fails the case."""
+    case = run_cases(StoresRefusedPosition, "4.21/4")["4.21/4"]
+    assert case.verdict is Verdict.FAIL
+    assert case.message.startswith("get_initial_tool_position was not answered")

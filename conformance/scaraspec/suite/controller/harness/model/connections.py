@@ -1,9 +1,10 @@
 """Steps that open connections, log in and change the password."""
 
 from contextlib import suppress
+from typing import Final
 
 from scaraspec.protocol.fields import show
-from scaraspec.suite.controller.harness.model.state import ModelState, Step
+from scaraspec.suite.controller.harness.model.state import READING, ModelState, Step
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.passwords import (
     expect_password_changed,
@@ -13,14 +14,34 @@ from scaraspec.suite.controller.harness.requests.passwords import (
 from scaraspec.suite.controller.harness.suite_passwords import PLAIN_PASSWORD
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect
 
+_ALONE: Final = 3  # one of so many reconnections closes all connections
+
 
 class ConnectionSteps(ModelState):
     """Opens connections and logs in."""
 
-    def _reconnect(self, step: Step, line: OutgoingConnection) -> str | None:
+    def _reconnect(self, step: Step, line: OutgoingConnection) -> str:
+        """Open a connection again, and compare a state on it that was set on any connection.
+
+        In some turns, no other connection is open at this time.
+        """
+        if step.turn % _ALONE == 0:
+            for other in self._lines:
+                other.close()
+            self._lines = [self._connection() for _ in self._lines]
+            new = self._lines[0]
+        else:
+            new = self._replace(line)
+        if acts := [act for act in READING if act in self._acts]:
+            act = acts[step.turn % len(acts)]
+            getattr(self, f"_{act}")(step._replace(act=act), new)
+        return f"reconnect ({self._lines.index(new)})"
+
+    def _replace(self, line: OutgoingConnection) -> OutgoingConnection:
+        """Close a connection, and return a new one in its place."""
         line.close()
-        self._lines[step.line % len(self._lines)] = self._connection()
-        return f"reconnect ({step.line % len(self._lines)})"
+        new = self._lines[self._lines.index(line)] = self._connection()
+        return new
 
     def _log_in(self, _: Step, line: OutgoingConnection) -> str | None:
         if not self._subject.access.needs_login:

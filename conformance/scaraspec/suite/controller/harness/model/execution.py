@@ -2,9 +2,10 @@
 
 from typing import Final
 
-from scaraspec.protocol.commands import RunningProgram
+from scaraspec.protocol.commands import Point, Pose, RunningProgram
 from scaraspec.protocol.fields import show
 from scaraspec.suite.controller.harness.controller_under_test import (
+    MOMENT_S,
     SILENCE_S,
 )
 from scaraspec.suite.controller.harness.model.files import FileSteps
@@ -13,7 +14,9 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.requests.motion import (
     IDLE,
     REACHED,
-    move_target,
+    ask_move,
+    in_box,
+    is_out_of_reach,
     pose_deviation,
     pose_of,
     status_after_result,
@@ -42,15 +45,22 @@ from scaraspec.suite.program_files.layout import configured
 from scaraspec.user_message import UserMessage
 
 _AXES: Final = 4  # the values of a pose that have a meaning (L1006)
+_FARTHEST_MM: Final = 1.8
+"""How far a move goes from the start pose in an axis; less than `REACHED` would not show."""
+_DIRECTIONS: Final = (
+    *((1, 0, 0, 0), (0, -1, 0, 0), (0, 0, 1, 0), (0, 0, 0, -1)),
+    *((-1, 0, 0, 0), (0, 1, 0, 0), (0, 0, -1, 0), (0, 0, 0, 1)),
+    *((1, -1, 1, -1), (-1, 1, -1, 1)),
+)
+"""Each axis of a pose alone, and all of them together."""
+_ZERO: Final = Point(0, 0, 0)
 _ALL_OFF: Final = (False,) * len(ALL_OUTPUTS)
 
 
 class ExecutionSteps(FileSteps):
     """Starts and stops commands, and sets outputs."""
 
-    def _look(self, _: Step, line: OutgoingConnection) -> str | None:
-        if self._unresponsive:
-            return None
+    def _look(self, _: Step, line: OutgoingConnection) -> str:
         self._expect_executing(line)
         return "look"
 
@@ -89,7 +99,8 @@ class ExecutionSteps(FileSteps):
             raise CaseFailed(message, expected="0", observed=f"{reply}", requirement="4.9/6")
 
     def _set_output(self, step: Step, line: OutgoingConnection) -> str | None:
-        port, on = self._ports[step.which % len(self._ports)], bool(step.value % 2)
+        rounds, index = divmod(step.turn, len(self._ports))
+        port, on = self._ports[index], bool((rounds + index) % 2)
         answer = set_output(line, port, on=on)
         expect(
             answer.accepted,
@@ -105,9 +116,7 @@ class ExecutionSteps(FileSteps):
         self._outputs = {by: with_port(bits, port, on=on) for by, bits in self._outputs.items()}
         return f"set output {port} to {on:d}"
 
-    def _get_outputs(self, _: Step, line: OutgoingConnection) -> str | None:
-        if self._unresponsive:
-            return None
+    def _get_outputs(self, _: Step, line: OutgoingConnection) -> str:
         reported, as_set = outputs(line), self._outputs[frozenset()]
         if reported != as_set and reported in self._outputs.values():
             message = "the outputs are switched off when a program starts or is stopped"
@@ -138,7 +147,10 @@ class ExecutionSteps(FileSteps):
         return self._begin(SIMULATE, self._name(step), line)
 
     def _interrupt(self, step: Step, line: OutgoingConnection) -> str | None:
-        """Start a program that does not end, perhaps try another command, and stop it."""
+        """Start a program that does not end, perhaps try another command, and stop it.
+
+        In every second turn, another connection is closed and opened again during the program.
+        """
         uploaded = ""
         if not self._endless_programs:
             uploaded = f"{self._upload(step._replace(value=ENDLESS), line)}; "
@@ -147,6 +159,9 @@ class ExecutionSteps(FileSteps):
         command, other = ((SIMULATE, RUN)[n % 2] for n in (step.value, step.seed))
         executing = self._endless_programs[0]
         begun, refused = self._begin(command, executing, line), None
+        others = [each for each in self._lines if each is not line]
+        if step.turn % 2 and others and self._running and not self._unresponsive:
+            self._expect_executing(self._replace(others[0]))
         if step.value > 1:
             name = next((n for n in self._files if n != executing), self._name(step))
             refused = self._expect_busy(other, name, line)
@@ -196,26 +211,76 @@ class ExecutionSteps(FileSteps):
         self._expect_executing(line)
         return f"{command} {show(name)} while it executes"
 
-    def _move(self, _: Step, line: OutgoingConnection) -> str | None:
-        """Move to the current pose; 0x39 may refer to the gripper center (A-4.23-1)."""
-        if self._center_was_set:
+    def _move(self, step: Step, line: OutgoingConnection) -> str | None:
+        """Move to a pose near the start pose, and observe this on another connection.
+
+        0x39 may refer to the gripper center (A-4.23-1), so this is zero.
+        """
+        home, motion = self._scene.home, self._subject.ics.motion
+        if home is None or not self._zero_center(line):
             return None
-        self._subject.moved = True
-        answer = line.ask(MOVE, move_target(self._here, self._subject.ics.motion.speed_percent))
+        length = min(_FARTHEST_MM, motion.step_mm / 2) * step.random.uniform(0.7, 1)
+        way = (*(length * sign for sign in _DIRECTIONS[step.turn % len(_DIRECTIONS)]), 0, 0)
+        target = Pose(*(round(a + b, 1) for a, b in zip(home, way, strict=True)))
+        answer = ask_move(self._subject, line, target) if in_box(self._subject, target) else None
+        if answer is None or is_out_of_reach(answer):
+            return None
         expect_accepted(MOVE, answer)
+        self._scene.place = target
+        other = next((each for each in self._lines if each is not line), line)
+        if (
+            self._subject.lag.is_absent
+            and self._subject.traits.unresponsive_while_executing is False
+        ):
+            self._expect_moving(line, other)
         expect_success(self._subject, line, MOVE)
+        self._expect_place(other, target)
+        return f"move to {target[:_AXES]}"
+
+    def _expect_moving(self, line: OutgoingConnection, other: OutgoingConnection) -> None:
+        """Require the status of a move, unless the move ends at about this time."""
+        status = other.ask("get_status")
+        if status.value != STATES[MOVE]:
+            line.wait(MOMENT_S)
+        expect(
+            status.value == STATES[MOVE] or any(seen.frame.tagged for seen in line.inbox),
+            "the status is another one while the arm moves",
+            expected=STATES[MOVE],
+            observed=f"{status}",
+            requirement="4.8/7",
+        )
+
+    def _zero_center(self, line: OutgoingConnection) -> bool:
+        if self._centers != [_ZERO]:
+            if not line.ask("set_gripper_center", _ZERO).accepted:
+                return False
+            self._centers = [_ZERO]
+        return True
+
+    def _expect_place(self, line: OutgoingConnection, place: Pose) -> None:
         at = pose_of(line)
         expect(
-            pose_deviation(at, self._here) <= REACHED,
-            "after a move the arm is not at its target",
-            expected=f"{self._here[:4]}",
-            observed=f"{at[:4]}",
+            pose_deviation(at, place) <= REACHED,
+            "the arm is not at the target of its last move",
+            expected=f"{place[:_AXES]}",
+            observed=f"{at[:_AXES]}",
             requirement="4.24/8",
         )
-        return "move"
+
+    def _get_place(self, _: Step, line: OutgoingConnection) -> str | None:
+        if self._scene.place is None or self._centers != [_ZERO]:
+            return None
+        self._expect_place(line, self._scene.place)
+        return "query the pose"
 
     def _stop(self, _step: Step, line: OutgoingConnection) -> str | None:
         """Stop on the connection that started the command: the others get no result."""
+        stopped = self._stopped(line)
+        if self._subject.traits.latches:  # the reset after it has moved the arm (A-4.17-2)
+            self._scene.place = None
+        return stopped
+
+    def _stopped(self, line: OutgoingConnection) -> str | None:
         self._note_switch_off(STOP if self._running else IDLE_STOP)
         if not self._running:
             stop_while_idle(self._subject, line)

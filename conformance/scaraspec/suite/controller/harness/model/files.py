@@ -5,40 +5,71 @@ from typing import Final
 
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.transfer import chunks_of
-from scaraspec.suite.controller.harness.model.state import ENDLESS, ModelState, Step
+from scaraspec.suite.controller.harness.malformed.delivery import SLOWEST_S
+from scaraspec.suite.controller.harness.model.connections import ConnectionSteps
+from scaraspec.suite.controller.harness.model.state import ENDLESS, Step
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import (
+    begin_upload,
     is_plain,
+    next_chunk,
     receive_chunks,
     require_place,
     send_chunk,
 )
+from scaraspec.suite.controller.harness.requests.queries import supported_queries
 from scaraspec.suite.controller.harness.state.defaults import expect_default
-from scaraspec.suite.engine.expectations import CaseFailed, expect
+from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect
 from scaraspec.suite.program_files.layout import configured, layout_in_use
 from scaraspec.suite.program_files.listed import program_names
 from scaraspec.suite.program_files.writing import endless_program, program_file, wait
 from scaraspec.user_message import UserMessage
 
+_UNINTERRUPTED: Final = 5  # one of so many transfers and requests in parts is not interrupted
+_ABANDONED_BYTES: Final = 900  # more chunks than are sent
 _SIZES: Final = 8  # how many sizes the programs of one value have
-_DURING_TRANSFERS: Final = (
-    *("query", "look", "get_poses", "set_centre", "get_clock", "set_clock", "get_default"),
-    *("get_outputs", "set_output"),
+_BETWEEN: Final = (
+    ("set_centre", "get_poses"),
+    ("query",),
+    ("set_clock", "get_clock"),
+    ("get_default",),
+    ("set_output", "get_outputs"),
+    ("look",),
 )
-"""Steps that may take place between two chunks on another connection."""
+"""Steps that may take place on another connection, between two chunks or parts of a request."""
+_IN_PARTS: Final = ("list_programs",)  # queries with several replies
+_NS: Final = 1e9
 
 
-class FileSteps(ModelState):
+class FileSteps(ConnectionSteps):
     """Transfers, lists and deletes files."""
 
-    def _interrupt_transfer(self, step: Step, line: OutgoingConnection) -> None:
-        """Perform another step between two chunks, with every second seed (A-5-17)."""
-        acts = [act for act in _DURING_TRANSFERS if act in self._acts]
+    def _send_in_parts(self, step: Step, line: OutgoingConnection) -> str:
+        """Send a query in two parts, and other requests on another connection between them."""
+        queries = [each for each in supported_queries(self._subject) if each.name not in _IN_PARTS]
+        query = queries[step.turn % len(queries)]
+        frame, begun_ns = query.frame(line).encode(), self._subject.now_ns
+        cut = step.random.randrange(1, len(frame))
+        line.send_bytes(frame[:cut])
+        self._interleave(step, line, "during a request")
+        longest_s = SLOWEST_S / self._subject.ics.time_scale
+        if self._subject.now_ns - begun_ns > longest_s * _NS:  # it may have dropped it (A-3-11)
+            self._replace(line)
+            return "send a part of a request, and reconnect"
+        line.send_bytes(frame[cut:])
+        line.reply(query.name)
+        return f"{query.name} in two parts"
+
+    def _interleave(self, step: Step, line: OutgoingConnection, when: str) -> None:
+        """Perform other steps on another connection, except in some turns (A-5-17)."""
+        possible = [acts for acts in _BETWEEN if set(acts) <= set(self._acts)]
         others = [other for other in self._lines if other is not line]
-        if acts and others and step.seed % 2:
-            act = step.random.choice(acts)
-            description = getattr(self, f"_{act}")(step._replace(act=act), others[0])
-            self.history.append(f"{description or act}, during a transfer")
+        turns, rest = divmod(step.turn, _UNINTERRUPTED)
+        if possible and others and rest:
+            turn = turns * (_UNINTERRUPTED - 1) + rest + len(step.act)
+            for act in possible[turn % len(possible)]:
+                description = getattr(self, f"_{act}")(step._replace(act=act), others[0])
+                self.history.append(f"{description or act}, {when}")
 
     def _content(self, line: OutgoingConnection, step: Step) -> bytes:
         """Return a program that does nothing, in several sizes, or one that does not end."""
@@ -50,7 +81,7 @@ class FileSteps(ModelState):
         return program_file(dialect, wait(0) * count, layout=layout, base=base)
 
     def _upload(self, step: Step, line: OutgoingConnection) -> str | None:
-        name = self._names[(step.which + step.seed) % len(self._names)]
+        name = self._names[(step.turn + (step.which == 0)) % len(self._names)]
         content = self._content(line, step)
         self._settle_transfer(line)
         answer, exists = line.ask("upload_name", data=name), name in self._files
@@ -74,12 +105,31 @@ class FileSteps(ModelState):
             return f"upload {show(name)} again"
         for number, chunk in enumerate(chunks_of(content)):
             if number == 1:
-                self._interrupt_transfer(step, line)
+                self._interleave(step, line, "during a transfer")
             send_chunk(line, chunk)
         self._files[name] = content
         if step.value >= ENDLESS:
             self._endless_programs.append(name)
         return f"upload {show(name)} of {len(content)} bytes"
+
+    def _abandon(self, step: Step, line: OutgoingConnection) -> str | None:
+        """Close a connection during an upload of another file, or refuse a downloaded chunk."""
+        self._settle_transfer(line)
+        if self._subject.transfers_outlive:  # it blocks others until its timeout (A-5-17)
+            return None
+        name = next(iter(self._files), None) if step.turn % 3 == 0 else None
+        if name is None:
+            begin_upload(line, self._subject.new_name())
+            for chunk in [*chunks_of(bytes(_ABANDONED_BYTES))][: step.value]:
+                send_chunk(line, chunk)
+        elif line.ask("download_name", data=name).accepted:
+            next_chunk(line)
+            line.answer_chunk(accepted=False)
+            with suppress(NoReply):  # it may close the connection (A-5-26)
+                line.sync()
+        self._interleave(step, line, "during a transfer")
+        self._replace(line)
+        return "abandon an upload" if name is None else f"abandon the download of {show(name)}"
 
     def _download(self, step: Step, line: OutgoingConnection) -> str | None:
         name = self._name(step)
@@ -109,7 +159,7 @@ class FileSteps(ModelState):
         content = b""
         for chunk in receive_chunks(line):
             if not content:
-                self._interrupt_transfer(step, line)
+                self._interleave(step, line, "during a transfer")
             content += chunk.data
         return content
 

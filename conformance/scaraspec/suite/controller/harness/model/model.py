@@ -9,10 +9,9 @@ model follows the reply. If the document leaves an outcome open, the model expec
 from typing import TYPE_CHECKING, Final
 
 from scaraspec.protocol.fields import show
-from scaraspec.suite.controller.harness.model.connections import ConnectionSteps
 from scaraspec.suite.controller.harness.model.execution import ExecutionSteps
 from scaraspec.suite.controller.harness.model.settings import SettingSteps
-from scaraspec.suite.controller.harness.model.state import VALUES, Step
+from scaraspec.suite.controller.harness.model.state import READING, VALUES, Step
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
     stop_motion,
@@ -37,13 +36,13 @@ _CONSTANT: Final = ("get_version", "get_network")
 _REPORTED_STEPS: Final = 8
 """How many of the last steps of a failing sequence the message names."""
 
-_WHILE_EXECUTING: Final = frozenset(
-    {"look", "query", "get_clock", "get_outputs", "run", "simulate", "stop"}
-)
+_SERVED: Final = frozenset({*READING, "set_centre"})
+"""Steps that a responsive robot serves while a program executes (A-4-3)."""
+_WHILE_EXECUTING: Final = _SERVED | {"run", "simulate", "stop"}
 """Steps that run while a program executes; every other step stops the program first."""
 
 
-class Model(ConnectionSteps, SettingSteps, ExecutionSteps):
+class Model(SettingSteps, ExecutionSteps):
     """Performs the steps of a sequence and checks the results; see `ModelState`."""
 
     def perform(self, step: Step) -> None:
@@ -58,6 +57,8 @@ class Model(ConnectionSteps, SettingSteps, ExecutionSteps):
             if self._running and step.act not in _WHILE_EXECUTING:
                 self._stop(step, line)
                 self.history.append("stop")
+            if step.act in _SERVED and self._unresponsive:
+                return
             line.cuts = step.cuts
             description = perform(step, line)
         except CaseFailed as error:
@@ -74,12 +75,14 @@ class Model(ConnectionSteps, SettingSteps, ExecutionSteps):
         Raises:
             CaseFailed: The controller differs from the model; the message names the earlier steps.
         """
-        for act in dict.fromkeys(self._acts):
+        steps = len(self.history)
+        for number, act in enumerate(dict.fromkeys(self._acts)):
             if act == "download":
                 for which in range(len(self._files)):
-                    self.perform(Step(act, which, 0, 0))
-            elif act.startswith(("look", "list_", "get_")):
-                self.perform(Step(act, 0, 0, 0))
+                    self.perform(Step(act, which, 0, which))
+            elif act in READING:
+                self.perform(Step(act, 0, 0, number))
+            del self.history[steps:]
 
     def clean_up(self) -> None:
         """Stop the robot, delete all files and close the connections.
@@ -128,8 +131,6 @@ class Model(ConnectionSteps, SettingSteps, ExecutionSteps):
     def _query(self, step: Step, line: OutgoingConnection) -> str | None:
         queries = supported_queries(self._subject)
         query = queries[(step.which * VALUES + step.value) % len(queries)]
-        if self._unresponsive:
-            return None
         if query.name == "list_programs":  # all parts: the next list would begin with the rest
             program_names(self._subject, line)
             return query.name

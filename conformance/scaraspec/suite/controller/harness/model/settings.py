@@ -11,6 +11,7 @@ from scaraspec.suite.controller.harness.requests.clock import (
     expect_clock_ran,
     random_time,
     read_clock,
+    rollovers,
     set_clock,
 )
 from scaraspec.suite.controller.harness.requests.poses import expect_numbers, gripper_of, initial_of
@@ -19,6 +20,8 @@ _HIGHEST_TENTHS: Final = (0, 0, 9, 99, 999)
 """The largest absolute values of a coordinate of a gripper center, in tenths of a millimeter."""
 
 _DAY: Final = timedelta(days=1)
+_SECOND: Final = timedelta(seconds=1)
+_KINDS_OF_TIME: Final = 7  # any time, and those of `rollovers`
 _AXES: Final = 4  # the values of a pose that have a meaning (L1006)
 
 
@@ -30,7 +33,7 @@ class SettingSteps(ModelState):
         limits = [random.choice(_HIGHEST_TENTHS) for _ in Point._fields]
         value = Point(*(random.randint(-limit, limit) / 10 for limit in limits))
         if line.ask("set_gripper_center", value).accepted:
-            self._centers, self._center_was_set = [value], True
+            self._centers = [value]
         return f"set the gripper center {tuple(value)}"
 
     def _set_initial(self, step: Step, line: OutgoingConnection) -> str | None:
@@ -51,15 +54,15 @@ class SettingSteps(ModelState):
 
     def _set_clock(self, step: Step, line: OutgoingConnection) -> str | None:
         random, now = step.random, read_clock(self._subject, line).time
-        time = random_time(random)
-        if abs(time - now) < _DAY:  # an earlier sequence has set it
+        time = now
+        while abs(time - now) < _DAY:  # an earlier sequence may have set it
             time = random_time(random)
+            if kind := step.turn % _KINDS_OF_TIME:  # the begin of a day, a month, …
+                time = rollovers(time)[kind - 1] - _SECOND * random.randrange(2)
         self._clock = set_clock(self._subject, line, time)
         return f"set the clock {self._clock.time}"
 
-    def _get_clock(self, _: Step, line: OutgoingConnection) -> str | None:
-        if self._unresponsive:
-            return None
+    def _get_clock(self, _: Step, line: OutgoingConnection) -> str:
         now = read_clock(self._subject, line)
         if self._clock:
             message = "the clock does not run on from the time that was set"

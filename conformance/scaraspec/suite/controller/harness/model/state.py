@@ -2,9 +2,11 @@
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from random import Random
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from scaraspec.protocol.commands import Pose
 from scaraspec.suite.controller.harness.controller_under_test import (
     ControllerUnderTest,
 )
@@ -16,7 +18,9 @@ from scaraspec.suite.controller.harness.requests.motion import (
 from scaraspec.suite.controller.harness.requests.ports import (
     Bits,
     outputs,
+    set_output,
     settable_outputs,
+    with_port,
 )
 from scaraspec.suite.controller.harness.two_stage.commands import (
     RUN,
@@ -36,11 +40,17 @@ VALUES: Final = 4
 SEEDS: Final = 2**16
 """How many values the seed of a step can have."""
 
-_CUTS: Final[Sequence[Sequence[int]]] = (
-    *[()] * 9,
-    *((1,), (2,), (3,), (1, 1, 1), (3, 1), (8,), (20, 100)),
+_WHOLE, _CUT = 9, 7
+"""Of so many steps, the first ones send each request as a whole, and the others in segments."""
+_SEGMENT_BYTES: Final = (1, 1, 1, 2, 3, 8, 30, 100)
+"""Sizes of segments that end in the header or in the data of a request."""
+_SEGMENTS: Final = 4
+
+READING: Final = (
+    *("look", "query", "list_programs", "get_default", "get_poses", "get_place", "get_outputs"),
+    "get_clock",
 )
-"""Segments that end in the header or in the data of a request."""
+"""Steps that change nothing and compare a state with the model."""
 
 _LINES: Final = 2
 
@@ -65,6 +75,8 @@ class Step(NamedTuple):
         value: Selects the value to set.
         line: Selects the connection.
         seed: Selects what has many values: numbers, times, contents, and how requests are cut.
+        turn: How many steps of this name precede it in the case. It selects what every run must
+            try: each axis in each direction, each name, each kind of time.
     """
 
     act: str
@@ -72,6 +84,7 @@ class Step(NamedTuple):
     value: int
     line: int
     seed: int = 0
+    turn: int = 0
 
     @property
     def random(self) -> Random:
@@ -81,7 +94,28 @@ class Step(NamedTuple):
     @property
     def cuts(self) -> Sequence[int]:
         """The sizes of the segments of its requests in bytes; for most steps there is one."""
-        return _CUTS[self.seed % len(_CUTS)]
+        if self.seed % (_WHOLE + _CUT) < _WHOLE:
+            return ()
+        random = self.random
+        return random.choices(_SEGMENT_BYTES, k=random.randint(1, _SEGMENTS))
+
+
+@dataclass
+class Scene:
+    """What the sequences of a case have in common.
+
+    Attributes:
+        names: The names of the files that may be created.
+        home: The pose at the start, for a gripper center of zero; None if the arm must not move.
+        place: The pose after the last move; None if it is unknown.
+    """
+
+    names: Sequence[bytes]
+    home: Pose | None = None
+    place: Pose | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.place = self.home
 
 
 class ModelState:
@@ -90,17 +124,16 @@ class ModelState:
     Args:
         subject: The controller.
         acts: The names of the steps that may occur.
-        names: The names of the files that may be created.
+        scene: What may be created, and where the arm may move.
 
     Attributes:
         history: The steps so far, in words.
     """
 
-    def __init__(
-        self, subject: ControllerUnderTest, acts: list[str], names: Sequence[bytes]
-    ) -> None:
+    def __init__(self, subject: ControllerUnderTest, acts: list[str], scene: Scene) -> None:
         self.history: list[str] = []
-        self._subject, self._acts, self._names = subject, acts, names
+        self._subject, self._acts = subject, acts
+        self._scene, self._names = scene, scene.names
         self._password = subject.password
         self._lines = [self._connection()]
         if subject.supports_multiple_connections:
@@ -115,23 +148,20 @@ class ModelState:
         )
         self._centers: list[tuple[float, ...]] = []  # the possible values; empty if unknown
         self._initials: list[tuple[float, ...]] = []
-        self._center_was_set = False
         self._clock: ClockSample | None = None
         self._running: tuple[str, bytes, OutgoingConnection] | None = None
-        if {"set_initial", "move"} & set(acts):
-            self._here = pose_of(self._lines[0])
+        if "set_initial" in acts:
+            self._here = scene.home or pose_of(self._lines[0])
         self._outputs: dict[frozenset[str], Bits] = {}  # by the events that switch all outputs off
         if "set_output" in acts:
             self._ports = settable_outputs(self._lines[0])
-            self._before = outputs(self._lines[0])
-            self._outputs = dict.fromkeys(SWITCHED_OFF_BY, self._before)
+            self._before = on = outputs(self._lines[0])
+            if set_output(self._lines[0], self._ports[-1], on=True).accepted:
+                on = with_port(on, self._ports[-1], on=True)  # all off is another state then
+            self._outputs = dict.fromkeys(SWITCHED_OFF_BY, on)
 
     def _connection(self) -> OutgoingConnection:
-        if self._password == self._subject.password:
-            return self._subject.open()
-        line = self._subject.open(login=False)
-        self._subject.log_in(line, self._password)
-        return line
+        return self._subject.open(password=self._password)
 
     def _name(self, step: Step) -> bytes:
         """Return the name of a stored file; for the last number a name that may not be stored."""

@@ -3,6 +3,8 @@
 A reported time lies between the request and the reply, so a slow link causes no failure.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import datetime, timedelta
 from random import Random
 from typing import Final, NamedTuple
@@ -70,20 +72,34 @@ def random_time(random: Random) -> datetime:
     return _BEGIN + timedelta(days=days, seconds=random.randrange(_DAY_S))
 
 
-def random_rollover(random: Random) -> datetime:
-    """Return the begin of a minute, an hour, a day, a month, a year, or the end of a February."""
-    time = random_time(random)
+def rollovers(time: datetime) -> tuple[datetime, ...]:
+    """Return the begin of its minute, hour, day, month, of March and of its year."""
     day = time.replace(hour=0, minute=0, second=0)
-    return random.choice(
-        (
-            time.replace(second=0),
-            time.replace(minute=0, second=0),
-            day,
-            day.replace(day=1),
-            day.replace(month=3, day=1),
-            day.replace(month=1, day=1),
-        )
+    return (
+        time.replace(second=0),
+        time.replace(minute=0, second=0),
+        day,
+        day.replace(day=1),
+        day.replace(month=3, day=1),
+        day.replace(month=1, day=1),
     )
+
+
+@contextmanager
+def clock_rolls_over(
+    subject: ControllerUnderTest, line: OutgoingConnection, time: datetime
+) -> Iterator[ClockSample]:
+    """Set the clock to a second before `time`; require that it ran on when the context ends.
+
+    The context must last a second. It yields the set time.
+
+    Raises:
+        CaseFailed: The request is refused, or the clock shows another time.
+    """
+    first = set_clock(subject, line, time - timedelta(seconds=1))
+    yield first
+    message = UserMessage("the clock does not roll over to {time}", time=time)
+    expect_clock_ran(subject, first, read_clock(subject, line), message, "4.5/6")
 
 
 def set_clock(

@@ -161,12 +161,17 @@ def outputs_preserved(line: OutgoingConnection) -> Iterator[Bits]:
 
 
 def stable_inputs(line: OutgoingConnection, ports: Iterable[int]) -> list[int]:
-    """Return the inputs that do not change during a second."""
-    seen = [inputs(line)]
-    for _ in range(_LOOKS):
-        line.wait(_LOOK_S)
-        seen.append(inputs(line))
-    return [port for port in ports if len({states[port - 1] for states in seen}) == 1]
+    """Return those of the inputs that did not change during a second; observed once per run."""
+    traits = line.subject.traits
+    if traits.stable_inputs is None:
+        seen = [inputs(line)]
+        for _ in range(_LOOKS):
+            line.wait(_LOOK_S)
+            seen.append(inputs(line))
+        traits.stable_inputs = frozenset(
+            port for port in ALL_INPUTS if len({states[port - 1] for states in seen}) == 1
+        )
+    return [port for port in ports if port in traits.stable_inputs]
 
 
 @contextmanager
@@ -191,6 +196,22 @@ def inputs_unchanged(line: OutgoingConnection, ports: Iterable[int] = ALL_INPUTS
         raise
     if changed():
         raise CaseInconclusive(message)
+
+
+@contextmanager
+def readable_inputs(
+    line: OutgoingConnection, ports: Iterable[int]
+) -> Iterator[tuple[Bits, list[int]]]:
+    """Yield the states of the inputs, and those of these ports that do not change.
+
+    Without the command that reports inputs, there are none. See `inputs_unchanged`.
+    """
+    if "get_digital_inputs" in line.subject.ics.unsupported:
+        yield (), []
+        return
+    stable = stable_inputs(line, ports)
+    with inputs_unchanged(line, stable) as states:
+        yield states, stable
 
 
 class InputDriver:

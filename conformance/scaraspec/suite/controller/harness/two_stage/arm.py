@@ -5,14 +5,14 @@ one of four values, and back. The suite determines the meaning of the values of 
 The cases judge what programs do with points.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Final
 
 from scaraspec.judge.tolerances import angle_difference, max_deviation
 from scaraspec.protocol.commands import Point
-from scaraspec.protocol.program_files import Node
+from scaraspec.protocol.program_files import Node, Variable
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.traits import PointMeaning
@@ -82,15 +82,17 @@ class Arm:
         a, b, c, d = (value + (length if at == index else 0) for at, value in enumerate(start))
         return a, b, c, d
 
-    def goes(self, nodes: Sequence[Node]) -> bool:
+    def goes(self, nodes: Sequence[Node], variables: Iterable[Variable] = ()) -> bool:
         """Run a program that moves the arm. Return False if the arm cannot reach its points.
 
         Raises:
             CaseFailed: The program does not end, or fails for another reason.
         """
-        return self.watched(nodes) is not None
+        return self.watched(nodes, variables) is not None
 
-    def watched(self, nodes: Sequence[Node]) -> list[Values] | None:
+    def watched(
+        self, nodes: Sequence[Node], variables: Iterable[Variable] = ()
+    ) -> list[Values] | None:
         """Run a program that moves the arm, and observe the arm.
 
         The status is queried, too, because the judge checks it, unless it may be old (A-4.8-3).
@@ -101,7 +103,7 @@ class Arm:
         Raises:
             CaseFailed: The program does not end, or fails for another reason.
         """
-        answer = self.robot.ask(self.robot.store(self.robot.file(nodes)))
+        answer = self.robot.ask(self.robot.store(self.robot.file(nodes, variables)))
         if not answer.accepted and answer.code in _IMPOSSIBLE:
             return None
         if not answer.accepted:
