@@ -144,7 +144,7 @@ def test_new_year(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
         expect_clock_ran(subject, first, read_clock(subject, line), message, "4.5/4")
 
 
-@case("4.5/6", name="month", slow=True)
+@case("4.5/6", name="month")
 def test_month(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The clock rolls over to a new month at midnight."""
     with settings_preserved(subject, line, "clock"):
