@@ -12,6 +12,7 @@ from pprint import pformat
 from typing import Final
 
 from scaraspec.judge.verdicts import Verdict
+from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import TAG, Frame
 from scaraspec.protocol.hazard import Hazard
@@ -31,7 +32,7 @@ _LOGIN: Final = "login, request"
 _FRAME_PARTS: Final = frozenset({"start", "tag", "opcode", "length", "end"})
 _EFFECTS: Final = {
     Hazard.READ_ONLY: "",
-    Hazard.STATE: "It changes settings or files, and does not restore them.",
+    Hazard.STATE: "It may change settings or files, and does not restore them.",
     Hazard.MOTION: "IT MOVES THE ROBOT.",
     Hazard.DESTRUCTIVE: "IT MAY MOVE THE ROBOT, DELETE FILES OR SHUT THE ROBOT DOWN.",
 }
@@ -79,7 +80,7 @@ def script(case: Case) -> str:
         "PROBLEM": visible(case.message),
         "EXPECTED": visible(case.expected),
         "OBSERVED": visible(case.observed),
-        "EFFECT": _EFFECTS[case.hazard],
+        "EFFECT": _EFFECTS[_hazard(case)],
         "WITH_ALL_STEPS": case.replay,
         "STEPS": [
             (e.connection, e.direction.value, _LOGIN if e.note == _LOGIN else _step(e), e.frame_hex)
@@ -89,6 +90,17 @@ def script(case: Case) -> str:
     lines = [f"{name} = {pformat(value, width=96)}\n" for name, value in data.items()]
     template = files("scaraspec.report").joinpath("templates/reproduction.py").read_text("utf-8")
     return _DATA.sub(lambda _: "".join(lines), template)
+
+
+def _hazard(case: Case) -> Hazard:
+    """The worst effect of the case and of its requests; bytes of no command may have any effect.
+
+    A finding of the judge has no hazard, but the traffic that shows it may move the robot.
+    """
+    requests = (e.note.partition(",")[0] for e in case.wire if e.direction is A2C)
+    commands = [BY_NAME.get(name) for name in requests]
+    hazards = {case.hazard, *(c.hazard if c else Hazard.DESTRUCTIVE for c in commands)}
+    return max(hazards, key=[*Hazard].index)
 
 
 def _repeated(case: Case) -> Iterator[Evidence]:

@@ -71,10 +71,11 @@ def test_a_script_repeats_a_failure(
     assert other.returncode == 1
 
 
-def test_a_script_that_moves_the_robot(processes: Any, tmp_path: Path) -> None:
-    """It asks for confirmation, and ends with an emergency stop."""
+@pytest.mark.parametrize("case_id", ["4.15/3", "4.15/3.seen-1"])
+def test_a_script_that_moves_the_robot(processes: Any, tmp_path: Path, case_id: str) -> None:
+    """It asks for confirmation, also if the judge found it, and ends with an emergency stop."""
     results, (host, port) = failed(processes, tmp_path / "out", "refuses-run-in-one-byte", "4.15/3")
-    (case,) = (c for c in results.cases if c.id == "4.15/3")
+    (case,) = (c for c in results.cases if c.id == case_id)
     script = tmp_path / "out" / script_path(case, results)
     refused = repeat(script, f"{host}:{port}")
     assert refused.returncode == 2
