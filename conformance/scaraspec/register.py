@@ -10,6 +10,10 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from types import MappingProxyType
+from typing import Final
+
+DOCUMENT_SHA256: Final = "502c86166053c6776697b7e9b7b2d3420177ca3a22586a78c33829a6f490e68d"
+"""The SHA-256 checksum of the plain text of the document, V1.0, which line numbers refer to."""
 
 
 @dataclass(frozen=True, slots=True)

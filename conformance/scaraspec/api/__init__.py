@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from scaraspec.api import certify
     from scaraspec.api.auditing import audit
-    from scaraspec.api.certificates import certification, verify_package
+    from scaraspec.api.certificates import certification, verify_package, write_certificate
     from scaraspec.api.proving import prove, prove_dialects
     from scaraspec.api.recording import record
     from scaraspec.api.replaying import replay
@@ -60,6 +60,7 @@ __all__ = [
     "replay",
     "select",
     "verify_package",
+    "write_certificate",
 ]
 
 _MODULES = {
@@ -91,6 +92,7 @@ _MODULES = {
     "replay": "scaraspec.api.replaying",
     "select": "scaraspec.judge.requirements",
     "verify_package": "scaraspec.api.certificates",
+    "write_certificate": "scaraspec.api.certificates",
 }
 
 

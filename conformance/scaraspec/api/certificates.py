@@ -1,7 +1,6 @@
 """Result packages of certifications: they are written at the end of a run, and verified later."""
 
-import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -10,15 +9,18 @@ from typing import BinaryIO, Final
 from scaraspec.api.auditing import audit
 from scaraspec.api.calibration import MUTANTS, Calibration, calibrate, chosen_mutants
 from scaraspec.certificate import checks, package, signature
-from scaraspec.certificate.environment import environment
+from scaraspec.certificate.environment import StatedEnvironment, environment
 from scaraspec.certificate.mandatory import MandatoryList, mandatory_lists
 from scaraspec.certificate.package import Manifest, PackageError
 from scaraspec.judge.verdicts import ExitStatus, Verdict
 from scaraspec.mutants.kill_matrix import Proof
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report import ctrf, html, junit
+from scaraspec.report.certificate import Certificate, render
 from scaraspec.report.codec import InvalidValueError, from_plain, to_plain
+from scaraspec.report.files import write_new
 from scaraspec.report.model import Results, ResultsError, Role, Tool
+from scaraspec.report.translations import Language
 from scaraspec.suite.engine.collection import collect
 from scaraspec.suite.engine.ics import LABORATORY, SAMPLE, Ics
 from scaraspec.suite.engine.plan import Options
@@ -35,11 +37,14 @@ __all__ = [
     "calibrated",
     "certification",
     "verify_package",
+    "write_certificate",
     "write_package",
 ]
 
 _CALIBRATION: Final = "calibration.json"
-_RESULTS: Final = "results.json"
+_CONCLUSION: Final = "conclusion"
+_ENVIRONMENT: Final = "environment.json"
+_ICS: Final = "ics.json"
 _NOT_RECORDED: Final = ("motion.", "hooks.")
 """The beginnings of the claims that a capture does not state."""
 
@@ -74,11 +79,14 @@ class Verification:
         checks: The checks, in order. A check that needs what another one has refused is left out.
         signed: ``signed`` by the signer, ``unsigned``, or ``signature not checked``.
         results: The results in the package; None if they cannot be read.
+        certificate: What a certificate or test report states; None if the package is refused, or
+            if its results are inconclusive.
     """
 
     checks: tuple[Check, ...]
     signed: str
     results: Results | None
+    certificate: Certificate | None = None
 
     @property
     def exit_status(self) -> ExitStatus:
@@ -88,6 +96,16 @@ class Verification:
             if status in found:
                 return status
         return ExitStatus.CONFORMANT
+
+    @property
+    def genuine(self) -> bool:
+        """Whether the package is verified, be its results conformant or not."""
+        *others, last = self.checks
+        return (
+            last.name == _CONCLUSION
+            and last.status is not ExitStatus.INCONCLUSIVE
+            and all(each.passed for each in others)
+        )
 
 
 class CalibrationError(Exception):
@@ -201,13 +219,13 @@ def write_package(certification: Certification, folder: Path, ics: Ics) -> None:
         ResultsError: The results in the folder cannot be read.
         OSError: The package exists or cannot be written, or a file of the run is missing.
     """
-    results, mandatory = Results.read(folder / _RESULTS), certification.mandatory
-    files = {name: folder / name for name in (_RESULTS, package.CAPTURE)}
+    results, mandatory = Results.read(folder / package.RESULTS), certification.mandatory
+    files = {name: folder / name for name in (package.RESULTS, package.CAPTURE)}
     with TemporaryDirectory(prefix="scaraspec-") as scratch:
         texts = {
             **_derived(results),
-            "ics.json": package.plain_json(_ics_of(ics)),
-            "environment.json": package.plain_json(environment(ics, results)),
+            _ICS: package.plain_json(_ics_of(ics)),
+            _ENVIRONMENT: package.plain_json(environment(ics, results)),
             _CALIBRATION: package.plain_json(to_plain(certification.calibration)),
         }
         for name, text in texts.items():
@@ -275,12 +293,31 @@ def verify_package(
             manifest = package.read_manifest(folder)
             results = _results_in(folder)
             found = [_check_files(folder, names, manifest, results)]
-            found.append(_check_signature(path, file, signer))
+            signed_check, signatory = _check_signature(path, file, signer)
+            found.append(signed_check)
             if results and found[0].passed:
                 known = mandatory_lists(manifest.role) if lists is None else lists
                 found += _checks_of_results(folder, manifest, results, known)
-            signed = "signed" if signer and found[1].passed else found[1].note
-            return Verification(tuple(found), signed or "unsigned", results)
+            signed = "signed" if signer and signed_check.passed else signed_check.note or "unsigned"
+            verification = Verification(tuple(found), signed, results)
+            if results is None or not verification.genuine:
+                return verification
+            stated = _environment_in(folder)
+            certificate = Certificate(
+                results=results,
+                package=path.name,
+                sha256=package.sha256_of(file),
+                mandatory_id=manifest.mandatory_id,
+                mandatory_sha256=manifest.mandatory_sha256,
+                sample=stated.sample,
+                laboratory=stated.laboratory,
+                commit=stated.tool.get("commit", ""),
+                mutants=len(_calibration_in(folder).mutants),
+                signatory=signatory,
+                has_signature=signed != "unsigned",
+                notes=tuple(p for each in found if each.passed for p in each.problems),
+            )
+            return replace(verification, certificate=certificate)
     except OSError as error:
         raise PackageError(
             UserMessage("{path} cannot be read: {reason}", path=path, reason=error.strerror),
@@ -288,9 +325,29 @@ def verify_package(
         ) from None
 
 
+def write_certificate(
+    verification: Verification, path: Path, language: Language = Language.ENGLISH
+) -> None:
+    """Write the page of a verified package: a certificate, or a test report if not conformant.
+
+    Args:
+        verification: The verification of the package.
+        path: The HTML page to write; it must not exist.
+        language: The language that the page shows first.
+
+    Raises:
+        PackageError: The package is refused, or its results are inconclusive.
+        OSError: The page exists or cannot be written.
+    """
+    if verification.certificate is None:
+        text = "no certificate is written about a package that is refused or undecided"
+        raise PackageError(text, verification.exit_status)
+    write_new(path, render(verification.certificate, language))
+
+
 def _results_in(folder: Path) -> Results | None:
     try:
-        return Results.read(folder / _RESULTS)
+        return Results.read(folder / package.RESULTS)
     except ResultsError:  # reported as a changed or missing file
         return None
 
@@ -300,42 +357,20 @@ def _check_files(
 ) -> Check:
     return _refusing(
         "files",
-        _file_problems(folder, names, manifest, results),
+        package.file_problems(folder, names, manifest, results),
         UserMessage("{count} files as in the manifest", count=len(manifest.files)),
     )
 
 
-def _file_problems(
-    folder: Path, names: frozenset[str], manifest: Manifest, results: Results | None
-) -> Iterator[str]:
-    for name in package.FILES:
-        if name not in names or name not in manifest.files:
-            yield UserMessage("{name} is missing", name=name)
-        elif package.file_of(folder / name) != manifest.files[name]:
-            yield UserMessage("{name} was changed", name=name)
-    for name in sorted(manifest.files.keys() - {*package.FILES}):
-        yield UserMessage("the manifest has a file {name!r}, which no package has", name=name)
-    if results is None:
-        yield UserMessage("{name} cannot be read", name=_RESULTS)
-        return
-    sums = package.case_sums(results)
-    for case_id in sorted(sums.keys() | manifest.cases.keys()):
-        if case_id not in sums:
-            yield UserMessage("case {case} was removed", case=case_id)
-        elif case_id not in manifest.cases:
-            yield UserMessage("case {case} was added", case=case_id)
-        elif sums[case_id] != manifest.cases[case_id]:
-            yield UserMessage("case {case} was altered", case=case_id)
-
-
-def _check_signature(path: Path, file: BinaryIO, signer: Path | None) -> Check:
+def _check_signature(path: Path, file: BinaryIO, signer: Path | None) -> tuple[Check, str]:
+    """Return the check, and who has signed; empty if no signature was verified."""
     signed = path.with_name(f"{path.name}{signature.SUFFIX}")
     if signer:
-        problem = signature.signature_problem(file, signed, signer)
+        found = signature.check(file, signed, signer)
         made_by = UserMessage("made by {signer}", signer=signer)
-        return _refusing("signature", filter(None, [problem]), made_by)
+        return _refusing("signature", filter(None, [found.problem]), made_by), found.signatory
     note = "signature not checked" if signed.exists() else "unsigned"
-    return Check("signature", note=note)
+    return Check("signature", note=note), ""
 
 
 def _checks_of_results(
@@ -351,7 +386,7 @@ def _checks_of_results(
         yield Check("version", (problem,), status=ExitStatus.INCONCLUSIVE)
         return
     note = UserMessage("scaraspec {version}, {id}", version=mandatory.version, id=mandatory.id)
-    version = _refusing("version", _version_problems(manifest, results, mandatory), note)
+    version = _refusing("version", checks.version_problems(manifest, results, mandatory), note)
     yield version
     if not version.passed:
         return
@@ -360,6 +395,7 @@ def _checks_of_results(
     note = UserMessage("seed {seed}", seed=results.run.seed if results.run else "")
     yield _refusing("options", checks.option_problems(results, mandatory), note)
     is_own = results.tool == Tool.own()
+    yield _refusing("environment", _environment_problems(folder), "sample and laboratory")
     problems = _calibration_problems(folder, results, is_own=is_own)
     yield _refusing("calibration", problems, "reference conformant, mutants killed")
     yield _check_capture(folder, results, is_own=is_own)
@@ -371,27 +407,24 @@ def _checks_of_results(
     yield _conclusion(results)
 
 
-def _version_problems(
-    manifest: Manifest, results: Results, mandatory: MandatoryList
-) -> Iterator[str]:
-    if manifest.mandatory_sha256 != mandatory.sha256:
-        yield UserMessage("the list {id} has another checksum", id=mandatory.id)
-    if (manifest.tool, manifest.role) != (results.tool, results.role):
-        yield "the manifest names another tool or role than the results"
-    listed = (replace(Tool.own(), version=mandatory.version), mandatory.role)
-    if (results.tool, results.role) != listed:
-        yield UserMessage(
-            "{id} is no list of {tool} {version} for a {role}",
-            id=mandatory.id,
-            tool=results.tool.name,
-            version=results.tool.version,
-            role=results.role.value,
-        )
+def _environment_in(folder: Path) -> StatedEnvironment:
+    return from_plain(StatedEnvironment, package.json_in(folder / _ENVIRONMENT))
+
+
+def _environment_problems(folder: Path) -> Iterator[str]:
+    try:
+        yield from _environment_in(folder).problems(package.json_in(folder / _ICS))
+    except InvalidValueError as error:
+        yield UserMessage("{name} is damaged: {error}", name=_ENVIRONMENT, error=error)
+
+
+def _calibration_in(folder: Path) -> Calibration:
+    return from_plain(Calibration, package.json_in(folder / _CALIBRATION))
 
 
 def _calibration_problems(folder: Path, results: Results, *, is_own: bool) -> Iterator[str]:
     try:
-        found = from_plain(Calibration, _json_in(folder / _CALIBRATION))
+        found = _calibration_in(folder)
     except InvalidValueError as error:
         yield UserMessage("{name} is damaged: {error}", name=_CALIBRATION, error=error)
         return
@@ -427,7 +460,7 @@ def _report_problems(folder: Path, results: Results) -> Iterator[str]:
             yield UserMessage("{name} is not that of the results", name=name)
     subject = results.subject
     stated = (subject.name, subject.version, subject.claims)
-    ics = _json_in(folder / "ics.json")
+    ics = package.json_in(folder / _ICS)
     if stated != tuple(map(ics.get, ("name", "version", "claims"))):
         yield "ics.json has other claims than the results"
 
@@ -436,20 +469,11 @@ def _has_text(path: Path, text: str) -> bool:
     return path.is_file() and path.read_bytes() == text.encode("utf-8", "backslashreplace")
 
 
-def _json_in(path: Path) -> Mapping[str, object]:
-    """Return the object in a JSON file; empty if there is none."""
-    try:
-        plain = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError):
-        return {}
-    return plain if isinstance(plain, dict) else {}
-
-
 def _conclusion(results: Results) -> Check:
     """Return the check that the subject conforms."""
     status = results.verdict.exit_status
     if status is ExitStatus.CONFORMANT:
-        return Check("conclusion", note=results.label)
+        return Check(_CONCLUSION, note=results.label)
     failed = [case.id for case in results.cases if case.verdict is Verdict.FAIL]
     problem: str = UserMessage(
         "the {role} is {label}", role=results.role.value, label=results.label
@@ -458,7 +482,7 @@ def _conclusion(results: Results) -> Check:
         problem = UserMessage.joined(problem, ": {cases}", cases=", ".join(failed))
     undecided = status is not ExitStatus.NONCONFORMANT
     return Check(
-        "conclusion",
+        _CONCLUSION,
         (problem,),
         status=ExitStatus.INCONCLUSIVE if undecided else ExitStatus.NONCONFORMANT,
     )

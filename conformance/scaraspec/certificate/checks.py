@@ -5,12 +5,14 @@ Pure functions. Each yields one sentence for each contradiction; none if everyth
 
 from collections import Counter, defaultdict
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Final
 
 from scaraspec.certificate.mandatory import MandatoryList
+from scaraspec.certificate.package import Manifest
 from scaraspec.judge.verdicts import Reason, Verdict, conclude, worst
 from scaraspec.protocol.commands import BY_NAME
-from scaraspec.report.model import SEEN, Case, Results, Role
+from scaraspec.report.model import SEEN, Case, Results, Role, Tool
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.user_message import UserMessage
 
@@ -44,6 +46,25 @@ def certification_options(
         exhaustive=True,
         certification=mandatory.title,
     )
+
+
+def version_problems(
+    manifest: Manifest, results: Results, mandatory: MandatoryList
+) -> Iterator[str]:
+    """Yield each contradiction between the manifest, the results and the list."""
+    if manifest.mandatory_sha256 != mandatory.sha256:
+        yield UserMessage("the list {id} has another checksum", id=mandatory.id)
+    if (manifest.tool, manifest.role) != (results.tool, results.role):
+        yield "the manifest names another tool or role than the results"
+    listed = (replace(Tool.own(), version=mandatory.version), mandatory.role)
+    if (results.tool, results.role) != listed:
+        yield UserMessage(
+            "{id} is no list of {tool} {version} for a {role}",
+            id=mandatory.id,
+            tool=results.tool.name,
+            version=results.tool.version,
+            role=results.role.value,
+        )
 
 
 def option_problems(results: Results, mandatory: MandatoryList) -> Iterator[str]:

@@ -3,17 +3,40 @@
 import platform
 import shutil
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import scaraspec
 from scaraspec.report.model import Results, Tool
-from scaraspec.suite.engine.ics import Ics
+from scaraspec.suite.engine.ics import LABORATORY, SAMPLE, Ics
+from scaraspec.user_message import UserMessage
 
 _TIMEOUT_S: Final = 10
 _FOLDER: Final = Path(scaraspec.__file__).parent
 _ROUND_TRIP: Final = "get_status"
+
+
+@dataclass(frozen=True, slots=True)
+class StatedEnvironment:
+    """The part of the environment that a certificate shows."""
+
+    sample: Mapping[str, str]
+    laboratory: Mapping[str, str]
+    tool: Mapping[str, str]
+
+    def problems(self, ics: Mapping[str, object]) -> Iterator[str]:
+        """Yield what is missing, or is different in the ICS of the package."""
+        for table, keys, values in (
+            ("sample", SAMPLE, self.sample),
+            ("laboratory", LABORATORY, self.laboratory),
+        ):
+            for key in keys:
+                if not values.get(key):
+                    yield UserMessage("{table}.{key} is missing", table=table, key=key)
+            if values != ics.get(table):
+                yield UserMessage("ics.json has another {table}", table=table)
 
 
 def environment(ics: Ics, results: Results) -> dict[str, Mapping[str, object]]:

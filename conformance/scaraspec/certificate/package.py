@@ -11,8 +11,9 @@ import struct
 import zipfile
 import zlib
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from io import BufferedReader
 from pathlib import Path
 from typing import BinaryIO, Final
 
@@ -25,8 +26,9 @@ SCHEMA: Final = "scaraspec.package/1"
 SUFFIX: Final = ".scaraspec.zip"
 MANIFEST: Final = "manifest.json"
 CAPTURE: Final = "capture.mcap"
+RESULTS: Final = "results.json"
 FILES: Final = (
-    "results.json",
+    RESULTS,
     "report.html",
     "junit.xml",
     "ctrf.json",
@@ -125,6 +127,12 @@ def file_of(path: Path) -> File:
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256")
         return File(digest.hexdigest(), file.tell())
+
+
+def sha256_of(file: BufferedReader) -> str:
+    """Return the SHA-256 checksum of an open file."""
+    file.seek(0)
+    return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def write(path: Path, files: Mapping[str, Path]) -> None:
@@ -250,3 +258,36 @@ def read_manifest(folder: Path) -> Manifest:
             ExitStatus.INCONCLUSIVE,
         )
     raise _refused(UserMessage("{name} is altered or damaged", name=MANIFEST))
+
+
+def json_in(path: Path) -> Mapping[str, object]:
+    """Return the object in a JSON file; empty if there is none."""
+    try:
+        plain = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return plain if isinstance(plain, dict) else {}
+
+
+def file_problems(
+    folder: Path, names: frozenset[str], manifest: Manifest, results: Results | None
+) -> Iterator[str]:
+    """Yield each difference between the files and the manifest, and each altered case."""
+    for name in FILES:
+        if name not in names or name not in manifest.files:
+            yield UserMessage("{name} is missing", name=name)
+        elif file_of(folder / name) != manifest.files[name]:
+            yield UserMessage("{name} was changed", name=name)
+    for name in sorted(manifest.files.keys() - {*FILES}):
+        yield UserMessage("the manifest has a file {name!r}, which no package has", name=name)
+    if results is None:
+        yield UserMessage("{name} cannot be read", name=RESULTS)
+        return
+    sums = case_sums(results)
+    for case_id in sorted(sums.keys() | manifest.cases.keys()):
+        if case_id not in sums:
+            yield UserMessage("case {case} was removed", case=case_id)
+        elif case_id not in manifest.cases:
+            yield UserMessage("case {case} was added", case=case_id)
+        elif sums[case_id] != manifest.cases[case_id]:
+            yield UserMessage("case {case} was altered", case=case_id)

@@ -3,6 +3,7 @@
 import os
 import shutil
 import subprocess
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import BinaryIO, Final
@@ -19,8 +20,21 @@ _SIGNER: Final = "signer"
 _TIMEOUT_S: Final = 60
 
 
-def signature_problem(file: BinaryIO, signature: Path, signer: Path) -> str:
-    """Return why a signature is not that of a signer; empty if it is.
+@dataclass(frozen=True, slots=True)
+class Signature:
+    """What a signature is.
+
+    Attributes:
+        problem: Why it is not that of the signer; empty if it is.
+        signatory: The verified name, if the signer has one, and the fingerprint of the key.
+    """
+
+    problem: str = ""
+    signatory: str = ""
+
+
+def check(file: BinaryIO, signature: Path, signer: Path) -> Signature:
+    """Check whether a signature is that of a signer.
 
     Args:
         file: The signed file, open.
@@ -31,19 +45,23 @@ def signature_problem(file: BinaryIO, signature: Path, signer: Path) -> str:
         PackageError: The file of the signer cannot be read, or ssh-keygen cannot be run.
     """
     if not signature.is_file():
-        return UserMessage("{file} is missing: the package is unsigned", file=signature)
+        return Signature(UserMessage("{file} is missing: the package is unsigned", file=signature))
     with TemporaryDirectory(prefix="scaraspec-") as scratch:
         allowed = Path(scratch) / "allowed_signers"
         allowed.write_text(_allowed_signers(signer), encoding="utf-8")
         found = _run("find-principals", "-s", f"{signature}", "-f", f"{allowed}")
         names = found.stdout.decode("utf-8", "replace").splitlines()
         if found.returncode or not names:
-            return UserMessage("{file} was not made by {signer}", file=signature, signer=signer)
+            text = "{file} was not made by {signer}"
+            return Signature(UserMessage(text, file=signature, signer=signer))
         known = ("-f", f"{allowed}", "-I", names[0], "-n", NAMESPACE, "-s", f"{signature}")
         os.lseek(file.fileno(), 0, os.SEEK_SET)
-        if _run("verify", *known, file=file).returncode:
-            return UserMessage("{file} is not a signature of this package", file=signature)
-    return ""
+        verified = _run("verify", *known, file=file)
+        if verified.returncode:
+            text = "{file} is not a signature of this package"
+            return Signature(UserMessage(text, file=signature))
+    key = verified.stdout.decode("utf-8", "replace").strip().rpartition(" with ")[2]
+    return Signature(signatory=key if names[0] == _SIGNER else f"{names[0]}, {key}")
 
 
 def _allowed_signers(signer: Path) -> str:

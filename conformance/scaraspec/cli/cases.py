@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.padding import Padding
 from rich.text import Text
 
+from scaraspec.certificate.decisions import decisions
 from scaraspec.cli.problems import Problem
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.hazard import Hazard
@@ -119,6 +120,10 @@ def _show(sheet: CaseSheet, console: Console, *, whole: bool) -> None:
             console.print(f"[bold]{label}[/]")
             for line in lines:
                 console.print(Padding(Text(line), (0, 0, 0, 4)))
+        for each in decisions():
+            if each.role is case.role and case.id in each.cases:
+                console.print(f"[bold]decision of {each.date}[/]  {each.consequence.value}")
+                console.print(Padding(Text(f"{each.question}\n{each.decision}"), (0, 0, 0, 4)))
         return
     hazards = ", ".join(hazard.value for hazard in Hazard if hazard in case.hazards)
     facts = [

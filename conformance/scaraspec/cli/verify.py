@@ -4,7 +4,12 @@ from pathlib import Path
 
 import click
 
-from scaraspec.api.certificates import PackageError, Verification, verify_package
+from scaraspec.api.certificates import (
+    PackageError,
+    Verification,
+    verify_package,
+    write_certificate,
+)
 from scaraspec.cli.problems import Problem
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.sanitizing import visible
@@ -23,12 +28,20 @@ _PATH = click.Path(path_type=Path)
     metavar="KEY",
     help="Public key of the signer, or a file of allowed signers (ssh-keygen).",
 )
-def command(package: Path, *, signer: Path | None) -> None:
+@click.option(
+    "--certificate",
+    type=_PATH,
+    metavar="FILE",
+    help="Write the certificate of a verified package, or its test report, as HTML to print.",
+)
+def command(package: Path, *, signer: Path | None, certificate: Path | None) -> None:
     """Verify PACKAGE, the result package of a certification.
 
     Exit status 0 verified and conformant, 1 refused or nonconformant, 2 not a package, 3 it cannot
     be decided, for example because this version does not know the list of mandatory cases.
     """
+    if certificate and certificate.exists():
+        raise Problem(UserMessage("{file} exists: name another file", file=certificate))
     try:
         verification = verify_package(package, signer=signer)
     except PackageError as error:
@@ -36,7 +49,23 @@ def command(package: Path, *, signer: Path | None) -> None:
             UserMessage("{package}: {error}", package=package, error=error), error.exit_status
         ) from None
     show(package, verification)
+    if certificate:
+        _write(certificate, verification)
     raise SystemExit(verification.exit_status)
+
+
+def _write(path: Path, verification: Verification) -> None:
+    try:
+        write_certificate(verification, path)
+    except PackageError as error:
+        click.echo(visible(f"{error}"))
+    except OSError as error:
+        raise Problem(
+            UserMessage("{path} cannot be written: {reason}", path=path, reason=error.strerror),
+            ExitStatus.INCONCLUSIVE,
+        ) from None
+    else:
+        click.echo(visible(UserMessage("{path}: written", path=path)))
 
 
 def show(package: Path, verification: Verification) -> None:

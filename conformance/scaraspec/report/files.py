@@ -1,4 +1,4 @@
-"""Atomic writing of report files."""
+"""Writing of report files: atomically, or never over another file."""
 
 import os
 from pathlib import Path
@@ -17,6 +17,21 @@ def write_whole(path: Path, text: str) -> None:
         _write(path, text)
     except OSError as error:
         raise OSError(error.errno, error.strerror, f"{path}") from None
+
+
+def write_new(path: Path, text: str) -> None:
+    """Write `text` as UTF-8 with LF into a new file, which is removed if that fails.
+
+    Raises:
+        OSError: The file exists or cannot be written.
+    """
+    with path.open("xb") as file:
+        try:
+            file.write(text.encode("utf-8", "backslashreplace"))
+            file.flush()
+        except BaseException:
+            path.unlink()
+            raise
 
 
 def _write(path: Path, text: str) -> None:

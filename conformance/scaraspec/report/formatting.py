@@ -29,6 +29,11 @@ def instant(time_ns: int) -> str:
     return f"{_EPOCH + timedelta(microseconds=time_ns // 1000):%Y-%m-%d %H:%M:%S.%f} UTC"
 
 
+def second(time_ns: int) -> str:
+    """Format a time as UTC date and time with seconds."""
+    return f"{_EPOCH + timedelta(seconds=time_ns // 10**9):%Y-%m-%d %H:%M:%S} UTC"
+
+
 def count(number: int) -> str:
     """Format an integer with thousands separators."""
     return f"{number:,}"

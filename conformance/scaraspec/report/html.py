@@ -60,7 +60,7 @@ def render(results: Results, language: Language = Language.ENGLISH) -> str:
     cases = most_important_first(results)
     session = results.session
     return (
-        _environment()
+        environment()
         .get_template("report.html")
         .render(
             results=results,
@@ -144,8 +144,9 @@ def _finalize(value: Any) -> Any:
 
 
 @cache
-def _environment() -> Environment:
-    environment = Environment(
+def environment() -> Environment:
+    """Return the environment of the templates of all pages, which sanitizes and escapes."""
+    created = Environment(
         loader=PackageLoader("scaraspec.report"),
         autoescape=True,
         undefined=StrictUndefined,
@@ -154,10 +155,10 @@ def _environment() -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    source = environment.loader.get_source  # type: ignore[union-attr]  # set above
-    script, style = (source(environment, name)[0] for name in ("report.js", "report.css"))
+    source = created.loader.get_source  # type: ignore[union-attr]  # set above
+    script, style = (source(created, name)[0] for name in ("report.js", "report.css"))
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    environment.globals |= {
+    created.globals |= {
         "attribute": _attribute,
         "both": _both,
         "clause_titles": CLAUSE_TITLES,
@@ -182,4 +183,4 @@ def _environment() -> Environment:
         "width": WIDTH,
         "words": TRANSLATIONS,
     }
-    return environment
+    return created

@@ -1,5 +1,6 @@
 """`scaraspec verify`: each exit status, and each thing that a package may have wrong."""
 
+import hashlib
 import json
 import re
 import shlex
@@ -31,7 +32,7 @@ from scaraspec.api import audit, certificates
 from scaraspec.api.certificates import PackageError, verify_package, write_package
 from scaraspec.certificate import checks
 from scaraspec.certificate.mandatory import MandatoryList
-from scaraspec.certificate.package import FILES, MANIFEST
+from scaraspec.certificate.package import FILES, MANIFEST, plain_json
 from scaraspec.cli.main import main
 from scaraspec.judge.verdicts import Cause, Conclusion, ExitStatus, Reason, Verdict, conclude
 from scaraspec.mutants.controller import mutants
@@ -193,6 +194,39 @@ def test_environment(package: Path) -> None:
     assert found["tool"]["version"] == Tool.own().version
     assert found["round_trip"]["command"] == "get_status"
     assert found["round_trip"]["count"] > 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"sample": 5}, "environment.json is damaged: "),
+        ({"sample": {}}, "sample.serial_number is missing"),
+        ({"laboratory": {"name": "Other", "operator": "Li"}}, "ics.json has another laboratory"),
+    ],
+)
+def test_other_environment(
+    package: Path,
+    small_list: MandatoryList,
+    tmp_path: Path,
+    changes: dict[str, object],
+    problem: str,
+) -> None:
+    """A certificate needs the sample and the laboratory of the ICS."""
+    text = json.dumps({**_plain(package, "environment.json"), **changes}).encode()
+    manifest: Any = _plain(package, MANIFEST)
+    manifest["files"]["environment.json"] = {
+        "sha256": hashlib.sha256(text).hexdigest(),
+        "size_bytes": len(text),
+    }
+    path = rezipped(
+        package,
+        tmp_path / "changed.zip",
+        environment__json=text,
+        manifest__json=plain_json(manifest).encode(),
+    )
+    status, problems = outcome(path, small_list)
+    assert status is ExitStatus.NONCONFORMANT
+    assert any(each.startswith(problem) for each in problems)
 
 
 def test_hooks_only_by_name(run_folder: Path, tmp_path: Path) -> None:
@@ -376,9 +410,14 @@ def test_signed(verify: Verify, copy: Path, key: Path, tmp_path: Path) -> None:
     status, text = verify(copy, "--signer", public)
     assert status == 0, text
     assert "verified, signed: " in text
+    page = tmp_path / "page.html"
+    verify(copy, "--signer", public, "--certificate", page)
+    assert re.search(r"<bdi>ED25519 key SHA256:\S{43}</bdi>", page.read_text())
     allowed = tmp_path / "allowed_signers"
     allowed.write_text(f"li@lab.example {public.read_text()}")
-    assert verify(copy, "--signer", allowed)[0] == 0
+    other_page = tmp_path / "other.html"
+    assert verify(copy, "--signer", allowed, "--certificate", other_page)[0] == 0
+    assert "<bdi>li@lab.example, ED25519 key SHA256:" in other_page.read_text()
 
 
 @needs_keys

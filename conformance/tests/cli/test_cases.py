@@ -35,6 +35,13 @@ def test_one_case() -> None:
         assert part in text, part
 
 
+def test_decisions() -> None:
+    """The decisions about a case are shown with it."""
+    text = " ".join(run("5.2/7", "--role", "client").output.split())
+    assert "decision of 2026-11-26 repaired Does a client that polls send a chunk" in text
+    assert "decision of" not in run("2/5", "--role", "client").output
+
+
 def test_selection() -> None:
     """`--only` selects as in `certify`, from the cases of one role or of both."""
     both = run("--only", "2/5").output
