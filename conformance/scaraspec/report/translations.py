@@ -167,7 +167,7 @@ TRANSLATIONS: Final[Mapping[str, Translation]] = MappingProxyType(
         "attempts": Translation("Attempts", "各次尝试"),
         "attempt_late": Translation("a message was missing or late", "有报文缺失或迟到"),
         "attempt_stalled": Translation("the tester's machine stalled for", "测试机停顿了"),
-        "operator": Translation("Requests to the operator", "对操作员的要求"),
+        "operator_requests": Translation("Requests to the operator", "对操作员的要求"),
         "operator_done": Translation("done", "已完成"),
         "operator_skipped": Translation("skipped", "已跳过"),
         "verdict_reason": Translation("Reason", "原因"),
