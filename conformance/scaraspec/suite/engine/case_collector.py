@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import is_hypothesis_test, seed
 
 from scaraspec.report.model import Role
 from scaraspec.suite.engine.case import Case, case_of, declare_mark, is_case
@@ -42,7 +41,7 @@ class CaseCollector:
     def __init__(self, role: Role, options: Options, folder: Path) -> None:
         self.options = options
         self._role, self._folder = role, folder
-        self._profile = HypothesisProfile(options.examples)
+        self._profile = HypothesisProfile(options.examples, options.seed)
         self._collected: dict[pytest.Item, Case] = {}
         self.cases: list[Case] = []
         self.items: list[pytest.Item] = []
@@ -76,12 +75,9 @@ class CaseCollector:
         return report
 
     def pytest_itemcollected(self, item: pytest.Item) -> None:
-        """Note a case in the order of the files, and let its draws depend on the seed alone."""
-        if not is_case(item):
-            return
-        self._collected[item] = case_of(item)
-        if isinstance(item, pytest.Function) and is_hypothesis_test(item.obj):
-            seed(self.options.seed)(item.obj)
+        """Note a case in the order of the files."""
+        if is_case(item):
+            self._collected[item] = case_of(item)
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_collection_modifyitems(

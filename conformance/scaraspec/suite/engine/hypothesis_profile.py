@@ -4,13 +4,16 @@ By default, hypothesis also tries constants from local modules. In a source tree
 loaded modules of scaraspec, in an installation there are none, so the draws would differ. No
 setting disables this, so this module patches a private function of hypothesis. If a version of
 hypothesis has no such function, the constants are tried.
+
+The seed is set as hypothesis' own pytest option ``--hypothesis-seed`` sets it: it applies to the
+functions that a case makes while it runs, too.
 """
 
 from types import TracebackType
 from typing import Final
 
 import pytest
-from hypothesis import HealthCheck, Phase, settings
+from hypothesis import HealthCheck, Phase, core, settings
 from hypothesis.internal.conjecture import providers
 
 _PROFILE: Final = "scaraspec-suite"
@@ -21,10 +24,11 @@ class HypothesisProfile:
 
     Args:
         examples: How many values a case tries that draws its values.
+        seed: The seed of all draws.
     """
 
-    def __init__(self, examples: int) -> None:
-        self._examples = examples
+    def __init__(self, examples: int, seed: int) -> None:
+        self._examples, self._seed = examples, seed
         self._before = settings.get_current_profile_name()
         self._patch = pytest.MonkeyPatch()
 
@@ -43,6 +47,7 @@ class HypothesisProfile:
         )
         settings.load_profile(_PROFILE)
         no_constants = getattr(providers, "Constants", tuple)
+        self._patch.setattr(core, "global_force_seed", self._seed)
         self._patch.setattr(providers, "_get_local_constants", no_constants, raising=False)
         _clear_constants()
 

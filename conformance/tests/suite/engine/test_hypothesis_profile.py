@@ -5,7 +5,7 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
-from hypothesis import given, seed
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scaraspec.suite.engine.hypothesis_profile import HypothesisProfile
@@ -15,9 +15,8 @@ EXAMPLES = 50
 
 def _drawn() -> list[tuple[str, int]]:
     taken = []
-    with HypothesisProfile(EXAMPLES):
+    with HypothesisProfile(EXAMPLES, seed=0):
 
-        @seed(0)
         @given(st.text(), st.integers())
         def draw(text: str, number: int) -> None:
             taken.append((text, number))
