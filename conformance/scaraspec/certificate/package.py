@@ -145,19 +145,19 @@ def write(path: Path, files: Mapping[str, Path]) -> None:
     Raises:
         OSError: The package exists or cannot be written, or a file cannot be read.
     """
-    with path.open("xb") as file:
-        try:
-            with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-                for name in sorted(files):
-                    entry = zipfile.ZipInfo(name, _EPOCH)
-                    entry.compress_type = zipfile.ZIP_DEFLATED
-                    entry.create_system = _UNIX
-                    entry.external_attr = _MODE << 16
-                    with files[name].open("rb") as source, archive.open(entry, "w") as target:
-                        shutil.copyfileobj(source, target)
-        except BaseException:
-            path.unlink()
-            raise
+    file = path.open("xb")
+    try:
+        with file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name in sorted(files):
+                entry = zipfile.ZipInfo(name, _EPOCH)
+                entry.compress_type = zipfile.ZIP_DEFLATED
+                entry.create_system = _UNIX
+                entry.external_attr = _MODE << 16
+                with files[name].open("rb") as source, archive.open(entry, "w") as target:
+                    shutil.copyfileobj(source, target)
+    except BaseException:
+        path.unlink()  # after it is closed: Windows removes no open file
+        raise
 
 
 def extract(file: BinaryIO, folder: Path) -> frozenset[str]:

@@ -25,13 +25,13 @@ def write_new(path: Path, text: str) -> None:
     Raises:
         OSError: The file exists or cannot be written.
     """
-    with path.open("xb") as file:
-        try:
+    file = path.open("xb")
+    try:
+        with file:
             file.write(text.encode("utf-8", "backslashreplace"))
-            file.flush()
-        except BaseException:
-            path.unlink()
-            raise
+    except BaseException:
+        path.unlink()  # after it is closed: Windows removes no open file
+        raise
 
 
 def _write(path: Path, text: str) -> None:
