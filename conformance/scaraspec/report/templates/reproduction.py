@@ -72,7 +72,7 @@ def repeat(address: tuple[str, int]) -> bool:
             again = receive(links[connection], "no reply was recorded", b"")
     finally:
         if "ROBOT" in EFFECT and links:
-            exchange(links[connection], "emergency_stop, request", STOP)
+            exchange([*links.values()][-1], "emergency_stop, request", STOP)
     return again
 
 
