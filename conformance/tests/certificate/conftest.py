@@ -1,12 +1,18 @@
 """A small certification, and the package of it."""
 
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from certification import ICS, certification_of, certified, list_of_cases
 
+from scaraspec.api import certificates
 from scaraspec.api.certificates import write_package
 from scaraspec.certificate.mandatory import MandatoryList
+from scaraspec.cli.main import main
+
+Verify = Callable[..., tuple[int, str]]
 
 
 @pytest.fixture(scope="session")
@@ -31,3 +37,22 @@ def package(
     path = tmp_path_factory.mktemp("package") / "cell-7.scaraspec.zip"
     write_package(certification_of(path, small_list), run_folder, ICS)
     return path
+
+
+@pytest.fixture
+def verify(
+    small_list: MandatoryList, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Verify:
+    """Run the command with the small list; return its exit status and output."""
+
+    def run(
+        *arguments: object, lists: tuple[MandatoryList, ...] = (small_list,)
+    ) -> tuple[int, str]:
+        monkeypatch.setattr(certificates, "mandatory_lists", lambda _: lists)
+        monkeypatch.setattr(sys, "argv", ["scaraspec", "verify", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        shown = capsys.readouterr()
+        return int(ended.value.code or 0), shown.out + shown.err
+
+    return run

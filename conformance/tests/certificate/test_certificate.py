@@ -2,7 +2,6 @@
 
 import hashlib
 import re
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -12,10 +11,9 @@ import pytest
 from certification import ICS, certification_of, certified
 from wording import ROOT
 
-from scaraspec.api import certificates, verify_package
+from scaraspec.api import verify_package
 from scaraspec.api.certificates import PackageError, write_certificate, write_package
 from scaraspec.certificate.mandatory import MandatoryList
-from scaraspec.cli.main import main
 from scaraspec.judge.verdicts import Conclusion, Verdict
 from scaraspec.mutants.controller import mutants
 from scaraspec.register import DOCUMENT_SHA256
@@ -25,23 +23,6 @@ from scaraspec.report.translations import TRANSLATIONS, Language
 
 HOSTILE = "</dd><script>alert(1)</script>\u202e\x00"
 Verify = Callable[..., tuple[int, str]]
-
-
-@pytest.fixture
-def verify(
-    small_list: MandatoryList, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Verify:
-    """Run the command with the small list; return its exit status and output."""
-
-    def run(*arguments: object) -> tuple[int, str]:
-        monkeypatch.setattr(certificates, "mandatory_lists", lambda _: (small_list,))
-        monkeypatch.setattr(sys, "argv", ["scaraspec", "verify", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        shown = capsys.readouterr()
-        return int(ended.value.code or 0), shown.out + shown.err
-
-    return run
 
 
 @pytest.fixture(scope="module")

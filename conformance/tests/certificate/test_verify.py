@@ -7,7 +7,6 @@ import shlex
 import shutil
 import stat
 import subprocess
-import sys
 import zipfile
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -28,12 +27,11 @@ from certification import (
 )
 from wording import ROOT
 
-from scaraspec.api import audit, certificates
+from scaraspec.api import audit
 from scaraspec.api.certificates import PackageError, verify_package, write_package
 from scaraspec.certificate import checks
 from scaraspec.certificate.mandatory import MandatoryList
 from scaraspec.certificate.package import FILES, MANIFEST, plain_json
-from scaraspec.cli.main import main
 from scaraspec.judge.verdicts import Cause, Conclusion, ExitStatus, Reason, Verdict, conclude
 from scaraspec.mutants.controller import mutants
 from scaraspec.protocol.commands import Command
@@ -45,25 +43,6 @@ from scaraspec.virtual_controller.core import ControllerCore
 
 Verify = Callable[..., tuple[int, str]]
 NAMES = sorted((*FILES, MANIFEST))
-
-
-@pytest.fixture
-def verify(
-    small_list: MandatoryList, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Verify:
-    """Run the command with the small list; return its exit status and output."""
-
-    def run(
-        *arguments: object, lists: tuple[MandatoryList, ...] = (small_list,)
-    ) -> tuple[int, str]:
-        monkeypatch.setattr(certificates, "mandatory_lists", lambda _: lists)
-        monkeypatch.setattr(sys, "argv", ["scaraspec", "verify", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        shown = capsys.readouterr()
-        return int(ended.value.code or 0), shown.out + shown.err
-
-    return run
 
 
 @pytest.fixture(scope="session")
