@@ -15,7 +15,7 @@ from rerun.experimental import ViewerClient
 from scaraspec_recorder.sources.capture import open_capture
 
 pytestmark = [
-    pytest.mark.skipif(sys.platform == "win32", reason="a script stands in as the viewer"),
+    pytest.mark.skipif(sys.platform == "win32", reason="a script takes the place of the viewer"),
     pytest.mark.usefixtures("viewer"),
 ]
 
