@@ -10,6 +10,7 @@ from typing import Final
 from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import TAG, SkipReason
+from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.traffic.events import (
     CaptureGap,
@@ -29,6 +30,7 @@ from scaraspec.traffic.stream import Stream
 from scaraspec.traffic.transfers import NAMES, TransferTracker, refuses_reply
 from scaraspec.traffic.wire import Kind, WireEvent
 
+_QUERY_BYTES: Final = 4  # a request without data
 _MAX_PARTS: Final = 256  # kept parts of one program list; older ones are dropped
 
 
@@ -68,6 +70,8 @@ class Dialogue:
         self._listing: Exchange | None = None  # a program list with outstanding parts
         self._last: dict[str, Exchange] = {}
         self._closed_by: Direction | None = None
+        self._replies_missing = False  # since the last bytes of the controller
+        self._hides_query = False  # whether a gap may hide one query, and nothing else
         self._started = False
         self.robot.connected.add(self.connection)
 
@@ -86,10 +90,12 @@ class Dialogue:
             case Kind.BYTES:
                 yield from self._process_bytes(event)
             case Kind.GAP:
-                for item in self._streams[event.direction].skip_gap(event.length_bytes):
+                stream = self._streams[event.direction]
+                whole = not stream.buffered_bytes
+                for item in stream.skip_gap(event.length_bytes):
                     yield from self._process(item)
                 yield CaptureGap(event)
-                yield from self._process_gap(event.direction, ended=event.length_bytes < 0)
+                yield from self._process_gap(event, between_frames=whole)
             case Kind.INJECTED:
                 yield Injected(event)
                 yield from self._mark_uncertain(event.direction)
@@ -109,19 +115,28 @@ class Dialogue:
         """Begin in the middle of a connection: the earlier bytes are not known."""
         for direction, stream in self._streams.items():
             yield from stream.skip_gap(event.offset_bytes if direction is event.direction else 0)
-            yield from self._process_gap(direction, ended=True)
+            yield from self._mark_uncertain(direction)
 
     def _process_bytes(self, event: WireEvent) -> Iterator[TrafficEvent]:
         yield from self._pending_requests.expire(self._now_ns)
         yield from self._transfers.expire(self._now_ns)
-        self.robot.gaps.end_gap(self.connection, event.direction, self._answered_ns)
+        if event.direction is A2C:
+            self._explain_gap(None)
+        self.robot.gaps.end_gap(self.connection, event.direction, self._now_ns, self._answered_ns)
         for invalid in self._streams[event.direction.opposite].settle():
             yield from self._process(invalid)
+        executing = self.robot.executing.copy() if self._replies_missing else []
         for item in self._streams[event.direction].feed(event):
             yield from self._process(item)
+        if event.direction is C2A and self._replies_missing:
+            self._replies_missing = False
+            yield from self._forget_replies(executing)
+            yield from self._pending_requests.drop_unseen(C2A, self._now_ns)
 
     def close(self) -> Iterator[TrafficEvent]:
         """End the link or the capture: yield what is still pending. May be called again."""
+        if self._replies_missing:
+            self._pending_requests.mark_uncertain()
         for stream in self._streams.values():
             for item in stream.finish():
                 yield from self._process(item)
@@ -133,6 +148,7 @@ class Dialogue:
             Ending.CUT_OFF, self._now_ns - self._pending_requests.reply_ns
         )
         yield from self._transfers.end("the link or the capture ended", self._now_ns)
+        self._explain_gap(None)
         self.robot.connected.discard(self.connection)
         self.robot.sessions.discard(self.connection)
         self.robot.gaps.close(self.connection, self._answered_ns)
@@ -142,20 +158,66 @@ class Dialogue:
         """The time by which every request sent until now is answered or has timed out."""
         return self._now_ns + self._pending_requests.reply_ns
 
-    def _process_gap(self, direction: Direction, *, ended: bool) -> Iterator[TrafficEvent]:
+    def _process_gap(self, event: WireEvent, *, between_frames: bool) -> Iterator[TrafficEvent]:
         """Process a gap, which may hide requests, replies and results."""
-        yield from self._mark_uncertain(direction, ended=ended)
-        yield from self._pending_requests.drop_unseen(direction)
+        direction, length_bytes = event.direction, event.length_bytes
+        if direction is C2A and length_bytes > 0:
+            self._replies_missing = True
+            yield from self._forget_replies(self.robot.executing)
+        else:
+            may_hide_query = direction is A2C and between_frames and length_bytes == _QUERY_BYTES
+            yield from self._mark_uncertain(
+                direction, ended=length_bytes < 0, keep_state=may_hide_query
+            )
+        yield from self._pending_requests.drop_unseen(direction, self._now_ns)
         if direction is C2A:
             yield from self._end_listing(Ending.UNSEEN)
             yield from self._pending_results.close(Ending.UNSEEN, -1)
 
+    def _forget_replies(self, executing: list[Exchange]) -> Iterator[TrafficEvent]:
+        """Mark what is pending as uncertain: its replies and results may be missing.
+
+        The state of the robot is uncertain if it depends on them.
+
+        Args:
+            executing: The two-stage commands that were accepted before the end of the gap.
+        """
+        pending = self._pending_requests.sent_by(A2C)
+        changes = any(not x.command or x.command.hazard is not Hazard.READ_ONLY for x in pending)
+        executes = any(x.request.place.connection == self.connection for x in executing)
+        if changes or executes or self._transfers.unfinished:
+            self.robot.forget_after_gap(self._now_ns)
+        yield from self._forget_pending()
+
     def _mark_uncertain(
-        self, direction: Direction, *, ended: bool = True
+        self, direction: Direction, *, ended: bool = True, keep_state: bool = False
     ) -> Iterator[TrafficEvent]:
         """Mark what is pending, and what follows, as uncertain: bytes were lost or changed."""
-        self.robot.gaps.begin(self.connection, direction, self._answered_ns, ended=ended)
-        self.robot.forget_after_gap()
+        until_ns = self._answered_ns
+        self.robot.gaps.begin(self.connection, direction, self._now_ns, until_ns, ended=ended)
+        self._hides_query = keep_state and not self._hides_query
+        if not self._hides_query:
+            self.robot.forget_after_gap(self._now_ns)
+        yield from self._forget_pending()
+
+    def _explain_gap(self, reply: FrameSeen | None) -> None:
+        """Decide whether the gap hides one query only: the reply to a hidden request shows it.
+
+        Args:
+            reply: A reply without a request; None if the gap hides something else.
+        """
+        if self._hides_query:
+            self._hides_query = False
+            command = reply.command if reply and reply.certain else None
+            if command and command.hazard is Hazard.READ_ONLY and not command.request.fields:
+                self.robot.gaps.resolve(self.connection)
+            else:
+                self.robot.forget_after_gap(self._now_ns)
+        elif reply and self.robot.gaps.may_owe_reply(self.connection, self._now_ns):
+            self.robot.gaps.reopen(self.connection, self._now_ns, self._answered_ns)
+            self.robot.forget_after_gap(self._now_ns)
+
+    def _forget_pending(self) -> Iterator[TrafficEvent]:
         self._pending_requests.mark_uncertain()
         if self._listing:
             self._listing.certain = False
@@ -187,13 +249,14 @@ class Dialogue:
         return self._transfers.take_unexpected_reply() or not self._certain(refusal)
 
     def _request(self, seen: FrameSeen) -> Iterator[TrafficEvent]:
+        unseen = self._replies_missing and self._pending_requests.sent_by(seen.frame.direction)
         exchange = Exchange(
             seen,
             seen.command,
             logged_in=self.logged_in,
             login_sent_before=self._login_sent,
             refused_login=self._refused_login,
-            certain=self._certain(seen),
+            certain=self._certain(seen) and not unseen,
         )
         if self._listing and exchange.name == "list_programs":
             exchange.parts = self._listing.parts.copy()  # requests the next part (A-4.10-3)
@@ -211,6 +274,7 @@ class Dialogue:
 
     def _reply(self, seen: FrameSeen) -> Iterator[TrafficEvent]:
         exchange = self._pending_requests.match(seen)
+        unseen = self._pending_requests.take_unseen(seen.name, seen.place.time_ns)
         if seen.name == "download_chunk":
             self._transfers.chunk_reply_sent(exchange, seen.place.time_ns)
         if exchange is None:
@@ -218,13 +282,17 @@ class Dialogue:
             if self._listing and seen.name == self._listing.name:
                 yield from self._list_part(self._listing, seen)
             else:
-                yield self._unsolicited(
-                    seen, late=self._pending_requests.take_late_reply(seen.name)
-                )
+                late = self._pending_requests.take_late_reply(seen.name)
+                yield self._unsolicited(seen, late=late, certain=not unseen)
                 yield from self._pending_results.end_untagged(seen)
+                self._explain_gap(seen)
             return
+        self._explain_gap(None)
+        if self._replies_missing:  # it may answer any pending request with its opcode
+            pending = self._pending_requests.sent_by(exchange.request.frame.direction)
+            unseen = unseen or any(x.name == exchange.name for x in pending)
         exchange.reply = seen
-        exchange.certain = exchange.certain and self._certain(seen)
+        exchange.certain = exchange.certain and self._certain(seen) and not unseen
         self._pending_results.reply_received(exchange)
         self._last[exchange.name] = exchange
         if exchange.name == "list_programs":
@@ -259,7 +327,8 @@ class Dialogue:
     def _answered(self, exchange: Exchange) -> Exchange:
         exchange.ending = Ending.ANSWERED
         if exchange.request.certain and exchange.reply and exchange.reply.certain:
-            self.robot.gaps.settle(self.connection, exchange.time_ns)
+            pending = self._pending_requests.sent_by(exchange.request.frame.direction)
+            self.robot.gaps.settle(self.connection, exchange.time_ns, alone=not pending)
         return exchange
 
     def _apply_effects(self, exchange: Exchange) -> None:
@@ -276,7 +345,7 @@ class Dialogue:
             self.logged_in = None  # the link may be dead
             self.robot.version += 1
         elif name == "get_status" and exchange.reply_value == "00" and exchange.certain:
-            self.robot.results_doubtful = False
+            self.robot.seen_idle(exchange.time_ns)
 
     def _result(self, seen: FrameSeen) -> Iterator[TrafficEvent]:
         exchange = self._pending_results.match(seen)
@@ -285,15 +354,19 @@ class Dialogue:
         else:
             yield self._unsolicited(seen, late=self._pending_results.take_late_reply(seen.name))
 
-    def _unsolicited(self, seen: FrameSeen, *, late: bool) -> UnsolicitedReply:
+    def _unsolicited(
+        self, seen: FrameSeen, *, late: bool, certain: bool = True
+    ) -> UnsolicitedReply:
         tagged = seen.frame.tagged
         waiting = self._pending_requests.sent_by(seen.frame.direction.opposite)
         if not late and not tagged:
             for exchange in waiting:
                 exchange.unmatched_reply = exchange.unmatched_reply or seen
-        certain = self._certain(seen) and not (tagged and self.robot.results_doubtful)
+        after = self._last.get(seen.name)
+        doubtful = tagged and self.robot.hides_command(after)
+        certain = certain and self._certain(seen) and not (doubtful or self._replies_missing)
         elsewhere = tagged and self.robot.was_accepted_elsewhere(seen.name, self.connection)
-        return UnsolicitedReply(seen, self._last.get(seen.name), waiting, certain, late, elsewhere)
+        return UnsolicitedReply(seen, after, waiting, certain, late, elsewhere)
 
     def _malformed(self, invalid: InvalidBytes) -> Iterator[TrafficEvent]:
         """End the exchange whose reply the invalid bytes begin like, if there is one."""

@@ -198,8 +198,8 @@ class Exchange:
     """A chunk after a silence in which the transfer may have timed out (A-5-13)."""
     chunk: Chunk | None = None
     """The structure, decoded in the byte order of its transfer."""
-    expected_position: int = 0
-    """For a chunk: the position that follows the chunks before it."""
+    expected_position: int | None = None
+    """For a chunk: the position that follows the chunks before it, as far as they are known."""
 
     def __post_init__(self) -> None:
         self.name = self.request.name

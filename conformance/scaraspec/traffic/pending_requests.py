@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from scaraspec.protocol.direction import Direction
+from scaraspec.protocol.direction import C2A, Direction
 from scaraspec.protocol.readings import Dialect
 from scaraspec.traffic.events import Ending, Exchange, FrameSeen
 
@@ -43,6 +43,8 @@ class PendingRequests:
         self._transfer_ns = int((dialect.seconds("xfer_timeout") or 30) * NS_PER_S)
         self._open: list[_PendingRequest] = []
         self._late_replies_expected: Counter[str] = Counter()
+        self._unseen: Counter[str] = Counter()  # requests whose replies a gap may hide
+        self._unseen_until_ns = -1  # when they have timed out
 
     def sent_by(self, direction: Direction) -> tuple[Exchange, ...]:
         """Return the pending requests that one side sent."""
@@ -123,11 +125,23 @@ class PendingRequests:
         for entry in self._open:
             entry.exchange.certain = False
 
-    def drop_unseen(self, direction: Direction) -> Iterator[Exchange]:
+    def drop_unseen(self, direction: Direction, now_ns: int) -> Iterator[Exchange]:
         """Drop the requests whose replies may be among missing bytes of this direction."""
+        self._unseen_until_ns = now_ns + self.reply_ns
+        if direction is C2A:
+            self._unseen["download_chunk"] += 1  # the bytes may be requests of the controller
         for entry in self._open.copy():
             if entry.exchange.request.frame.direction is not direction:
+                self._unseen[entry.name] += 1
                 yield self._drop(entry, Ending.UNSEEN)
+
+    def take_unseen(self, name: str, time_ns: int) -> bool:
+        """Whether a reply may answer a dropped or missing request; each of them counts once."""
+        if time_ns > self._unseen_until_ns:
+            self._unseen.clear()
+        unseen = self._unseen[name] > 0
+        self._unseen[name] -= unseen
+        return unseen
 
     def cut_off_chunks(self, opening: Exchange, now_ns: int) -> Iterator[Exchange]:
         """Drop the pending chunks of an earlier transfer: a new one has begun (A-5-17)."""

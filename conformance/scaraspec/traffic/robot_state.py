@@ -48,6 +48,7 @@ class RobotState:
         """How old a status may be; 0 if it was measured that it is never old."""
         self.results_doubtful = False
         """Whether a two-stage command that was accepted in a gap may be executing."""
+        self._doubtful_since_ns = 0
         self._files_bytes = 0
         self._initiator_connections: dict[str, str] = {}
 
@@ -99,9 +100,24 @@ class RobotState:
         """Whether a two-stage command was ever accepted on another connection."""
         return self._initiator_connections.get(name, connection) != connection
 
-    def forget_after_gap(self) -> None:
+    def seen_idle(self, status_ns: int) -> None:
+        """Process a status 00 that was requested at this time, if it cannot be old (A-4.8-3)."""
+        if status_ns - self._doubtful_since_ns >= self.status_lag_ns:
+            self.results_doubtful = False
+
+    def hides_command(self, after: Exchange | None) -> bool:
+        """Whether a final result may be that of a command that a gap hides.
+
+        Args:
+            after: The last answered exchange with the name of the result. A command that was
+                accepted after the gap cannot execute at the same time as a hidden one of its name.
+        """
+        known = after and after.result and after.certain and after.time_ns > self._doubtful_since_ns
+        return self.results_doubtful and not known
+
+    def forget_after_gap(self, now_ns: int) -> None:
         """Clear the state after a gap: nothing in it is certain any more."""
-        self.results_doubtful = True
+        self.results_doubtful, self._doubtful_since_ns = True, now_ns
         self.history = ExchangeHistory()
         self.last.clear()
         self.files.clear()

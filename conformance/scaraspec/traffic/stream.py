@@ -31,6 +31,7 @@ class Stream:
         self._pieces: deque[tuple[int, int]] = deque()  # offset of the first byte, time
         self._run: InvalidBytes | None = None
         self._in_sync = True
+        self._at_gap = False  # the next bytes are the first ones after a gap
         self._ends_with_frame = False
         self._silent_bytes = 0  # offset of a long silence inside a frame
         self._claimed_bytes = 0  # offset at which an abandoned frame would have ended
@@ -44,6 +45,12 @@ class Stream:
             return self._continue(event)
         at = framer.offset_bytes
         items = framer.feed(data)
+        if self._at_gap:
+            self._at_gap = False
+            whole = framer.offset_bytes == at + len(data)
+            # Packets are lost as a whole. If the bytes of an event are exactly frames with known
+            # opcodes, they are in sync: frames inside file content are followed by other bytes.
+            self._in_sync = whole and all(isinstance(item, Frame) for item in items)
         if len(items) == 1 and isinstance(frame := items[0], Frame) and not self._run:
             end = framer.offset_bytes
             if end - at == len(data):
@@ -109,6 +116,7 @@ class Stream:
             self._run = replace(self._run, touches_gap=True)
         yield from self.flush()
         self._in_sync = self._ends_with_frame = False
+        self._at_gap = True
 
     def finish(self) -> Iterator[FrameSeen | InvalidBytes]:
         """End the stream; frames found inside an unfinished frame are not certain."""

@@ -48,6 +48,17 @@ class _TransferProgress:
     position: int = -1  # of the last chunk
     resumptions: int = 0
 
+    def join(self, chunk: Chunk) -> int:
+        """Process a chunk of a transfer whose beginning is missing; return its expected position.
+
+        The first chunk is where it should be. If its position counts chunks, so do later ones.
+        """
+        if self.position < 0:
+            self.transfer.chunks = self.expected_position = chunk.position
+        expected = self.expected_position
+        self.advance(chunk)
+        return expected
+
     def advance(self, chunk: Chunk) -> None:
         """Process a chunk: the next one is expected after it, unless it was sent before."""
         self.transfer.chunks += 1
@@ -106,6 +117,8 @@ class TransferTracker:
             progress = self._begin(_resume_transfer(before), exchange)
         if progress is None:
             exchange.previous_transfer = before.transfer if before else None
+            if before and chunk and before.transfer.reason == _UNCERTAIN:
+                exchange.expected_position = before.join(chunk)
             return
         transfer = exchange.transfer = progress.transfer
         transfer.order = transfer.order or self._byte_orders.get(upload, "")
@@ -135,6 +148,9 @@ class TransferTracker:
         active = self._active
         if exchange.name in NAMES:
             yield from self._name_reply(exchange, time_ns)
+        elif exchange.transfer is None and not exchange.accepted:
+            if before := self._previous.get(exchange.name == CHUNKS[0]):
+                before.position = -1  # how the sender continues is open (A-5-14)
         elif active and exchange.transfer is active.transfer:
             self._last_activity_ns = time_ns
             active.transfer.certain = active.transfer.certain and exchange.certain

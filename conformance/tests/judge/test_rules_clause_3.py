@@ -135,7 +135,7 @@ CASES = (
     ("3/10", "pass", "login\n> 13\n< 13 a.rob"),
     ("3/10", "fail", "login\n> 3E\n> get_status\n< get_status 00"),
     ("3/10", "fail", "login\n> get_status\n< get_status 00\n< 77 1"),
-    ("3/10", "inconclusive", "> gap\n> get_time\n> 77"),
+    ("3/10", "inconclusive", "> gap\n> =CC\n> get_time\n> 77"),
     ("3/11", "pass", QUERY),
     ("3/11", "pass", "login\n> get_motor_temperatures\n< 0E 20|38|34|22"),
     ("3/11", "pass 4.12/2", "login\n> get_default_program\n< 13 a.rob"),

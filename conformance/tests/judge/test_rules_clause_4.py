@@ -85,7 +85,11 @@ CASES = (
     ("4.8/4", "fail", during("run_program", "02", "a.rob")),
     ("4.8/4", "fail 4/8", during("run_program", "00", "a.rob")),
     # Behind a gap it is not sure what else executes.
-    ("4.8/4", "none", "> gap\nlogin" + during("run_program", "04", "a.rob")),
+    (
+        "4.8/4",
+        "none",
+        "> jog 1\n< jog 1\n> gap\n> get_status\n< get_status 01\n<90 jog 11",
+    ),
     # An e-stop that is under way may have ended it already.
     (
         "4.8/4",

@@ -389,7 +389,9 @@ def test_a_gap_is_told_with_what_it_tore(judged: Judged) -> None:
 
 def test_frames_are_certain_again_once_the_other_side_speaks(judged: Judged) -> None:
     """Where nothing is left over just then, the stream is in step."""
-    record = judged("login\n> gap 1\n> get_status\n> get_time\n< get_status 00\n> get_version")
+    record = judged(
+        "login\n> gap 1\n> =CC\n> get_status\n> get_time\n< get_status 00\n> get_version"
+    )
     frames = [x.request for x in record.exchanges]
     assert {f.name: f.certain for f in frames} == {
         "login": True,
@@ -399,12 +401,72 @@ def test_frames_are_certain_again_once_the_other_side_speaks(judged: Judged) -> 
     }
 
 
-def test_exchanges_are_certain_again_after_one_asked_later(judged: Judged) -> None:
-    """Later than the reply time: whatever the gap hid has been answered by then."""
+def certainties(record: Any, name: str) -> list[bool]:
+    """Whether each exchange of a command is certain."""
+    return [x.certain for x in record.exchanges if x.name == name]
+
+
+def test_the_first_answered_request_settles_a_gap(judged: Judged) -> None:
+    """Replies come in order: what the gap hid has been answered before."""
     asked = "> get_status\n< get_status 00\n"
-    record = judged(f"login\n> gap 1\n{asked}+6\n{asked}{asked}")
-    certain = [x.certain for x in record.exchanges if x.name == "get_status"]
-    assert certain == [False, False, True]
+    record = judged(f"login\n> gap 9\n{asked}{asked}")
+    assert certainties(record, "get_status") == [False, True]
+
+
+def test_a_pending_request_keeps_a_gap_unsettled(judged: Judged) -> None:
+    """Until its own reply, or the reply time of what the gap hid."""
+    asked = "> get_status\n< get_status 00\n"
+    record = judged(f"login\n> gap 9\n> get_time\n{asked}{asked}+6\n{asked}{asked}")
+    assert certainties(record, "get_status") == [False, False, False, True]
+
+
+def test_the_reply_to_a_hidden_request_opens_a_gap_again(judged: Judged) -> None:
+    """A client with two threads had sent two requests in it."""
+    asked = "> get_status\n< get_status 00\n"
+    hidden = "< get_time 20260101120000\n"
+    record = judged(f"login\n> gap 9\n{asked}{hidden}{asked}{asked}")
+    assert certainties(record, "get_status") == [False, False, True]
+    assert not record.failed
+
+
+def test_missing_replies_hide_no_request(judged: Judged) -> None:
+    """Only what is pending then depends on them."""
+    lost = "login\n> set_time 20260101120000\n< set_time 1\n> {0}\n< gap 9\n> get_time\n"
+    later = lost + "< get_time 20270101120000\n"
+    assert judged(later.format("get_status")).failed >= {"4.5/4"}
+    assert judged(later.format("get_time")).failed == set()
+    assert judged(later.format("set_time 20270101120000")).failed == set()
+
+
+def test_a_missing_reply_may_be_the_last(judged: Judged) -> None:
+    """A request after the gap may have been answered in it."""
+    assert not judged("login\n> get_time\n< gap 9\n> get_status\n+6\n> close").failed
+
+
+def test_a_missing_query_is_known_by_its_reply(judged: Judged) -> None:
+    """Four missing bytes are one request without data; a query changes nothing."""
+    lost = "login\n> set_time 20260101120000\n< set_time 1\n> gap 4\n{}\n> get_time\n"
+    later = lost + "< get_time 20270101120000\n"
+    assert judged(later.format("< get_status 00")).failed >= {"4.5/4"}
+    assert judged(later.format("< emergency_stop 1")).failed == set()
+    assert judged(later.format("< get_status 00").replace("gap 4", "gap 8")).failed == set()
+
+
+def test_a_status_right_after_a_gap_may_be_old(judged: Judged) -> None:
+    """It does not show that no hidden command executes (A-4.8-3)."""
+    lost = "login\n> run_program a.rob\n< gap 5\n> get_time\n< get_time 20260101120000\n"
+    later = "> =AA 09 00 CC\n< get_status 00\n{}<90 run_program 11"
+    assert not judged(lost + later.format("")).failed
+
+
+def test_chunks_after_a_gap_follow_each_other(judged: Judged) -> None:
+    """The first one may be anywhere, and positions that count chunks are found."""
+    start = "login\n> upload_name a\n< upload_name 1\n> gap 216\n< upload_chunk 1\n"
+    sent = "> chunk {}/1000\n< upload_chunk 1\n"
+    good = start + "".join(map(sent.format, (200, 400, 600)))
+    assert not judged(good).failed
+    wrong = start + "".join(map(sent.format, (1, 2, 3)))
+    assert judged(wrong).failed == {"5.1/4", "5.1/8"}
 
 
 def test_a_gap_on_one_connection_concerns_the_others(judged: Judged) -> None:
@@ -444,7 +506,7 @@ def test_results_of_hidden_commands_may_come_much_later(judged: Judged) -> None:
     """Until the robot is seen idle."""
     asked = "> get_status\n< get_status {}\n"
     busy = asked.format("01")
-    late = f"login\n< gap 5\n{busy}+6\n{busy}{busy}{{}}<90 run_program 11"
+    late = f"login\n> gap 5\n{busy}+6\n{busy}{busy}{{}}<90 run_program 11"
     assert judged(late.format("")).verdict("3/16") is Verdict.INCONCLUSIVE
     idle = asked.format("00")
     assert judged(late.format(idle)).verdict("3/16") is Verdict.FAIL

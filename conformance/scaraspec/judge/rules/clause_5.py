@@ -83,12 +83,13 @@ def position_is_an_offset(x: Exchange, _: RobotState) -> RuleResult | None:
     Other meanings are detected early: an end or a count from 1 in the first chunk, a count from 0
     in the others. Any other wrong position is a gap or an overlap.
     """
-    if x.chunk is None or x.transfer is None or x.error_signal:
+    transfer, expected = x.transfer or x.previous_transfer, x.expected_position
+    if x.chunk is None or transfer is None or expected is None or x.error_signal:
         return None
-    position, expected = x.chunk.position, x.expected_position
+    position = x.chunk.position
     if position == expected:
         return PASSED
-    if expected and position != x.transfer.chunks - 1:
+    if expected and position != transfer.chunks - 1:
         return None
     return failed(
         "the position is not the byte offset of the chunk",
@@ -138,7 +139,7 @@ def complete(transfer: Transfer, _: RobotState) -> RuleResult | None:
 @rule("5.1/8", on=Exchange, names=_CHUNKS)
 def ascending(x: Exchange, _: RobotState) -> RuleResult | None:
     """Chunks come in ascending order without gap or overlap (L737, L793; A-5-8)."""
-    if x.chunk is None or x.transfer is None or x.error_signal:
+    if x.chunk is None or x.expected_position is None or x.error_signal:
         return None
     if x.chunk.position == x.expected_position:
         return PASSED
