@@ -71,7 +71,7 @@ def audit(  # noqa: PLR0913 - independent options of an audit
         UrlError: The URL in the ICS is invalid.
     """
     capture = open_capture(file, port=port)
-    tested, claimed = _subject_of(capture)
+    tested, claimed = subject_of(capture)
     subject, ics = subject or tested, (ics or claimed).with_claims(**(readings or {}))
     serial = serial or not capture.needs_login or bool(ics.url and not _is_tcp(ics.url))
     side = None if subject is Role.CAPTURE else sending_direction(subject)
@@ -113,7 +113,7 @@ def audit(  # noqa: PLR0913 - independent options of an audit
     return results, tuple(capture.summary.notes)
 
 
-def _subject_of(capture: McapCapture | PcapCapture) -> tuple[Role, Ics]:
+def subject_of(capture: McapCapture | PcapCapture) -> tuple[Role, Ics]:
     """Return the subject that the capture states, and its claims; both sides if it states none.
 
     Raises:

@@ -1,17 +1,15 @@
 """`scaraspec audit`: judge a capture."""
 
 import shlex
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import click
 from rich.console import Console
-from rich.progress import Progress, TextColumn, TimeElapsedColumn
 
 from scaraspec.api.auditing import audit
 from scaraspec.cli.options import capture_port, given_options
 from scaraspec.cli.problems import Problem
+from scaraspec.cli.progress_bar import counted_events
 from scaraspec.protocol.readings import ReadingError, parse_settings
 from scaraspec.report import html, terminal
 from scaraspec.report.model import Role
@@ -85,7 +83,7 @@ def command(  # noqa: PLR0913 - one for each option
             )
     try:
         options = given_options(click.get_current_context(), without=_OUTPUT)
-        with _shown_progress() as progress:
+        with counted_events("judging") as progress:
             results, notes = audit(
                 file,
                 subject=_ROLES.get(subject),
@@ -114,14 +112,3 @@ def command(  # noqa: PLR0913 - one for each option
         click.echo(visible(f"{file}: {note}"), err=True)
     terminal.show(results, Console())
     raise SystemExit(results.verdict.exit_status)
-
-
-@contextmanager
-def _shown_progress() -> Iterator[Callable[[int], None]]:
-    """On a terminal, show the number of events judged so far; yield the callback."""
-    console = Console(stderr=True)
-    columns = (TextColumn("judging {task.completed} events"), TimeElapsedColumn())
-    hidden = not console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=hidden) as bar:
-        task = bar.add_task("judging", total=None)
-        yield lambda count: bar.update(task, completed=count)

@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Callable, Collection, Iterator
+from datetime import UTC, datetime
+from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -42,6 +44,29 @@ class Duration(click.ParamType[float]):
             return parse_duration(value) / SECOND_NS
         except QuantityError as error:
             self.fail(UserMessage("{error}.", error=error), param, ctx)
+
+
+class Instant(click.ParamType[int]):
+    """A time such as ``2026-11-21T08:15:30.5`` (UTC) or Unix seconds; its value is in ns."""
+
+    name = "time"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """Convert the text to nanoseconds since the Unix epoch."""
+        if isinstance(value, int):
+            return value
+        try:
+            return int(Decimal(value) * SECOND_NS)
+        except (InvalidOperation, ValueError, OverflowError):
+            pass
+        try:
+            instant = datetime.fromisoformat(value)
+            return round(instant.replace(tzinfo=instant.tzinfo or UTC).timestamp() * SECOND_NS)
+        except (ValueError, OverflowError):
+            message = UserMessage(
+                "{text!r} is not a time: write 2026-11-21T08:15:30.5, or Unix seconds.", text=value
+            )
+            self.fail(message, param, ctx)
 
 
 class Percentage(click.ParamType[float]):

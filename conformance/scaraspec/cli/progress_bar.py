@@ -1,5 +1,7 @@
 """Progress bar: counts what a command has done, on a terminal only."""
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from rich import progress as bars
@@ -49,3 +51,19 @@ class ProgressBar(bars.Progress):
     def set_fields(self, **fields: Any) -> None:
         """Show other fields in the last column."""
         self.update(self._only_task, **fields)
+
+
+@contextmanager
+def counted_events(text: str, *, hidden: bool = False) -> Iterator[Callable[[int], None]]:
+    """Show on a terminal how many events were processed; yield the function that takes the count.
+
+    Args:
+        text: What is done with them.
+        hidden: Show nothing on a terminal, either.
+    """
+    console = Console(stderr=True)
+    columns = (bars.TextColumn(f"{text} {{task.completed}} events"), bars.TimeElapsedColumn())
+    disabled = hidden or not console.is_terminal
+    with bars.Progress(*columns, console=console, transient=True, disable=disabled) as bar:
+        task = bar.add_task(text, total=None)
+        yield lambda count: bar.update(task, completed=count)

@@ -10,7 +10,7 @@ import os
 import re
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -132,18 +132,22 @@ class McapSummary:
         return self.finished and not self.notes
 
 
-def read_records(path: Path, summary: McapSummary) -> Iterator[McapRecord]:
+def read_records(
+    path: Path, summary: McapSummary, wait: Callable[[], bool] | None = None
+) -> Iterator[McapRecord]:
     """Yield all intact records of an MCAP file, including those in chunks, in order.
 
     Args:
         path: The file.
         summary: Receives whether the file was finished, and notes about damage.
+        wait: Called when a file that is not finished has no further complete record; returns
+            whether to look again. None to read what there is.
 
     Raises:
         CaptureError: The file cannot be opened or is not an MCAP file.
     """
     with open_mcap(path) as file:
-        yield from _Scanner(file, summary).records()
+        yield from _Scanner(file, summary, wait).records()
 
 
 @contextmanager
@@ -227,8 +231,10 @@ class _Chunk(NamedTuple):
 class _Scanner:
     """Reads one file from its start to its end."""
 
-    def __init__(self, file: BinaryIO, summary: McapSummary) -> None:
-        self._file, self._summary = file, summary
+    def __init__(
+        self, file: BinaryIO, summary: McapSummary, wait: Callable[[], bool] | None
+    ) -> None:
+        self._file, self._summary, self._wait = file, summary, wait
         self._size = file.seek(0, os.SEEK_END)
         self._window, self._window_at = b"", 0
         self._messages = self._expected_messages = 0
@@ -240,7 +246,10 @@ class _Scanner:
     def records(self) -> Iterator[McapRecord]:
         """Yield the intact records; then complete the summary."""
         at, declared = len(MAGIC), False
-        while not self._summary.finished and at < self._size:
+        while not self._summary.finished:
+            self._wait_for_record(at)
+            if at >= self._size:
+                break
             record, end = self._record_at(at)
             if end is None:
                 following = self._search(at + 1)
@@ -260,6 +269,16 @@ class _Scanner:
                 yield record
             at = end
         self._describe()
+
+    def _wait_for_record(self, at: int) -> None:
+        """Wait until a growing file has a complete record at a position."""
+        while self._wait and not self._is_complete(at) and self._wait():
+            self._size = self._file.seek(0, os.SEEK_END)
+
+    def _is_complete(self, at: int) -> bool:
+        self._file.seek(at)
+        head = self._file.read(_HEAD.size)
+        return len(head) == _HEAD.size and at + _HEAD.size + _HEAD.unpack(head)[1] <= self._size
 
     def _record_at(self, at: int) -> tuple[McapRecord | _Chunk | None, int | None]:
         """Return the record at a position, if it is of use, and its end, if it is reliable."""
