@@ -56,6 +56,11 @@ class Capture:
         self._ics = ics
 
     @property
+    def read_bytes(self) -> int:
+        """How much of the file the current iteration has read."""
+        return self._source.summary.read_bytes
+
+    @property
     def whole(self) -> bool:
         """Whether nothing is missing in the file; known after an iteration."""
         return self._source.summary.whole

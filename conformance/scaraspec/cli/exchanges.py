@@ -11,12 +11,10 @@ from rich.console import Console
 from rich.table import Table
 
 from scaraspec.api.captures import Capture, Step, open_capture
-from scaraspec.cli.options import Instant, capture_port
+from scaraspec.cli.options import capture_port, selection_options
 from scaraspec.cli.problems import Problem
-from scaraspec.cli.progress_bar import counted_events
+from scaraspec.cli.progress_bar import shown_share
 from scaraspec.judge.verdicts import ExitStatus, Finding, Verdict
-from scaraspec.protocol.commands import BY_NAME
-from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.formatting import duration
 from scaraspec.report.model import CommandSeen, Timing
@@ -24,17 +22,9 @@ from scaraspec.report.sanitizing import visible
 from scaraspec.report.session import SessionStats
 from scaraspec.tables.files import json_line, table_folder, utc_text
 from scaraspec.tables.rows import SIDES, RowBuilder
-from scaraspec.tables.schema import TABLES, Row
-from scaraspec.traffic.events import (
-    Ending,
-    Exchange,
-    FrameSeen,
-    InvalidBytes,
-    TrafficEvent,
-    Transfer,
-    UnsolicitedReply,
-)
-from scaraspec.traffic.wire import WireRange
+from scaraspec.tables.schema import TABLES, FrameRow, Row
+from scaraspec.traffic.events import Ending, Exchange, FrameSeen, TrafficEvent
+from scaraspec.traffic.selection import Selection, place_of
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.sinks import text as event_text
@@ -43,20 +33,14 @@ EXAMPLE = "Example: scaraspec exchanges capture.mcap --command run_program,get_s
 
 _PATH = click.Path(path_type=Path)
 _POLL_S: Final = 0.25
+_STEPS_PER_UPDATE: Final = 1000
 _SHOWN: Final = (Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE)
-
-Filter = Callable[[Step], bool]
 
 
 @click.command(epilog=EXAMPLE)
 @click.argument("file", type=_PATH)
 @capture_port
-@click.option(
-    "--command", "commands", metavar="LIST", help="Only these commands: run_program,get_status."
-)
-@click.option("--connection", help="Only this connection.")
-@click.option("--since", type=Instant(), help="Only from this time on: 2026-11-21T08:15 (UTC).")
-@click.option("--until", type=Instant(), help="Only before this time.")
+@selection_options
 @click.option("--no-queries", is_flag=True, help="Without answered queries and file chunks.")
 @click.option("--frames", is_flag=True, help="Frames, too.")
 @click.option("--follow", is_flag=True, help="Continue until a recording in progress is closed.")
@@ -70,7 +54,7 @@ def command(  # noqa: PLR0913 - one for each option
     file: Path,
     port: int | None,
     *,
-    commands: str | None,
+    commands: frozenset[str],
     connection: str | None,
     since: int | None,
     until: int | None,
@@ -88,24 +72,33 @@ def command(  # noqa: PLR0913 - one for each option
     arguments, the first reply, the final result, and how long it took. Findings follow the line
     that they are about. Exit status 3 if FILE is incomplete or bytes were not captured.
     """
-    selected = _filter(commands, connection, since, until, no_queries=no_queries)
+    selection = Selection(since, until, connection or "", commands)
     folders = [(d, suffix) for d, suffix in ((csv_dir, "csv"), (parquet_dir, "parquet")) if d]
     text = None if folders or as_json or latency else _Text(frames=frames)
     hidden = bool(text or as_json)
+
+    def selected(step: Step) -> bool:
+        return selection.includes(step.event) and not (no_queries and _is_routine(step))
+
     with _user_errors():
         capture = open_capture(file, port=port, wait=_wait if follow else None)
+        rows = _Rows(f"{file}", frames=frames)
+        takers = (rows.take, text.show) if text else (rows.take,)
+        if as_json:
+            rows.outputs.append(lambda row: click.echo(json_line(row)))
         with (
-            _table_outputs(folders, frames=frames) as takers,
-            counted_events("reading", hidden=hidden) as progress,
+            _table_outputs(rows, folders, frames=frames),
+            shown_share("reading", hidden=hidden) as progress,
         ):
-            if as_json:
-                takers.append(lambda row: click.echo(json_line(row)))
-            stats = _read(capture, selected, takers, text, progress, frames=frames)
+            interrupted = _read(capture, selected, takers, progress)
+            rows.finish(capture, interrupted=interrupted)
+    if interrupted:
+        raise KeyboardInterrupt
     if latency:
-        _print_latencies(stats)
+        _print_latencies(rows.stats)
     for note in capture.notes:
         click.echo(visible(f"{file}: {note}"), err=True)
-    session = stats.session()
+    session = rows.stats.session()
     if not capture.whole or (session and session.losses):
         raise SystemExit(ExitStatus.INCONCLUSIVE)
 
@@ -138,89 +131,73 @@ def _user_errors() -> Iterator[None]:
         ) from None
 
 
+class _Rows:
+    """Makes rows of steps, and passes them to the outputs.
+
+    Args:
+        file: The name of the capture.
+        frames: Whether frames have rows.
+
+    Attributes:
+        stats: The statistics of the steps.
+        outputs: Take the rows.
+    """
+
+    def __init__(self, file: str, *, frames: bool) -> None:
+        self.stats = SessionStats()
+        self.outputs: list[Callable[[Row], None]] = []
+        self._builder = RowBuilder(file)
+        self._frames = frames
+
+    def take(self, step: Step) -> None:
+        """Take the next step."""
+        for item in (step.event, *step.findings):
+            self.stats.add(item)
+            row = self._builder.take(item) if self.outputs else None
+            if row and (self._frames or not isinstance(row, FrameRow)):
+                self._pass_on(row)
+
+    def finish(self, capture: Capture, *, interrupted: bool) -> None:
+        """Pass on the rows of the connections and of the file."""
+        notes = (*capture.notes, *(["interrupted"] if interrupted else []))
+        whole = capture.whole and not interrupted
+        for row in self._builder.finish(self.stats, whole=whole, notes=notes):
+            self._pass_on(row)
+
+    def _pass_on(self, row: Row) -> None:
+        for output in self.outputs:
+            output(row)
+
+
 @contextmanager
 def _table_outputs(
-    folders: Sequence[tuple[Path, str]], *, frames: bool
-) -> Iterator[list[Callable[[Row], None]]]:
-    """Open folders of tables, each with the suffix of its files; yield what takes the rows."""
+    rows: _Rows, folders: Sequence[tuple[Path, str]], *, frames: bool
+) -> Iterator[None]:
+    """Let folders of tables, each with the suffix of its files, take the rows."""
     names = [name for name in TABLES if frames or name != "frames"]
     with ExitStack() as opened:
-        yield [
-            opened.enter_context(table_folder(folder, suffix, names)).add
-            for folder, suffix in folders
-        ]
+        for folder, suffix in folders:
+            rows.outputs.append(opened.enter_context(table_folder(folder, suffix, names)).add)
+        yield
 
 
-def _read(  # noqa: PLR0913 - what is shared by all outputs
+def _read(
     capture: Capture,
-    selected: Filter,
-    takers: Sequence[Callable[[Row], None]],
-    text: "_Text | None",
-    progress: Callable[[int], None],
-    *,
-    frames: bool,
-) -> SessionStats:
-    """Pass the selected steps to the outputs, until the end or Ctrl-C; return the statistics."""
-    builder, stats = RowBuilder(f"{capture.path}"), SessionStats()
-    interrupted = True
+    selected: Callable[[Step], bool],
+    takers: Sequence[Callable[[Step], None]],
+    progress: Callable[[int, int], None],
+) -> bool:
+    """Pass the selected steps on until the end or Ctrl-C; return whether it was Ctrl-C."""
+    size_bytes = capture.path.stat().st_size
     with suppress(KeyboardInterrupt):
         for number, step in enumerate(capture.steps()):
-            progress(number)
-            if not selected(step):
-                continue
-            if text:
-                text.show(step)
-            for item in (step.event, *step.findings):
-                stats.add(item)
-                row = builder.take(item) if takers else None
-                if row and (frames or not isinstance(item, FrameSeen)):
-                    for take in takers:
-                        take(row)
-        interrupted = False
-    notes = (*capture.notes, *(["interrupted"] if interrupted else []))
-    whole = capture.whole and not interrupted
-    for row in builder.finish(stats, whole=whole, notes=notes) if takers else ():
-        for take in takers:
-            take(row)
-    if interrupted:
-        raise KeyboardInterrupt
-    return stats
-
-
-def _filter(
-    commands: str | None,
-    connection: str | None,
-    since_ns: int | None,
-    until_ns: int | None,
-    *,
-    no_queries: bool,
-) -> Filter:
-    """Return whether a step is selected.
-
-    Raises:
-        Problem: There is no such command.
-    """
-    names = frozenset(filter(None, (commands or "").split(",")))
-    for name in sorted(names - BY_NAME.keys()):
-        if not name.startswith("0x"):
-            raise Problem(
-                UserMessage(
-                    "--command {name!r} is not a command: see scaraspec call --help", name=name
-                )
-            )
-
-    def selects(step: Step) -> bool:
-        event = step.event
-        place = _place(event)
-        return (
-            (not names or _name(event) in names)
-            and (not connection or place.connection == connection)
-            and (since_ns is None or place.time_ns >= since_ns)
-            and (until_ns is None or place.time_ns < until_ns)
-            and not (no_queries and _is_routine(step))
-        )
-
-    return selects
+            if number % _STEPS_PER_UPDATE == 0:
+                progress(capture.read_bytes, size_bytes)
+            if selected(step):
+                for take in takers:
+                    take(step)
+        return False
+    return True
 
 
 def _is_routine(step: Step) -> bool:
@@ -230,36 +207,6 @@ def _is_routine(step: Step) -> bool:
         return False
     query = event.command and event.command.hazard is Hazard.READ_ONLY
     return event.ending is Ending.ANSWERED and bool(query or event.chunk)
-
-
-def _name(event: TrafficEvent) -> str:
-    """Return the command that an event belongs to; empty if it belongs to none."""
-    match event:
-        case Exchange() | FrameSeen():
-            return event.name
-        case UnsolicitedReply():
-            return event.seen.name
-        case Transfer():
-            return "upload" if event.upload else "download"
-        case _:
-            return ""
-
-
-def _place(event: TrafficEvent) -> WireRange:
-    """Return where and when an event was."""
-    match event:
-        case FrameSeen() | InvalidBytes():
-            return event.place
-        case Exchange():
-            return event.request.place
-        case UnsolicitedReply():
-            return event.seen.place
-        case Transfer():
-            connection = event.opening.request.place.connection if event.opening else ""
-            return WireRange(connection, A2C, 0, 0, event.ended_ns)
-        case _:
-            wire = event.event
-            return WireRange(wire.connection, wire.direction, wire.offset_bytes, 0, wire.time_ns)
 
 
 class _Text:
@@ -291,7 +238,7 @@ class _Text:
         return line.text if line else ""
 
     def _print(self, event: TrafficEvent, text: str) -> None:
-        place = _place(event)
+        place = place_of(event)
         day, _, clock = utc_text(place.time_ns).partition("T")
         if day != self._day:
             self._day = day

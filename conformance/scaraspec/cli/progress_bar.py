@@ -54,16 +54,26 @@ class ProgressBar(bars.Progress):
 
 
 @contextmanager
-def counted_events(text: str, *, hidden: bool = False) -> Iterator[Callable[[int], None]]:
-    """Show on a terminal how many events were processed; yield the function that takes the count.
+def shown_share(
+    text: str, unit: str = "", *, hidden: bool = False
+) -> Iterator[Callable[[int, int], None]]:
+    """Show on a terminal how much of a known amount is done, and how long the rest takes.
 
     Args:
-        text: What is done with them.
+        text: What is done.
+        unit: What is counted; empty to show only the share.
         hidden: Show nothing on a terminal, either.
+
+    Yields:
+        The function that takes what is done and the amount.
     """
     console = Console(stderr=True)
-    columns = (bars.TextColumn(f"{text} {{task.completed}} events"), bars.TimeElapsedColumn())
     disabled = hidden or not console.is_terminal
+    counted = (bars.MofNCompleteColumn(), bars.TextColumn(unit)) if unit else ()
+    columns = (
+        *(bars.TextColumn(text), bars.BarColumn(), bars.TaskProgressColumn(), *counted),
+        *(bars.TimeElapsedColumn(), bars.TimeRemainingColumn(), bars.TextColumn("left")),
+    )
     with bars.Progress(*columns, console=console, transient=True, disable=disabled) as bar:
         task = bar.add_task(text, total=None)
-        yield lambda count: bar.update(task, completed=count)
+        yield lambda done, amount: bar.update(task, completed=done, total=amount)

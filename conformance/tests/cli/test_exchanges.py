@@ -117,11 +117,19 @@ def test_existing_files_stay(field: Path, tmp_path: Path, refused: Callable[...,
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--command", "fly"), "--command 'fly' is not a command: see scaraspec call --help"),
-        (("--follow",), "is no MCAP recording: only a recording can be followed"),
+        (("--command", "fly"), "'fly' is not a command: see scaraspec call --help."),
+        (
+            ("--since", "noon"),
+            "'noon' is not a time: write 2026-11-21T08:15:30.5, or Unix seconds.",
+        ),
     ],
 )
-def test_usage_errors(
-    field: Path, refused: Callable[..., str], arguments: tuple[str, ...], message: str
-) -> None:
-    assert message in refused("exchanges", str(field / "complaint-1.pcapng"), *arguments)
+def test_invalid_options(field: Path, arguments: tuple[str, ...], message: str) -> None:
+    result = run(field / "complaint-1.pcapng", *arguments)
+    assert result.exit_code == 2
+    assert message in result.stderr
+
+
+def test_only_recordings_can_be_followed(field: Path, refused: Callable[..., str]) -> None:
+    message = refused("exchanges", str(field / "complaint-1.pcapng"), "--follow")
+    assert message.endswith("is no MCAP recording: only a recording can be followed\n")

@@ -94,6 +94,7 @@ class McapSummary:
     """Summary of a recording and of its unreadable parts.
 
     Attributes:
+        read_bytes: How much of the file has been read.
         events: Number of wire events.
         last_ns: Time of the last event; 0 without events.
         finished: Whether the file was closed properly.
@@ -105,6 +106,7 @@ class McapSummary:
         notes: One sentence for each kind of missing data.
     """
 
+    read_bytes: int = 0
     events: int = 0
     last_ns: int = 0
     finished: bool = False
@@ -130,6 +132,20 @@ class McapSummary:
     def whole(self) -> bool:
         """Whether the file is intact and complete."""
         return self.finished and not self.notes
+
+    def add(self, other: "McapSummary", path: Path) -> None:
+        """Add the summary of the next file of the same recording."""
+        self.events += other.events
+        self.last_ns = max(self.last_ns, other.last_ns)
+        self.finished = self.finished and other.finished
+        self.damaged = self.damaged or other.damaged
+        self.merged = self.merged or other.merged
+        self.wrong_accounts += other.wrong_accounts
+        self.unsupported |= other.unsupported
+        self.repairs += other.repairs
+        self.notes += [
+            UserMessage("{file}: {note}", file=path.name, note=note) for note in other.notes
+        ]
 
 
 def read_records(
@@ -247,6 +263,7 @@ class _Scanner:
         """Yield the intact records; then complete the summary."""
         at, declared = len(MAGIC), False
         while not self._summary.finished:
+            self._summary.read_bytes = at
             self._wait_for_record(at)
             if at >= self._size:
                 break
