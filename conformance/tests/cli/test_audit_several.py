@@ -29,7 +29,7 @@ SET_THEN_GET = """
     > get_default_program
     < get_default_program b.rob
 """
-"""Another default program is reported than the one that was set, which violates 4.13/4."""
+"""Another default program is reported than the one that was set, which violates 4.13/3."""
 
 
 @pytest.fixture
@@ -102,7 +102,7 @@ def test_the_files_of_a_recording_are_judged_together(rotated: Path) -> None:
     assert 1 not in [run(part).exit_code for part in parts]
     result = run(rotated)
     assert result.exit_code == 1
-    assert "4.13/4" in result.stdout
+    assert "4.13/3" in result.stdout
     assert f"{parts[0]} … {parts[1].name}" in result.stdout
 
 
