@@ -47,6 +47,7 @@ class Segment(NamedTuple):
         flags: ``FIN``, ``SYN``, ``RST`` and ``ACK``, combined; other bits are ignored.
         payload: The payload bytes that were captured.
         cut_bytes: Number of payload bytes that the capture cut off.
+        packet: Number of the packet in the capture, from 1; 0 if unknown.
     """
 
     time_ns: int
@@ -57,6 +58,7 @@ class Segment(NamedTuple):
     flags: int
     payload: bytes = b""
     cut_bytes: int = 0
+    packet: int = 0
 
 
 _TCP: Final = 6

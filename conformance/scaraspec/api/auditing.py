@@ -100,6 +100,7 @@ def audit(  # noqa: PLR0913 - independent options of an audit
     interrupted = False
     try:
         for number, event in enumerate(capture):
+            listener.stats.evidence.note_packet(event)
             if subject is Role.CAPTURE or listener.is_judged(event):
                 listener.take(judge.feed(event))
             if number % _EVENTS_PER_UPDATE == 0:
@@ -126,9 +127,11 @@ def audit(  # noqa: PLR0913 - independent options of an audit
     )
     notices = (*([_INTERRUPTED] if interrupted else []), *_notices(subject, judge, listener))
     results = replace(results, notices=notices)
-    if (
-        interrupted or not capture.summary.whole
-    ) and results.verdict is not Conclusion.NONCONFORMANT:
+    if results.session:
+        session = replace(results.session, incomplete=not capture.summary.whole)
+        results = replace(results, session=session)
+    missing = not capture.summary.whole or (results.session and results.session.missing)
+    if (interrupted or missing) and results.verdict is not Conclusion.NONCONFORMANT:
         results = replace(results, verdict=Conclusion.INCONCLUSIVE)
     has_frames = results.session and results.session.frames
     if results.verdict.good and not has_frames:

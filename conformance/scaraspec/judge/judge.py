@@ -25,10 +25,10 @@ from scaraspec.judge.rules.rule import (
     kind_of,
     places_of,
 )
-from scaraspec.judge.scope import EVERYTHING, Scope
-from scaraspec.judge.verdicts import Cause, Conclusion, Finding, Verdict, conclude, worst
+from scaraspec.judge.scope import EVERYTHING, Scope, responsible_side
+from scaraspec.judge.verdicts import Cause, Conclusion, Finding, Side, Verdict, conclude, worst
 from scaraspec.protocol.commands import parse_frame
-from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.traffic.dialogue import Dialogue
@@ -48,7 +48,12 @@ _MAX_CONTROLLERS: Final = 64
 _CONTROLLER: Final = re.compile(r"[>→] ([^\s,)]+)")
 """Matches the second address in the note of a connection's first event."""
 
-_UNCERTAIN: Final = "a gap in the recording or a fault injected on purpose may be why"
+_UNCERTAIN: Final = {
+    Side.RECORDING: "a gap in the recording or a fault injected on purpose may be why",
+    Side.NETWORK: "a fault that was injected on purpose may be why",
+}
+_UNFRAMED: Final = "bytes that belong to no frame may be why"
+_SIDES: Final = {A2C: Side.CLIENT, C2A: Side.CONTROLLER, None: None}
 
 
 _Checks = tuple[tuple[Check, tuple[str, ...], tuple[str, ...]], ...]
@@ -182,9 +187,12 @@ class Judge:
         tallies = self.tallies
         for requirement in results.passed:
             tallies[requirement].passes += 1
+        unreliable = _unreliable(traffic_event, robot)
         for judged, requirements, in_scope in results.others:
+            if unreliable is None and _rests_on_gap(judged, traffic_event):
+                continue  # the bytes that belong to no frame are reported
             for requirement in requirements:
-                finding = _finding(requirement, judged, traffic_event)
+                finding = _finding(requirement, judged, traffic_event, unreliable)
                 if requirement in in_scope:
                     self._tally(finding)
                 elif not self.scope.concerns(requirement, traffic_event):
@@ -247,14 +255,30 @@ def _checks_for(traffic_event: TrafficEvent, scope: Scope) -> _Checks:
     return checks
 
 
-def _finding(requirement: str, judged: RuleResult, traffic_event: TrafficEvent) -> Finding:
+def _unreliable(traffic_event: TrafficEvent, robot: RobotState) -> Side | None:
+    """Return what makes an event uncertain; None if nothing but bytes that belong to no frame."""
+    if is_certain(traffic_event) or not (robot.bytes_missing or robot.fault_injected):
+        return None
+    return Side.RECORDING if robot.bytes_missing else Side.NETWORK
+
+
+def _rests_on_gap(judged: RuleResult, traffic_event: TrafficEvent) -> bool:
+    """Whether a rule assumes that bytes are missing in the recording."""
+    return not is_certain(traffic_event) and judged.message.endswith(("recording", "in a gap"))
+
+
+def _finding(
+    requirement: str, judged: RuleResult, traffic_event: TrafficEvent, unreliable: Side | None
+) -> Finding:
     """Convert a rule's result to a finding.
 
     An INFO requirement never fails. An uncertain event never causes a failure.
     """
+    side = _SIDES[responsible_side(requirement, traffic_event)]
     verdict, message, reading = judged.verdict, judged.message, judged.reading
     if verdict is Verdict.FAIL and not is_certain(traffic_event):
-        verdict, message = Verdict.INCONCLUSIVE, f"{message}; {_UNCERTAIN}"
+        reason = _UNCERTAIN[unreliable] if unreliable else _UNFRAMED
+        verdict, message = Verdict.INCONCLUSIVE, f"{message}; {reason}"
     elif verdict is Verdict.FAIL and REQUIREMENTS[requirement].strength is Strength.INFO:
         verdict, reading = Verdict.TOLERATED, (requirement, "observed otherwise")
     return Finding(
@@ -266,4 +290,5 @@ def _finding(requirement: str, judged: RuleResult, traffic_event: TrafficEvent) 
         judged.observed,
         judged.places or places_of(traffic_event),
         reading,
+        unreliable if unreliable and verdict is Verdict.INCONCLUSIVE else side,
     )

@@ -39,6 +39,17 @@ class Cause(Enum):
     SUITE = "suite"
 
 
+class Side(Enum):
+    """What a finding is about; the values are a public interface."""
+
+    CLIENT = "client"
+    CONTROLLER = "controller"
+    NETWORK = "network"
+    """The link, or a fault that was injected into it."""
+    RECORDING = "recording"
+    """Bytes are missing in the recording, or are not reliable."""
+
+
 class Reason(Enum):
     """Why a case has the verdict none or inconclusive; the values are a public interface."""
 
@@ -129,6 +140,7 @@ class Finding:
         observed: The observed value.
         evidence: The bytes that prove it.
         reading: If a listed reading decided: its key and the observed option.
+        side: What it is about; None for both sides.
 
     Raises:
         ValueError: A toleration names no reading, or a failure blames someone other than the
@@ -143,6 +155,7 @@ class Finding:
     observed: str = ""
     evidence: tuple[WireRange, ...] = ()
     reading: tuple[str, str] | None = None
+    side: Side | None = None
 
     def __post_init__(self) -> None:
         if self.verdict is Verdict.TOLERATED and self.reading is None:

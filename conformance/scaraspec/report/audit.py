@@ -143,6 +143,8 @@ def _cases(
             fingerprint=fingerprint(requirement, requirement, first.message),
             title=REQUIREMENTS[requirement].sentence,
             step=step_of(wire, first.observed) if first.verdict is Verdict.FAIL else None,
+            side=first.side,
+            moment=collector.evidence(first.evidence[-1]) if first.evidence else None,
         )
 
 

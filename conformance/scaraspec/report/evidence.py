@@ -7,6 +7,7 @@ stores them for a bounded number of findings. Passwords are masked here, before 
 
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import chain
 from typing import Final
 
@@ -18,6 +19,7 @@ from scaraspec.protocol.redaction import is_secret, mask, mask_unframed
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.report.failed_step import FailedStep, Stage
 from scaraspec.report.model import Evidence, FrameField
+from scaraspec.report.packet_index import PacketIndex
 from scaraspec.traffic.events import (
     Ending,
     Exchange,
@@ -26,7 +28,7 @@ from scaraspec.traffic.events import (
     TrafficEvent,
     Transfer,
 )
-from scaraspec.traffic.wire import WireRange
+from scaraspec.traffic.wire import WireEvent, WireRange
 
 _RECENT_FRAMES: Final = 256
 _FINDINGS_PER_REQUIREMENT: Final = 50
@@ -39,6 +41,8 @@ class EvidenceCollector:
     """Collects the output of a judge, and returns the evidence for the positions in findings."""
 
     def __init__(self) -> None:
+        self._packets = PacketIndex()
+        self._packet_of: dict[WireRange, int] = {}
         self._recent: deque[FrameSeen | InvalidBytes] = deque(maxlen=_RECENT_FRAMES)
         self._last: tuple[FrameSeen, ...] = ()
         self._stored: dict[WireRange, Evidence] = {}
@@ -65,9 +69,14 @@ class EvidenceCollector:
             case Transfer():
                 self._last = item.opening.frames if item.opening else ()
 
+    def note_packet(self, event: WireEvent) -> None:
+        """Store which packet or message of the capture has the bytes of an event."""
+        self._packets.add(event)
+
     def evidence(self, place: WireRange) -> Evidence:
         """Return the evidence at a position, with its bytes if they were stored."""
-        return self._stored.get(place) or _evidence(place)
+        evidence = self._stored.get(place) or _evidence(place)
+        return replace(evidence, packet=self._packet_of.get(place, 0))
 
     def passing(self, wire: Sequence[Evidence]) -> tuple[Evidence, ...]:
         """Return the last passing exchange of the command at the end of `wire`; empty if none."""
@@ -78,6 +87,8 @@ class EvidenceCollector:
         self._findings[finding.requirement] += 1
         if self._findings[finding.requirement] > _FINDINGS_PER_REQUIREMENT:
             return
+        for place in finding.evidence:
+            self._packet_of[place] = self._packets.find(place)
         wanted = set(finding.evidence) - self._stored.keys()
         for seen in chain(self._last, reversed(self._recent)):
             if not wanted:

@@ -14,7 +14,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
-from scaraspec.judge.verdicts import Cause, Conclusion, Reason, Verdict
+from scaraspec.judge.verdicts import Cause, Conclusion, Reason, Side, Verdict
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.codec import InvalidValueError, from_plain, to_plain
@@ -144,6 +144,7 @@ class Evidence:
         note: A description, such as ``run_program, final result``.
         frame_hex: The bytes in upper-case hex, passwords as ``2A``; cut if long, empty if not kept.
         fields: The parts of the frame, in order; empty for invalid bytes.
+        packet: The number of its first packet, or message of an MCAP file, from 1; 0 if unknown.
     """
 
     connection: str
@@ -154,6 +155,7 @@ class Evidence:
     note: str = ""
     frame_hex: str = ""
     fields: tuple[FrameField, ...] = ()
+    packet: int = 0
 
     @property
     def place(self) -> str:
@@ -191,6 +193,10 @@ class Case:
         date: The start of the sitting of the case in UTC, as ISO 8601, if there are several.
         sittings: What each sitting found, if several ran the case and were merged.
         operator: What an operator was asked to do, and the answers; not part of the duration.
+        side: What a finding is about: client, controller, network or recording; None for both sides
+            and for a case of the suite.
+        moment: For a finding in a capture: where it shows, the last evidence of the first
+            occurrence.
     """
 
     id: str
@@ -215,6 +221,8 @@ class Case:
     date: str = ""
     sittings: tuple[SittingResult, ...] = ()
     operator: tuple[OperatorRequest, ...] = ()
+    side: Side | None = None
+    moment: Evidence | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -345,6 +353,8 @@ class Session:
         runs: The runs of user programs, in order of their end.
         losses: The gaps in the recording.
         unlisted: The numbers of connections, transfers, runs and losses that are not listed.
+        lost_bytes: The number of bytes in all gaps of known length.
+        incomplete: Whether the file is damaged, or ends before the recording did.
     """
 
     begun_ns: int
@@ -358,6 +368,21 @@ class Session:
     runs: tuple[RunSeen, ...] = ()
     losses: tuple[Loss, ...] = ()
     unlisted: Mapping[str, int] = field(default_factory=dict)
+    lost_bytes: int = 0
+    incomplete: bool = False
+
+    @property
+    def missing(self) -> str:
+        """What is missing in the recording: ``3 losses, 1,482 bytes``; empty if nothing is."""
+        losses = len(self.losses) + self.unlisted.get("losses", 0)
+        parts = [f"{losses:,} loss{'es' if losses != 1 else ''}"] if losses else []
+        if self.lost_bytes:
+            parts.append(f"{self.lost_bytes:,} byte{'s' if self.lost_bytes != 1 else ''}")
+        if any(loss.length_bytes < 0 for loss in self.losses):
+            parts.append("and more of unknown length" if self.lost_bytes else "of unknown length")
+        if self.incomplete:
+            parts.append("the file is incomplete")
+        return ", ".join(parts)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -401,9 +426,17 @@ class Results:
         return sum(each.decided for each in self.requirements)
 
     @property
+    def missing(self) -> str:
+        """What is missing in a capture in which nothing is violated; empty otherwise."""
+        recorded = self.role is Role.CAPTURE and self.verdict is Conclusion.INCONCLUSIVE
+        return self.session.missing if recorded and self.session else ""
+
+    @property
     def label(self) -> str:
         """The conclusion in words; if not everything was judged, with the coverage."""
         text = self.verdict.value.replace("-", " ")
+        if self.missing:
+            return f"no violation found in what was recorded ({self.missing})"
         if self.verdict is Conclusion.NO_VIOLATION:
             text += f" ({self.judged} of {len(self.requirements)} requirements judged)"
         unsupported = self.subject.claims.get("lacks", "")

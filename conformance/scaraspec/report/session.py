@@ -89,6 +89,7 @@ class SessionStats:
         self._transfers: list[TransferSeen] = []
         self._runs: list[RunSeen] = []
         self._losses: list[Loss] = []
+        self._lost_bytes = 0
         self._unlisted: Counter[str] = Counter()
 
     def add(self, item: TrafficEvent | Finding) -> None:
@@ -160,6 +161,7 @@ class SessionStats:
             runs=tuple(self._runs),
             losses=tuple(self._losses),
             unlisted=dict(self._unlisted),
+            lost_bytes=self._lost_bytes,
         )
 
     def _connection_at(self, name: str, time_ns: int) -> _Connection | None:
@@ -192,7 +194,12 @@ class SessionStats:
             connection.ending = event.kind.value
 
     def _add_loss(self, event: WireEvent) -> None:
-        self._connection_at(event.connection, event.time_ns)
+        connection = self._connection_at(event.connection, event.time_ns)
+        if connection and not connection.note and "→" in event.note:
+            connection.note = event.note  # the capture begins mid-stream
+        if not event.length_bytes:
+            return  # no byte is missing, but earlier traffic is not reliable
+        self._lost_bytes += max(event.length_bytes, 0)
         loss = Loss(
             event.connection,
             event.direction,

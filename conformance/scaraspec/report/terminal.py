@@ -4,6 +4,7 @@ It shows the verdict of the run and the most important findings; the HTML page s
 from the SUT is sanitized: none of its control characters reaches the terminal.
 """
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
@@ -13,7 +14,8 @@ from rich.table import Table
 from rich.text import Text
 
 from scaraspec.judge.verdicts import Conclusion
-from scaraspec.report.model import Case, Results
+from scaraspec.report import formatting
+from scaraspec.report.model import Case, Loss, Results, Role
 from scaraspec.report.ordering import VERDICTS_BY_IMPORTANCE
 from scaraspec.report.root_causes import SummaryLine, summary
 from scaraspec.report.sanitizing import visible
@@ -41,6 +43,12 @@ _RANKS: Final = {
 """The order of captures in a summary."""
 
 DEFAULT_FINDINGS: Final = 10
+_MAX_LOSSES: Final = 20
+_ADDRESSES: Final = re.compile(r"[^\s(]+ (?:→|>) [^\s,)]+")
+_ABBREVIATIONS: Final = (
+    "A2C: from the client (application layer) to the controller; "
+    "C2A: from the controller (control layer) to the client"
+)
 _MAX_REASONS: Final = 8
 
 
@@ -62,6 +70,10 @@ def show(results: Results, console: Console, *, findings: int = DEFAULT_FINDINGS
             console.print(_text(line), soft_wrap=True)
     if hidden:
         console.print(_text(f"and {hidden} more findings in the report"), soft_wrap=True)
+    for line in _losses(results):
+        console.print(_text(line), soft_wrap=True)
+    if results.role is Role.CAPTURE and shown:
+        console.print(_text(_ABBREVIATIONS, "dim"), soft_wrap=True)
 
 
 def show_captures(captures: Iterable[tuple[str, Results | None, str]], console: Console) -> None:
@@ -112,7 +124,8 @@ def _lines(results: Results, shown: Sequence[SummaryLine]) -> Iterator[str]:
         yield f"dialect of the {side}: {dialect}"
     for line in shown:
         case = line.case
-        parts = (case.verdict.value, _which(line), _what(case), _where(case), *_remarks(line))
+        where = _where(case, results)
+        parts = (case.verdict.value, _which(line), _side(case), _what(case), where, *_remarks(line))
         yield " · ".join(filter(None, parts))
 
 
@@ -140,8 +153,8 @@ def _draw(results: Results, shown: Sequence[SummaryLine], console: Console) -> N
         table.add_column(heading, overflow="fold")
     for each in shown:
         case, verdict = each.case, each.case.verdict.value
-        what = "\n".join((_what(case), *_remarks(each)))
-        texts = map(_text, (_which(each), what, _where(case)))
+        what = "\n".join((" · ".join(filter(None, (_side(case), _what(case)))), *_remarks(each)))
+        texts = map(_text, (_which(each), what, _where(case, results)))
         table.add_row(_text(verdict, _STYLES[verdict]), *texts)
     console.print()
     console.print(table)
@@ -214,5 +227,50 @@ def _one_line(text: str, limit: int = 80) -> str:
     return text if len(text) <= limit else f"{text[: limit - 1]}…"
 
 
-def _where(case: Case) -> str:
-    return case.wire[0].place if case.wire else ""
+def _side(case: Case) -> str:
+    return case.side.value if case.side else ""
+
+
+def _where(case: Case, results: Results) -> str:
+    """Return the position; in a capture also the addresses, the packet and the time of day."""
+    at = case.moment
+    if at is None:
+        return case.wire[0].place if case.wire else ""
+    packet = f"packet {at.packet}" if at.packet else ""
+    addresses = _addresses(results).get(at.connection, "")
+    return ", ".join(filter(None, (at.place, addresses, packet, formatting.instant(at.time_ns))))
+
+
+def _addresses(results: Results) -> dict[str, str]:
+    """Return the addresses of each connection, client first, as far as they are known."""
+    seen = results.session.connections if results.session else ()
+    found = ((connection.name, _ADDRESSES.search(connection.note)) for connection in seen)
+    return {name: match[0] for name, match in found if match}
+
+
+def _losses(results: Results) -> Iterator[str]:
+    """Yield a line for each loss of a capture: bytes, place, time and reason."""
+    if results.role is not Role.CAPTURE or not results.session:
+        return
+    addresses = _addresses(results)
+    losses = results.session.losses
+    for loss in losses[:_MAX_LOSSES]:
+        yield _loss(loss, addresses.get(loss.connection, ""))
+    hidden = len(losses) + results.session.unlisted.get("losses", 0) - _MAX_LOSSES
+    if hidden > 0:
+        yield f"and {hidden} more losses in the report"
+
+
+def _loss(loss: Loss, addresses: str) -> str:
+    size = "unknown length"
+    if loss.length_bytes >= 0:
+        size = f"{formatting.count(loss.length_bytes)} byte{'s' if loss.length_bytes != 1 else ''}"
+    at = f"connection {loss.connection}, {loss.direction.value} byte {loss.offset_bytes}"
+    return " · ".join(
+        (
+            "loss",
+            size,
+            ", ".join(filter(None, (at, addresses, formatting.instant(loss.time_ns)))),
+            loss.note,
+        )
+    )

@@ -40,6 +40,10 @@ TRANSLATIONS: Final[Mapping[str, Translation]] = MappingProxyType(
         ),
         "nonconformant": Translation("Nonconformant", "不符合"),
         "inconclusive": Translation("Inconclusive", "无法判定"),
+        "recorded": Translation(
+            "No violation found in what was recorded ({missing})",
+            "在已记录的内容中未发现违规（{missing}）",
+        ),
         "nothing-tested": Translation("Nothing tested", "未作检验"),
         "conformant_means": Translation(
             "Every requirement in scope was judged, and none is violated.",
@@ -95,6 +99,8 @@ TRANSLATIONS: Final[Mapping[str, Translation]] = MappingProxyType(
         "complaints": Translation("Error output of its process", "被测进程的错误输出"),
         "controller": Translation("controller", "控制层"),
         "client": Translation("client", "应用层"),
+        "network": Translation("network", "网络"),
+        "recording": Translation("recording", "记录"),
         "capture": Translation("capture of both sides", "双方通信的捕获"),
         "period": Translation("Period", "时段"),
         "tool": Translation("Tool", "工具"),
@@ -204,6 +210,7 @@ TRANSLATIONS: Final[Mapping[str, Translation]] = MappingProxyType(
             "connection {connection}, byte {offset}, {length} bytes",
             "连接 {connection}，第 {offset} 字节起，共 {length} 字节",
         ),
+        "packet": Translation("packet {number}", "第 {number} 包"),
         "whole_frame": Translation("whole frame", "完整帧"),
         "more_bytes": Translation("… {count} more", "……另有 {count} 字节"),
         "replay": Translation("Reproduction command", "重现命令"),

@@ -2,8 +2,6 @@
 
 from collections.abc import Iterator
 
-from scaraspec.judge.requirements import REQUIREMENTS
-from scaraspec.judge.requirements.entry import Binds
 from scaraspec.judge.verdicts import Finding, Verdict
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.fields import show
@@ -141,7 +139,7 @@ class RowBuilder:
             file=self._file,
             connection=place.connection if place else None,
             time_ns=place.time_ns if place else None,
-            side=_side(finding),
+            side=finding.side.value if finding.side else "both",
             requirement=finding.requirement,
             verdict=finding.verdict.value,
             cause=finding.cause.value,
@@ -163,14 +161,6 @@ class RowBuilder:
             length_bytes=None if event.length_bytes < 0 else event.length_bytes,
             reason=event.note,
         )
-
-
-def _side(finding: Finding) -> str:
-    """Return whom a finding is about; of a requirement for both sides, who sent the evidence."""
-    binds = REQUIREMENTS[finding.requirement].binds
-    if binds is Binds.BOTH and finding.evidence:
-        return SIDES[finding.evidence[0].direction]
-    return binds.value
 
 
 def _reply(exchange: Exchange) -> str | None:

@@ -98,7 +98,7 @@ class FindingRow:
     file: _File
     connection: Annotated[str | None, "The connection within the capture."]
     time_ns: Annotated[int | None, TIME, "When the last byte of the first evidence was seen."]
-    side: Annotated[str, "Whom the finding is about: `client`, `controller` or `both`."]
+    side: Annotated[str, "About `client`, `controller`, `both`, `network` or `recording`."]
     requirement: Annotated[str, "For example `4.15/3`."]
     verdict: Annotated[str, "`tolerated`, `inconclusive`, `fail` or `error`."]
     cause: Annotated[str, "What is responsible for the verdict."]

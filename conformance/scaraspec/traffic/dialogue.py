@@ -90,6 +90,7 @@ class Dialogue:
             case Kind.BYTES:
                 yield from self._process_bytes(event)
             case Kind.GAP:
+                self.robot.bytes_missing = True
                 stream = self._streams[event.direction]
                 whole = not stream.buffered_bytes
                 for item in stream.skip_gap(event.length_bytes):
@@ -98,6 +99,7 @@ class Dialogue:
                 yield from self._process_gap(event, between_frames=whole)
             case Kind.INJECTED:
                 yield Injected(event)
+                self.robot.fault_injected = True
                 yield from self._mark_uncertain(event.direction)
             case Kind.OPENED:
                 yield from self.close()
@@ -113,6 +115,7 @@ class Dialogue:
 
     def _start_midway(self, event: WireEvent) -> Iterator[TrafficEvent]:
         """Begin in the middle of a connection: the earlier bytes are not known."""
+        self.robot.bytes_missing = True
         for direction, stream in self._streams.items():
             yield from stream.skip_gap(event.offset_bytes if direction is event.direction else 0)
             yield from self._mark_uncertain(direction)

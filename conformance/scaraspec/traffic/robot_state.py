@@ -46,6 +46,10 @@ class RobotState:
         """Connections with an active file transfer."""
         self.status_lag_ns = STATE_LAG_NS
         """How old a status may be; 0 if it was measured that it is never old."""
+        self.bytes_missing = False
+        """Whether there was a gap in the recording; set by `Dialogue`."""
+        self.fault_injected = False
+        """Whether a fault was injected; set by `Dialogue`."""
         self.results_doubtful = False
         """Whether a two-stage command that was accepted in a gap may be executing."""
         self._doubtful_since_ns = 0

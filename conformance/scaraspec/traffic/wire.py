@@ -4,7 +4,7 @@ The raw bytes are the source of truth: this module has bytes, direction, offset 
 mean is derived elsewhere; nothing here depends on frames.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final, NamedTuple
 
@@ -46,6 +46,7 @@ class WireEvent:
         length_bytes: Length of a gap; -1 if unknown. 0 for every other kind.
         note: Details as text: the reason of a gap, the addresses of an opened connection, the
             injected fault and its target.
+        packet: Number of the packet or message in its file, from 1; 0 if unknown.
     """
 
     time_ns: int
@@ -56,6 +57,7 @@ class WireEvent:
     offset_bytes: int = 0
     length_bytes: int = 0
     note: str = ""
+    packet: int = field(default=0, compare=False, kw_only=True)
 
 
 class WireRange(NamedTuple):

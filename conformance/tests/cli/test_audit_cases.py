@@ -34,3 +34,22 @@ def test_a_case(  # noqa: PLR0913, PLR0917 - two fixtures and a row of the table
     output = done.stdout + done.stderr
     assert (done.returncode, says in output) == (exit_status, True), output
     assert "raw events are missing" not in output
+
+
+def test_what_a_finding_names(processes: Any, fixtures_dir: Path) -> None:
+    """The side, the bytes, the addresses, the packet as Wireshark counts, and the time of day."""
+    file = fixtures_dir / "captures" / "field" / "complaint-2.pcapng"
+    output = processes.run("audit", f"{file}").stdout
+    (line,) = (each for each in output.splitlines() if each.startswith("fail"))
+    assert " · controller · " in line
+    assert "C2A byte 20, 41 bytes, 127.0.0.1:55086 → 127.0.0.1:8877, packet 13, 2026-" in line
+    assert "C2A: from the controller" in output
+
+
+def test_losses_are_printed(processes: Any, fixtures_dir: Path) -> None:
+    """Nothing is called conformant if bytes are missing."""
+    file = fixtures_dir / "captures" / "field" / "plant-a-torn.pcapng"
+    done = processes.run("audit", f"{file}")
+    assert done.returncode == 3
+    assert "no violation found in what was recorded (4 losses, 36 bytes, and more" in done.stdout
+    assert "loss · 28 bytes · connection 1, A2C byte 83, " in done.stdout

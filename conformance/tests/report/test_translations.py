@@ -7,7 +7,7 @@ from string import Formatter
 import pytest
 
 from scaraspec.judge.requirements import REQUIREMENTS, Basis, Strength
-from scaraspec.judge.verdicts import Cause, Conclusion, Reason, Verdict
+from scaraspec.judge.verdicts import Cause, Conclusion, Reason, Side, Verdict
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import TransferState
@@ -66,7 +66,7 @@ def test_no_unused_translations() -> None:
     templates = Path(words.__file__).with_name("templates").glob("*.html")
     said = "".join(template.read_text(encoding="utf-8") for template in templates)
     prefixes = ("cause_", "reason_", "hazard_", "state_", "outcome_", "ending_", "lane_", "stage_")
-    kinds = (Conclusion, Verdict, Role, Strength, Basis, Direction)
+    kinds = (Conclusion, Verdict, Role, Side, Strength, Basis, Direction)
     computed = {member.value for kind in kinds for member in kind}
     computed |= {f"{conclusion.value}_means" for conclusion in Conclusion}
     computed |= {f"operator_{answer.value}" for answer in OperatorAnswer}

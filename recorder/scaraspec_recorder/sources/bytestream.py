@@ -28,11 +28,13 @@ class PacketTime(NamedTuple):
 
     Attributes:
         time_ns: Nanoseconds since the Unix epoch.
-        number: Three times the packet number; the two numbers before it are just before the packet.
+        number: Three times the number of the segment; the two numbers before it are just before it.
+        packet: Number of the packet in the capture; 0 if unknown.
     """
 
     time_ns: int
     number: int
+    packet: int = 0
 
 
 class OrderedEvent(NamedTuple):
@@ -233,5 +235,5 @@ class ByteStream:
         self.last = max(self.last, at)
         offset_bytes = 0 if kind is Kind.HALF_CLOSED else self.offset_bytes
         fields = (self.last.time_ns, self.connection, self.direction, kind)
-        event = WireEvent(*fields, data, offset_bytes, length_bytes, note)
+        event = WireEvent(*fields, data, offset_bytes, length_bytes, note, packet=at.packet)
         return OrderedEvent(self.last, acknowledged_peer, end, event)

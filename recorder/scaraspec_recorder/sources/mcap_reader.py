@@ -62,14 +62,18 @@ class RawLayerReader:
         self._parts: dict[str, int] = {}  # by connection
         self._sequences: dict[int, int] = {}  # the last one, by part
         self._missing = 0
+        self._messages = 0
         self._numbered = False  # the sequence numbers are those of our recorder
 
     def take(self, record: McapRecord) -> WireEvent | None:
         """Return the event of a record; None if it has no readable event."""
         if isinstance(record, Message):
+            self._messages += 1
             if channel := self._channels.get(record.channel_id):
                 with suppress(ValueError):
-                    event = _event(record.log_time, schemas.decode(channel.kind, record.data))
+                    event = _event(
+                        record.log_time, schemas.decode(channel.kind, record.data), self._messages
+                    )
                     self._number(channel.part, record.sequence)
                     if channel.part != self._parts.setdefault(event.connection, channel.part):
                         self.merged = True
@@ -118,7 +122,7 @@ class RawLayerReader:
             )
 
 
-def _event(time_ns: int, message: schemas.Message) -> WireEvent:
+def _event(time_ns: int, message: schemas.Message, number: int) -> WireEvent:
     """Convert a message of the raw layer to an event.
 
     Raises:
@@ -129,14 +133,15 @@ def _event(time_ns: int, message: schemas.Message) -> WireEvent:
             kind, length = Kind.BYTES, 0
             if forwarded_ns or kernel:
                 raw = (time_ns, connection, Direction(direction), kind, data, offset, length, note)
-                return ForwardedChunk(*raw, forwarded_ns or 0, kernel)
+                return ForwardedChunk(*raw, forwarded_ns or 0, kernel, packet=number)
         case schemas.Gap(connection, direction, offset, length, note):
             kind, data = Kind.GAP, b""
         case schemas.ConnectionEvent(connection, direction, offset, name, note):
             kind, data, length = Kind(name), b"", 0
         case _:
             raise ValueError("no message of the raw layer")
-    return WireEvent(time_ns, connection, Direction(direction), kind, data, offset, length, note)
+    place = (time_ns, connection, Direction(direction))
+    return WireEvent(*place, kind, data, offset, length, note, packet=number)
 
 
 class McapCapture:

@@ -120,6 +120,7 @@ class PcapCapture:
                 continue
             if segment is None or not reassembler.follows(segment):
                 continue
+            segment = segment._replace(packet=summary.packets)
             summary.segments += 1
             if segment.cut_bytes:
                 summary.whole = False

@@ -238,7 +238,7 @@ class Reassembler:
         ):
             self.far_segments += 1
             return
-        now = PacketTime(segment.time_ns, 3 * self._received)
+        now = PacketTime(segment.time_ns, 3 * self._received, segment.packet)
         acknowledged_at, sent_at = (PacketTime(segment.time_ns, now.number - n) for n in (2, 1))
         if segment.flags & SYN:
             self._open(connection, segment, sender, receiver, now)
