@@ -48,6 +48,8 @@ class Segment(NamedTuple):
         payload: The payload bytes that were captured.
         cut_bytes: Number of payload bytes that the capture cut off.
         packet: Number of the packet in the capture, from 1; 0 if unknown.
+        corrupt: Whether the checksum is wrong. It is not if the packet was captured before the
+            network card computed it: the field is 0 or the sum of the addresses then.
     """
 
     time_ns: int
@@ -59,6 +61,7 @@ class Segment(NamedTuple):
     payload: bytes = b""
     cut_bytes: int = 0
     packet: int = 0
+    corrupt: bool = False
 
 
 _TCP: Final = 6
@@ -74,6 +77,8 @@ _IPV6: Final = Struct(">4x H B x 16s 16s")
 _EXTENSION: Final = Struct(">B B H")
 _FRAGMENT_NUMBER: Final = Struct(">4x I")
 _TCP_HEADER: Final = Struct(">H H I I B B 6x")
+_CHECKSUM: Final = Struct(">H")
+_CHECKSUM_MODULUS: Final = 0xFFFF
 
 
 class _Ip(NamedTuple):
@@ -175,6 +180,7 @@ def _segment(time_ns: int, packet: bytes, ip: _Ip) -> Segment:
     if header_bytes < _TCP_HEADER.size or start > ip.end:
         raise UnreadablePacket(_CONTRADICTION)
     payload = packet[start : ip.end]
+    cut_bytes = ip.end - start - len(payload)
     return Segment(
         time_ns,
         Endpoint(ip.src, src_port),
@@ -183,5 +189,21 @@ def _segment(time_ns: int, packet: bytes, ip: _Ip) -> Segment:
         ack,
         flags,
         payload,
-        ip.end - start - len(payload),
+        cut_bytes,
+        corrupt=bool(payload) and not cut_bytes and _is_corrupt(ip, packet[ip.start : ip.end]),
+    )
+
+
+def _is_corrupt(ip: _Ip, segment: bytes) -> bool:
+    """Return whether the checksum of a whole segment is wrong; see `Segment.corrupt`."""
+    # The ones' complement sum of 16-bit words is the remainder of division by 65,535.
+    addresses = (int.from_bytes(ip.src + ip.dst) + _TCP + len(segment)) % _CHECKSUM_MODULUS
+    padding = b"\0" * (len(segment) % 2)
+    if (int.from_bytes(segment + padding) + addresses) % _CHECKSUM_MODULUS == 0:
+        return False
+    (field,) = _CHECKSUM.unpack_from(segment, 16)
+    return field % _CHECKSUM_MODULUS not in (
+        0,
+        addresses,
+        (addresses - len(segment)) % _CHECKSUM_MODULUS,
     )

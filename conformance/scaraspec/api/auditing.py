@@ -8,7 +8,7 @@ from typing import Final
 
 from scaraspec.judge.judge import Judge
 from scaraspec.judge.verdicts import Conclusion, Finding
-from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.report.audit import from_audit
 from scaraspec.report.evidence import evidence_of
 from scaraspec.report.model import Case, Results, Role, Subject
@@ -31,6 +31,7 @@ from scaraspec_recorder.sinks.mcap.mcap_sink import CLAIM, MASKED, PASSWORDS, SU
 from scaraspec_recorder.sources.capture import McapCapture, PcapCapture, open_capture
 from scaraspec_recorder.sources.joined import JoinedCapture
 
+_MAX_NAMED: Final = 10
 _EVENTS_PER_UPDATE: Final = 1000
 _INTERRUPTED: Final = "Interrupted: the rest of the capture was not judged."
 _ON_PASSWORDS: Final = frozenset({"4.1/2", "4.1/3", "4.2/3"})
@@ -116,6 +117,10 @@ def audit(  # noqa: PLR0913 - independent options of an audit
                 path=capture.path,
             )
         )
+    if isinstance(capture, PcapCapture):
+        judge.discredit(capture.summary.unreliable)
+    one_sided = listener.stats.one_sided()
+    judge.drop_unseen(one_sided.keys())
     results = from_audit(
         judge,
         listener.stats,
@@ -126,17 +131,22 @@ def audit(  # noqa: PLR0913 - independent options of an audit
         excluded=excluded_requirements(listener.served),
     )
     notices = (*([_INTERRUPTED] if interrupted else []), *_notices(subject, judge, listener))
+    notices += tuple(_one_sided_notices(one_sided))
     results = replace(results, notices=notices)
-    if results.session:
-        session = replace(results.session, incomplete=not capture.summary.whole)
-        results = replace(results, session=session)
-    missing = not capture.summary.whole or (results.session and results.session.missing)
-    if (interrupted or missing) and results.verdict is not Conclusion.NONCONFORMANT:
-        results = replace(results, verdict=Conclusion.INCONCLUSIVE)
-    has_frames = results.session and results.session.frames
-    if results.verdict.good and not has_frames:
-        results = replace(results, verdict=Conclusion.NOTHING_TESTED)
+    results = _as_recorded(results, whole=capture.summary.whole, interrupted=interrupted)
     return results, tuple(capture.summary.notes)
+
+
+def _as_recorded(results: Results, *, whole: bool, interrupted: bool) -> Results:
+    """Return the results; what is missing makes them inconclusive at best."""
+    session = results.session and replace(results.session, incomplete=not whole)
+    verdict = results.verdict
+    missing = interrupted or not whole or (session and session.missing)
+    if missing and verdict is not Conclusion.NONCONFORMANT:
+        verdict = Conclusion.INCONCLUSIVE
+    elif verdict.good and not (session and session.frames):
+        verdict = Conclusion.NOTHING_TESTED
+    return replace(results, session=session, verdict=verdict)
 
 
 def _joined(captures: Sequence[McapCapture | PcapCapture]) -> McapCapture | PcapCapture:
@@ -260,6 +270,18 @@ def _notices(subject: Role, judge: Judge, listener: _Listener) -> Iterator[str]:
             "shows it",
             command=name,
         )
+
+
+def _one_sided_notices(one_sided: Mapping[str, Direction]) -> Iterator[str]:
+    for direction, side in ((C2A, "controller"), (A2C, "client")):
+        names = [name for name, missing in one_sided.items() if missing is direction]
+        if names:
+            yield UserMessage(
+                "One direction only: nothing that the {side} sent was captured on connection "
+                "{names}. Nothing is concluded about it",
+                side=side,
+                names=", ".join(names[:_MAX_NAMED]) + (", …" if names[_MAX_NAMED:] else ""),
+            )
 
 
 def _is_tcp(url: str) -> bool:

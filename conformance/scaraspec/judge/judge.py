@@ -7,8 +7,8 @@ all connections of a controller with one robot state, applies the rules, and cou
 
 import re
 from collections import Counter, OrderedDict, defaultdict
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
 from itertools import groupby
 from typing import Final, NamedTuple
@@ -52,7 +52,10 @@ _UNCERTAIN: Final = {
     Side.RECORDING: "a gap in the recording or a fault injected on purpose may be why",
     Side.NETWORK: "a fault that was injected on purpose may be why",
 }
+_TWO_COPIES: Final = "two different copies of its bytes were captured"
 _UNFRAMED: Final = "bytes that belong to no frame may be why"
+_ASSUMES_GAP: Final = ("in a gap of the recording", "in a gap")
+_IN_OTHER_BYTES: Final = "not decided: the receiver may have read it as part of other bytes"
 _SIDES: Final = {A2C: Side.CLIENT, C2A: Side.CONTROLLER, None: None}
 
 
@@ -96,7 +99,7 @@ class Tally:
     @property
     def verdict(self) -> Verdict:
         """The gravest verdict; verdicts only rise."""
-        return worst(self.counts)
+        return worst(+self.counts)
 
 
 class Judge:
@@ -189,8 +192,8 @@ class Judge:
             tallies[requirement].passes += 1
         unreliable = _unreliable(traffic_event, robot)
         for judged, requirements, in_scope in results.others:
-            if unreliable is None and _rests_on_gap(judged, traffic_event):
-                continue  # the bytes that belong to no frame are reported
+            if unreliable and judged.verdict is Verdict.TOLERATED:
+                continue  # it may be another exchange than it seems
             for requirement in requirements:
                 finding = _finding(requirement, judged, traffic_event, unreliable)
                 if requirement in in_scope:
@@ -199,6 +202,45 @@ class Judge:
                     self.other_side += 1
                 yield finding
         robot.remember(traffic_event)
+
+    def discredit(self, unreliable: Sequence[WireRange]) -> None:
+        """Make the failures that rest on unreliable bytes inconclusive.
+
+        Args:
+            unreliable: Bytes of which a capture has two different copies.
+        """
+        for tally in self.tallies.values():
+            for at, finding in enumerate(tally.findings):
+                if finding.verdict is Verdict.FAIL and _rests_on(finding, unreliable):
+                    tally.findings[at] = replace(
+                        finding,
+                        verdict=Verdict.INCONCLUSIVE,
+                        cause=Cause.SET_UP,
+                        side=Side.RECORDING,
+                        message=f"{finding.message}; {_TWO_COPIES}",
+                    )
+                    tally.others[Verdict.FAIL] -= 1
+                    tally.others[Verdict.INCONCLUSIVE] += 1
+
+    def drop_unseen(self, connections: Collection[str]) -> None:
+        """Drop the findings that bytes may be missing on these connections.
+
+        Args:
+            connections: Connections of which a capture has one direction only.
+        """
+        for requirement, tally in list(self.tallies.items()):
+            tally.findings = [
+                finding
+                for finding in tally.findings
+                if finding.side is not Side.RECORDING
+                or not finding.evidence
+                or finding.evidence[0].connection not in connections
+            ]
+            left = Counter(finding.verdict for finding in tally.findings)
+            if not left[Verdict.INCONCLUSIVE]:
+                tally.others[Verdict.INCONCLUSIVE] = 0
+            if not +tally.counts:
+                del self.tallies[requirement]
 
     def _tally(self, finding: Finding) -> None:
         tally = self.tallies[finding.requirement]
@@ -255,16 +297,21 @@ def _checks_for(traffic_event: TrafficEvent, scope: Scope) -> _Checks:
     return checks
 
 
+def _rests_on(finding: Finding, ranges: Sequence[WireRange]) -> bool:
+    return any(
+        place[:2] == other[:2]
+        and place.offset_bytes < other.offset_bytes + other.length_bytes
+        and other.offset_bytes < place.offset_bytes + place.length_bytes
+        for place in finding.evidence
+        for other in ranges
+    )
+
+
 def _unreliable(traffic_event: TrafficEvent, robot: RobotState) -> Side | None:
     """Return what makes an event uncertain; None if nothing but bytes that belong to no frame."""
     if is_certain(traffic_event) or not (robot.bytes_missing or robot.fault_injected):
         return None
     return Side.RECORDING if robot.bytes_missing else Side.NETWORK
-
-
-def _rests_on_gap(judged: RuleResult, traffic_event: TrafficEvent) -> bool:
-    """Whether a rule assumes that bytes are missing in the recording."""
-    return not is_certain(traffic_event) and judged.message.endswith(("recording", "in a gap"))
 
 
 def _finding(
@@ -279,6 +326,8 @@ def _finding(
     if verdict is Verdict.FAIL and not is_certain(traffic_event):
         reason = _UNCERTAIN[unreliable] if unreliable else _UNFRAMED
         verdict, message = Verdict.INCONCLUSIVE, f"{message}; {reason}"
+    elif message.endswith(_ASSUMES_GAP) and not unreliable and not is_certain(traffic_event):
+        message = _IN_OTHER_BYTES
     elif verdict is Verdict.FAIL and REQUIREMENTS[requirement].strength is Strength.INFO:
         verdict, reading = Verdict.TOLERATED, (requirement, "observed otherwise")
     return Finding(

@@ -381,7 +381,7 @@ class Session:
         if any(loss.length_bytes < 0 for loss in self.losses):
             parts.append("and more of unknown length" if self.lost_bytes else "of unknown length")
         if self.incomplete:
-            parts.append("the file is incomplete")
+            parts.append("the file is not whole")
         return ", ".join(parts)
 
 

@@ -164,6 +164,18 @@ class SessionStats:
             lost_bytes=self._lost_bytes,
         )
 
+    def one_sided(self) -> dict[str, Direction]:
+        """Return the connections with bytes of one side only, and whose bytes are missing."""
+        missing = {(loss.connection, loss.direction) for loss in self._losses}
+        return {
+            name: direction
+            for name, connection in self._connections.items()
+            for direction in Direction
+            if (name, direction) in missing
+            and connection.bytes[direction.opposite]
+            and not connection.bytes[direction]
+        }
+
     def _connection_at(self, name: str, time_ns: int) -> _Connection | None:
         """Return the connection and extend it to `time_ns`; None if it is not listed."""
         self._begun_ns = time_ns if self._begun_ns is None else min(self._begun_ns, time_ns)

@@ -64,12 +64,14 @@ class InvalidBytes:
         reason: Why they belong to no frame.
         place: Where they are, their full length, and when the last of them was seen.
         touches_gap: Whether they may be part of a frame that a capture gap cuts.
+        mixed: The commands of two frames whose bytes are mixed, if that explains them.
     """
 
     data: bytes
     reason: SkipReason
     place: WireRange
     touches_gap: bool = False
+    mixed: str = ""
 
     @property
     def certain(self) -> bool:

@@ -14,6 +14,7 @@ from scaraspec.protocol import commands
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.frames import Frame, Framer, Skipped, SkipReason, StreamItem
 from scaraspec.traffic.events import FrameSeen, InvalidBytes
+from scaraspec.traffic.mixed_frames import find_mixed
 from scaraspec.traffic.wire import WireEvent, WireRange
 
 _MAX_INVALID_BYTES: Final = 4096
@@ -33,6 +34,7 @@ class Stream:
         self._in_sync = True
         self._at_gap = False  # the next bytes are the first ones after a gap
         self._ends_with_frame = False
+        self._last_item: StreamItem | None = None
         self._silent_bytes = 0  # offset of a long silence inside a frame
         self._claimed_bytes = 0  # offset at which an abandoned frame would have ended
 
@@ -56,6 +58,7 @@ class Stream:
             if end - at == len(data):
                 # The short path of `_emit` for the usual event: it is one frame.
                 self._ends_with_frame = True
+                self._last_item = frame
                 place = WireRange(self._connection, self._direction, at, len(data), time_ns)
                 is_certain = self._in_sync and end > self._claimed_bytes
                 parsed = commands.parse_frame(frame)
@@ -117,6 +120,7 @@ class Stream:
         yield from self.flush()
         self._in_sync = self._ends_with_frame = False
         self._at_gap = True
+        self._last_item = None
 
     def finish(self) -> Iterator[FrameSeen | InvalidBytes]:
         """End the stream; frames found inside an unfinished frame are not certain."""
@@ -133,6 +137,7 @@ class Stream:
         self, at: int, items: list[StreamItem], *, certain: bool
     ) -> Iterator[FrameSeen | InvalidBytes]:
         pieces = self._pieces
+        mixed = self._find_mixed(items)
         for item in items:
             end = at + item.size_bytes
             begun_ns, time_ns = self._time(at), self._time(end - 1)
@@ -147,9 +152,22 @@ class Stream:
                 is_certain = certain and end > self._claimed_bytes
                 yield FrameSeen(item, place, begun_ns, commands.parse_frame(item), is_certain)
             else:
-                yield from self._skip(item, place)
+                yield from self._skip(item, place, mixed)
 
-    def _skip(self, item: Skipped, place: WireRange) -> Iterator[InvalidBytes]:
+    def _find_mixed(self, items: list[StreamItem]) -> str:
+        """Return which two frames are mixed, if skipped bytes are a part of one of them."""
+        before, self._last_item = self._last_item, items[-1] if items else self._last_item
+        if all(isinstance(item, Frame) for item in items):
+            return ""
+        pieces = [
+            item.encode() if isinstance(item, Frame) else item.data
+            for item in (before, *items)
+            if item is not None
+        ]
+        windows = (b"".join(pieces[at : at + size]) for at in range(len(pieces)) for size in (2, 3))
+        return next(filter(None, (find_mixed(data, self._direction) for data in windows)), "")
+
+    def _skip(self, item: Skipped, place: WireRange, mixed: str) -> Iterator[InvalidBytes]:
         """Join consecutive skipped items: invalid bytes after a false frame belong to it."""
         run = self._run
         if run and (
@@ -165,7 +183,9 @@ class Stream:
         if item.reason is SkipReason.IMPLAUSIBLE and item.size_bytes == 1 and self._in_sync:
             return  # the wrong end byte of a frame that was already reported
         data = item.data[:_MAX_INVALID_BYTES]
-        self._run = InvalidBytes(data, item.reason, place, touches_gap=not self._in_sync)
+        self._run = InvalidBytes(
+            data, item.reason, place, touches_gap=not self._in_sync, mixed=mixed
+        )
 
     def _time(self, offset_bytes: int) -> int:
         """Return when the byte at this offset was seen."""

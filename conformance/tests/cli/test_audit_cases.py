@@ -21,6 +21,8 @@ import pytest
         ("modified-pcap.cap", "", 2, "is a modified pcap file: convert it with editcap"),
         ("lz4-compressed.mcap", "", 1, "fail · 3/18"),
         ("sequence-always-zero.mcap", "", 0, "no violation found"),
+        ("dst.pcap", "", 0, "tolerated · 4.6/4 · controller · the clock changed by one hour"),
+        ("interleaved.pcap", "", 1, "the bytes of get_status and run_program are mixed"),
         ("two-recordings-merged.mcap", "", 2, "audit each recording by itself"),
         ("one-flipped-bit.mcap", "", 3, "the length of 1 records was wrong"),
     ],

@@ -17,6 +17,7 @@ from scaraspec_recorder.tcp_segment import FIN, SYN, Segment
 
 ITEM_BYTES: Final = 256  # memory of a held segment or event in addition to its data
 _MODULUS: Final = 1 << 32
+_COMPARED_BYTES: Final = 1 << 13  # of delivered bytes, to compare repeated ones
 _FAR_BYTES: Final = 1 << 24  # more than a capture loses at a time
 
 NO_POSITION: Final = -(1 << 63)
@@ -68,6 +69,10 @@ class ByteStream:
         ended: The end (FIN) has been delivered.
         held_bytes: Memory of the segments that wait for a missing byte.
         missing_start_note: Why the start was not captured.
+        acknowledges: Whether the sender has sent a segment without data after its first data.
+        used_corrupt: Number of corrupt segments that were used, because no other copy was captured.
+        conflict: Position and length of the last repeated bytes that differ from the first copy;
+            whoever reads it sets it to None.
     """
 
     def __init__(self, connection: str) -> None:
@@ -87,6 +92,11 @@ class ByteStream:
         self._seen = 0  # position up to which bytes were sent, captured or not
         self._fin: int | None = None
         self._fin_at = self.last
+        self.acknowledges = False
+        self.used_corrupt = 0
+        self.conflict: tuple[int, int] | None = None
+        self._delivered = b""  # the last bytes before `next`
+        self._corrupt: dict[int, tuple[PacketTime, int, bytes]] = {}  # by position, as in _waiting
         self._waiting: list[
             tuple[int, PacketTime, int, bytes]
         ] = []  # position, time, acknowledged_peer, data
@@ -141,6 +151,12 @@ class ByteStream:
         before, self._far = self._far, position
         return before is None or not 0 < position - before <= _FAR_BYTES
 
+    def would_acknowledge(self, ack: int) -> bool:
+        """Whether an acknowledgment is the first one for the last bytes of this stream."""
+        if self.start is None or self.ended:
+            return False
+        return self.acknowledged < self._seen == self._position(ack)
+
     def acknowledge(self, ack: int) -> int:
         """Process an acknowledgment: the receiver has every byte before it. Return its position."""
         position = self._position(ack)
@@ -157,6 +173,7 @@ class ByteStream:
         """
         data, fin = segment.payload, segment.flags & FIN
         if self.ended or not (data or segment.cut_bytes or fin):
+            self.acknowledges |= self.start is not None and self.next > self.start
             return
         position = self._position(segment.seq + bool(segment.flags & SYN))
         if self.start is None:
@@ -166,7 +183,13 @@ class ByteStream:
         self._seen = max(self._seen, end)
         if fin and self._fin is None:
             self._fin, self._fin_at = end, at
-        if data and captured_end > self.next:
+        if segment.corrupt and captured_end > self.next:
+            if position not in self._corrupt:
+                self.held_bytes += len(data) + ITEM_BYTES
+                self._corrupt[position] = (at, acknowledged_peer, data)
+        elif not segment.corrupt and data and captured_end <= self.next:
+            self._compare(position, data)
+        elif data and captured_end > self.next:
             self.held_bytes += len(data) + ITEM_BYTES
             heappush(self._waiting, (position, at, acknowledged_peer, data))
 
@@ -177,13 +200,17 @@ class ByteStream:
         while self._waiting and self._waiting[0][0] <= self.next:
             position, at, acknowledged_peer, data = heappop(self._waiting)
             self.held_bytes -= len(data) + ITEM_BYTES
+            self._compare(position, data[: self.next - position])
             if fresh := data[self.next - position :]:
                 end = self.next + len(fresh)
                 yield self._ready(Kind.BYTES, at, end, acknowledged_peer, data=fresh)
                 self.next = end
+                self._delivered = (self._delivered + fresh)[-_COMPARED_BYTES:]
+        self._drop_corrupt()
         if self._fin is not None and self.next >= self._fin:
             self.ended = True
             self._waiting.clear()
+            self._corrupt.clear()
             self.held_bytes = 0
             yield self._ready(Kind.HALF_CLOSED, self._fin_at, self.queued_end)
 
@@ -205,6 +232,11 @@ class ByteStream:
             )
             yield from self.advance()
         while self.next < (end := min(limit, self.known_end)):
+            if self._use_corrupt():
+                yield from self.advance()
+                continue
+            if self._corrupt:
+                end = min(end, *self._corrupt)
             if self._waiting:
                 end = min(end, self._waiting[0][0])
             note = "not captured"
@@ -212,7 +244,35 @@ class ByteStream:
                 note += "; the last byte may have been the end of the stream (FIN)"
             yield self._ready(Kind.GAP, since, end, length_bytes=end - self.next, note=note)
             self.next = end
+            self._delivered = b""
             yield from self.advance()
+
+    def _compare(self, position: int, data: bytes) -> None:
+        """Compare repeated bytes with those that were delivered, as far as these are kept."""
+        if len(data) == 1 and position == self.next - 1:
+            return  # a keep-alive, whose byte has no meaning
+        first = self.next - len(self._delivered)
+        data, position = data[max(first - position, 0) :], max(position, first)
+        kept = self._delivered[position - first :][: len(data)]
+        if kept != data[: len(kept)]:
+            self.conflict = (position, len(kept))
+
+    def _use_corrupt(self) -> bool:
+        """Take a corrupt segment with the next byte as a copy, if there is one."""
+        found = [p for p, (_, _, data) in self._corrupt.items() if p <= self.next < p + len(data)]
+        if not found:
+            return False
+        at, acknowledged_peer, data = self._corrupt.pop(found[0])
+        self.used_corrupt += 1
+        heappush(self._waiting, (found[0], at, acknowledged_peer, data))
+        return True
+
+    def _drop_corrupt(self) -> None:
+        """Drop the corrupt segments of which another copy was captured."""
+        for position, (_, _, data) in list(self._corrupt.items()):
+            if position + len(data) <= self.next:
+                del self._corrupt[position]
+                self.held_bytes -= len(data) + ITEM_BYTES
 
     def _position(self, number: int) -> int:
         """Return the position of a sequence number: the one that is nearest to `next`."""

@@ -18,7 +18,7 @@ from types import MappingProxyType
 from typing import Any, BinaryIO, Final, NamedTuple
 
 from scaraspec.protocol.port import DEFAULT_PORT
-from scaraspec.traffic.wire import WireEvent
+from scaraspec.traffic.wire import WireEvent, WireRange
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.encapsulation import UndecodedPacket, UnreadablePacket
 from scaraspec_recorder.errors import CaptureError
@@ -52,6 +52,7 @@ class PcapSummary:
         connections: Number of connections.
         whole: Whether the file is not damaged, and no packet of a connection is truncated.
         notes: One sentence for each kind of missing or unusual data.
+        unreliable: Bytes of which two different copies were captured.
     """
 
     read_bytes: int = 0
@@ -60,6 +61,7 @@ class PcapSummary:
     connections: int = 0
     whole: bool = True
     notes: list[str] = field(default_factory=list)
+    unreliable: list[WireRange] = field(default_factory=list)
 
 
 class PcapCapture:
@@ -133,6 +135,8 @@ class PcapCapture:
             yield from reassembler.receive(segment)
         yield from reassembler.finish()
         summary.connections = reassembler.connections
+        summary.unreliable = reassembler.unreliable
+        summary.whole = summary.whole and not reassembler.conflicts
         summary.notes += [
             UserMessage(_UNDECODED if count > 1 else _ONE_UNDECODED, count=count, name=name)
             for name, count in undecoded.most_common(_MAX_REASONS)
@@ -154,9 +158,23 @@ def _reassembly_notes(reassembler: Reassembler, fragments: FragmentBuffer) -> It
             "segments far outside the window of their connection, ignored: {count}",
             count=reassembler.far_segments,
         )
+    if reassembler.corrupt_segments:
+        yield UserMessage(
+            "segments with a wrong checksum, used only if no other copy was captured: {count}",
+            count=reassembler.corrupt_segments,
+        )
+    if reassembler.conflicts:
+        yield UserMessage(
+            "segments that repeat bytes differently, so that these bytes are not reliable: {count}",
+            count=reassembler.conflicts,
+        )
     if reassembler.clock_steps:
         times = "once" if reassembler.clock_steps == 1 else f"{reassembler.clock_steps} times"
-        yield f"the capture clock was set back {times}"
+        yield UserMessage(
+            "the capture clock was set {times}: later times are shown as if it had not been, and "
+            "durations across it are not judged",
+            times=times,
+        )
 
 
 def _survey_notes(survey: ProtocolSurvey, port: int | None, packets: int) -> Iterator[str]:

@@ -12,8 +12,9 @@ arrive any more:
 Until then, all later events wait, including those of other connections: a reply is never delivered
 before its request, even if that request is lost.
 
-If the capture's clock is set back, event times stay constant and continue from there. A gap of zero
-bytes marks that earlier traffic must not cause failures.
+If the capture's clock is set back or forward, event times stay constant and continue from there. A
+gap of zero bytes marks that earlier traffic must not cause failures. A clock was set forward if a
+long silence begins while bytes are not acknowledged, and nobody repeats them.
 """
 
 from collections.abc import Callable, Collection, Iterable
@@ -23,7 +24,7 @@ from typing import Final
 
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.port import DEFAULT_PORT
-from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec.traffic.wire import Kind, WireEvent, WireRange
 from scaraspec_recorder.sources.bytestream import (
     ITEM_BYTES,
     NO_POSITION,
@@ -33,8 +34,11 @@ from scaraspec_recorder.sources.bytestream import (
 )
 from scaraspec_recorder.tcp_segment import ACK, RST, SYN, Endpoint, Segment
 
+_MAX_UNRELIABLE: Final = 100
 STEP_NS: Final = 1_000_000_000
 """Minimum decrease of the time that counts as a clock set back; swapped packets differ less."""
+_FORWARD_NS: Final = 60_000_000_000
+"""In this time a sender repeats bytes that are not acknowledged many times."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +75,17 @@ class _Connection:
         if stream.start is None:
             return self.under_way
         return stream.next < stream.known_end
+
+    def answers_at_once(self, segment: Segment) -> bool:
+        """Whether a segment is the first that acknowledges bytes of its receiver.
+
+        The receiver would have repeated them in a long silence. In an artificial capture without
+        acknowledgments of their own, this is known for requests only.
+        """
+        at = self.ends.index(segment.src)
+        sender, receiver = self.streams[at], self.streams[1 - at]
+        known = receiver.direction is Direction.A2C or sender.acknowledges
+        return bool(segment.flags & ACK) and known and receiver.would_acknowledge(segment.ack)
 
     def peer_of(self, stream: ByteStream) -> ByteStream:
         """Return the stream of the other direction."""
@@ -114,8 +129,12 @@ class Reassembler:
 
     Attributes:
         connections: Number of connections so far.
-        clock_steps: Number of times that the clock of the capture was set back.
+        clock_steps: Number of times that the clock of the capture was set back or forward.
         far_segments: Number of segments far outside the window, which were ignored.
+        corrupt_segments: Number of segments with a wrong checksum from a sender with right ones.
+            They are used only if no other copy of their bytes was captured.
+        conflicts: Number of repeated segments that differ from the first copy.
+        unreliable: The bytes of the first conflicts.
     """
 
     def __init__(
@@ -129,6 +148,10 @@ class Reassembler:
         self.connections = 0
         self.clock_steps = 0
         self.far_segments = 0
+        self.corrupt_segments = 0
+        self.conflicts = 0
+        self.unreliable: list[WireRange] = []
+        self._computes_checksums: set[Endpoint] = set()
         self._ports = ports
         self._between = between
         self._on_oriented = on_oriented
@@ -161,17 +184,18 @@ class Reassembler:
         connection = self._connection_of(segment)
         if connection is not None:
             steps = self.clock_steps
-            segment = self._on_one_clock(segment)
+            segment = self._on_one_clock(connection, segment)
             if self.clock_steps > steps:
                 self._report_clock_step(connection, segment)
             self._take(connection, segment)
         return self._settle()
 
-    def _on_one_clock(self, segment: Segment) -> Segment:
+    def _on_one_clock(self, connection: _Connection, segment: Segment) -> Segment:
         """Return the segment with a monotonic time; by default, with the latest time."""
         time_ns = segment.time_ns + self._clock_offset_ns if segment.time_ns else self._latest_ns
         back_ns = self._latest_ns - time_ns
-        if back_ns > STEP_NS:
+        set_forward = -back_ns > _FORWARD_NS and connection.answers_at_once(segment)
+        if back_ns > STEP_NS or set_forward:
             self.clock_steps += 1
             self._clock_offset_ns += back_ns
             time_ns = self._latest_ns
@@ -185,7 +209,7 @@ class Reassembler:
             self._enqueue(
                 connection,
                 stream,
-                [stream.uncertainty(at, "the capture clock was set back")],
+                [stream.uncertainty(at, "the capture clock was set")],
             )
 
     def follows(self, segment: Segment) -> bool:
@@ -250,9 +274,36 @@ class Reassembler:
         # The receiver first: its missing bytes were sent before this segment acknowledged them.
         self._progress(connection, receiver, acknowledged_at)
         if not segment.flags & RST:  # the payload of a RST is a diagnostic text
-            sender.put(segment, now, acknowledged)
+            sender.put(self._with_doubt(segment), now, acknowledged)
         self._progress(connection, sender, sent_at)
+        self._report_conflict(connection, sender, now)
         self._conclude(connection)
+
+    def _with_doubt(self, segment: Segment) -> Segment:
+        """Return the segment; it is not corrupt if its sender has had no right checksum so far.
+
+        Its network card may compute them after the capture.
+        """
+        if segment.payload and not segment.corrupt and not segment.cut_bytes:
+            self._computes_checksums.add(segment.src)
+        elif segment.corrupt and segment.src not in self._computes_checksums:
+            return segment._replace(corrupt=False)
+        self.corrupt_segments += segment.corrupt
+        return segment
+
+    def _report_conflict(
+        self, connection: _Connection, stream: ByteStream, now: PacketTime
+    ) -> None:
+        """Report repeated bytes that differ: what depends on them is uncertain."""
+        if stream.conflict is None or stream.start is None:
+            return
+        (position, length_bytes), stream.conflict = stream.conflict, None
+        self.conflicts += 1
+        if len(self.unreliable) < _MAX_UNRELIABLE:
+            place = (connection.name, stream.direction, position - stream.start, length_bytes)
+            self.unreliable.append(WireRange(*place, now.time_ns))
+        note = "two different copies of the same bytes were captured"
+        self._enqueue(connection, stream, [stream.uncertainty(now, note)])
 
     def _open(
         self,

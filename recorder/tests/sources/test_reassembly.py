@@ -636,7 +636,7 @@ def test_a_clock_set_back() -> None:
     assert run(segments, reassembler) == [
         opened(at),
         data(at + 5, A2C, 0, REQUEST),
-        gap(at + 5, C2A, 0, 0, "the capture clock was set back"),
+        gap(at + 5, C2A, 0, 0, "the capture clock was set"),
         data(at + 5, C2A, 0, REPLY),
         data(at + 7, A2C, 4, REQUEST),
         data(at + 7, C2A, 6, REPLY),  # without a time
@@ -738,3 +738,86 @@ def test_any_segments(segments: list[Segment], late_segments: int) -> None:
     check_order(run(segments, reassembler))
     assert reassembler._held_bytes == 0
     assert not reassembler._holes
+
+
+# Copies of the same bytes.
+
+OTHER = bytes.fromhex("aa0a00cc")
+
+
+def test_a_corrupt_segment_does_not_win() -> None:
+    """The receiver ignores it, and takes the repeated one."""
+    bad = a2c(30, 4, OTHER)._replace(corrupt=True)
+    segments = [*handshake(), a2c(20, 0, REQUEST), bad, a2c(40, 4, REQUEST), c2a(50, 0, ack=8)]
+    reassembler = Reassembler()
+    events = run(segments, reassembler)
+    assert octets(events) == REQUEST + REQUEST
+    assert not gaps(events)
+    assert reassembler.corrupt_segments == 1
+
+
+def test_a_corrupt_segment_is_better_than_none() -> None:
+    """It was acknowledged: only the capture has a wrong copy."""
+    bad = a2c(30, 4, OTHER)._replace(corrupt=True)
+    events = run([*handshake(), a2c(20, 0, REQUEST), bad, c2a(50, 0, REPLY, ack=8)])
+    assert octets(events) == REQUEST + OTHER
+    assert not gaps(events)
+    check_order(events)
+
+
+def test_a_sender_without_right_checksums() -> None:
+    """Its network card computes them after the capture."""
+    bad = [a2c(20 + n, 4 * n, REQUEST)._replace(corrupt=True) for n in range(3)]
+    reassembler = Reassembler()
+    events = run([*handshake(), *bad], reassembler)
+    assert events[1:] == [data(20 + n, A2C, 4 * n, REQUEST) for n in range(3)]
+    assert reassembler.corrupt_segments == 0
+
+
+def test_two_copies_that_differ() -> None:
+    """The first one is delivered; that it is not reliable is marked and counted."""
+    reassembler = Reassembler()
+    segments = [*handshake(), a2c(20, 0, REQUEST), a2c(30, 0, OTHER), c2a(40, 0, REPLY, ack=4)]
+    events = run(segments, reassembler)
+    assert octets(events) == REQUEST
+    assert gaps(events) == [
+        gap(30, A2C, 4, 0, "two different copies of the same bytes were captured")
+    ]
+    assert reassembler.conflicts == 1
+    assert [place[:4] for place in reassembler.unreliable] == [("1", A2C, 0, 4)]
+
+
+def test_equal_copies_and_keep_alives_do_not_differ() -> None:
+    """The byte of a keep-alive has no meaning."""
+    reassembler = Reassembler()
+    keep_alive = a2c(40, 3, b"\0")
+    part = a2c(50, 2, REQUEST[2:] + REQUEST)
+    run([*handshake(), a2c(20, 0, REQUEST), a2c(30, 0, REQUEST), keep_alive, part], reassembler)
+    assert reassembler.conflicts == 0
+
+
+# A clock set forward.
+
+HOUR_NS = 3600 * 10**9
+
+
+def test_a_clock_set_forward_in_an_exchange() -> None:
+    """The client would have repeated the request that is not acknowledged for an hour."""
+    reassembler = Reassembler()
+    events = run([*handshake(), a2c(20, 0, REQUEST), c2a(HOUR_NS, 0, REPLY, ack=4)], reassembler)
+    assert reassembler.clock_steps == 1
+    assert events[-1] == data(20, C2A, 0, REPLY)
+    assert [g.length_bytes for g in gaps(events)] == [0]
+
+
+def test_a_silence_is_no_step_of_the_clock() -> None:
+    """Everything was acknowledged before, or nobody acknowledges without data."""
+    acknowledged = [*handshake(), a2c(20, 0, REQUEST), c2a(30, 0, ack=4)]
+    answered = [*handshake(), a2c(20, 0, REQUEST), c2a(30, 0, REPLY, ack=4)]
+    for segments, later in (
+        (acknowledged, c2a(HOUR_NS, 0, REPLY, ack=4)),
+        (answered, a2c(HOUR_NS, 4, REQUEST, ack=6)),
+    ):
+        reassembler = Reassembler()
+        run([*segments, later], reassembler)
+        assert reassembler.clock_steps == 0

@@ -1,7 +1,7 @@
 """Clauses 4.5 and 4.6: the robot's clock, compared with the time of the recording."""
 
 from collections.abc import Callable, Sequence
-from datetime import timedelta
+from datetime import datetime, timedelta
 from itertools import pairwise
 from typing import Final
 
@@ -25,6 +25,12 @@ _MAX_AGE_NS: Final = 60_000_000_000
 """After this time 4.6/4 judges the rate of the clock."""
 
 _NIGHT_END: Final = timedelta(hours=4)
+
+_SUMMER_TIME: Final = tolerated(
+    "A-4.5-1",
+    "local time",
+    "the clock changed by one hour early on a Sunday, as local summer time does",
+)
 
 _NS_PER_S: Final = 1_000_000_000
 
@@ -76,6 +82,9 @@ def clock_as_set(x: Exchange, robot: RobotState) -> RuleResult | None:
     advance_s = (x.reply_value - setting.request_value).total_seconds()
     if not deviation_s(advance_s, setting, x):
         return PASSED
+    if _is_summer_time(setting.request_value, setting, x):
+        reported = any(_comparable(y, x, robot) for y in robot.history.recent.get("get_time", ()))
+        return None if reported else _SUMMER_TIME  # by 4.6/4
     return failed(
         "the clock does not show the time that was set plus the elapsed time",
         expected=f"{setting.request_value} plus {elapsed_s(setting, x)[0]:.0f} s",
@@ -96,9 +105,8 @@ def clock_runs(x: Exchange, robot: RobotState) -> RuleResult | None:
     if contradiction is None:
         return PASSED
     y, step = contradiction
-    if _is_summer_time(y, x):
-        message = "the clock changed by one hour early on a Sunday, as local summer time does"
-        return tolerated("A-4.5-1", "local time", message)
+    if _is_summer_time(y.reply_value, y, x):
+        return _SUMMER_TIME
     if step:
         return inconclusive(
             "the clock of the robot or of the recorder was set between two requests"
@@ -119,17 +127,22 @@ def clock_runs(x: Exchange, robot: RobotState) -> RuleResult | None:
     )
 
 
-def _is_summer_time(y: Exchange, x: Exchange) -> bool:
+def _is_summer_time(time: datetime, y: Exchange, x: Exchange) -> bool:
     """Whether the clock is one hour off, and a Sunday began between the two or just before them.
 
     Local time changes so; whether the clock shows local time or UTC is open (A-4.5-1).
+
+    Args:
+        time: The time of the robot at `y`.
+        y: An earlier exchange.
+        x: A query of the time.
     """
-    advance_s = (x.reply_value - y.reply_value).total_seconds()
+    advance_s = (x.reply_value - time).total_seconds()
     if all(deviation_s(advance_s + hour_s, y, x) for hour_s in (-3600, 3600)):
         return False
     midnight = x.reply_value.replace(hour=0, minute=0, second=0)
     night_ends = timedelta(days=-((midnight.weekday() + 1) % 7)) + _NIGHT_END
-    return bool(y.reply_value - midnight < night_ends)  # a sum could exceed the range of datetime
+    return bool(time - midnight < night_ends)  # a sum could exceed the range of datetime
 
 
 def _comparable(y: Exchange, x: Exchange, robot: RobotState) -> bool:

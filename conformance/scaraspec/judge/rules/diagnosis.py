@@ -46,6 +46,9 @@ def diagnose(invalid: InvalidBytes) -> Diagnosis:
     data, direction = invalid.data, invalid.place.direction
     if _FOREIGN.match(data):
         return Diagnosis(Fault.NONE)
+    if invalid.mixed:
+        hint = f"the bytes of {invalid.mixed} are mixed: two threads write at once"
+        return _stray(invalid)._replace(hint=hint)
     tagged = data[1:2] == bytes((TAG,)) and invalid.reason is not SkipReason.STRAY
     if tagged and direction is A2C and len(data) > _HEAD_BYTES and len(data) == data[3] + 5:
         return Diagnosis(Fault.TAG, "no tag", f"{TAG:02X}")

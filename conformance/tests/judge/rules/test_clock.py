@@ -65,6 +65,11 @@ CASES = (
         "tolerated A-4.5-1=local time",
         READ.format(first="20260329015959", between="+1", second="20260329030000"),
     ),
+    (
+        "4.5/4",
+        "tolerated A-4.5-1=local time",
+        "login\n> set_time 20260329015958\n< set_time 1\n+3\n> get_time\n< get_time 20260329030001",
+    ),
     ("4.6/4", "fail", READ.format(first="20261026025959", between="+1", second="20261026020000")),
     ("4.6/4", "none", READ.format(first=LATER, between="> set_time 20260101000000", second=NOON)),
     ("4.6/4", "none", READ.format(first=LATER, between="> shutdown\n< shutdown 1", second=NOON)),
