@@ -15,7 +15,7 @@ from scaraspec.transports.url import Tcp, parse
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder import replay as capture_replay
 from scaraspec_recorder.replay import ReplayStep
-from scaraspec_recorder.sources.capture import open_capture
+from scaraspec_recorder.sources.capture import McapCapture, PcapCapture, open_capture
 
 _LOGIN: Final = BY_NAME["login"]
 
@@ -25,7 +25,7 @@ class LoginFailedError(Exception):
 
 
 def replay(  # noqa: PLR0913 - independent options
-    capture: Path,
+    capture: Path | McapCapture | PcapCapture,
     url: str,
     *,
     allowed: Collection[Hazard] = (),
@@ -41,7 +41,8 @@ def replay(  # noqa: PLR0913 - independent options
     one before.
 
     Args:
-        capture: An MCAP recording, or a pcap or pcapng.
+        capture: An MCAP recording, or a pcap or pcapng: its path, or the opened capture, whose
+            summary then shows whether it is complete.
         url: The link to the controller, such as ``tcp://127.0.0.1:8877``.
         allowed: Hazards of the requests to send, besides read-only ones.
         password: The password for the login over TCP.
@@ -62,7 +63,7 @@ def replay(  # noqa: PLR0913 - independent options
         PayloadError: The password cannot be sent.
     """
     needs_login = isinstance(parse(url), Tcp)  # L83
-    source = open_capture(capture, port=port)
+    source = open_capture(capture, port=port) if isinstance(capture, Path) else capture
     with closing(connect(url)) as link:
         if needs_login:
             _log_in(link, password, reply_timeout_s)

@@ -11,7 +11,7 @@ from rich.console import Console
 from scaraspec.api.auditing import audit
 from scaraspec.api.audits import AuditedCapture, audit_all, find_captures
 from scaraspec.cli.options import capture_port, given_options, selection_options
-from scaraspec.cli.problems import Problem
+from scaraspec.cli.problems import Problem, unreadable
 from scaraspec.cli.progress_bar import shown_share
 from scaraspec.judge.requirements import UnknownRequirementError, select
 from scaraspec.judge.verdicts import ExitStatus
@@ -125,7 +125,7 @@ def command(  # noqa: PLR0913 - one for each option
         if html_file:
             html.write(results, html_file, Language(language))
     except (CaptureError, IcsError, LinkError, ReadingError, UnknownRequirementError) as error:
-        raise Problem(str(error)) from None
+        raise unreadable(error) from None
     except OSError as error:
         raise Problem(
             UserMessage(

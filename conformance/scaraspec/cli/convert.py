@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from scaraspec.cli.options import capture_port
-from scaraspec.cli.problems import Problem
+from scaraspec.cli.problems import Problem, unreadable
 from scaraspec.judge.judge import Judge
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.user_message import UserMessage
@@ -78,7 +78,7 @@ def command(source: Path, target: Path, port: int | None) -> None:
         capture = open_capture(source, port=port)
         target.touch(exist_ok=False)
     except CaptureError as error:
-        raise Problem(str(error)) from None
+        raise unreadable(error) from None
     except FileExistsError:
         raise Problem(
             UserMessage("{target} exists: name a file that does not", target=target)
@@ -93,7 +93,7 @@ def command(source: Path, target: Path, port: int | None) -> None:
         write(capture, target)
     except (CaptureError, ImportError) as error:
         target.unlink()
-        raise Problem(str(error)) from None
+        raise unreadable(error) from None
     except OSError as error:
         target.unlink()
         raise Problem(
@@ -106,5 +106,5 @@ def command(source: Path, target: Path, port: int | None) -> None:
         raise
     for note in capture.summary.notes:
         click.echo(f"{source}: {note}", err=True)
-    if not capture.summary.whole:
+    if not capture.summary.complete:
         raise SystemExit(ExitStatus.INCONCLUSIVE)

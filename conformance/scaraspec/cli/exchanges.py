@@ -12,7 +12,7 @@ from rich.table import Table
 
 from scaraspec.api.captures import Capture, Step, open_capture
 from scaraspec.cli.options import capture_port, selection_options
-from scaraspec.cli.problems import Problem
+from scaraspec.cli.problems import Problem, unreadable
 from scaraspec.cli.progress_bar import shown_share
 from scaraspec.judge.verdicts import ExitStatus, Finding, Verdict
 from scaraspec.protocol.hazard import Hazard
@@ -118,7 +118,7 @@ def _user_errors() -> Iterator[None]:
     try:
         yield
     except (CaptureError, ImportError) as error:
-        raise Problem(str(error)) from None
+        raise unreadable(error) from None
     except FileExistsError as error:
         raise Problem(
             UserMessage("{path} exists: name another folder", path=error.filename)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.user_message import UserMessage
+from scaraspec_recorder.errors import TornCaptureError
 
 
 class Problem(Exception):  # noqa: N818 - it is a message for the user
@@ -14,6 +15,12 @@ class Problem(Exception):  # noqa: N818 - it is a message for the user
     def __init__(self, sentence: str, exit_status: ExitStatus = ExitStatus.USAGE) -> None:
         super().__init__(sentence)
         self.exit_status = exit_status
+
+
+def unreadable(error: Exception) -> Problem:
+    """Return the problem for a capture that cannot be read; a torn one is incomplete."""
+    torn = isinstance(error, TornCaptureError)
+    return Problem(str(error), ExitStatus.INCONCLUSIVE if torn else ExitStatus.USAGE)
 
 
 def no_such_mutant(mutant_id: str, known: Iterable[str], role: str) -> Problem:

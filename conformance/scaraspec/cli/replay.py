@@ -7,16 +7,18 @@ import click
 
 from scaraspec.api.replaying import LoginFailedError, replay
 from scaraspec.cli.options import Real, capture_port, password_option
-from scaraspec.cli.problems import Problem
+from scaraspec.cli.problems import Problem, unreadable
 from scaraspec.cli.vocabulary import DEFAULT_PASSWORD
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.report.sanitizing import visible
 from scaraspec.transports.link import LinkError
 from scaraspec.transports.url import UrlError
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.replay import LinkEndedError, ReplayStep
+from scaraspec_recorder.sources.capture import open_capture
 
 EXAMPLE = "Example: scaraspec replay capture.mcap tcp://127.0.0.1:8877 --allow state"
 
@@ -42,11 +44,15 @@ class _Tally:
                 now = step.new_reply or "no reply"
                 self._shown.append(f"{step.name}: {now}, recorded: {step.recorded_reply}")
 
-    def report(self, connection: str) -> None:
+    def report(self, connection: str, *, complete: bool) -> None:
         """Print the counts and exit with the matching status.
 
+        Args:
+            connection: The name of the connection.
+            complete: Whether nothing is missing in the capture.
+
         Raises:
-            SystemExit: A reply differs, or nothing was sent.
+            SystemExit: A reply differs, nothing was sent, or the capture is incomplete.
         """
         total = self._sent + self._skipped.total()
         click.echo(
@@ -64,6 +70,8 @@ class _Tally:
             raise SystemExit(ExitStatus.NOTHING_TESTED)
         if self._different:
             raise SystemExit(ExitStatus.NONCONFORMANT)
+        if not complete:
+            raise SystemExit(ExitStatus.INCONCLUSIVE)
 
 
 @click.command(epilog=EXAMPLE)
@@ -110,30 +118,36 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
     frames are never sent. The command logs in first, with --password. It prints what was skipped
     and which replies are of another kind than in the capture. Values are not compared.
 
-    Exit status: 0 all replies equal, 1 some differ, 3 link lost, 4 nothing was sent.
+    Exit status: 0 all replies equal, 1 some differ, 3 link lost or CAPTURE incomplete, 4 nothing
+    was sent.
     """
     tally = _Tally()
     try:
+        source = open_capture(capture, port=port)
         for step in replay(
-            capture,
+            source,
             url,
             allowed=_hazards(allow),
             password=password,
             connection=connection,
-            port=port,
             reply_timeout_s=timeout_s,
             speed=speed,
         ):
             tally.add(step)
     except (CaptureError, PayloadError, UrlError) as error:
-        raise Problem(str(error)) from None
+        raise unreadable(error) from None
     except LinkEndedError as error:
         raise Problem(
             UserMessage("{url}: {error}", url=url, error=error), ExitStatus.INCONCLUSIVE
         ) from None
     except (LinkError, LoginFailedError) as error:
         raise Problem(str(error), ExitStatus.INCONCLUSIVE) from None
-    tally.report(connection)
+    for note in source.summary.notes:
+        click.echo(visible(f"{capture}: {note}"), err=True)
+    if source.summary.losses:
+        lost = UserMessage("gaps in the capture: {count}", count=source.summary.losses)
+        click.echo(visible(f"{capture}: {lost}"), err=True)
+    tally.report(connection, complete=source.summary.complete)
 
 
 def _hazards(text: str) -> set[Hazard]:

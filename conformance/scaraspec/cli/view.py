@@ -16,7 +16,7 @@ import numpy as np
 
 from scaraspec.api.viewer import has_viewer
 from scaraspec.cli.options import Instant, capture_port
-from scaraspec.cli.problems import Problem
+from scaraspec.cli.problems import Problem, unreadable
 from scaraspec.cli.viewer import NO_VIEWER
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.sanitizing import visible
@@ -56,7 +56,7 @@ def command(file: Path, port: int | None, at_ns: int | None) -> None:
         try:
             drawn, whole = _drawn(file, port, Path(scratch) / f"{file.stem}.rrd")
         except CaptureError as error:
-            raise Problem(str(error)) from None
+            raise unreadable(error) from None
         except OSError as error:
             raise Problem(
                 UserMessage(
@@ -85,7 +85,7 @@ def _drawn(file: Path, port: int | None, scratch: Path) -> tuple[Path, bool]:
     write_rrd(capture, scratch, needs_login=capture.needs_login)
     for note in capture.summary.notes:
         click.echo(visible(f"{file}: {note}"), err=True)
-    return scratch, capture.summary.whole
+    return scratch, capture.summary.complete
 
 
 def _show(drawn: Path, at_ns: int | None) -> None:

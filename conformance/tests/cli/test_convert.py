@@ -104,3 +104,34 @@ def test_usage(  # noqa: PLR0913, PLR0917 - three fixtures and three parameters
     (tmp_path / "there.mcap").write_text("mine")
     assert says in refused("convert", str(field / source), str(tmp_path / target))
     assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"]
+
+
+@pytest.mark.parametrize(
+    ("size_bytes", "name"),
+    [(10, f"{SHIFT}.pcapng"), (3000, f"{SHIFT}.pcapng"), (1 << 20, "plant-a-torn.pcapng")],
+)
+def test_what_is_incomplete_is_so_for_every_command(
+    processes: Any, field: Path, tmp_path: Path, size_bytes: int, name: str
+) -> None:
+    """A torn file, and a whole one in which packets are missing."""
+    file = tmp_path / "a.pcapng"
+    file.write_bytes((field / name).read_bytes()[:size_bytes])
+    statuses = [
+        processes.run(*line.split()).returncode
+        for line in (f"audit {file}", f"convert {file} {tmp_path}/b.mcap", f"exchanges {file}")
+    ]
+    assert statuses == [3, 3, 3]
+
+
+def test_the_replay_of_an_incomplete_capture(
+    processes: Any, fixtures_dir: Path, tmp_path: Path
+) -> None:
+    """All replies are as recorded, but the rest of the file is missing."""
+    whole = (fixtures_dir / "captures" / "cases" / "reply-then-reset.pcap").read_bytes()
+    host, port = processes.controller()
+    statuses = []
+    for name, content in (("whole", whole), ("torn", whole[:-5])):
+        file = tmp_path / f"{name}.pcap"
+        file.write_bytes(content)
+        statuses.append(processes.run("replay", f"{file}", f"tcp://{host}:{port}").returncode)
+    assert statuses == [0, 3]

@@ -51,7 +51,9 @@ class JoinedCapture(McapCapture):
             for event in capture:
                 if not connections.has(event):
                     connections.update(event)
-                    yield from gap_filler.fill(event)  # a file may be missing
+                    for filled in gap_filler.fill(event):  # a file may be missing
+                        summary.losses += filled is not event and filled.kind is Kind.GAP
+                        yield filled
             summary.add(capture.summary, capture.path)
 
 

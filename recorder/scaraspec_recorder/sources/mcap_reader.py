@@ -16,7 +16,7 @@ from mcap.records import Channel, Header, McapRecord, Message, Metadata, Schema
 from scaraspec.protocol.direction import Direction
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec.user_message import UserMessage
-from scaraspec_recorder.errors import CaptureError
+from scaraspec_recorder.errors import CaptureError, TornCaptureError
 from scaraspec_recorder.sinks.byte_accounting import ByteAccountingCheck
 from scaraspec_recorder.sinks.gap_filler import GapFiller
 from scaraspec_recorder.sinks.mcap import schemas
@@ -115,7 +115,9 @@ class RawLayerReader:
                         path=path,
                     )
                 )
-            raise CaptureError(UserMessage("{path} ends before anything was recorded", path=path))
+            raise TornCaptureError(
+                UserMessage("{path} ends before anything was recorded", path=path)
+            )
         if self._missing and self._numbered:
             summary.notes.append(
                 UserMessage("{count} raw events are missing in the file", count=self._missing)
@@ -212,6 +214,7 @@ class McapCapture:
                 audit.count(event)
                 for filled in gap_filler.fill(event):
                     summary.events += 1
+                    summary.losses += filled.kind is Kind.GAP and filled.length_bytes != 0
                     summary.last_ns = max(summary.last_ns, filled.time_ns)
                     yield filled
         raw.finish(self.path, summary)

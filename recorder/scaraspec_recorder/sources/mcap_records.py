@@ -96,6 +96,7 @@ class McapSummary:
     Attributes:
         read_bytes: How much of the file has been read.
         events: Number of wire events.
+        losses: Number of gaps.
         last_ns: Time of the last event; 0 without events.
         finished: Whether the file was closed properly.
         damaged: Whether anything but the end of the file is damaged.
@@ -108,6 +109,7 @@ class McapSummary:
 
     read_bytes: int = 0
     events: int = 0
+    losses: int = 0
     last_ns: int = 0
     finished: bool = False
     damaged: bool = False
@@ -133,9 +135,15 @@ class McapSummary:
         """Whether the file is intact and complete."""
         return self.finished and not self.notes
 
+    @property
+    def complete(self) -> bool:
+        """Whether nothing is missing in what was recorded."""
+        return self.whole and not self.losses
+
     def add(self, other: "McapSummary", path: Path) -> None:
         """Add the summary of the next file of the same recording."""
         self.events += other.events
+        self.losses += other.losses
         self.last_ns = max(self.last_ns, other.last_ns)
         self.finished = self.finished and other.finished
         self.damaged = self.damaged or other.damaged

@@ -18,10 +18,10 @@ from types import MappingProxyType
 from typing import Any, BinaryIO, Final, NamedTuple
 
 from scaraspec.protocol.port import DEFAULT_PORT
-from scaraspec.traffic.wire import WireEvent, WireRange
+from scaraspec.traffic.wire import Kind, WireEvent, WireRange
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.encapsulation import UndecodedPacket, UnreadablePacket
-from scaraspec_recorder.errors import CaptureError
+from scaraspec_recorder.errors import CaptureError, TornCaptureError
 from scaraspec_recorder.ip_fragments import FragmentBuffer
 from scaraspec_recorder.sources.file_formats import PCAPNG_SECTION, open_content
 from scaraspec_recorder.sources.protocol_survey import ProtocolSurvey
@@ -53,6 +53,7 @@ class PcapSummary:
         whole: Whether the file is not damaged, and no packet of a connection is truncated.
         notes: One sentence for each kind of missing or unusual data.
         unreliable: Bytes of which two different copies were captured.
+        losses: Number of gaps.
     """
 
     read_bytes: int = 0
@@ -62,6 +63,17 @@ class PcapSummary:
     whole: bool = True
     notes: list[str] = field(default_factory=list)
     unreliable: list[WireRange] = field(default_factory=list)
+    losses: int = 0
+
+    def counted(self, events: Sequence[WireEvent]) -> Sequence[WireEvent]:
+        """Count the gaps among these events, and return the events."""
+        self.losses += sum(e.kind is Kind.GAP and e.length_bytes != 0 for e in events)
+        return events
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing is missing in what was captured."""
+        return self.whole and not self.losses
 
 
 class PcapCapture:
@@ -132,8 +144,8 @@ class PcapCapture:
             elif segment.time_ns < latest_ns:
                 oddities["not in the order of time"] += 1
             latest_ns = max(latest_ns, segment.time_ns)
-            yield from reassembler.receive(segment)
-        yield from reassembler.finish()
+            yield from summary.counted(reassembler.receive(segment))
+        yield from summary.counted(reassembler.finish())
         summary.connections = reassembler.connections
         summary.unreliable = reassembler.unreliable
         summary.whole = summary.whole and not reassembler.conflicts
@@ -367,6 +379,8 @@ def _reader(path: Path) -> Iterator[tuple[Any, _Source]]:
             )
         ) from None
     except (EOFError, zlib.error, Scapy_Exception):
-        raise CaptureError(UserMessage("{path} is damaged in its first bytes", path=path)) from None
+        raise TornCaptureError(
+            UserMessage("{path} is damaged in its first bytes", path=path)
+        ) from None
     finally:
         log_runtime.removeFilter(silence)
