@@ -164,6 +164,9 @@ class Dialogue:
     def _process_gap(self, event: WireEvent, *, between_frames: bool) -> Iterator[TrafficEvent]:
         """Process a gap, which may hide requests, replies and results."""
         direction, length_bytes = event.direction, event.length_bytes
+        if length_bytes == 0:  # no byte is missing, but earlier times or bytes are not reliable
+            yield from self._mark_uncertain(direction)
+            return
         if direction is C2A and length_bytes > 0:
             self._replies_missing = True
             yield from self._forget_replies(self.robot.executing)

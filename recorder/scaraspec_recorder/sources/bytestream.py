@@ -138,7 +138,7 @@ class ByteStream:
         """Whether a sequence or acknowledgment number is far outside the window.
 
         If the stream continues there, a longer part of it was not captured: the next number after a
-        far one is not far.
+        far one is not far, if no near one is between them.
         """
         if self._origin is None:
             return False
@@ -147,6 +147,7 @@ class ByteStream:
         if self.start is None:
             distance = max(distance, self.next - position)
         if distance <= _FAR_BYTES:
+            self._far = None
             return False
         before, self._far = self._far, position
         return before is None or not 0 < position - before <= _FAR_BYTES

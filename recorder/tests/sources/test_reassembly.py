@@ -821,3 +821,15 @@ def test_a_silence_is_no_step_of_the_clock() -> None:
         reassembler = Reassembler()
         run([*segments, later], reassembler)
         assert reassembler.clock_steps == 0
+
+
+def test_stray_segments_between_others() -> None:
+    """They belong to no stream, although they follow each other."""
+    segments = handshake()
+    for n in range(4):
+        segments += [a2c(20 + n, 4 * n, REQUEST), a2c(20 + n, (1 << 30) + 4 * n, OTHER)]
+    reassembler = Reassembler()
+    events = run(segments, reassembler)
+    assert octets(events) == 4 * REQUEST
+    assert not gaps(events)
+    assert reassembler.far_segments == 4
