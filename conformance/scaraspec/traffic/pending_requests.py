@@ -68,7 +68,7 @@ class PendingRequests:
             elif older.exchange.time_ns + given_up_ns < time_ns:  # the next reply may answer either
                 older.repeated = True
             elif older.exchange.request.frame.opcode == request.frame.opcode:
-                exchange.same_opcode_pending = True
+                exchange.same_opcode_pending = not exchange.error_signal
         if len(self._open) >= _MAX_PENDING:
             yield self._drop(self._open[0], Ending.UNSEEN)
         due_ns = time_ns + limit_ns

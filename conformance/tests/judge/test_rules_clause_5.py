@@ -74,6 +74,13 @@ CASES = (
     ("5.1/8", "fail", up("chunk 0/700", "chunk 400/700", "chunk 600/700")),
     ("5.1/8", "fail", up("chunk 0/700", "chunk 0/700", "chunk 200/700")),
     ("5.1/8", "fail", down("chunk 0/700", "chunk 100/700")),
+    # The controller was silent: it is the cause, and not the client that tries again or gives up.
+    (
+        "5.1/8",
+        "pass 3/31",
+        up("chunk 0/700") + "> chunk 200/700\n+31\n> chunk 200/700\n< upload_chunk 1",
+    ),
+    ("3/25", "pass", up("chunk 0/700") + "> chunk 200/700\n+6\n> = AA 52 00 CC"),
     # What a gap has torn out of the middle is no fault of the sender.
     ("5.1/8", "pass", up("chunk 0/700") + "> gap 216\n> chunk 400/700\n< upload_chunk 1"),
     ("5.1/9", "pass", UPLOAD),
