@@ -1,6 +1,7 @@
 """Finds the connections of this protocol among all connections of a packet capture.
 
-A connection is of this protocol if it has a login, or frames with known opcodes in both directions.
+A connection is of this protocol if it has a login, or frames with known opcodes in both directions,
+or in one if nothing of the other was captured.
 Nothing is judged here: a frame may be wrong in any other respect.
 """
 
@@ -26,6 +27,7 @@ class _Candidate:
         resync = is_known_opcode if begins_mid_stream else None
         self._framers = {direction: Framer(direction, resync) for direction in Direction}
         self._frames: Counter[Direction] = Counter()
+        self._sent: set[Direction] = set()
         self._skipped = 0
         self._left_bytes = _EXAMINED_BYTES
         self._login = False
@@ -34,6 +36,8 @@ class _Candidate:
         if self._left_bytes <= 0:
             return
         self._left_bytes -= len(data)
+        if data:
+            self._sent.add(direction)
         for item in self._framers[direction].feed(data):
             if isinstance(item, Frame) and is_known_opcode(item.opcode, item.tagged):
                 first = not (self._frames or self._skipped)
@@ -44,9 +48,10 @@ class _Candidate:
 
     @property
     def is_of_this_protocol(self) -> bool:
-        fewest = min(self._frames[direction] for direction in Direction)
+        fewest = min(self._frames[direction] for direction in self._sent or Direction)
         clear = self._skipped < self._frames.total() and fewest >= _SEVERAL
-        return self._login or clear or (fewest > 0 and not self._skipped)
+        both = len(self._sent) > 1
+        return self._login or clear or (both and fewest > 0 and not self._skipped)
 
 
 class ProtocolSurvey:
