@@ -82,7 +82,6 @@ class Relay:
         threading.Thread(target=self._accept, daemon=True).start()
 
     def close(self) -> None:
-        """Accept no more."""
         self.open.set()
         self._listener.close()
 
@@ -194,9 +193,9 @@ def refused(
         monkeypatch.setattr(sys, "argv", ["scaraspec", *arguments])
         with pytest.raises(SystemExit) as ended:
             main()
-        told = capsys.readouterr()
-        assert (ended.value.code, told.out, told.err.count("\n")) == (2, "", 1), told
-        return told.err
+        printed = capsys.readouterr()
+        assert (ended.value.code, printed.out, printed.err.count("\n")) == (2, "", 1), printed
+        return printed.err
 
     return run
 

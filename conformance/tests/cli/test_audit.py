@@ -100,8 +100,8 @@ def test_the_capture_of_a_conforming_controller(
     )
     assert done.returncode == 0, done.stdout + done.stderr
     capture = out / "capture.mcap"
-    said = read_mcap(capture).session
-    assert (said["subject"], said["subject.time_scale"]) == ("controller", "8")
+    reported = read_mcap(capture).session
+    assert (reported["subject"], reported["subject.time_scale"]) == ("controller", "8")
 
     done, results = audit(capture)
     assert done.exit_code == 0, done.output

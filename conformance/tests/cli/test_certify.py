@@ -351,10 +351,10 @@ def test_interrupted(
         assert [stat.S_IMODE(file.stat().st_mode) for file in state.glob("*.journal")] == [0o600]
         for number in signals:
             run.send_signal(number)
-        told, _ = run.communicate(timeout=60)
-        assert run.returncode == 3, told
-        assert not [*state.glob("*.journal")], told
-        assert robot.list_programs() == before, told
+        printed, _ = run.communicate(timeout=60)
+        assert run.returncode == 3, printed
+        assert not [*state.glob("*.journal")], printed
+        assert robot.list_programs() == before, printed
 
 
 @pytest.fixture

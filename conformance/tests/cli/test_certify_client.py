@@ -136,7 +136,6 @@ class Operator:
                     self._type("y" if self._shows(found[1]) else "n")
 
     def close(self) -> None:
-        """Put the client away."""
         self._client.communicate()
 
     def _type(self, text: str) -> None:

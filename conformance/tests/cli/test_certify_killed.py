@@ -246,8 +246,8 @@ class Campaign:
             url = "tcp://{}:{}".format(*relay.address)
             run = self.command(url, "--only", kind.only, *first)
             gate.kill(self.processes.start(*run), moment)
-            status, said = self.certify(url, *what, *then)
-        assert status == self.status_of_a_fresh_controller(*what), said
+            status, reported = self.certify(url, *what, *then)
+        assert status == self.status_of_a_fresh_controller(*what), reported
         robot.assert_as(stored, off=not what)  # the last case of all shuts it down
 
     def status_of_a_fresh_controller(self, *what: str) -> int:
@@ -286,10 +286,10 @@ def test_killed_one_after_the_other(processes: Any, relay: Any, tmp_path: Path) 
         for number, (name, kind) in enumerate(KINDS.items()):
             out = ("--out", str(tmp_path / outs[name])) if name in outs else ()
             run = campaign.command(url, "--only", kind.only, *out)
-            said = gate.kill(processes.start(*run), a_moment(kind, dice_for(number)))
-            assert ("was interrupted" in said) is bool(number), said
-        status, said = campaign.certify(url, "--only", "4.8/2")
-    assert status == 0, said
+            reported = gate.kill(processes.start(*run), a_moment(kind, dice_for(number)))
+            assert ("was interrupted" in reported) is bool(number), reported
+        status, reported = campaign.certify(url, "--only", "4.8/2")
+    assert status == 0, reported
     robot.assert_as(stored)
 
 

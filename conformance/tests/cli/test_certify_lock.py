@@ -52,9 +52,9 @@ def bench(processes: Any, relay: Any, tmp_path: Path) -> Iterator[Bench]:
 def test_a_second_run(bench: Bench) -> None:
     """It ends with 3 and one sentence and sends nothing; the lock of a killed run ends with it."""
     second = bench.second("--wait-for-lock", "50ms", host="localhost")
-    said, _ = second.communicate(timeout=TIMEOUT_S)
-    assert second.returncode == 3, said
-    *plan, sentence = said.splitlines()
+    reported, _ = second.communicate(timeout=TIMEOUT_S)
+    assert second.returncode == 3, reported
+    *plan, sentence = reported.splitlines()
     address = "{}:{}".format(*bench.relay.address)
     assert sentence.startswith(f"scaraspec: another scaraspec run is using tcp://{address}: ")
     assert sentence.endswith("wait for it with --wait-for-lock 60s")
@@ -64,8 +64,8 @@ def test_a_second_run(bench: Bench) -> None:
     bench.first.kill()
     bench.first.wait(TIMEOUT_S)
     third = bench.second()
-    said, _ = third.communicate(timeout=TIMEOUT_S)
-    assert third.returncode == 0, said
+    reported, _ = third.communicate(timeout=TIMEOUT_S)
+    assert third.returncode == 0, reported
 
 
 def test_a_run_that_waits(bench: Bench) -> None:
@@ -74,7 +74,7 @@ def test_a_run_that_waits(bench: Bench) -> None:
     assert second.stdout
     assert "cases will run" in second.stdout.readline()  # from now on it waits
     bench.relay.open.set()
-    said, _ = bench.first.communicate(timeout=TIMEOUT_S)
-    assert bench.first.returncode == 0, said
-    said, _ = second.communicate(timeout=TIMEOUT_S)
-    assert second.returncode == 0, said
+    reported, _ = bench.first.communicate(timeout=TIMEOUT_S)
+    assert bench.first.returncode == 0, reported
+    reported, _ = second.communicate(timeout=TIMEOUT_S)
+    assert second.returncode == 0, reported

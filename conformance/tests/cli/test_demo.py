@@ -39,10 +39,10 @@ def rerun(*arguments: str | Path) -> str:
 
 def test_it_says_what_it_did(demo: tuple[Path, str]) -> None:
     """The summary names the verdict, and the next commands."""
-    out, told = demo
-    assert told.startswith("client → recording proxy tcp://127.0.0.1:")
-    assert "no violation found" in told
-    assert f"scaraspec audit {out}/capture.mcap" in told
+    out, printed = demo
+    assert printed.startswith("client → recording proxy tcp://127.0.0.1:")
+    assert "no violation found" in printed
+    assert f"scaraspec audit {out}/capture.mcap" in printed
 
 
 def test_results(demo: tuple[Path, str]) -> None:

@@ -56,7 +56,6 @@ def test_bad_drivers(
 
 
 def test_a_driver_that_is_not_there(processes: Any) -> None:
-    """One sentence."""
     done = processes.run("driver-check", "/no/such/driver")
     assert done.returncode == 1
     assert "cannot be started: No such file or directory" in done.stdout

@@ -132,9 +132,9 @@ def test_mistakes_are_listed(tmp_path: Path) -> None:
     )
     ended = run("check", str(path))
     assert ended.exit_code == 1
-    for line, said in zip(
+    for line, reported in zip(
         ended.output.splitlines(),
         ("subject.nmae is not known", "'fly'", "endian cannot be", "sample.serial is not known"),
         strict=True,
     ):
-        assert said in line
+        assert reported in line

@@ -58,15 +58,15 @@ def test_every_byte_is_recorded(
             now = datetime(2026, 1, 1)  # noqa: DTZ001 - the document names no zone
             session.run(robot, tmp_path, now, lambda _: None)
         recorder.send_signal(signal.SIGINT)
-        told, _ = recorder.communicate(timeout=60)
-    assert recorder.returncode == 0, told
+        printed, _ = recorder.communicate(timeout=60)
+    assert recorder.returncode == 0, printed
     assert near.seen == far.seen
     ((sent, got),) = near.seen
     (recorded,) = streams(out / "capture.mcap").values()
     secret = PASSWORD.encode()
     expected = bytes(sent).replace(secret, b"*" * len(secret)) if redact else bytes(sent)
     assert recorded == {A2C: expected, C2A: bytes(got)}
-    assert f"from the client: {len(sent)} bytes received and forwarded = {len(sent)} rec" in told
+    assert f"from the client: {len(sent)} bytes received and forwarded = {len(sent)} rec" in printed
     assert secret not in (out / "capture.rrd").read_bytes()
 
 

@@ -90,8 +90,8 @@ class Session:
     def end(self) -> str:
         """Ctrl-C, which a terminal sends to all that it has started; return what was said."""
         os.killpg(self.recorder.pid, signal.SIGINT)
-        told, _ = self.recorder.communicate(timeout=DEADLINE_S)
-        return told
+        printed, _ = self.recorder.communicate(timeout=DEADLINE_S)
+        return printed
 
     def recorded(self) -> int:
         """How many bytes are in the capture."""
@@ -124,8 +124,8 @@ def test_what_passes_is_drawn(session: Session) -> None:
     """While it passes; the viewer stays when the recording ends."""
     session.ask()
     until(lambda: session.shown.stat().st_size > 100_000)
-    told = session.end()
-    assert session.recorder.returncode == 0, told
+    printed = session.end()
+    assert session.recorder.returncode == 0, printed
     assert is_viewer(session.viewer)
     os.kill(session.viewer, signal.SIGINT)
     until(lambda: not is_viewer(session.viewer))
@@ -139,9 +139,9 @@ def test_a_viewer_that_takes_nothing_delays_nothing(session: Session) -> None:
     os.kill(session.viewer, signal.SIGSTOP)
     for _ in range(SESSIONS):
         session.ask()
-    told = session.end()
-    assert session.recorder.returncode == 0, told
-    assert f"\n{SESSIONS} connections" in told
-    size_bytes = int(told.partition("from the client: ")[2].partition(" ")[0])
-    assert f"{size_bytes} bytes received and forwarded = {size_bytes} recorded + 0" in told
-    assert "the viewer does not show the end of the recording" in told
+    printed = session.end()
+    assert session.recorder.returncode == 0, printed
+    assert f"\n{SESSIONS} connections" in printed
+    size_bytes = int(printed.partition("from the client: ")[2].partition(" ")[0])
+    assert f"{size_bytes} bytes received and forwarded = {size_bytes} recorded + 0" in printed
+    assert "the viewer does not show the end of the recording" in printed

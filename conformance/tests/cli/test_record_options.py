@@ -84,8 +84,8 @@ def test_a_file_for_each_connection(processes: Any, controller: str, tmp_path: P
     url = url_in(recorder.stdout.readline())
     ask(url)
     ask(url)
-    told = end(recorder)
-    assert recorder.returncode == 0, told
+    printed = end(recorder)
+    assert recorder.returncode == 0, printed
     files = sorted(tmp_path.glob("*_127.0.0.1*.mcap"))
     assert 1 <= len(files) <= 2  # two sessions within one tick share a file
     entries = [json.loads(line) for line in (tmp_path / "contents.jsonl").read_text().splitlines()]
@@ -104,10 +104,10 @@ def test_a_robot_that_cannot_be_reached_is_told(processes: Any, tmp_path: Path) 
         recorder = processes.start("record", robot, *LOCAL, "--out", str(tmp_path))
         host, port = url_in(recorder.stdout.readline()).removeprefix("tcp://").split(":")
         with socket.create_connection((host, int(port)), DEADLINE_S):
-            told = recorder.stdout.readline()
-        while "writing is stalled" in told or "writing continues" in told:  # it begins slowly
-            told = recorder.stdout.readline()
-    assert told == "127.0.0.1: the robot cannot be reached: Connection refused\n"
+            printed = recorder.stdout.readline()
+        while "writing is stalled" in printed or "writing continues" in printed:  # it begins slowly
+            printed = recorder.stdout.readline()
+    assert printed == "127.0.0.1: the robot cannot be reached: Connection refused\n"
     end(recorder)
 
 
@@ -117,9 +117,9 @@ def test_a_trigger_marks_the_recording(processes: Any, controller: str, tmp_path
         *("record", controller, *LOCAL, "--out", str(tmp_path), "--trigger", "disconnect")
     )
     ask(url_in(recorder.stdout.readline()))
-    told = end(recorder)
-    assert recorder.returncode == 0, told
-    assert "UTC: connection 1 closed\n" in told
+    printed = end(recorder)
+    assert recorder.returncode == 0, printed
+    assert "UTC: connection 1 closed\n" in printed
     assert marks(tmp_path / "capture.mcap") == ["disconnect: connection 1 closed"]
 
 
@@ -134,8 +134,8 @@ def test_the_user_gets_a_mark(processes: Any, controller: str, tmp_path: Path) -
     recorder.send_signal(signal.SIGUSR1)  # the writing process has hardly begun
     first = next(line for line in recorder.stdout if "requested by SIGUSR1" in line)
     ask(url)
-    told = end(recorder)
-    assert recorder.returncode == 0, told
+    printed = end(recorder)
+    assert recorder.returncode == 0, printed
     assert first.startswith("trigger signal at ")
     assert first.endswith(" UTC: requested by SIGUSR1\n")
     (path,) = tmp_path.glob("*.mcap")
@@ -207,9 +207,9 @@ def test_several_robots_and_their_metrics(processes: Any, controller: str, tmp_p
     while wanted not in (seen := urllib.request.urlopen(metrics, timeout=30).read().decode()):
         assert time.monotonic() < until_s, seen
     assert 'scaraspec_connections_total{robot="right"} 0.0' in seen
-    told = end(recorder)
-    assert recorder.returncode == 0, told
-    assert "left:\nfrom the client: " in told
+    printed = end(recorder)
+    assert recorder.returncode == 0, printed
+    assert "left:\nfrom the client: " in printed
     assert list(open_capture(tmp_path / "left" / "capture.mcap", port=None))
     assert not list(open_capture(tmp_path / "right" / "capture.mcap", port=None))
 
@@ -225,9 +225,9 @@ def test_what_a_killed_recorder_left_is_repaired(
     torn = tmp_path / "capture.mcap"
     torn.write_bytes(torn.read_bytes()[:-100])
     recorder = processes.start(*arguments)
-    told = recorder.stdout.readline() + recorder.stdout.readline() + end(recorder)
-    assert f"repaired {torn}: the file was not closed" in told
-    assert "files: capture-2.mcap" in told
+    printed = recorder.stdout.readline() + recorder.stdout.readline() + end(recorder)
+    assert f"repaired {torn}: the file was not closed" in printed
+    assert "files: capture-2.mcap" in printed
     assert processes.run("recover", str(torn)).returncode == 0
 
 
@@ -244,14 +244,14 @@ def test_a_second_signal_ends_the_waiting(
         os.kill(child_of(recorder.pid, name), signal.SIGSTOP)
     recorder.send_signal(signal.SIGINT)
     assert any(line.startswith("stopping: ") for line in recorder.stdout)
-    told = end(recorder, signal.SIGINT)
+    printed = end(recorder, signal.SIGINT)
     assert recorder.returncode == 3
-    assert "is incomplete" in told
-    assert "Traceback" not in told
+    assert "is incomplete" in printed
+    assert "Traceback" not in printed
     recorder = processes.start(*arguments)
     recorder.stdout.readline()
-    told = end(recorder)
-    assert "files: capture" in told
+    printed = end(recorder)
+    assert "files: capture" in printed
     recorded = [e for file in written(tmp_path) for e in open_capture(file, port=None)]
     assert sum(len(event.data) for event in recorded) > 20
 
@@ -266,8 +266,8 @@ def test_a_lost_terminal_is_told_twice(processes: Any, controller: str, tmp_path
     assert any(line.startswith("stopping: ") for line in recorder.stdout)
     recorder.send_signal(signal.SIGHUP)
     os.kill(writer, signal.SIGCONT)
-    told, _ = recorder.communicate(timeout=DEADLINE_S)
-    assert recorder.returncode == 0, told
+    printed, _ = recorder.communicate(timeout=DEADLINE_S)
+    assert recorder.returncode == 0, printed
 
 
 def wait_for_spooled(out_dir: Path, data: bytes) -> None:

@@ -19,7 +19,7 @@ def recording(processes: Any, fixtures_dir: Path, tmp_path: Path) -> Path:
 
 
 def test_a_torn_recording(processes: Any, recording: Path) -> None:
-    """It says what was kept and what is lost, and draws it; the second time all is whole."""
+    """It reports what was kept and lost, and writes the .rrd; a second repair finds nothing."""
     recording.write_bytes(recording.read_bytes()[:-100])
     done = processes.run("recover", str(recording))
     assert done.returncode == 3, done.stderr

@@ -106,14 +106,14 @@ def test_refusals(
     assert "subject.name was Cell 7 and is not given" in refused(*controller)
     ics = tmp_path / "ics.toml"
     ics.write_text(f'{ICS}[readings]\nendian = "big"\n')
-    said = refused(*controller, "--ics", str(ics))
-    assert "readings.endian was not given and is big" in said
-    said = refused("certify", "client", "--rerun-from", str(path), "--dry-run")
-    assert "has the results of a controller" in said
+    reported = refused(*controller, "--ics", str(ics))
+    assert "readings.endian was not given and is big" in reported
+    reported = refused("certify", "client", "--rerun-from", str(path), "--dry-run")
+    assert "has the results of a controller" in reported
     unnamed = replace(results.subject, name="", version="")
     replace(results, subject=unnamed).write(path)
-    said = refused("certify", "controller", "tcp://elsewhere", *controller[2:])
-    assert "link was tcp://robot and is tcp://elsewhere" in said
+    reported = refused("certify", "controller", "tcp://elsewhere", *controller[2:])
+    assert "link was tcp://robot and is tcp://elsewhere" in reported
     path.write_text(json.dumps(json.loads(results.to_json()) | {"run": None}))
     assert "states no settings" in refused(*controller)
     path.unlink()

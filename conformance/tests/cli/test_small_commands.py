@@ -50,9 +50,9 @@ def test_unknown_clause(
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 2
-    told = capsys.readouterr().err
-    assert told.startswith("scaraspec: --clause: ")
-    assert told.count("\n") == 1
+    printed = capsys.readouterr().err
+    assert printed.startswith("scaraspec: --clause: ")
+    assert printed.count("\n") == 1
 
 
 @pytest.mark.parametrize(
@@ -97,16 +97,16 @@ def test_hostile_file_name(
     tmp_path: Path,
     kept_bytes: int,
 ) -> None:
-    """A terminal acts on nothing in a file's name, be it no capture or one with nothing in it."""
+    """Control characters in a file name are escaped, for an empty capture and for another file."""
     capture = tmp_path / "\x1b]0;x\x07.pcap"
     head = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1)
     capture.write_bytes(head[:kept_bytes])
     monkeypatch.setattr("sys.argv", ["scaraspec", "audit", str(capture)])
     with pytest.raises(SystemExit):
         main()
-    told = capsys.readouterr()
-    assert "⟨U+001B⟩]0;x⟨U+0007⟩.pcap" in told.err
-    assert "\x1b" not in told.out + told.err
+    printed = capsys.readouterr()
+    assert "⟨U+001B⟩]0;x⟨U+0007⟩.pcap" in printed.err
+    assert "\x1b" not in printed.out + printed.err
 
 
 def test_program_show(fixtures_dir: Path) -> None:

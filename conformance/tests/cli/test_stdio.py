@@ -77,7 +77,7 @@ def test_a_disk_that_is_full(words: str, status: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("why", "told"),
+    ("why", "printed"),
     [
         (KeyboardInterrupt(), "scaraspec: interrupted\n"),
         (OSError(30, "Read-only file system"), "scaraspec: [Errno 30] Read-only file system\n"),
@@ -91,7 +91,7 @@ def test_a_command_that_comes_to_no_end_has_no_verdict(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     why: BaseException,
-    told: str,
+    printed: str,
 ) -> None:
     """A status of 1 would say nonconformant. A traceback is for defects alone."""
 
@@ -103,9 +103,9 @@ def test_a_command_that_comes_to_no_end_has_no_verdict(
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 3
-    said = capsys.readouterr().err
-    assert said.endswith(told)
-    assert said == told or isinstance(why, KeyError)
+    reported = capsys.readouterr().err
+    assert reported.endswith(printed)
+    assert reported == printed or isinstance(why, KeyError)
 
 
 def test_a_terminal_that_is_lost(processes: Any, tmp_path: Path) -> None:
@@ -135,15 +135,14 @@ def test_a_terminal_that_is_lost(processes: Any, tmp_path: Path) -> None:
 
 
 def test_a_recording_whose_terminal_is_lost(processes: Any, tmp_path: Path) -> None:
-    """It ends in order."""
     host, port = processes.controller()
     recorder = processes.start(
         "record", f"tcp://{host}:{port}", "--listen", "127.0.0.1:0", "--out", str(tmp_path)
     )
     recorder.stdout.readline()
     recorder.send_signal(signal.SIGHUP)
-    told, _ = recorder.communicate(timeout=LIMIT_S)
-    assert recorder.returncode == 0, told
+    printed, _ = recorder.communicate(timeout=LIMIT_S)
+    assert recorder.returncode == 0, printed
     assert (tmp_path / "capture.mcap").read_bytes().endswith(b"\x89MCAP0\r\n")
 
 
@@ -153,12 +152,12 @@ def test_what_a_command_has_started_ends_with_it(
 ) -> None:
     """Each signal ends it: the controller of the demo would otherwise listen forever."""
     demo = processes.start("demo", "--out", str(tmp_path / "out"))
-    told = demo.stdout.readline()
-    url = told.split()[-1]
+    printed = demo.stdout.readline()
+    url = printed.split()[-1]
     demo.send_signal(number)
-    told, _ = demo.communicate(timeout=LIMIT_S)
+    printed, _ = demo.communicate(timeout=LIMIT_S)
     assert demo.returncode == 3
-    assert told.endswith("scaraspec: interrupted\n")
+    assert printed.endswith("scaraspec: interrupted\n")
     with pytest.raises(ClientError, match="Connection refused"):
         Client(url, password="password").connect()
 

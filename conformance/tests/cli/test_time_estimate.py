@@ -54,7 +54,6 @@ class Trial:
 
 @pytest.fixture
 def output() -> io.StringIO:
-    """What is printed."""
     return io.StringIO()
 
 

@@ -170,7 +170,6 @@ def test_a_viewer_that_cannot_be_led(processes: Any, fixtures_dir: Path, shown: 
 
 
 def test_no_moment(processes: Any) -> None:
-    """One sentence."""
     done = processes.run("view", "capture.mcap", "--at", "noon")
     assert done.returncode == 2
     assert "'noon' is not a time" in done.stderr

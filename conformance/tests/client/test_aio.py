@@ -222,12 +222,12 @@ def test_equal_requests_are_serialised() -> None:
 
 def test_files_are_transferred(tmp_path: Path) -> None:
     """Upload and download with progress."""
-    content, told = bytes(range(250)) * 2, []
+    content, printed = bytes(range(250)) * 2, []
     (tmp_path / "a.rob").write_bytes(content)
 
     async def play(client: AsyncClient, controller: Controller) -> None:
         upload = asyncio.create_task(
-            client.upload(tmp_path / "a.rob", progress=lambda *p: told.append(p))
+            client.upload(tmp_path / "a.rob", progress=lambda *p: printed.append(p))
         )
         await controller.expect(0x50)
         controller.say(0x50)
@@ -244,7 +244,7 @@ def test_files_are_transferred(tmp_path: Path) -> None:
         assert await download == tmp_path / "b.rob"
 
     perform(play)
-    assert told == [(200, 500), (400, 500), (500, 500)]
+    assert printed == [(200, 500), (400, 500), (500, 500)]
     assert (tmp_path / "b.rob").read_bytes() == content
 
 

@@ -182,11 +182,11 @@ def test_observed_readings_and_remarks(scripted_link: Any) -> None:
 
 def test_progress_is_reported(scripted_link: Any, tmp_path: Path) -> None:
     """After every chunk, with the file size."""
-    told: list[tuple[int, int | None]] = []
+    printed: list[tuple[int, int | None]] = []
     with Client(scripted_link(polite), password="p") as client:
-        client.upload_bytes(b"x" * 500, "a.rob", lambda *progress: told.append(progress))
-        client.download("a.rob", tmp_path / "a.rob", lambda *progress: told.append(progress))
-    assert told == [(200, 500), (400, 500), (500, 500), (7, 7)]
+        client.upload_bytes(b"x" * 500, "a.rob", lambda *progress: printed.append(progress))
+        client.download("a.rob", tmp_path / "a.rob", lambda *progress: printed.append(progress))
+    assert printed == [(200, 500), (400, 500), (500, 500), (7, 7)]
     assert (tmp_path / "a.rob").read_bytes() == b"content"
 
 

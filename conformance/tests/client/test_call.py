@@ -43,10 +43,10 @@ def controller() -> Iterator[str]:
         [SCARASPEC, "controller", *arguments], stdout=subprocess.PIPE, text=True
     ) as process:
         assert process.stdout is not None
-        said = process.stdout.readline()
-        assert said.startswith("listening on tcp://")
+        reported = process.stdout.readline()
+        assert reported.startswith("listening on tcp://")
         try:
-            yield said.split()[-1]
+            yield reported.split()[-1]
         finally:
             process.terminate()
             process.wait(ENDS_WITHIN_S)
@@ -107,9 +107,9 @@ def test_every_command_of_the_table(
     for arguments, expected in SESSION:
         status, output = call(controller, *arguments, "--json")
         assert status == 0, (arguments, output)
-        told = json.loads(output)
-        assert (told["ok"], told["command"]) == (True, arguments[0])
-        assert expected is ... or told["result"] == expected, arguments
+        printed = json.loads(output)
+        assert (printed["ok"], printed["command"]) == (True, arguments[0])
+        assert expected is ... or printed["result"] == expected, arguments
     assert Path("b.rob").read_bytes() == program_of(1)
     assert {arguments[0] for arguments, _ in SESSION} | {"emergency_stop"} == set(OPERATIONS)
 
@@ -162,9 +162,9 @@ def test_the_password_may_come_from_the_environment(
 )  # fmt: skip
 def test_wrong_usage_is_status_2(arguments: list[str], sentence: str) -> None:
     """One sentence, before anything is sent."""
-    status, said = call(*arguments)
+    status, reported = call(*arguments)
     assert status == 2
-    assert said.startswith(sentence)
+    assert reported.startswith(sentence)
 
 
 def test_no_answer_is_status_3() -> None:

@@ -111,7 +111,7 @@ def test_any_split_of_the_stream_gives_the_same_events(new_play: Any, data: st.D
         )
     )
     cuts = data.draw(st.sets(st.integers(1, len(stream) - 1)))
-    told = []
+    printed = []
     for bounds in ([0, len(stream)], [0, *sorted(cuts), len(stream)]):
         play = new_play()
         names = {
@@ -129,9 +129,9 @@ def test_any_split_of_the_stream_gives_the_same_events(new_play: Any, data: st.D
                     events.append(event)
                 else:
                     events.append((type(event), names[event.operation], *event[1:]))
-        told.append((events, skipped, [(e.value, str(e.error)) for e in names]))
-    assert told[0] == told[1]
-    assert [value for value, _ in told[0][2]] == [(b"a.rob", b"b.rob", b"c.rob"), None, NOON]
+        printed.append((events, skipped, [(e.value, str(e.error)) for e in names]))
+    assert printed[0] == printed[1]
+    assert [value for value, _ in printed[0][2]] == [(b"a.rob", b"b.rob", b"c.rob"), None, NOON]
 
 
 BODIES = st.one_of(

@@ -19,14 +19,14 @@ def run() -> Run:
 
     def talk(*orders: str) -> list[Mapping[str, Any]]:
         async def serve() -> list[Mapping[str, Any]]:
-            told: asyncio.Queue[Mapping[str, Any]] = asyncio.Queue()
+            printed: asyncio.Queue[Mapping[str, Any]] = asyncio.Queue()
             driver = Driver(
-                told.put_nowait, lambda url, password: AsyncClient(url, password=password)
+                printed.put_nowait, lambda url, password: AsyncClient(url, password=password)
             )
             answers = []
             for order in orders:
                 driver.take(order)
-                answers.append(await told.get())
+                answers.append(await printed.get())
             await driver.end()
             return answers
 

@@ -99,11 +99,13 @@ RESULTS: list[tuple[str, Any, list[str], Any]] = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("name", "result", "shown", "told"), RESULTS)
-def test_results_as_lines_and_as_json(name: str, result: Any, shown: list[str], told: Any) -> None:
+@pytest.mark.parametrize(("name", "result", "shown", "printed"), RESULTS)
+def test_results_as_lines_and_as_json(
+    name: str, result: Any, shown: list[str], printed: Any
+) -> None:
     """Lines have units and no control characters; JSON is complete."""
     assert format_result(name, result) == shown
-    assert json.loads(json.dumps(to_json(result))) == told
+    assert json.loads(json.dumps(to_json(result))) == printed
 
 
 def test_undecodable_bytes() -> None:

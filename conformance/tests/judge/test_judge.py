@@ -129,7 +129,7 @@ def test_byte_by_byte_is_as_whole(
 ) -> None:
     """The same happenings and findings come of single bytes, but for their times."""
     events = script(session)
-    assert judged(recut(events, lambda: 1)).told == judged(events).told
+    assert judged(recut(events, lambda: 1)).printed == judged(events).printed
 
 
 @given(st.sampled_from(SESSIONS), st.data())
@@ -139,7 +139,7 @@ def test_any_cut_is_as_whole(
     """So it is with pieces of any size."""
     events = script(session)
     pieces = recut(events, lambda: data.draw(st.integers(1, 9)))
-    assert judged(pieces).told == judged(events).told
+    assert judged(pieces).printed == judged(events).printed
 
 
 # No gap fails anybody
@@ -236,7 +236,7 @@ def tear(
 
     One gap stands for all of them, at its beginning; where it is `late`, each event has its own.
     """
-    told = False
+    printed = False
     for event in events:
         at, size = event.offset_bytes, len(event.data)
         first, last = max(at, begin), min(at + size, end)
@@ -245,10 +245,10 @@ def tear(
             continue
         if at < first:
             yield replace(event, data=event.data[: first - at])
-        if late or not told:
+        if late or not printed:
             length = (last if late else end) - first
             yield replace(event, kind=Kind.GAP, data=b"", offset_bytes=first, length_bytes=length)
-            told = True
+            printed = True
         if last < at + size:
             yield replace(event, data=event.data[last - at :], offset_bytes=last)
 

@@ -247,11 +247,9 @@ class Session:
             heard = client.ask("download_chunk", True, answer=True)  # noqa: FBT003 - the flag's value
 
     def wait(self, duration_s: float) -> None:
-        """Time passes."""
         self.network.run_until(self.network.now_s + duration_s)
 
     def fault(self, code: str, lasting: bool) -> None:  # noqa: FBT001 - a step's argument
-        """Something breaks."""
         self.plant.fail(code, self.network.now_s, lasting=lasting)
         self.wait(0.001)
 

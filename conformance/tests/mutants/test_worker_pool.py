@@ -18,8 +18,8 @@ HERE = "__import__('os').getpid(), __import__('tempfile').mkdtemp()"
 FOR_LONG = "__import__('time').sleep(60)"
 LEFT = f"""
 from scaraspec.mutants.worker_pool import apart
-for told in apart(eval, ["{HERE}", "{FOR_LONG}", "{FOR_LONG}"], jobs=1, runs=3):
-    print(*told, flush=True)
+for printed in apart(eval, ["{HERE}", "{FOR_LONG}", "{FOR_LONG}"], jobs=1, runs=3):
+    print(*printed, flush=True)
 """
 
 

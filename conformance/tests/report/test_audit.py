@@ -133,8 +133,8 @@ def test_different_findings_are_separate_cases() -> None:
         for m in ("57 bytes", "58 bytes")
     ]
     results = results_of(*tolerated, failure("run ended twice"), failure("reset ended twice"))
-    told = [(case.id, case.verdict, case.message, case.observed) for case in results.cases]
-    assert told == [
+    printed = [(case.id, case.verdict, case.message, case.observed) for case in results.cases]
+    assert printed == [
         ("3/18", Verdict.FAIL, "run ended twice", "two"),
         ("3/18.2", Verdict.FAIL, "reset ended twice", "two"),
         ("3/18.3", Verdict.TOLERATED, "57 bytes (2 times)", "endian = big"),

@@ -85,11 +85,11 @@ class Browser:
         return answer["result"]
 
     def _heard(self) -> Any:
-        said = bytearray()
+        reported = bytearray()
         while (byte := self._in.read(1)) not in (b"\0", b""):
-            said += byte
-        assert said, "the browser has ended"
-        message = json.loads(said)
+            reported += byte
+        assert reported, "the browser has ended"
+        message = json.loads(reported)
         match message.get("method"):
             case "Runtime.exceptionThrown" | "Log.entryAdded":
                 self.complaints.append(json.dumps(message["params"]))
@@ -100,15 +100,14 @@ class Browser:
         return message
 
     def open(self, file: Path) -> None:
-        """Open a page, wholly."""
         self.do("Page.navigate", url=file.as_uri())
         while self.ask("document.readyState") != "complete":
             pass
 
     def ask(self, expression: str) -> Any:
         """What an expression amounts to in the page."""
-        told = self.do("Runtime.evaluate", expression=expression, returnByValue=True)
-        return told["result"].get("value")
+        answer = self.do("Runtime.evaluate", expression=expression, returnByValue=True)
+        return answer["result"].get("value")
 
     def key(self, key: str) -> None:
         """Press a key, as a reader does."""
@@ -117,7 +116,6 @@ class Browser:
         self.do("Input.dispatchKeyEvent", type="keyUp", key=key)
 
     def close(self) -> None:
-        """End it."""
         self._process.kill()
         self._process.wait()
         self._out.close()

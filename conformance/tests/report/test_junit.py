@@ -85,7 +85,6 @@ def test_hostile_text_stays_text(hostile: Results) -> None:
 
 
 def test_an_empty_run_does_not_pass(full: Results) -> None:
-    """It has an error."""
     root = tree_of(replace(full, verdict=Conclusion.NOTHING_TESTED, cases=()))
     assert root.get("errors") == "1"
     error = root.find(".//error")

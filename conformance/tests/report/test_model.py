@@ -129,7 +129,7 @@ def test_a_truncated_file(full: Results, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("raw", "told"),
+    ("raw", "printed"),
     [
         (b"", "incomplete or not a results.json"),
         (b"\x89MCAP\xff\x00", "not a results.json"),
@@ -145,11 +145,11 @@ def test_a_truncated_file(full: Results, tmp_path: Path) -> None:
         (b'{"schema": ' + b"9" * 5000 + b"}", "not a results.json"),
     ],
 )
-def test_invalid_files(raw: bytes, told: str) -> None:
+def test_invalid_files(raw: bytes, printed: str) -> None:
     """Each has its own reason."""
     with pytest.raises(ResultsError) as caught:
         Results.from_json(raw)
-    assert told in str(caught.value)
+    assert printed in str(caught.value)
 
 
 def test_a_damaged_file(full: Results) -> None:

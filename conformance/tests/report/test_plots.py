@@ -41,7 +41,6 @@ def test_height_of_a_rare_duration() -> None:
 
 
 def test_commands_without_a_reply_have_no_plot() -> None:
-    """They have a row."""
     plot = LatencyPlot([CommandSeen("get_status", 1, 0, {"unanswered": 1})])
     ((silent, distributions),) = plot.rows
     assert (silent.name, distributions) == ("get_status", [])

@@ -149,5 +149,5 @@ def test_lists_are_bounded() -> None:
 
 
 def test_no_session_without_events() -> None:
-    """No zeros are made up."""
+    """Missing values are not shown as zeros."""
     assert SessionStats().session() is None

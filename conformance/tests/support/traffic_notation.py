@@ -210,7 +210,7 @@ class Record:
         return {f.requirement for f in self.findings if f.verdict is Verdict.FAIL}
 
     @property
-    def told(self) -> list[tuple[Any, ...]]:
+    def printed(self) -> list[tuple[Any, ...]]:
         """All happenings and findings, but for their times."""
         return [
             *(_untimed(what) for what in self.happenings),
@@ -323,13 +323,15 @@ def check_case() -> Callable[[str, str, str], None]:
     def check(requirement: str, expected: str, session: str) -> None:
         verdict, _, more = expected.partition(" ")
         record = _judged(session)
-        told = "\n".join(f"{f.requirement} {f.verdict.value}: {f.message}" for f in record.findings)
-        assert record.verdict(requirement) is Verdict(verdict), told
+        printed = "\n".join(
+            f"{f.requirement} {f.verdict.value}: {f.message}" for f in record.findings
+        )
+        assert record.verdict(requirement) is Verdict(verdict), printed
         also = set() if verdict == "tolerated" else set(more.split())
-        assert record.failed == also | ({requirement} if verdict == "fail" else set()), told
+        assert record.failed == also | ({requirement} if verdict == "fail" else set()), printed
         findings = [f for f in record.findings if f.requirement == requirement]
         if verdict == "tolerated":
-            assert {f.reading for f in findings} == {tuple(more.split("=", 1))}, told
+            assert {f.reading for f in findings} == {tuple(more.split("=", 1))}, printed
         for finding in findings:
             assert finding.message
             assert finding.evidence

@@ -592,5 +592,5 @@ def test_no_finding_shows_a_password(judged: Judged, session: str) -> None:
 def test_a_late_reply_to_another_connection_is_no_final_result(judged: Judged) -> None:
     """It is called what it is: of a query there is no final result."""
     record = judged("login\n2> login password\n2< login 1\n> get_version\n2< get_version 1.0.0")
-    said = {f.message for f in record.findings if f.requirement == "3/16"}
-    assert said == {"a reply to get_version came on a connection that did not request it"}
+    reported = {f.message for f in record.findings if f.requirement == "3/16"}
+    assert reported == {"a reply to get_version came on a connection that did not request it"}

@@ -57,14 +57,12 @@ def test_a_password_is_open_again_when_another_is_set(judged: Judged) -> None:
 
 
 def test_a_file_is_open_again_when_its_deletion_is_asked_for(judged: Judged) -> None:
-    """Whatever the answer."""
     upload = "login\n> upload_name a\n< upload_name 1\n> chunk 0/9\n< upload_chunk 1\n"
     assert list(judged(upload).robot.files) == [b"a"]
     assert not judged(upload + "> delete_program a\n< delete_program 0").robot.files
 
 
 def test_sessions_are_those_that_are_logged_in(judged: Judged, script: Callable) -> None:
-    """Until they end."""
     record = judged([])
     for event in script("login\n2> login a\n2< login 1\n3> login b\n3< login 0\n> close"):
         list(record.judge.feed(event))

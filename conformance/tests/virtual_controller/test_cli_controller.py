@@ -67,9 +67,9 @@ def _line(process: subprocess.Popen[str]) -> str:
 
 
 def _connect(process: subprocess.Popen[str]) -> Link:
-    told = _line(process)
-    assert told.startswith("listening on tcp://127.0.0.1:")
-    return connect(told.removeprefix("listening on "), _SOON_S)
+    printed = _line(process)
+    assert printed.startswith("listening on tcp://127.0.0.1:")
+    return connect(printed.removeprefix("listening on "), _SOON_S)
 
 
 def _ask(link: Link, request: bytes) -> bytes:
@@ -100,9 +100,9 @@ def test_address_and_clean_end(start: Start, tmp_path: Path, number: int) -> Non
     ready = tmp_path / "where"
     ready.write_text("from before")
     process = start("--ready-file", str(ready))
-    told = _line(process)
+    printed = _line(process)
     host_port = ready.read_text().strip()
-    assert told == f"listening on tcp://{host_port}"
+    assert printed == f"listening on tcp://{host_port}"
     assert list(tmp_path.iterdir()) == [ready]
     link = connect(f"tcp://{host_port}")
     assert _ask(link, b"\xaa\x01\x08password\xcc") == b"\xcc\x01\x011\xaa"
@@ -214,10 +214,10 @@ def test_control_lines_may_come_from_a_file(tmp_path: Path) -> None:
         process = subprocess.Popen(command, stdin=lines, stdout=subprocess.PIPE, text=True)
     with process:
         assert process.stdout is not None
-        told = [process.stdout.readline() for _ in range(3)]
+        printed = [process.stdout.readline() for _ in range(3)]
         process.terminate()
         assert process.wait(_SOON_S) == 0
-    assert told[1:] == ["ok: digital input 1 is 1\n", "ok: status 14\n"]
+    assert printed[1:] == ["ok: digital input 1 is 1\n", "ok: status 14\n"]
 
 
 @pytest.mark.parametrize("scheme", ["", "serial://"])
@@ -246,7 +246,7 @@ def test_a_port_in_use_is_an_error_of_one_sentence(run: Run) -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "reported"),
     [
         (["--listen", "8877:x"], "'x' is not a valid port"),
         (["--listen", "::1:0"], "write an IPv6 address as [::1:0]:8877"),
@@ -264,21 +264,21 @@ def test_a_port_in_use_is_an_error_of_one_sentence(run: Run) -> None:
     ],
 )
 def test_invalid_options_are_an_error_of_one_sentence(
-    run: Run, options: list[str], said: str
+    run: Run, options: list[str], reported: str
 ) -> None:
     """Exit status 2, no traceback."""
     listen = [] if "--listen" in options else ["--listen", "127.0.0.1:0"]
     status, _, errors = run(*listen, *options)
     assert status == 2
-    assert said in errors
+    assert reported in errors
     assert errors.startswith("scaraspec: ")
     assert errors.count("\n") == 1
 
 
 def test_help_fits_a_screen_and_ends_with_an_example(run: Run) -> None:
     """24 lines of 80 characters."""
-    status, told, _ = run("--help")
-    lines = told.splitlines()
+    status, printed, _ = run("--help")
+    lines = printed.splitlines()
     assert status == 0
     assert len(lines) <= 24
     assert max(map(len, lines)) <= 80

@@ -56,14 +56,14 @@ def test_help_names_every_command(plant: Plant) -> None:
     """What help lists is what there is; an empty line says nothing."""
     assert execute("help", plant, 0.0) == HELP
     for row in HELP.splitlines():
-        with pytest.raises(ConsoleCommandError) as told:
+        with pytest.raises(ConsoleCommandError) as printed:
             execute(f"{row.split()[0]} one two three", plant, 0.0)
-        assert "there is no command" not in str(told.value)
+        assert "there is no command" not in str(printed.value)
     assert execute("  ", plant, 0.0) == ""
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "reported"),
     [
         ("explode", "there is no command 'explode': the commands are motor-fault,"),
         ("motor-fault", "takes joints separated by commas: inner_arm,"),
@@ -82,12 +82,12 @@ def test_help_names_every_command(plant: Plant) -> None:
         ("analog 0 1", "there is no analog input 0"),
     ],
 )
-def test_invalid_line_raises_an_error(plant: Plant, line: str, said: str) -> None:
+def test_invalid_line_raises_an_error(plant: Plant, line: str, reported: str) -> None:
     """The message says what is wrong and what is valid."""
-    with pytest.raises(ConsoleCommandError) as told:
+    with pytest.raises(ConsoleCommandError) as printed:
         execute(line, plant, 0.0)
-    assert said in str(told.value)
-    assert "\n" not in str(told.value)
+    assert reported in str(printed.value)
+    assert "\n" not in str(printed.value)
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -100,7 +100,7 @@ def test_invalid_line_raises_an_error(plant: Plant, line: str, said: str) -> Non
 def test_any_line_is_executed_or_raises_an_error(plant: Plant, line: str) -> None:
     """No input raises another exception."""
     try:
-        told = execute(line, plant, 0.0)
+        printed = execute(line, plant, 0.0)
     except ConsoleCommandError as error:
-        told = str(error)
-    assert len(told) < 250 or told == HELP
+        printed = str(error)
+    assert len(printed) < 250 or printed == HELP

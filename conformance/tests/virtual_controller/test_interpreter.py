@@ -155,7 +155,7 @@ C = inverse(Pose(250, -150, 220, 0), near=UPPER)
 
 
 def test_an_empty_program_succeeds_at_once(plant: Plant) -> None:
-    """No node, no time."""
+    """An empty program takes no time."""
     assert start(plant).advance(0.0) == DONE
 
 

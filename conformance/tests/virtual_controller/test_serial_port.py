@@ -25,7 +25,7 @@ _IDLE = b"\xcc\x09\x0200\xaa"
 
 async def _until(holds: Callable[[], bool]) -> None:
     """Let the loop run until something holds."""
-    while not holds():  # noqa: ASYNC110 - what is waited for is told by no event
+    while not holds():  # noqa: ASYNC110 - no event reports the condition
         await asyncio.sleep(0)
 
 
@@ -233,18 +233,18 @@ def test_shutdown_over_the_line_answers_and_ends_serving() -> None:
 
 
 @pytest.mark.parametrize(
-    ("device", "baud", "said"),
+    ("device", "baud", "reported"),
     [
         ("/dev/there-is-none", 115200, "/dev/there-is-none cannot be opened: No such file"),
         ("/dev/null", 115200, "/dev/null is not a serial device: "),
         ("/dev/ttyS0", 12345, "/dev/ttyS0 does not support 12345 baud: try 115200"),
     ],
 )
-def test_an_unusable_device_is_an_error(device: str, baud: int, said: str) -> None:
+def test_an_unusable_device_is_an_error(device: str, baud: int, reported: str) -> None:
     """One sentence, which names the device."""
 
     async def test(server: Server) -> None:
-        with pytest.raises(SerialPortError, match=said):
+        with pytest.raises(SerialPortError, match=reported):
             SerialPort(server, device, baud)
 
     _run(test)

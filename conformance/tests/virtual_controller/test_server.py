@@ -63,7 +63,7 @@ class Stand:
 
     async def until(self, holds: Callable[[], bool]) -> None:
         """Let the loop run until something holds."""
-        while not holds():  # noqa: ASYNC110 - what is waited for is told by no event
+        while not holds():  # noqa: ASYNC110 - no event reports the condition
             await asyncio.sleep(0)
 
     async def close(self) -> None:

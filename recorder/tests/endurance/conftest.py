@@ -203,8 +203,8 @@ class Recorder:
         def listening() -> Any:
             assert self._process
             assert self._process.poll() is None, self._log.read_text()
-            said = self._log.read_bytes()[begin:].decode()
-            return re.search(r"^recording 127\.0\.0\.1:(\d+) ", said, re.MULTILINE)
+            reported = self._log.read_bytes()[begin:].decode()
+            return re.search(r"^recording 127\.0\.0\.1:(\d+) ", reported, re.MULTILINE)
 
         self.address = ("127.0.0.1", int(wait_until(listening)[1]))
 

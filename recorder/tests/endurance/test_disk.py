@@ -49,13 +49,11 @@ class Disk:
         _mount("tmpfs", folder, 0, f"size={DISK_BYTES}")
 
     def fill(self) -> None:
-        """Use all space."""
         with self._ballast.open("ab", buffering=0) as file, suppress(OSError):
             while True:
                 file.write(bytes(4096))
 
     def clear(self) -> None:
-        """Free the space again."""
         self._ballast.unlink()
 
     def allow_writing(self, *, allowed: bool) -> None:

@@ -139,12 +139,12 @@ class Campaign:
             text=True,
             check=False,
         )
-        said = done.stdout + done.stderr
-        repaired = said.count(": repaired, ")
-        assert done.returncode == (3 if repaired or "unwritten" in said else 0), said
-        assert not (lossless and done.returncode), said
+        reported = done.stdout + done.stderr
+        repaired = reported.count(": repaired, ")
+        assert done.returncode == (3 if repaired or "unwritten" in reported else 0), reported
+        assert not (lossless and done.returncode), reported
         self.repaired += repaired
-        self.redrawn += said.count(" written again")
+        self.redrawn += reported.count(" written again")
         self._checked |= set(files)
         last_ns = self._begun_ns
         for file in files:

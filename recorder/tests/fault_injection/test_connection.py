@@ -168,8 +168,8 @@ def test_stopping_forwards_delayed_bytes(run: Any, load: Load) -> None:
             await bench.stop()
             assert await receive(client, len(IDLE)) == IDLE
             assert await at_end(client)
-            told = [r.note for r in bench.records if r.kind is Kind.INJECTED]
-            assert told[-1] == "the connection ends: 6 bytes that waited are passed on at once"
+            printed = [r.note for r in bench.records if r.kind is Kind.INJECTED]
+            assert printed[-1] == "the connection ends: 6 bytes that waited are passed on at once"
 
     run(test)
 

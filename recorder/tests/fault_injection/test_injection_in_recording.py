@@ -75,12 +75,12 @@ def test_no_dropped_request_causes_a_failure(shift: list[WireEvent]) -> None:
     blamed = []
     for at in [*asked[:4], *asked[4:-3:40], *asked[-3:]]:
         injected = replace(shift[at], kind=Kind.INJECTED, data=b"", note="dropped")
-        for told in ([injected], []):
-            found = Counter(verdicts([*shift[: at + 1], *told, *shift[at + 2 :]])) - before
+        for printed in ([injected], []):
+            found = Counter(verdicts([*shift[: at + 1], *printed, *shift[at + 2 :]])) - before
             if Verdict.FAIL in {verdict for verdict, _ in found}:
-                blamed.append((at, told))
+                blamed.append((at, printed))
     assert blamed
-    assert [at for at, told in blamed if told] == []
+    assert [at for at, printed in blamed if printed] == []
 
 
 def test_faults_in_the_log() -> None:

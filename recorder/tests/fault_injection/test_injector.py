@@ -184,8 +184,8 @@ def test_jitter_is_reproducible_per_connection(injector: Any) -> None:
 def test_the_delay_between_fragments(injector: Any) -> None:
     """It starts when the previous piece was actually forwarded."""
     torn = injector(rule("fragment", "size_bytes = 3", "gap_ms = 10"))
-    (told, first) = torn.receive(C2A, IDLE, 0.0)
-    assert told.note.endswith("rule 1: in pieces of 3 bytes, 10 ms apart")
+    (printed, first) = torn.receive(C2A, IDLE, 0.0)
+    assert printed.note.endswith("rule 1: in pieces of 3 bytes, 10 ms apart")
     assert first == Forward(C2A, IDLE[:3])
     assert torn.next_s == 0.01
     assert torn.tick(5.0) == [Forward(C2A, IDLE[3:])]
@@ -203,8 +203,8 @@ def test_coalesced_frames_are_forwarded_together(injector: Any) -> None:
     """Three at a time; fewer after the timeout."""
     together = injector(rule("coalesce", "frames = 3", "within_ms = 100", 'direction = "A2C"'))
     for _ in range(2):
-        told = together.receive(A2C, ASK, 0.0)
-        assert not sent(told, A2C)
+        printed = together.receive(A2C, ASK, 0.0)
+        assert not sent(printed, A2C)
         assert sent(together.receive(A2C, ASK_TIME, 0.0), A2C) == b""
         assert Forward(A2C, ASK + ASK_TIME + STOP) in together.receive(A2C, STOP, 0.0)
     assert sent(together.receive(A2C, ASK, 1.0), A2C) == b""
@@ -361,6 +361,6 @@ def test_notes_contain_no_payload(load: Load, fault: str) -> None:
     }
     follows = Injector(load(rule(fault, *measures.get(fault, ()))), 1)
     login = Frame(A2C, 0x01, b"sesame").encode()
-    told = notes(follows.receive(A2C, login, 0.0)) + notes(follows.tick(1.0))
-    assert told
-    assert all("login request at bytes 0-9" in note and "sesame" not in note for note in told)
+    printed = notes(follows.receive(A2C, login, 0.0)) + notes(follows.tick(1.0))
+    assert printed
+    assert all("login request at bytes 0-9" in note and "sesame" not in note for note in printed)

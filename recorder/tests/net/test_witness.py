@@ -80,9 +80,9 @@ class Witness:
         complete = self._complete.wait(TIMEOUT_S)
         self._process.send_signal(signal.SIGINT)
         self._copying.join()
-        _, said = self._process.communicate()
+        _, reported = self._process.communicate()
         assert complete
-        assert re.search(rb"^0 packets dropped by kernel", said, re.MULTILINE), said
+        assert re.search(rb"^0 packets dropped by kernel", reported, re.MULTILINE), reported
 
     def connections(self) -> Counter[tuple[str, str]]:
         """What passed on each connection, both ways."""

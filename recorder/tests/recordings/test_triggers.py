@@ -26,11 +26,11 @@ def reply(name: str, data: bytes) -> bytes:
 def feed(watcher: Trigger, events: Iterable[WireEvent], judge: Judge | None = None) -> list[str]:
     """Return the reasons each time that the trigger fires."""
     judge = judge or Judge()
-    said = []
+    reported = []
     for event in events:
-        said.append(watcher.on_event(event))
-        said += [watcher.on_item(item) for item in judge.feed(event)]
-    return [why for why in said if why]
+        reported.append(watcher.on_event(event))
+        reported += [watcher.on_item(item) for item in judge.feed(event)]
+    return [why for why in reported if why]
 
 
 def fires(text: str, events: Iterable[WireEvent]) -> list[str]:

@@ -160,12 +160,12 @@ def path(tmp_path: Path) -> Path:
 @pytest.fixture
 def scapy_log() -> Iterator[list[str]]:
     """Collect the log messages of scapy."""
-    said: list[str] = []
+    reported: list[str] = []
     handler = logging.Handler()
-    handler.emit = lambda record: said.append(record.getMessage())  # type: ignore[method-assign]  # a handler of one line
+    handler.emit = lambda record: reported.append(record.getMessage())  # type: ignore[method-assign]  # a handler of one line
     logger = logging.getLogger("scapy")
     logger.addHandler(handler)
-    yield said
+    yield reported
     logger.removeHandler(handler)
 
 
@@ -397,8 +397,8 @@ def test_a_short_snap_length_causes_gaps(path: Path) -> None:
     """Truncated bytes become gaps of the right length, and are noted."""
     path.write_bytes(pcap(frames(conversation()), cut_bytes=14 + 20 + 20 + 1))
     capture = read_pcap(path)
-    told = [(event.kind, event.data, event.length_bytes) for event in capture]
-    assert told[1:5] == [
+    printed = [(event.kind, event.data, event.length_bytes) for event in capture]
+    assert printed[1:5] == [
         (Kind.BYTES, REQUEST[:1], 0),
         (Kind.GAP, b"", 3),
         (Kind.BYTES, REPLY[:1], 0),

@@ -23,7 +23,7 @@ class Bench:
 
     def __init__(self, route: Any = None, connect: Connect | None = None) -> None:
         self.records: list[Record] = []
-        self.told = asyncio.Event()
+        self.printed = asyncio.Event()
         self.server = tcp.listen("127.0.0.1", 0)
         self.server.settimeout(0)
         listener = tcp.listen("127.0.0.1", 0)
@@ -56,7 +56,7 @@ class Bench:
 
     def take(self, *fields: Any) -> None:
         self.records.append(Record(*fields))
-        self.told.set()
+        self.printed.set()
 
     async def client(self) -> socket.socket:
         """A client that is connected to the tap."""
@@ -82,8 +82,8 @@ class Bench:
             for record in self.records:
                 if record.kind is kind:
                     return record
-            self.told.clear()
-            await self.told.wait()
+            self.printed.clear()
+            await self.printed.wait()
 
     def stream(self, direction: Direction) -> bytes:
         """Return the recorded bytes of a direction; check that they are contiguous."""

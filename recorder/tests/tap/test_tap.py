@@ -206,8 +206,8 @@ def test_a_reset_is_forwarded_after_the_data(run: Any, resetter: Direction) -> N
             data = random.Random(1).randbytes(100_000)
             await send(one, data)
             while len(bench.stream(resetter)) < len(data):
-                bench.told.clear()
-                await bench.told.wait()
+                bench.printed.clear()
+                await bench.printed.wait()
             reset(one)
             assert await receive(other, len(data)) == data
             with pytest.raises(ConnectionResetError):
@@ -404,8 +404,8 @@ def test_a_reset_waits_for_a_slow_reader(run: Any) -> None:
             data = random.Random(4).randbytes(400_000)
             await send(client, data)
             while len(bench.stream(A2C)) < len(data):
-                bench.told.clear()
-                await bench.told.wait()
+                bench.printed.clear()
+                await bench.printed.wait()
             reset(client)
             await bench.until(Kind.RESET)
             assert await receive(server, len(data)) == data
@@ -516,7 +516,7 @@ def test_address_text() -> None:
     ],
 )
 def test_what_others_can_reach_is_no_loopback(host: str, loopback: bool) -> None:  # noqa: FBT001 - the expected answer
-    """In doubt it is not."""
+    """A peer whose state is unknown counts as connected."""
     assert tcp.is_loopback(host) is loopback
 
 

@@ -36,7 +36,6 @@ def of(*nodes: Node, ports: tuple[int, ...] = PORTS, **more: Any) -> bytes:
 
 
 def node(kind: int, data: Any = None, *, speed: int = 0, counts: int = 0) -> Node:
-    """A node."""
     return Node(b"", kind, speed, counts, data)
 
 

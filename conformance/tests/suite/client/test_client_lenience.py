@@ -354,9 +354,9 @@ class OneByOne(AsyncClient):
 def test_one_by_one(wrong: Defect) -> None:
     """A request sent after a timeout is not concurrent with the earlier one."""
     only = frozenset({"2/6", "4.14/4"})
-    told = wrong(OneByOne, only)
-    del told["2/6.among-others"]  # for which it would have to wait for a program
-    assert set(told.values()) == {"the client runs one operation at a time"}
+    printed = wrong(OneByOne, only)
+    del printed["2/6.among-others"]  # for which it would have to wait for a program
+    assert set(printed.values()) == {"the client runs one operation at a time"}
 
 
 class TwoAtATime(AsyncClient):

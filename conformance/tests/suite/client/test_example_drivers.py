@@ -42,12 +42,12 @@ def _scaraspec(*parse_arguments: str) -> subprocess.CompletedProcess[str]:
 def test_operations_are_told() -> None:
     """The README lists every operation with its values."""
     table = (DRIVERS / "README.md").read_text("utf-8").partition("## Operations")[2]
-    told = {
+    printed = {
         name: re.findall(r"`(\w+)`", values)
         for names, values, _ in re.findall(r"^\| (`.+?) \| (.*?)\| (.+) \|$", table, re.MULTILINE)
         for name in re.findall(r"`(\w+)`", names)
     }
-    assert told == {name: [v.strip("[]") for v in takes] for name, takes in OPERATIONS.items()}
+    assert printed == {name: [v.strip("[]") for v in takes] for name, takes in OPERATIONS.items()}
 
 
 def test_is_a_driver(driver: str) -> None:

@@ -27,9 +27,9 @@ def test_an_upload_of_which_nothing_is_said_is_waited_for_in_full_twice() -> Non
     with closing(MemoryClient(silent, DEFAULT)) as access:
         options = Options(only=ONLY, allowed=ALL, examples=1)
         results = Run(ClientAdapter(access, Ics(), options)).results()
-    said = [case.message for case in results.cases if case.verdict is Verdict.FAIL]
-    in_full = [message for message in said if "within 10 s" in message]
-    assert len(said) == len(ONLY)
+    reported = [case.message for case in results.cases if case.verdict is Verdict.FAIL]
+    in_full = [message for message in reported if "within 10 s" in message]
+    assert len(reported) == len(ONLY)
     assert len(in_full) == 2
 
 

@@ -85,7 +85,6 @@ class DiesOfAVersion(ControllerCore):
     dead = False
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Serve, or not."""
         type(self).dead |= frame.opcode == 0x08
         if not self.dead:
             super().handle(session, frame, now_s)
@@ -107,12 +106,11 @@ def test_a_subject_that_a_case_kills(trial: Try) -> None:
 
 
 class DiesOfStrayBytes(ControllerCore):
-    """Bytes that are no frame are its end."""
+    """Crashes when it receives bytes that are not a frame."""
 
     dead = False
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
-        """Serve, or not."""
         type(self).dead |= data[:1] != b"\xaa"
         return [] if self.dead else super().receive(connection, data, now_s)
 
@@ -149,7 +147,6 @@ class Reboots(ControllerCore):
     """Asked for its version, it answers nothing for twelve seconds."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Serve, or not."""
         if frame.opcode == 0x08:
             self.back_s = now_s + 12
         if now_s >= self.back_s:
@@ -188,12 +185,10 @@ class LocksEverybodyOut(ControllerCore):
     locked = False
 
     def get_version(self, request: Request) -> str:
-        """Tell it."""
         type(self).locked = True
         return super().get_version(request)
 
     def login(self, request: Request) -> bool:
-        """Refuse it, or not."""
         type(self).logins += self.locked
         return not self.locked and super().login(request)
 
@@ -378,7 +373,6 @@ class KeepsSmallLetters(ControllerCore):
     """It stores a new password in small letters, and compares a given password unchanged."""
 
     def set_password(self, request: Request) -> bool:
-        """Change the letters."""
         old, new = request.value
         return super().set_password(replace(request, value=PasswordChange(old, new.lower())))
 
@@ -387,7 +381,6 @@ class KeepsFifteenBytes(ControllerCore):
     """Of a new password it keeps what a buffer of sixteen bytes holds beside an end."""
 
     def set_password(self, request: Request) -> bool:
-        """Cut it."""
         old, new = request.value
         return super().set_password(replace(request, value=PasswordChange(old, new[:15])))
 
@@ -396,12 +389,10 @@ class ComparesWhatItKeeps(ControllerCore):
     """Of a new password it keeps eight bytes, which are all that it looks at in a login."""
 
     def set_password(self, request: Request) -> bool:
-        """Cut it."""
         old, new = request.value
         return super().set_password(replace(request, value=PasswordChange(old, new[:8])))
 
     def login(self, request: Request) -> bool:
-        """Cut what is said."""
         return super().login(replace(request, value=request.value[:8]))
 
 

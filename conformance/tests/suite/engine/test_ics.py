@@ -141,7 +141,7 @@ def test_a_hook_that_hangs_is_ended(tmp_path: Path) -> None:
 )
 def test_mistakes(tmp_path: Path, text: str, says: str) -> None:
     """Each is one sentence that names the file and the key."""
-    with pytest.raises(IcsError) as told:
+    with pytest.raises(IcsError) as printed:
         read(text, tmp_path)
-    assert says in str(told.value)
-    assert str(tmp_path) in str(told.value)
+    assert says in str(printed.value)
+    assert str(tmp_path) in str(printed.value)

@@ -135,7 +135,6 @@ class Slow(RobotOperator):
         self._network = robot.network
 
     def poll(self, note: Callable[[str], None]) -> OperatorAnswer | None:
-        """Take an hour."""
         self._network.run_until(self._network.now_s + 3600)
         note("late")
         return OperatorAnswer.DONE
@@ -213,7 +212,6 @@ class Clumsy(RobotOperator):
         self._restart = robot.restart
 
     def ask(self, request: str) -> None:
-        """Restart it."""
         self._restart()
         super().ask(request)
 
@@ -231,7 +229,6 @@ class HangsAtAVersion(ControllerCore):
     dead = False
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Serve, or not."""
         self.dead |= frame.opcode == 0x08
         if not self.dead:
             super().handle(session, frame, now_s)

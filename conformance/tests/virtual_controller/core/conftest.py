@@ -54,9 +54,9 @@ class Client:
         heard = self.hear()
         if not heard:
             return None
-        ((answer, said),) = heard
+        ((answer, reported),) = heard
         assert answer == name
-        return said
+        return reported
 
     def result(self, name: str, within_s: float = 60.0) -> bytes:
         """Wait for the final result of a command, and nothing else."""
@@ -64,16 +64,16 @@ class Client:
         while self.link.now_s < deadline_s:
             heard = self.hear(min(0.1, deadline_s - self.link.now_s))
             if heard:
-                ((answer, said),) = heard
+                ((answer, reported),) = heard
                 assert answer == f"*{name}"
-                return said
+                return reported
         raise AssertionError(f"no final result of {name} in {within_s} s")
 
     def where(self) -> list[float]:
         """The tool coordinates."""
-        said = self.ask("get_tool_coordinates")
-        assert said is not None
-        return [float(number) for number in said.split(b"|")]
+        reported = self.ask("get_tool_coordinates")
+        assert reported is not None
+        return [float(number) for number in reported.split(b"|")]
 
 
 class Bench:
@@ -101,7 +101,6 @@ class Bench:
         self.network.run_until(self.network.now_s + 0.01)
 
     def pass_s(self, duration_s: float) -> None:
-        """Let time pass."""
         self.network.run_until(self.network.now_s + duration_s)
 
     def store_program(self, name: bytes, *nodes: Node) -> None:

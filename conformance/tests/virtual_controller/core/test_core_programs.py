@@ -107,7 +107,7 @@ def test_the_list_is_sorted_and_complete(bench: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("readings", "names", "said"),
+    ("readings", "names", "reported"),
     [
         ({"list_empty": "0|"}, [], b"0|"),
         ({"list_empty": "empty"}, [], b""),
@@ -115,13 +115,13 @@ def test_the_list_is_sorted_and_complete(bench: Any) -> None:
     ],
 )
 def test_how_a_list_is_spelt_is_a_reading(
-    bench_of: Any, readings: dict[str, str], names: list[bytes], said: bytes
+    bench_of: Any, readings: dict[str, str], names: list[bytes], reported: bytes
 ) -> None:
     """A-4.10-2 and A-4.10-4."""
     bench = bench_of(**readings)
     for name in names:
         bench.store.write(name, b"x")
-    assert bench.client().ask("list_programs") == said
+    assert bench.client().ask("list_programs") == reported
 
 
 def _fill(bench: Any) -> list[bytes]:
@@ -187,12 +187,12 @@ def test_which_opcode_asks_for_the_default_is_a_reading(
     assert answered == served
 
 
-@pytest.mark.parametrize(("reading", "said"), [("empty", b""), ("0", b"0"), ("silence", None)])
+@pytest.mark.parametrize(("reading", "reported"), [("empty", b""), ("0", b"0"), ("silence", None)])
 def test_reply_without_default_program_is_a_reading(
-    bench_of: Any, reading: str, said: bytes | None
+    bench_of: Any, reading: str, reported: bytes | None
 ) -> None:
     """A-4.12-2."""
-    assert bench_of(default_none=reading).client().ask("get_default_program") == said
+    assert bench_of(default_none=reading).client().ask("get_default_program") == reported
 
 
 def test_only_a_stored_program_becomes_the_default(bench: Any) -> None:

@@ -82,10 +82,10 @@ def test_who_says_that_it_is_over_is_not_waited_for() -> None:
         begun_s = access.now_s
         results = Run(ClientAdapter(access, Ics(), options)).results()
         assert access.now_s - begun_s < 10
-    told = {case.id: case for case in results.cases}["5.3/11"]
-    assert told.verdict is Verdict.FAIL
-    assert "did not answer the chunk" in told.message
-    assert "error" in told.observed  # what it says
+    printed = {case.id: case for case in results.cases}["5.3/11"]
+    assert printed.verdict is Verdict.FAIL
+    assert "did not answer the chunk" in printed.message
+    assert "error" in printed.observed  # what it says
 
 
 def misreads(name: str, data: bytes, other: str, taken: bytes) -> type[ClientCore]:
@@ -163,7 +163,6 @@ class TakesCodesForDone(ClientCore):
 
 
 def test_a_code_in_place_of_a_result_is_no_success(tried: Try) -> None:
-    """Only 11 is a success."""
     assert tried(TakesCodesForDone, "4/9.stages")["4/9.stages"] is Verdict.FAIL
 
 
