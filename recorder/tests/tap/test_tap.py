@@ -516,7 +516,7 @@ def test_address_text() -> None:
     ],
 )
 def test_what_others_can_reach_is_no_loopback(host: str, loopback: bool) -> None:  # noqa: FBT001 - the expected answer
-    """A peer whose state is unknown counts as connected."""
+    """A name that cannot be resolved is not a loopback address."""
     assert tcp.is_loopback(host) is loopback
 
 
