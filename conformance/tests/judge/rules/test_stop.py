@@ -1,4 +1,4 @@
-"""Emergency stops: each requirement on traffic that keeps it, and on traffic that does not."""
+"""Emergency stops: each requirement with traffic that meets it and traffic that violates it."""
 
 from collections.abc import Callable
 
@@ -34,7 +34,7 @@ CASES = (
             (requirement, "pass", STOPPED.format(asked="jog 1", name="jog", result="11")),
             (requirement, "fail " + other, REFUSED.format(then="+1\n" + ENDS)),
             (requirement, "fail " + other, REFUSED.format(then=STATUS.format("01"))),
-            # It had just ended by itself.
+            # The motion had just ended by itself.
             (requirement, "none", REFUSED.format(then=ENDS)),
             (requirement, "none", "login\n> emergency_stop\n< emergency_stop 0"),
         )
@@ -49,5 +49,5 @@ CASES = (
 def test_stop(
     requirement: str, expected: str, session: str, check_case: Callable[[str, str, str], None]
 ) -> None:
-    """The verdict is the register's, and nothing else fails for it."""
+    """Each session gives the expected verdict, and no other requirement fails."""
     check_case(requirement, expected, session)
