@@ -1,4 +1,4 @@
-"""`scaraspec gate`, as CI runs it, with the results of real runs."""
+"""`scaraspec gate` as in CI, with the results of real runs."""
 
 import json
 from collections.abc import Callable
@@ -43,12 +43,13 @@ CODE_QUALITY = {
         },
     },
 }
-"""What GitLab requires of a code quality report; paths are relative and do not begin with `./`."""
+"""The fields that GitLab requires in a code quality report; paths are relative and do not begin
+with `./`."""
 
 
 @pytest.fixture
 def gate(processes: Any, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, str]]:
-    """Run the command outside of any CI system; return its exit status and output."""
+    """Run the command without a CI system; return its exit status and output."""
     for name in ("GITHUB_ACTIONS", "GITHUB_STEP_SUMMARY"):
         monkeypatch.delenv(name, raising=False)
 
@@ -65,10 +66,10 @@ def written(path: Path, *changes: Any) -> Path:
     return path
 
 
-def test_from_nothing_to_red_to_green(
+def test_update_accepts_failures(
     gate: Callable[..., tuple[int, str]], processes: Any, tmp_path: Path
 ) -> None:
-    """A run of a faulty controller is red, is accepted with --update, and is green then."""
+    """A faulty controller fails the gate; after --update the same failures pass."""
     host, port = processes.controller("--mutant", "status-in-words")
     out, baseline = tmp_path / "out", tmp_path / "baseline.json"
     arguments = ("--only", "4.8/2", "--out", str(out))
@@ -134,7 +135,7 @@ def test_annotations(
 def test_waivers(
     gate: Callable[..., tuple[int, str]], tmp_path: Path, name: str, expires: str, problem: str
 ) -> None:
-    """An expired, a stale and an unknown waiver fail, also if each failure is known."""
+    """An expired, a stale and an unknown waiver fail, also if each failure is in the baseline."""
     results = written(tmp_path / "results.json", PASSED, FAILED)
     waivers = tmp_path / "waivers.toml"
     waivers.write_text(WAIVER.format(name=name, expires=expires), "utf-8")
@@ -161,10 +162,10 @@ def test_errors(refused: Callable[..., str], tmp_path: Path) -> None:
     assert Path(results).read_bytes() == before
 
 
-def test_inconclusive_results_are_no_baseline(
+def test_a_baseline_needs_conclusive_results(
     gate: Callable[..., tuple[int, str]], tmp_path: Path
 ) -> None:
-    """A baseline of them would accept that less is tested."""
+    """A baseline from inconclusive results would accept missing tests."""
     results, baseline = tmp_path / "results.json", tmp_path / "baseline.json"
     results_of().write(results)
     status, text = gate(results, "--baseline", baseline, "--update")

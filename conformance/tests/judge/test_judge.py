@@ -232,7 +232,12 @@ SHIFT = r"""
 
 
 def tear(
-    events: Iterable[WireEvent], torn: tuple[str, Direction], begin: int, end: int, *, late: bool
+    events: Iterable[WireEvent],
+    truncated: tuple[str, Direction],
+    begin: int,
+    end: int,
+    *,
+    late: bool,
 ) -> Iterator[WireEvent]:
     """Yield the events without the bytes from `begin` to `end` of one stream.
 
@@ -242,7 +247,7 @@ def tear(
     for event in events:
         at, size = event.offset_bytes, len(event.data)
         first, last = max(at, begin), min(at + size, end)
-        if (event.connection, event.direction) != torn or first >= last:
+        if (event.connection, event.direction) != truncated or first >= last:
             yield event
             continue
         if at < first:

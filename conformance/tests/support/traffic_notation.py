@@ -170,7 +170,7 @@ class Record:
 
     @property
     def robot(self) -> RobotState:
-        """What is known of the only controller."""
+        """The state of the only controller."""
         (robot,) = self.judge.robots.values()
         return robot
 
@@ -186,12 +186,12 @@ class Record:
 
     @property
     def unsolicited(self) -> list[UnsolicitedReply]:
-        """What answered nothing."""
+        """The unsolicited frames."""
         return [h for h in self.happenings if isinstance(h, UnsolicitedReply)]
 
     @property
     def undecodable(self) -> list[InvalidBytes]:
-        """Bytes that are no frame."""
+        """Bytes that belong to no frame."""
         return [h for h in self.happenings if isinstance(h, InvalidBytes)]
 
     def exchange(self, name: str) -> Exchange:
@@ -211,7 +211,7 @@ class Record:
 
     @property
     def printed(self) -> list[tuple[Any, ...]]:
-        """All happenings and findings, but for their times."""
+        """All events and findings, without their times."""
         return [
             *(_untimed(what) for what in self.happenings),
             *((f.requirement, f.verdict, f.observed, f.reading) for f in self.findings),
@@ -302,22 +302,23 @@ def _recut(events: Iterable[WireEvent], size_bytes: Callable[[], int]) -> Iterat
 
 @pytest.fixture(scope="session")
 def script() -> Callable[[str], list[WireEvent]]:
-    """Makes wire events of the lines of a session."""
+    """Convert the lines of a session to wire events."""
     return lambda text: _Script().run(text)
 
 
 @pytest.fixture(scope="session")
 def judged() -> Callable[..., Record]:
-    """Judges a session, as lines or as events."""
+    """Judge a session, given as lines or as events."""
     return _judged
 
 
 @pytest.fixture(scope="session")
 def check_case() -> Callable[[str, str, str], None]:
-    """Compares the judgement of a session with what is expected for one requirement.
+    """Compare the judgement of a session with what is expected for one requirement.
 
-    Expected is a verdict; after "tolerated" the reading, after another verdict what else fails:
-    a violation of a clause often violates a general requirement, too.
+    Expected is a verdict, followed by the reading after "tolerated", and by the other requirements
+    that fail after another verdict: a violation of a clause often violates a general requirement,
+    too.
     """
 
     def check(requirement: str, expected: str, session: str) -> None:
@@ -341,5 +342,5 @@ def check_case() -> Callable[[str, str, str], None]:
 
 @pytest.fixture(scope="session")
 def recut() -> Callable[[Iterable[WireEvent], Callable[[], int]], Iterator[WireEvent]]:
-    """Cuts the bytes of events into pieces of the sizes that a function gives."""
+    """Cut the bytes of events into pieces of the sizes that a function gives."""
     return _recut

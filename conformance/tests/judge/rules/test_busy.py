@@ -167,12 +167,12 @@ CASES = (
     ("4/15", "fail", two(JOG, RESET, "0|01", ends("jog"))),
     ("4/15", "none", two(JOG, RESET, "0|12", ends("jog"))),
     ("4/15", "none", two("lock_joints", RESET, "0|04", ends("lock_joints"))),
-    ("4/15", "fail", IDLE.format(asked="reset", code="01", status="00", pause="")),
-    ("4/15", "fail", IDLE.format(asked="shutdown", code="04", status="00", pause="")),
+    ("4/15", "fail", IDLE.format(request="reset", code="01", status="00", pause="")),
+    ("4/15", "fail", IDLE.format(request="shutdown", code="04", status="00", pause="")),
     # A client that was not recorded may have started a command, which may have ended since.
-    ("4/15", "none", IDLE.format(asked="reset", code="01", status="01", pause="")),
-    ("4/15", "none", IDLE.format(asked="reset", code="01", status="00", pause="+2")),
-    ("4/15", "none", IDLE.format(asked="reset", code="06", status="00", pause="")),
+    ("4/15", "none", IDLE.format(request="reset", code="01", status="01", pause="")),
+    ("4/15", "none", IDLE.format(request="reset", code="01", status="00", pause="+2")),
+    ("4/15", "none", IDLE.format(request="reset", code="06", status="00", pause="")),
     ("4/8", "pass", "login\n> reset\n< reset 1\n> get_status\n< get_status 03\n<90 reset 11"),
     ("4/8", "fail 4.8/6", "login\n> reset\n< reset 1\n> get_status\n< get_status 00\n<90 reset 11"),
     # Within 0.1 s the status may be the one before the command (A-4.8-3).

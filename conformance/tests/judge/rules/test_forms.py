@@ -128,23 +128,23 @@ def cases() -> list[tuple[str, str, str]]:
         found += [
             (requirement, f"fail {also}", f"login\n> {name} {wrong}") for wrong, also in wrongs
         ]
-    for requirement, (asked, right, *wrongs) in _REPLIES.items():
-        name = asked.split()[0]
-        found.append((requirement, "pass", f"login\n> {asked}\n< {name} {right}"))
+    for requirement, (request, right, *wrongs) in _REPLIES.items():
+        name = request.split()[0]
+        found.append((requirement, "pass", f"login\n> {request}\n< {name} {right}"))
         found += [
-            (requirement, f"fail {also}", f"login\n> {asked}\n< {name} {wrong}")
+            (requirement, f"fail {also}", f"login\n> {request}\n< {name} {wrong}")
             for wrong, also in wrongs
         ]
-    for requirement, asked in _FLAGS.items():
-        name = asked.split()[0]
-        found.append((requirement, "pass", f"login\n> {asked}\n< {name} 0"))
-        found.append((requirement, "fail", f"login\n> {asked}\n< {name} 2"))
-        found.append((requirement, "none T/3", f"login\n> {asked}\n< {name} \\x00"))
-    for requirement, (asked, right, wrong) in _LENGTHS.items():
-        name = asked.split()[0]
-        found.append((requirement, "pass", f"login\n> {asked}\n< {name} {right}"))
+    for requirement, request in _FLAGS.items():
+        name = request.split()[0]
+        found.append((requirement, "pass", f"login\n> {request}\n< {name} 0"))
+        found.append((requirement, "fail", f"login\n> {request}\n< {name} 2"))
+        found.append((requirement, "none T/3", f"login\n> {request}\n< {name} \\x00"))
+    for requirement, (request, right, wrong) in _LENGTHS.items():
+        name = request.split()[0]
+        found.append((requirement, "pass", f"login\n> {request}\n< {name} {right}"))
         after = "> get_status\n< get_status 00"
-        found.append((requirement, "fail 3/6 3/7", f"login\n> {asked}\n< {wrong}\n{after}"))
+        found.append((requirement, "fail 3/6 3/7", f"login\n> {request}\n< {wrong}\n{after}"))
     return found
 
 

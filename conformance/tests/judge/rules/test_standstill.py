@@ -44,8 +44,8 @@ def pose(*readings: str) -> str:
 
 def put(requirement: str) -> str:
     """The setting that a requirement is about, accepted."""
-    asked = SET[requirement]
-    return f"> {asked}\n< {asked.split()[0]} 1"
+    request = SET[requirement]
+    return f"> {request}\n< {request.split()[0]} 1"
 
 
 LOCKED = done("lock_joints")
@@ -72,7 +72,11 @@ CASES = (
     ("4.27/4", "none", session(LOCKED, "+5", STATUS, joints(HERE), "+2", joints(THERE), STATUS)),
     # It is unknown whether the joints are locked; they may be moved by hand.
     ("4.27/4", "none", session(STATUS, joints(HERE, THERE), STATUS)),
-    ("4.27/4", "none", session(done("release_joints"), "+5", STATUS, joints(HERE, THERE), STATUS)),
+    (
+        "4.27/4",
+        "none",
+        session(done("release_joints"), "+5", STATUS, joints(HERE, THERE), STATUS),
+    ),
     ("4.23/5", "pass", session(MOVED, pose(HERE_XY, HERE_XY))),
     ("4.23/5", "fail", session(MOVED, pose(HERE_XY, THERE_XY))),
     ("4.23/5", "pass", session(LOCKED, "+5", STATUS, pose(HERE_XY, HERE_XY), STATUS)),

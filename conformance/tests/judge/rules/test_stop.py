@@ -31,7 +31,7 @@ CASES = (
         case
         for requirement, other in (("4.17/3", "4.17/6"), ("4.17/6", "4.17/3"))
         for case in (
-            (requirement, "pass", STOPPED.format(asked="jog 1", name="jog", result="11")),
+            (requirement, "pass", STOPPED.format(request="jog 1", name="jog", result="11")),
             (requirement, "fail " + other, REFUSED.format(then="+1\n" + ENDS)),
             (requirement, "fail " + other, REFUSED.format(then=STATUS.format("01"))),
             # The motion had just ended by itself.
@@ -39,9 +39,9 @@ CASES = (
             (requirement, "none", "login\n> emergency_stop\n< emergency_stop 0"),
         )
     ),
-    ("4.17/8", "pass", STOPPED.format(asked="reset", name="reset", result="00|00")),
-    ("4.17/8", "pass", STOPPED.format(asked="jog 1", name="jog", result="11")),
-    ("4.17/8", "fail", STOPPED.format(asked="reset", name="reset", result="11")),
+    ("4.17/8", "pass", STOPPED.format(request="reset", name="reset", result="00|00")),
+    ("4.17/8", "pass", STOPPED.format(request="jog 1", name="jog", result="11")),
+    ("4.17/8", "fail", STOPPED.format(request="reset", name="reset", result="11")),
 )
 
 
