@@ -69,8 +69,8 @@ IDLE = """
     > get_status
     < get_status 00
     {pause}
-    > {asked}
-    < {asked} 0|{code}
+    > {request}
+    < {request} 0|{code}
     > get_status
     < get_status {status}
 """

@@ -6,7 +6,7 @@ import pytest
 
 STOPPED = """
     login
-    > {asked}
+    > {request}
     < {name} 1
     > emergency_stop
     < emergency_stop 1
