@@ -1,4 +1,4 @@
-"""`scaraspec verify`: each exit status, and each thing that a package may have wrong."""
+"""`scaraspec verify`: each exit status, and each possible defect of a package."""
 
 import hashlib
 import json
@@ -68,7 +68,7 @@ def copy(package: Path, tmp_path: Path) -> Path:
 
 
 def rezipped(package: Path, path: Path, **changes: bytes | None) -> Path:
-    """Write a package with other files; None leaves one out. ``__`` in a name is a dot."""
+    """Write a package with changed files; None omits one. ``__`` in a name means a dot."""
     texts = {name.replace("__", "."): data for name, data in changes.items()}
     with zipfile.ZipFile(package) as source, zipfile.ZipFile(path, "w") as target:
         files: dict[str, bytes | None] = {name: source.read(name) for name in source.namelist()}
@@ -130,7 +130,7 @@ def forge(run_folder: Path, small_list: MandatoryList, tmp_path: Path) -> Callab
 
 
 def test_verified(verify: Verify, package: Path) -> None:
-    """A package as it was written: every check passes, and the missing signature is stated."""
+    """An unchanged package passes all checks, and its missing signature is reported."""
     status, text = verify(package)
     assert status == 0, text
     assert "REFUSED" not in text
@@ -158,13 +158,13 @@ def test_nothing_is_overwritten(package: Path, run_folder: Path, small_list: Man
 def test_no_password(package: Path) -> None:
     """The password of the controller is in no file, not even in the raw bytes of the capture."""
     with zipfile.ZipFile(package) as archive:
-        for name in set(NAMES) - {"report.html"}:  # it explains what a password is
+        for name in set(NAMES) - {"report.html"}:  # this file explains passwords
             assert b"|password" not in archive.read(name)
             assert b"\x01\x08password" not in archive.read(name)
 
 
 def test_environment(package: Path) -> None:
-    """Who tested which sample, where, and with what."""
+    """The package has the tester, the sample, the place and the tools."""
     found: Any = _plain(package, "environment.json")
     assert found["sample"] == {"serial_number": "7", "firmware": "1.4", "hardware": "B"}
     assert found["laboratory"] == {"name": "Lab", "operator": "Li"}
@@ -190,7 +190,7 @@ def test_other_environment(
     changes: dict[str, object],
     problem: str,
 ) -> None:
-    """A certificate needs the sample and the laboratory of the ICS."""
+    """The environment must match the sample and the laboratory in the ICS."""
     text = json.dumps({**_plain(package, "environment.json"), **changes}).encode()
     manifest: Any = _plain(package, MANIFEST)
     manifest["files"]["environment.json"] = {
@@ -359,7 +359,7 @@ def test_hostile_entries(verify: Verify, package: Path, tmp_path: Path, kind: st
 
 @pytest.mark.parametrize("content", [None, b"", b"no archive", b"PK\5\6" + bytes(18)])
 def test_no_package(verify: Verify, tmp_path: Path, content: bytes | None) -> None:
-    """A missing file, or one that is no archive or an empty one."""
+    """A missing file, a file that is not an archive, and an empty archive."""
     path = tmp_path / "none.zip"
     if content is not None:
         path.write_bytes(content)
@@ -403,7 +403,7 @@ def test_signed(verify: Verify, copy: Path, key: Path, tmp_path: Path) -> None:
 def test_the_documented_commands(
     verify: Verify, package: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """docs/certificates.md shows how to sign; the new key gets no passphrase here."""
+    """docs/certificates.md shows how to sign; here the new key has no passphrase."""
     page = (ROOT / "docs/certificates.md").read_text("utf-8")
     (block,) = (b for b in re.findall(r"```sh\n(.*?)```", page, re.DOTALL) if "-Y sign" in b)
     monkeypatch.chdir(tmp_path)
@@ -439,7 +439,7 @@ def test_wrong_signature(verify: Verify, copy: Path, key: Path, tmp_path: Path) 
 def test_no_signer(
     verify: Verify, copy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A missing key file is a usage error; without ssh-keygen it cannot be decided."""
+    """A missing key file is a usage error; without ssh-keygen the check is inconclusive."""
     copy.with_name(f"{copy.name}.sig").touch()
     status, text = verify(copy, "--signer", tmp_path / "none.pub")
     assert (status, "none.pub cannot be read" in text) == (2, True)
@@ -470,7 +470,7 @@ def test_altered_list(verify: Verify, package: Path, small_list: MandatoryList) 
 def test_another_tool(
     verify: Verify, results: Results, forge: Callable[[Results], Path], tool: Tool
 ) -> None:
-    """The list names the version, so that no other one can be pretended."""
+    """The list belongs to one version of the tool, so that results cannot claim another version."""
     status, text = verify(forge(replace(results, tool=tool)))
     assert status == 1
     assert f"is no list of {tool.name} {tool.version} for a controller" in text
@@ -486,7 +486,7 @@ def test_later_format(verify: Verify, package: Path, tmp_path: Path) -> None:
 def test_another_version(
     verify: Verify, results: Results, run_folder: Path, small_list: MandatoryList, tmp_path: Path
 ) -> None:
-    """What another version judges differently is reported and not refused."""
+    """A version that judges differently is reported but not refused."""
     other = replace(small_list, version="0.1.9")
     seen = Case("4.8/1.seen-1", ("4.8/1",), Verdict.TOLERATED)
     changed = concluded(results, *results.cases, seen)
@@ -548,7 +548,7 @@ def test_required_hook(
     small_list: MandatoryList,
     tmp_path: Path,
 ) -> None:
-    """A case is skipped for want of a hook: the list decides whether it may be."""
+    """A case is skipped because a hook is missing; the list decides whether that is permitted."""
     strict = replace(small_list, optional_hooks=("clear_faults",))
     changed = with_settings(results, certification=strict.title)
     path = packed(tmp_path / "forged", changed, run_folder / "capture.mcap", strict)
@@ -566,7 +566,8 @@ class WithoutClockQuery(ControllerCore):
 
 
 def test_unsupported_command(verify: Verify, tmp_path: Path) -> None:
-    """The cases of a command may be skipped if the ICS claims so, and if the run has tried it."""
+    """Cases of a command may be skipped if the ICS claims it as unsupported and the run has
+    verified that."""
     clock = "4.5/4"
     mandatory = list_of_cases((clock, STATUS))
     ics = replace(ICS, unsupported=frozenset({"get_time"}))
@@ -587,7 +588,7 @@ def test_unsupported_command(verify: Verify, tmp_path: Path) -> None:
 
 
 def test_a_refuted_claim(tmp_path: Path) -> None:
-    """The capture shows that a command is answered which the ICS calls unsupported."""
+    """The capture shows a reply to a command that the ICS claims as unsupported."""
     mandatory = list_of_cases((STATUS,))
     ics = replace(ICS, unsupported=frozenset({"get_time"}))
     results = certified(tmp_path, mandatory, ics=ics)
@@ -600,7 +601,7 @@ def test_a_refuted_claim(tmp_path: Path) -> None:
 
 
 def test_another_reading(verify: Verify, tmp_path: Path) -> None:
-    """The list names the claims under which no case can judge a requirement."""
+    """The list names the claims with which no case can judge a requirement."""
     order, claim = "3/24", "readings.pipelining=one"
     mandatory = replace(list_of_cases((order, STATUS)), unless_claimed={order: (claim,)})
     ics = ICS.with_claims(pipelining="one")
@@ -638,7 +639,7 @@ def test_other_seed(verify: Verify, results: Results, forge: Callable[[Results],
 
 
 def test_verdicts(verify: Verify, results: Results, forge: Callable[[Results], Path]) -> None:
-    """Counts, requirements and conclusion must follow from the cases."""
+    """Counts, requirements and conclusion must match the cases."""
     first = results.requirements[0]
     other = Verdict.TOLERATED if first.verdict is Verdict.PASS else Verdict.PASS
     changed = replace(
@@ -664,7 +665,7 @@ def test_other_reports(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A report that does not show the results is refused."""
+    """A report that differs from the results is refused."""
     monkeypatch.setattr(junit, "render", lambda _: "<testsuite/>")
     path = tmp_path / "forged.zip"
     write_package(certification_of(path, small_list), run_folder, replace(ICS, version="9"))
@@ -733,7 +734,8 @@ def test_nonconformant(
 def test_the_capture_contradicts(
     verify: Verify, faulty: Path, results: Results, small_list: MandatoryList, tmp_path: Path
 ) -> None:
-    """Failures removed from the results, and a recomputed manifest: the capture has them."""
+    """The failures were removed from the results and the manifest was recomputed, but the capture
+    contains them."""
     found = Results.read(faulty / "results.json")
     good = [
         replace(case, verdict=Verdict.PASS, cause=None, message="", wire=(), reason=None)
@@ -751,7 +753,7 @@ def test_the_capture_contradicts(
 
 
 def test_inconclusive(verify: Verify, results: Results, forge: Callable[[Results], Path]) -> None:
-    """Without a violation and without a verdict it cannot be decided."""
+    """Neither a violation nor a complete verdict: the check is inconclusive."""
     left = Case("run.restore", (), Verdict.INCONCLUSIVE, message="a file is left")
     status, text = verify(forge(concluded(results, *results.cases, left)))
     assert status == 3, text

@@ -1,4 +1,4 @@
-"""`scaraspec call` against `scaraspec controller`, each as a user starts it."""
+"""`scaraspec call` with `scaraspec controller`."""
 
 import json
 import socket
@@ -55,8 +55,8 @@ def controller() -> Iterator[str]:
 NETWORK = {"ip": "10.0.0.1", "mask": "255.0.0.0", "gateway": "10.0.0.2"}
 POSE = {"x": 200, "y": 300, "z": 324, "theta_x": 34.6, "theta_y": 34.5, "theta_z": 0}
 
-# Every operation of the table in an order that makes sense, and what the controller answers;
-# Ellipsis stands for what cannot be foretold.
+# Every operation of the table in a useful order, with the reply of the controller; Ellipsis means
+# any reply.
 SESSION: list[tuple[list[str], Any]] = [
     (["login", "password"], None),
     (["get_version"], ...),
@@ -103,7 +103,8 @@ def test_every_command_of_the_table(
     """Exit status 0 and the expected result; fails for a new command without a call here."""
     monkeypatch.chdir(tmp_path)
     Path("a.rob").write_bytes(program_of(1))
-    assert call(controller, "emergency_stop", "--json")[0] == 1  # nothing is there to stop
+    # Nothing moves that could be stopped.
+    assert call(controller, "emergency_stop", "--json")[0] == 1
     for arguments, expected in SESSION:
         status, output = call(controller, *arguments, "--json")
         assert status == 0, (arguments, output)
@@ -178,7 +179,7 @@ def test_no_answer_is_status_3() -> None:
 
 
 def test_timeout_applies_to_the_final_result(controller: str, tmp_path: Path) -> None:
-    """The message says that the robot may be busy; another call stops it."""
+    """The message states that the robot may be busy; another call stops it."""
     (tmp_path / "long.rob").write_bytes(program_of(200))
     assert call(controller, "upload", str(tmp_path / "long.rob")) == (0, "done")
     status, sentence = call(controller, "run_program", "long.rob", "--timeout", "1")
@@ -189,7 +190,7 @@ def test_timeout_applies_to_the_final_result(controller: str, tmp_path: Path) ->
 
 
 def test_an_accepted_command_is_announced(controller: str, tmp_path: Path) -> None:
-    """A user sees that the robot moves, on standard error and not in JSON output."""
+    """Standard error states that the robot moves; JSON output does not."""
     (tmp_path / "short.rob").write_bytes(program_of(20))
     assert call(controller, "upload", str(tmp_path / "short.rob")) == (0, "done")
     running = [SCARASPEC, "call", controller, "run_program", "short.rob"]

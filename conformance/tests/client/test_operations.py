@@ -26,7 +26,7 @@ NETWORK = Network("10.0.0.1", "255.0.0.0", "10.0.0.2")
 NETWORK_DATA = b"10.0.0.1|255.0.0.0|10.0.0.2"
 BAD_ROTATION = Status(State.ERROR, "18", "motor fault: rotation", (Joint.ROTATION,))
 
-# Every operation, called as a user calls it: the request's data, the reply's, the result.
+# Every operation, as a user calls it: the data of the request, the data of the reply, the result.
 CALLS: dict[str, tuple[tuple[Any, ...], bytes, bytes, Any]] = {
     "login": (("password",), b"password", b"1", None),
     "set_password": (("old", b"new"), b"old|new", b"1", None),
@@ -74,7 +74,7 @@ def talk(scripted_link: Any, *replies: bytes, **options: Any) -> tuple[Client, A
 
     link = scripted_link(answer)
     client = Client(link, **options)
-    client._core.logged_in = True  # what a login does is tested elsewhere
+    client._core.logged_in = True  # the login is tested elsewhere
     return client, link
 
 
@@ -136,7 +136,7 @@ def test_text_is_sent_in_the_encoding_of_the_dialect(scripted_link: Any) -> None
 
 
 def test_there_may_be_no_program(scripted_link: Any) -> None:
-    """No running program, no default program, no program at all."""
+    """No running program, no default program, an empty list."""
     client, _ = talk(scripted_link, b"0", b"", b"0")
     assert client.get_running_program() is None
     assert client.get_default_program() is None
@@ -183,7 +183,7 @@ def test_invalid_values_raise_before_anything_is_sent(
 
 
 def test_an_upload_is_named_after_its_file(scripted_link: Any, tmp_path: Path) -> None:
-    """Unless another name is given."""
+    """The stored name is that of the file, unless another name is given."""
     (tmp_path / "a.rob").write_bytes(b"content")
     client, link = talk(scripted_link, *[b"1"] * 4)
     client.upload(tmp_path / "a.rob")

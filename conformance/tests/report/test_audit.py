@@ -151,7 +151,7 @@ def test_findings_beyond_the_limit_are_counted() -> None:
     assert len(case.wire) < 50
 
 
-def test_nothing_judged_is_nothing_tested() -> None:
+def test_no_judged_requirement_is_nothing_tested() -> None:
     """Without a case there is no conformance."""
     results = from_audit(Judge(), SessionStats(), subject=SUBJECT)
     assert results.verdict is Conclusion.NOTHING_TESTED

@@ -116,7 +116,7 @@ ALLOWED = {
     **dict.fromkeys(("skipped", "error", "failure"), ({"message", "type"}, set())),
     "system-out": (set(), set()),
 }
-"""The attributes and elements that we write, all of which the xUnit plugin of Jenkins allows."""
+"""The attributes and elements that we write; the xUnit plugin of Jenkins allows all of them."""
 
 
 def test_only_allowed_elements(full: Results) -> None:
@@ -128,7 +128,7 @@ def test_only_allowed_elements(full: Results) -> None:
 
 
 def test_an_independent_reader(full: Results, hostile: Results) -> None:
-    """A reader of other authors finds the cases and their outcomes, whatever text they contain."""
+    """A parser by other authors finds the cases and their outcomes, whatever text they contain."""
     for results in (full, hostile):
         read = JUnitXml.fromstring(junit.render(results).encode())
         found = [case for suite in read for case in suite]

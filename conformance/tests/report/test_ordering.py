@@ -30,7 +30,7 @@ def test_stated_requirements_come_before_derived_ones(full: Results) -> None:
 
 
 def test_findings_on_the_wire_come_before_failed_cases(full: Results) -> None:
-    """Among equals; equal messages are listed once."""
+    """Among failures of equal importance; equal messages are listed once."""
     ids = ("5.3/4.a", "5.3/4.b", "5.3/4.seen-1")
     cases = tuple(Case(i, ("5.3/4",), Verdict.FAIL, message=i[:7]) for i in ids)
     printed = most_important_first(replace(full, cases=cases))

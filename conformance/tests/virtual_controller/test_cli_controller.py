@@ -26,7 +26,7 @@ Run = Callable[..., tuple[object, str, str]]
 
 @pytest.fixture
 def start() -> Iterator[Start]:
-    """Starts the command on a free port, and kills what a test leaves."""
+    """Starts the command on a free port, and kills remaining processes."""
     with contextlib.ExitStack() as stack:
 
         def start(*options: str) -> subprocess.Popen[str]:
@@ -46,7 +46,7 @@ def start() -> Iterator[Start]:
 
 @pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    """Runs the command in this process; its exit status, what it says and what it complains of."""
+    """Run the command in this process; return exit status, output and error output."""
 
     def run(*options: str) -> tuple[object, str, str]:
         monkeypatch.setattr(sys, "argv", ["scaraspec", "controller", *options])
@@ -96,7 +96,8 @@ def _stop(process: subprocess.Popen[str], number: int = signal.SIGTERM) -> str:
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_address_and_clean_end(start: Start, tmp_path: Path, number: int) -> None:
-    """Port 0 becomes the real port in output and ready file; a signal ends the process with 0."""
+    """Port 0 is replaced by the real port in output and ready file; a signal ends the process with
+    status 0."""
     ready = tmp_path / "where"
     ready.write_text("from before")
     process = start("--ready-file", str(ready))
@@ -124,7 +125,7 @@ def test_shutdown_ends_the_process(start: Start) -> None:
 
 
 def test_password_readings_and_programs(start: Start, tmp_path: Path) -> None:
-    """Clients observe the values of the options."""
+    """Clients can observe the values of the options."""
     (tmp_path / "p.rob").write_bytes(build(Program()))
     options = ["--password", "geheim", "--programs", str(tmp_path), "--time-scale", "10"]
     process = start(*options, "--reading", "op_get_default=0x13", "--reading", "list_prefix_sep=0a")
@@ -206,7 +207,7 @@ def test_control_commands_on_stdin(start: Start) -> None:
 
 
 def test_control_lines_may_come_from_a_file(tmp_path: Path) -> None:
-    """A plain file cannot be polled like a pipe, and is also read."""
+    """A regular file cannot be polled like a pipe, but is read, too."""
     script = tmp_path / "script"
     script.write_text("input 1 1\nmotor-fault wrist\n")
     with script.open() as lines:
@@ -234,7 +235,7 @@ def test_a_serial_device_is_served(start: Start, scheme: str) -> None:
 
 
 def test_a_port_in_use_is_an_error_of_one_sentence(run: Run) -> None:
-    """Exit status 2, and what to do."""
+    """Exit status 2, and a remedy in the message."""
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         status, _, errors = run("--listen", f"127.0.0.1:{port}")

@@ -18,7 +18,7 @@ from scaraspec.virtual_controller.plant import Plant
         ("angle-fault", "06"),
     ],
 )
-def test_faults_are_made_and_cleared(plant: Plant, line: str, code: str) -> None:
+def test_faults_are_injected_and_cleared(plant: Plant, line: str, code: str) -> None:
     """Each fault code of table 8-1 can be injected."""
     assert execute(line, plant, 1.0) == f"status {code}"
     assert plant.fault_code == code
@@ -28,7 +28,7 @@ def test_faults_are_made_and_cleared(plant: Plant, line: str, code: str) -> None
 
 @pytest.mark.parametrize("line", ["motor-fault wrist lasting", "angle-fault lasting"])
 def test_a_lasting_fault_survives_a_reset_until_repaired(plant: Plant, line: str) -> None:
-    """`clear_faults` is what a reset does."""
+    """A reset calls `clear_faults`, which keeps a fault whose cause lasts."""
     execute(line, plant, 0.0)
     plant.clear_faults()
     assert plant.fault_code is not None
@@ -38,8 +38,8 @@ def test_a_lasting_fault_survives_a_reset_until_repaired(plant: Plant, line: str
     assert plant.fault_code is None
 
 
-def test_the_disk_and_the_inputs_are_driven(plant: Plant) -> None:
-    """Ports by their numbers, from 1."""
+def test_disk_and_inputs_are_set(plant: Plant) -> None:
+    """Ports are numbered from 1."""
     assert execute("disk-full on", plant, 0.0) == "the disk is full"
     assert plant.disk_full
     assert execute("disk-full off", plant, 0.0) == "the disk has room"
@@ -53,7 +53,7 @@ def test_the_disk_and_the_inputs_are_driven(plant: Plant) -> None:
 
 
 def test_help_names_every_command(plant: Plant) -> None:
-    """What help lists is what there is; an empty line says nothing."""
+    """Help lists exactly the existing commands; an empty line prints nothing."""
     assert execute("help", plant, 0.0) == HELP
     for row in HELP.splitlines():
         with pytest.raises(ConsoleCommandError) as printed:
@@ -83,7 +83,7 @@ def test_help_names_every_command(plant: Plant) -> None:
     ],
 )
 def test_invalid_line_raises_an_error(plant: Plant, line: str, reported: str) -> None:
-    """The message says what is wrong and what is valid."""
+    """The message states the mistake and the valid forms."""
     with pytest.raises(ConsoleCommandError) as printed:
         execute(line, plant, 0.0)
     assert reported in str(printed.value)

@@ -24,7 +24,7 @@ _IDLE = b"\xcc\x09\x0200\xaa"
 
 
 async def _until(holds: Callable[[], bool]) -> None:
-    """Let the loop run until something holds."""
+    """Run the loop until the condition is true."""
     while not holds():  # noqa: ASYNC110 - no event reports the condition
         await asyncio.sleep(0)
 
@@ -86,7 +86,7 @@ def test_a_serial_client_is_served_without_login_unless_masked() -> None:
 
 
 def test_a_slow_reader_delays_requests_and_loses_no_reply() -> None:
-    """A client that reads late gets all replies, with any bytes."""
+    """A client that reads late gets all replies, also with any bytes in names."""
 
     async def test(server: Server) -> None:
         master, slave = os.openpty()
@@ -154,7 +154,7 @@ def test_a_failing_line_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
         with monkeypatch.context() as patch:
             patch.setattr(os, "read", fail)
             port._read()
-        assert list(server.core.sessions) == [3]  # the device is there, so it is opened again
+        assert list(server.core.sessions) == [3]  # the device exists, so it is opened again
         os.close(slave)
         os.close(master)
 
@@ -162,7 +162,7 @@ def test_a_failing_line_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_closed_session_starts_again() -> None:
-    """A line cannot be closed as a connection can: the next request finds a new session."""
+    """A line has no end of a connection: the next request starts a new session."""
 
     async def test(server: Server) -> None:
         master, slave = os.openpty()

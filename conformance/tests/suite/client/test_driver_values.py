@@ -34,7 +34,7 @@ RUN_TIME = timedelta(days=1, seconds=3661)
         ({"name": "", "run_time_s": 0}, None),
     ],
 )
-def test_what_is_the_same(reported: Any, expected: Any) -> None:
+def test_equal_values(reported: Any, expected: Any) -> None:
     """Records by name or in order, numbers of either type, and times in either form match."""
     assert matches(reported, expected)
 
@@ -60,7 +60,7 @@ def test_what_is_the_same(reported: Any, expected: Any) -> None:
         ({"name": "a.rob", "run_time_s": 0}, None),
     ],
 )
-def test_what_is_not_the_same(reported: Any, expected: Any) -> None:
+def test_different_values(reported: Any, expected: Any) -> None:
     """Other values, other orders and other types do not match."""
     assert not matches(reported, expected)
 
@@ -84,8 +84,8 @@ def test_what_is_not_the_same(reported: Any, expected: Any) -> None:
         ),
     ],
 )
-def test_how_a_value_is_said(value: Any, reported: Any) -> None:
-    """A value of the command table becomes JSON. Durations keep their type."""
+def test_values_as_json(value: Any, reported: Any) -> None:
+    """A value of the command table is converted to JSON. Durations keep their type."""
     assert expected_value(value) == reported
     if reported is not None:
         assert matches(

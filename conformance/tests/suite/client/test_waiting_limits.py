@@ -21,7 +21,7 @@ TRANSFERS = frozenset({"5.1/1", "5.1/4", "5.1/12", "5.2/5", "5.3/1", "5.3/5", "5
 LATE = (0x52, 0x56)  # the answer to a chunk, and a chunk
 
 
-def test_an_upload_of_which_nothing_is_said_is_waited_for_in_full_twice() -> None:
+def test_missing_reports_use_two_full_timeouts() -> None:
     """After two full timeouts for an operation, later waits are short."""
     silent = mutants()["waits-behind-the-last-answer"].wrong
     with closing(MemoryClient(silent, DEFAULT)) as access:
@@ -33,7 +33,7 @@ def test_an_upload_of_which_nothing_is_said_is_waited_for_in_full_twice() -> Non
     assert len(in_full) == 2
 
 
-def test_a_slow_machine_fails_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_slow_computer_causes_no_failures(monkeypatch: pytest.MonkeyPatch) -> None:
     """An aborted transfer is inconclusive if the suite itself was silent for too long."""
     in_time = IncomingConnection.send_frame
 
