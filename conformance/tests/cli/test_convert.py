@@ -68,9 +68,9 @@ def test_a_picture(processes: Any, field: Path, tmp_path: Path) -> None:
 
 def test_a_truncated_file_is_converted(processes: Any, field: Path, tmp_path: Path) -> None:
     """A file that is cut off is converted up to the cut, with a notice and exit status 3."""
-    whole, truncated = tmp_path / "whole.mcap", tmp_path / "torn.mcap"
-    processes.run("convert", str(field / f"{SHIFT}.pcapng"), str(whole))
-    truncated.write_bytes(whole.read_bytes()[:-100])
+    complete, truncated = tmp_path / "whole.mcap", tmp_path / "torn.mcap"
+    processes.run("convert", str(field / f"{SHIFT}.pcapng"), str(complete))
+    truncated.write_bytes(complete.read_bytes()[:-100])
     done = processes.run("convert", str(truncated), str(tmp_path / "c.pcapng"))
     assert done.returncode == 3
     assert "was not closed" in done.stderr

@@ -94,8 +94,8 @@ def test_a_truncated_capture_is_judged(
 ) -> None:
     """An incomplete file is judged up to its end; what is missing is reported."""
     truncated = tmp_path / "torn.mcap"
-    whole = (demo[0] / "capture.mcap").read_bytes()
-    truncated.write_bytes(whole[: len(whole) * 3 // 4])
+    complete = (demo[0] / "capture.mcap").read_bytes()
+    truncated.write_bytes(complete[: len(complete) * 3 // 4])
     done = processes.run("audit", str(truncated))
     assert done.returncode in (0, 3), done.stdout
     assert "was not closed" in done.stderr

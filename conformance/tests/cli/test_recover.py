@@ -30,8 +30,8 @@ def test_a_truncated_recording(processes: Any, recording: Path) -> None:
     assert notes[-1] == f"  {recording.with_suffix('.rrd')} written again"
     again = processes.run("recover", str(recording))
     assert again.returncode == 0
-    whole, note = again.stdout.splitlines()
-    assert whole == first.replace("repaired", "whole")
+    complete, note = again.stdout.splitlines()
+    assert complete == first.replace("repaired", "whole")
     assert note.startswith("  the file was repaired earlier: the file was not closed")
     judged = processes.run("audit", str(recording))
     assert judged.returncode == 3 or "nonconformant" in judged.stdout

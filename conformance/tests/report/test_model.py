@@ -119,9 +119,9 @@ def test_public_keys(full: Results) -> None:
 
 def test_a_truncated_file(full: Results, tmp_path: Path) -> None:
     """Truncated anywhere: one sentence that begins with the file name."""
-    path, whole = tmp_path / "results.json", full.to_json().encode()
-    for length in range(0, len(whole) - 1, 97):
-        path.write_bytes(whole[:length])
+    path, complete = tmp_path / "results.json", full.to_json().encode()
+    for length in range(0, len(complete) - 1, 97):
+        path.write_bytes(complete[:length])
         with pytest.raises(ResultsError) as caught:
             Results.read(path)
         assert str(caught.value).startswith(f"{path} is ")
@@ -225,8 +225,8 @@ def test_the_schema_rejects_invalid_values(
 
 def test_the_schema_names_every_member_of_the_model(schema: dict[str, Any]) -> None:
     """A new member of the model must be added to the schema."""
-    whole = {**schema["$defs"], "Results": schema}
-    for name, part in whole.items():
+    complete = {**schema["$defs"], "Results": schema}
+    for name, part in complete.items():
         if "properties" in part:
             members = [f.name for f in fields(getattr(model, name))]
             derived = {"schema", "message_template", "message_values"}

@@ -179,10 +179,10 @@ def test_an_uncertain_transfer_is_not_stored_for_certain(judged: Judged) -> None
 
 def test_a_replaced_file_is_uncertain_until_complete(judged: Judged) -> None:
     """The content is unknown from the first chunk on, which a faulty controller may have stored."""
-    whole = NAME + "> chunk 0/9" + ACK
+    complete = NAME + "> chunk 0/9" + ACK
     again = NAME.removeprefix("login\n") + "> chunk 0/300" + ACK
-    assert list(judged(whole).robot.files) == [b"a.bin"]
-    assert not judged(whole + again).robot.files
+    assert list(judged(complete).robot.files) == [b"a.bin"]
+    assert not judged(complete + again).robot.files
 
 
 def test_stored_content_is_limited(judged: Judged, monkeypatch: pytest.MonkeyPatch) -> None:

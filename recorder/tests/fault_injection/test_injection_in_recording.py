@@ -84,7 +84,7 @@ def test_no_dropped_request_causes_a_failure(shift: list[WireEvent]) -> None:
 
 
 def test_faults_in_the_log() -> None:
-    """In the recording and in the viewer."""
+    """The faults are in the log of the recording and of the viewer."""
     event = WireEvent(7, "3", C2A, Kind.INJECTED, note="get_status reply: rule 1: not passed on")
     assert event_text.log_line(Injected(event)) == (
         event_text.Level.WARN,
@@ -94,7 +94,7 @@ def test_faults_in_the_log() -> None:
 
 
 def test_a_session_counts_faults_by_connection(talk: Any) -> None:
-    """The addresses are kept."""
+    """The counts of faults are by connection, with the addresses."""
     talk.mark(A2C, Kind.OPENED, "a > b")
     unanswered(talk, injected=True)
     unanswered(talk, injected=True)

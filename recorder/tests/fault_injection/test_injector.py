@@ -68,7 +68,7 @@ def run_out(injector: Injector) -> list[tuple[float, Action]]:
     raise AssertionError("something waits for ever")
 
 
-# What goes in comes out.
+# Unchanged bytes
 
 noise = st.binary(max_size=12)
 frames = st.builds(
@@ -106,8 +106,8 @@ def test_unselected_bytes_are_forwarded_in_order(
         actions += injector.receive(direction, data, now_s)
     for direction in Direction:
         actions += injector.finish(direction, now_s)
-        whole = b"".join(data for way, data, _ in stream if way is direction)
-        assert sent(actions, direction) == whole
+        complete = b"".join(data for way, data, _ in stream if way is direction)
+        assert sent(actions, direction) == complete
     assert notes(actions) == []
     assert [a for a in actions if isinstance(a, HalfClose)] == [HalfClose(A2C), HalfClose(C2A)]
 
@@ -150,7 +150,7 @@ def test_a_flush_forwards_everything(
         assert injector.receive(direction, data, 1.0) == []
 
 
-# What each fault does.
+# The effect of each fault
 
 
 def test_a_delay_also_delays_later_frames(injector: Any) -> None:
@@ -183,20 +183,20 @@ def test_jitter_is_reproducible_per_connection(injector: Any) -> None:
 
 def test_the_delay_between_fragments(injector: Any) -> None:
     """It starts when the previous piece was actually forwarded."""
-    torn = injector(rule("fragment", "size_bytes = 3", "gap_ms = 10"))
-    (printed, first) = torn.receive(C2A, IDLE, 0.0)
+    truncated = injector(rule("fragment", "size_bytes = 3", "gap_ms = 10"))
+    (printed, first) = truncated.receive(C2A, IDLE, 0.0)
     assert printed.note.endswith("rule 1: in pieces of 3 bytes, 10 ms apart")
     assert first == Forward(C2A, IDLE[:3])
-    assert torn.next_s == 0.01
-    assert torn.tick(5.0) == [Forward(C2A, IDLE[3:])]
-    assert notes(torn.receive(A2C, ASK, 6.0)) != []
-    assert torn.receive(C2A, b"\xcc", 7.0) == []
+    assert truncated.next_s == 0.01
+    assert truncated.tick(5.0) == [Forward(C2A, IDLE[3:])]
+    assert notes(truncated.receive(A2C, ASK, 6.0)) != []
+    assert truncated.receive(C2A, b"\xcc", 7.0) == []
 
 
 def test_a_frame_shorter_than_a_fragment(injector: Any) -> None:
-    """Without a change there is no note."""
-    torn = injector(rule("fragment", "size_bytes = 4") + rule("truncate", "keep_bytes = 100"))
-    assert torn.receive(A2C, ASK, 0.0) == [Forward(A2C, ASK)]
+    """A fault that changes nothing adds no note."""
+    truncated = injector(rule("fragment", "size_bytes = 4") + rule("truncate", "keep_bytes = 100"))
+    assert truncated.receive(A2C, ASK, 0.0) == [Forward(A2C, ASK)]
 
 
 def test_coalesced_frames_are_forwarded_together(injector: Any) -> None:

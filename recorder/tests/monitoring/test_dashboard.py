@@ -41,7 +41,7 @@ def gaps(count: int) -> Progress:
 
 
 def test_no_output_without_problems() -> None:
-    """For an hour."""
+    """During an hour without problems nothing is printed."""
     reported: list[str] = []
     with LineDisplay(reported.append) as lines:
         for second in range(3600):
@@ -50,7 +50,8 @@ def test_no_output_without_problems() -> None:
 
 
 def test_gaps_are_reported_at_intervals() -> None:
-    """One gap per second: reported at once, then every `MIN_INTERVAL_S`."""
+    """With one gap per second, the first is printed immediately, then one line every
+    `MIN_INTERVAL_S`."""
     reported: list[str] = []
     with LineDisplay(reported.append) as lines:
         for second in range(60):
@@ -61,7 +62,8 @@ def test_gaps_are_reported_at_intervals() -> None:
 
 
 def test_a_stall_is_reported_with_its_reason() -> None:
-    """At once, whether or not anything was written recently; and also its end."""
+    """Start and end of a stall are reported immediately, whether or not anything was written
+    recently."""
     full = replace(at(0), stall=WriteStall(995 * 10**9, "No space left on device"))
     reported: list[str] = []
     with LineDisplay(reported.append) as lines:
@@ -80,7 +82,7 @@ def test_a_stall_is_reported_with_its_reason() -> None:
 
 
 def test_problems_are_reported_once() -> None:
-    """Also that writing is stalled, and that it continues."""
+    """Each problem has one line, also a stall of the writing and its end."""
     reported: list[str] = []
     stall = replace(CALM.progress, problems=["McapSink is disabled"])
     with LineDisplay(reported.append) as lines:
@@ -96,7 +98,7 @@ def test_problems_are_reported_once() -> None:
 
 
 def test_an_unreachable_robot_is_reported() -> None:
-    """With the reason, on a terminal too."""
+    """The line has the reason; a dashboard shows it, too."""
     reported: list[str] = []
     gone = replace(CALM.progress, unreached="Connection refused")
     with LineDisplay(reported.append) as lines:
@@ -114,7 +116,7 @@ def test_an_unreachable_robot_is_reported() -> None:
 
 
 def test_a_slow_end_is_reported() -> None:
-    """At once, then every `MIN_INTERVAL_S` until all recordings are finished."""
+    """It is reported immediately, then every `MIN_INTERVAL_S` until all recordings are finished."""
     reported: list[str] = []
     with LineDisplay(reported.append) as lines:
         for second in range(25):

@@ -90,7 +90,8 @@ def session(talk: Any) -> Any:
 
 
 def test_a_mark_has_the_time_and_the_reason(session: Any, caplog: pytest.LogCaptureFixture) -> None:
-    """In the recording and in the log of the process, in the form of `scaraspec view --at`."""
+    """The mark is in the recording and in the log of the process, in the form of `scaraspec view
+    --at`."""
     session.ask("reset", None, REFUSED)
     session.mark(A2C, Kind.CLOSED)
     watched = SinkWithTriggers("refusal", "disconnect", "code:12")
@@ -141,7 +142,7 @@ def test_a_slow_writer_detects_no_silence(session: Any) -> None:
 
 
 def test_the_user_gets_a_mark_at_the_next_tick(session: Any) -> None:
-    """Also without traffic."""
+    """Also if there is no traffic."""
     watched = SinkWithTriggers("signal")
     watched.folder.notify_mark_request()
     watched.sink.tick(session.events[0].time_ns - 1)
@@ -206,7 +207,7 @@ class RotatedFiles:
 
     @property
     def marks(self) -> list[Marks]:
-        """Of each file, by name."""
+        """The marks of each file, by name."""
         return [marks(path) for path in sorted(self.path.glob("*.mcap"))]
 
 
@@ -256,7 +257,7 @@ def test_a_file_with_only_a_mark_is_complete(tmp_path: Path, new_talk: Callable[
 
 
 def test_an_invalid_trigger() -> None:
-    """The error is raised before the recording."""
+    """The error is raised before the recording starts."""
     with pytest.raises(ValueError, match="'bang' is not a trigger"):
         SinkWithTriggers("bang")
 

@@ -104,10 +104,10 @@ def test_malformed(session: Any) -> None:
 
 def test_a_frame_next_to_a_gap_is_not_malformed(session: Any) -> None:
     """The recording lost a part of it."""
-    whole = reply("get_status", b"00")
-    session.send(C2A, whole[:2])
+    complete = reply("get_status", b"00")
+    session.send(C2A, complete[:2])
     session.mark(C2A, Kind.GAP, "overflow", length=2)
-    session.send(C2A, whole[4:])
+    session.send(C2A, complete[4:])
     session.ask("get_status", None, "00")
     assert fires("malformed", session.events) == []
 
@@ -172,13 +172,13 @@ def test_a_late_reply_fires_when_it_comes(session: Any) -> None:
 def test_a_missing_reply_fires_at_a_tick(session: Any) -> None:
     """The reply does not fire again."""
     session.ask("get_status")
-    asked_ns = session.time_ns
+    request_ns = session.time_ns
     session.send(C2A, reply("get_status", b"00"), after_s=0.9)
     watcher, judge = parse_trigger("late:500ms"), Judge()
     assert feed(watcher, session.events[:-1], judge) == []
-    assert watcher.on_time(asked_ns + 500_000_000) == ""
-    assert watcher.on_time(asked_ns + 750_000_000) == "get_status not answered for 750 ms"
-    assert watcher.on_time(asked_ns + 800_000_000) == ""
+    assert watcher.on_time(request_ns + 500_000_000) == ""
+    assert watcher.on_time(request_ns + 750_000_000) == "get_status not answered for 750 ms"
+    assert watcher.on_time(request_ns + 800_000_000) == ""
     assert feed(watcher, session.events[-1:], judge) == []
 
 

@@ -1,4 +1,4 @@
-"""The byte accounts in a file are compared with its content."""
+"""The byte counts in a file are compared with its content."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -20,7 +20,7 @@ def read(path: Path) -> McapSummary:
 
 
 def write_recording(path: Path, events: list[WireEvent], lie: WireEvent | None = None) -> Path:
-    """Write a recording; `lie` is only in its accounts, not in the raw layer."""
+    """Write a recording; `lie` is only in its byte counts, not in the raw layer."""
     sink = McapSink(path.open("wb"))
     for number, event in enumerate(events):
         sink.write(event)
@@ -34,7 +34,8 @@ def write_recording(path: Path, events: list[WireEvent], lie: WireEvent | None =
 
 @pytest.mark.parametrize("count", [1, 50, None])
 def test_correct_accounts(shift: list[WireEvent], tmp_path: Path, count: int | None) -> None:
-    """Of ended streams, and of streams that are open at the end of the file."""
+    """The counts are right for ended streams and for streams that are open at the end of the
+    file."""
     summary = read(write_recording(tmp_path / "a.mcap", shift[:count]))
     assert (summary.wrong_accounts, summary.notes) == (0, [])
 
@@ -59,7 +60,7 @@ def test_wrong_accounts(
 
 
 def test_a_truncated_file_has_no_wrong_accounts(shift: list[WireEvent], tmp_path: Path) -> None:
-    """Its last accounts were not written; the only note is that it is truncated."""
+    """The last counts were not written; the only note is that the file is truncated."""
     path = write_recording(tmp_path / "a.mcap", shift[:100])
     path.write_bytes(path.read_bytes()[:-2000])
     summary = read(path)

@@ -1,4 +1,4 @@
-"""A recording written as packets gives the same recording when it is read."""
+"""A recording that is written as packets gives the same recording when it is read."""
 
 import io
 from collections import defaultdict

@@ -68,7 +68,7 @@ def test_no_latency_without_both_forwarding_times(exchange: list[WireEvent]) -> 
     assert latencies([forwarded(request, 0), forwarded(reply, reply.time_ns)]) == [None]
 
 
-def test_frames_without_an_exchange_are_forgotten(talk: Any) -> None:
+def test_frames_without_an_exchange_are_not_kept(talk: Any) -> None:
     """Unsolicited frames do not fill the memory."""
     printed, judge = LatencyTracker(), Judge(needs_login=False)
     for _ in range(10_000):

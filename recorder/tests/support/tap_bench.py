@@ -59,7 +59,7 @@ class Bench:
         self.printed.set()
 
     async def client(self) -> socket.socket:
-        """A client that is connected to the tap."""
+        """Return a client that is connected to the tap."""
         sock = socket.socket()
         sock.settimeout(0)
         self._sockets.append(sock)
@@ -67,7 +67,7 @@ class Bench:
         return sock
 
     async def accept(self) -> socket.socket:
-        """The server's socket of the tap's connection."""
+        """Return the server's socket of the tap's connection."""
         sock, _ = await asyncio.get_running_loop().sock_accept(self.server)
         self._sockets.append(sock)
         return sock
@@ -77,7 +77,7 @@ class Bench:
         return client, await self.accept()
 
     async def until(self, kind: Kind) -> Record:
-        """The first record of this kind."""
+        """Wait for the first record of this kind."""
         while True:
             for record in self.records:
                 if record.kind is kind:
@@ -100,7 +100,7 @@ class Bench:
 
 
 def run_on(loop: str, test: Callable[[], Awaitable[None]]) -> None:
-    """Run a test's coroutine on an event loop of this name, for a bounded time."""
+    """Run the coroutine of a test on an event loop of this type, with a timeout."""
     factory = tap_module.new_event_loop if loop == "uvloop" else asyncio.new_event_loop
     with asyncio.Runner(loop_factory=factory) as runner:
         runner.run(asyncio.wait_for(test(), TIMEOUT_S))

@@ -246,7 +246,7 @@ def test_a_refused_connection_is_reset_and_recorded(run: Any, host: str, why: st
 
     async def test() -> None:
         with socket.socket() as closed:
-            closed.bind(("127.0.0.1", 0))  # held, lest the tap itself gets it
+            closed.bind(("127.0.0.1", 0))  # bound, so that the tap cannot use it
             port = closed.getsockname()[1]
             async with Bench(Upstream(host, port)) as bench:
                 client = await bench.client()
@@ -429,7 +429,7 @@ def test_a_reset_has_a_timeout(run: Any, monkeypatch: pytest.MonkeyPatch) -> Non
                     client.send(block)
                 except BlockingIOError:
                     await turn()
-            connection.client.transport.abort()  # what a reset looks like to the tap
+            connection.client.transport.abort()  # the tap sees a reset in this way
             await bench.until(Kind.RESET)
             await bench.tap._wait_until_empty()
             with pytest.raises(ConnectionResetError):
@@ -515,7 +515,7 @@ def test_address_text() -> None:
         ("no..name", False),
     ],
 )
-def test_what_others_can_reach_is_no_loopback(host: str, loopback: bool) -> None:  # noqa: FBT001 - the expected answer
+def test_loopback_addresses(host: str, loopback: bool) -> None:  # noqa: FBT001 - the expected answer
     """A name that cannot be resolved is not a loopback address."""
     assert tcp.is_loopback(host) is loopback
 

@@ -212,9 +212,9 @@ def test_how_bytes_are_split_makes_no_difference(
 ) -> None:
     """Requirement 2/5: the same bytes give the same answers in any pieces."""
     stream = _STATUS + data + _TIME + b"\xaa" + data + _VERSION
-    whole = bench_of().client()
-    whole.link.send(stream)
+    complete = bench_of().client()
+    complete.link.send(stream)
     split = bench_of().client()
     for start, end in pairwise([0, *sorted(cuts), len(stream)]):
         split.link.send(stream[start:end])
-    assert split.receive() == whole.receive()
+    assert split.receive() == complete.receive()
