@@ -163,7 +163,7 @@ def running(command: list[str], port: int, log: Path) -> Iterator[subprocess.Pop
             process.kill()
 
 
-def set_apart(parent: int, link_module: str, processors: set[int]) -> int:
+def set_processors(parent: int, link_module: str, processors: set[int]) -> int:
     """Move a process and its children onto these processors, but for the one that forwards.
 
     Returns:

@@ -71,7 +71,7 @@ class ScriptedLink:
         self, answer: Callable[[int, bytes], Iterable[tuple[float, bytes | Ending]]]
     ) -> None:
         self.now_s = 1000.0
-        self.asked: list[tuple[int, bytes]] = []
+        self.requests: list[tuple[int, bytes]] = []
         self.closed = False
         self._answer = answer
         self._coming: deque[tuple[float, bytes | Ending]] = deque()
@@ -79,7 +79,7 @@ class ScriptedLink:
     def send(self, data: bytes) -> int:
         """Record requests and schedule the replies."""
         for opcode, request in frames_of(data):
-            self.asked.append((opcode, request))
+            self.requests.append((opcode, request))
             for delay_s, what in self._answer(opcode, request):
                 self._coming.append((self.now_s + delay_s, what))
         self._coming = deque(sorted(self._coming, key=lambda coming: coming[0]))

@@ -211,11 +211,11 @@ def test_equal_requests_are_serialised() -> None:
     """3/25."""
 
     async def play(client: AsyncClient, controller: Controller) -> None:
-        asked = [asyncio.create_task(client.get_status()) for _ in range(3)]
+        tasks = [asyncio.create_task(client.get_status()) for _ in range(3)]
         for code in (b"00", b"01", b"02"):
             await controller.expect(0x09)
             controller.send_frame(0x09, code)
-        assert sorted(status.code for status in await asyncio.gather(*asked)) == ["00", "01", "02"]
+        assert sorted(status.code for status in await asyncio.gather(*tasks)) == ["00", "01", "02"]
 
     perform(play)
 

@@ -64,7 +64,7 @@ def test_with_connects_logs_in_and_closes(scripted_link: Any) -> None:
     link = scripted_link(polite)
     with Client(link, password="secret") as client:
         assert client.get_status().code == "00"
-    assert link.asked == [(0x01, b"secret"), (0x09, b"")]
+    assert link.requests == [(0x01, b"secret"), (0x09, b"")]
     assert link.closed
     with pytest.raises(LinkLost, match="this client was closed"):
         client.get_status()
@@ -77,7 +77,7 @@ def test_a_failed_login_closes(scripted_link: Any) -> None:
     with pytest.raises(LoginFailed), Client(link, password=b"wrong"):
         pytest.fail("the controller refused the password")
     assert link.closed
-    assert link.asked == [(0x01, b"wrong")]
+    assert link.requests == [(0x01, b"wrong")]
 
 
 def test_calls_before_connecting_fail() -> None:
@@ -210,7 +210,7 @@ def test_a_local_file_is_never_overwritten(scripted_link: Any, tmp_path: Path) -
             client.download("a.rob", tmp_path / "a.rob")
         with pytest.raises(PayloadError):
             client.download("../a.rob", tmp_path / "b.rob")
-    assert [opcode for opcode, _ in link.asked] == [0x01]
+    assert [opcode for opcode, _ in link.requests] == [0x01]
 
 
 def test_a_failed_download_leaves_no_file(scripted_link: Any, tmp_path: Path) -> None:
@@ -239,7 +239,7 @@ def test_an_exception_from_progress_aborts_with_a_signal(scripted_link: Any) -> 
         with pytest.raises(Stop):
             client.upload_bytes(b"x" * 900, "a.rob", stop)
         assert client.get_status().code == "00"
-    chunks = [FILE_DATA.decode(data).value for opcode, data in link.asked if opcode == 0x52]
+    chunks = [FILE_DATA.decode(data).value for opcode, data in link.requests if opcode == 0x52]
     assert [chunk.length for chunk in chunks] == [200, 200, 0]
 
 

@@ -74,10 +74,10 @@ class NoReply(CaseFailed):
     """A request was not answered, or the subject closed the connection instead (3/31).
 
     Attributes:
-        owed: The requirement that such a reply is sent; empty if there is none.
+        reply_requirement: The requirement that such a reply is sent; empty if there is none.
     """
 
-    owed = ""
+    reply_requirement = ""
 
 
 class NotConnected(NoReply):

@@ -162,7 +162,7 @@ def test_cut_at_the_tag(subject: ClientUnderTest, line: IncomingConnection) -> N
 
 
 @client_case("3/13", name="next")
-def test_frame_behind_a_tagged_one(subject: ClientUnderTest, line: IncomingConnection) -> None:
+def test_frame_after_a_tagged_one(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A reply follows a tagged frame, in the same segment or in the middle of a split frame."""
     result = line.result_frame("simulate_program").encode()
     reply = line.frame("get_status", data=b"04").encode()
@@ -287,7 +287,7 @@ def test_overtaken(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 
 @client_case("3/27", name="meanwhile")
-def test_replies_meanwhile(subject: ClientUnderTest, line: IncomingConnection) -> None:
+def test_replies_during_execution(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Queries are answered while a command executes; its final result arrives after them."""
     require_while_executing(subject, line, "get_status")
     run = begin_operation(subject, "run_program")
