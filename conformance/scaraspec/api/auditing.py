@@ -183,7 +183,7 @@ def subject_of(capture: McapCapture | PcapCapture) -> tuple[Role, Ics]:
 
 
 class _Listener:
-    """Takes what the judge yields.
+    """Processes the items that the judge yields.
 
     Attributes:
         stats: The statistics of the traffic, with the evidence of the findings that count.
@@ -200,7 +200,7 @@ class _Listener:
         self._scope, self._dialect = judge.scope, ics.dialect
 
     def is_judged(self, event: WireEvent) -> bool:
-        """Return whether the traffic of the event's connection says something about the subject."""
+        """Return whether the event's connection is evidence about the subject."""
         if event.kind is Kind.OPENED and event.note == UNJUDGED:
             self.unjudged.add(event.connection)
         return event.connection not in self.unjudged

@@ -63,12 +63,12 @@ def test_a_script_repeats_a_failure(
     assert last in steps(case)[-1]
     script = tmp_path / "out" / script_path(case, results)
     again = repeat(script, "{}:{}".format(*faulty), "--yes")
-    assert "The recorded behaviour came again." in again.stdout, again.stdout + again.stderr
+    assert "The recorded behaviour occurred again." in again.stdout, again.stdout + again.stderr
     assert again.returncode == 0
     for text in (case.id, case.message, case.replay, steps(case)[-1]):
         assert text in again.stdout
     other = repeat(script, "{}:{}".format(*processes.controller()), "--yes")
-    assert other.stdout.endswith("Another behaviour came.\n"), other.stdout + other.stderr
+    assert other.stdout.endswith("Another behaviour occurred.\n"), other.stdout + other.stderr
     assert other.returncode == 1
 
 

@@ -143,7 +143,7 @@ def test_the_plan_of_an_attended_run(output: io.StringIO) -> None:
 
 
 def test_lines_without_a_terminal(output: io.StringIO) -> None:
-    """At most one in a minute."""
+    """At most one line is printed per minute."""
     trial = Trial()
     display = Display(Console(file=output), 100, trial.estimate, clock=trial.clock)
     for case in trial.cases[:7]:

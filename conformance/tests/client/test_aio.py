@@ -299,7 +299,7 @@ def test_session_with_the_virtual_controller(tmp_path: Path) -> None:
 
 
 def test_link_end_raises_link_lost() -> None:
-    """For calls in progress and for later calls."""
+    """Calls in progress and later calls raise it."""
 
     async def play(client: AsyncClient, controller: Controller) -> None:
         status = asyncio.create_task(client.get_status())

@@ -124,7 +124,7 @@ def test_reply_or_timeout(scripted_link: Any) -> None:
 
 @pytest.mark.parametrize("ending", Ending)
 def test_link_end_raises_link_lost(scripted_link: Any, ending: Ending) -> None:
-    """For calls in progress and for later calls."""
+    """Calls in progress and later calls raise it."""
     client = Client(scripted_link(lambda *_: [(1, ending)]))
     client._core.logged_in = True
     for _ in range(2):
@@ -181,7 +181,7 @@ def test_observed_readings_and_remarks(scripted_link: Any) -> None:
 
 
 def test_progress_is_reported(scripted_link: Any, tmp_path: Path) -> None:
-    """After every chunk, with the file size."""
+    """The callback is called after every chunk, with the file size."""
     printed: list[tuple[int, int | None]] = []
     with Client(scripted_link(polite), password="p") as client:
         client.upload_bytes(b"x" * 500, "a.rob", lambda *progress: printed.append(progress))

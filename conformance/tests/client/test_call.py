@@ -169,7 +169,7 @@ def test_wrong_usage_is_status_2(arguments: list[str], sentence: str) -> None:
 
 
 def test_no_answer_is_status_3() -> None:
-    """From a silent controller, and without a controller."""
+    """The controller is silent, or there is no controller."""
     with socket.create_server(("127.0.0.1", 0)) as silent:
         url = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
         status, sentence = call(url, "get_version", "--timeout", "0.1")

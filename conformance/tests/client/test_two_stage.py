@@ -180,7 +180,7 @@ def test_a_failed_stop_interrupts_nothing(play: Any, result: bytes | None) -> No
 
 
 def test_a_stop_can_be_repeated(play: Any) -> None:
-    """After its first reply, with or without a result."""
+    """A stop can be sent again after its first reply, with or without a result."""
     first = stop(play)
     second = stop(play)
     play.receive_frame(0x32, b"11", tagged=True)

@@ -36,7 +36,7 @@ WHOLE = Outer("x", Colour.RED, Inner(3, 0.25), (("a", 1), ("b", 2)), {Colour.BLU
 
 
 def test_round_trip() -> None:
-    """With every type of member in the model."""
+    """A value with every type of member is converted back unchanged."""
     plain = to_plain(WHOLE)
     assert plain == {
         "name": "x",

@@ -52,7 +52,7 @@ def test_content_of_a_failure(full: Results) -> None:
 
 
 def test_the_sums_match_the_cases(full: Results) -> None:
-    """In the attributes of the suites."""
+    """The attributes of the suites have the right sums."""
     root = tree_of(full)
     assert root.attrib == {
         "name": "scaraspec controller",

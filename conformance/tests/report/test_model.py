@@ -68,12 +68,12 @@ every_results = st.builds(
 
 @given(every_results)
 def test_round_trip(results: Results) -> None:
-    """With any texts and numbers."""
+    """Results with any texts and numbers are read as they were written."""
     assert Results.from_json(results.to_json().encode()) == results
 
 
 def test_round_trip_of_a_file(full: Results, hostile: Results, tmp_path: Path) -> None:
-    """With a session and hostile text."""
+    """A file with a session and hostile text is read as it was written."""
     path = tmp_path / "results.json"
     for results in (full, hostile):
         results.write(path)

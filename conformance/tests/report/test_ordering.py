@@ -22,7 +22,7 @@ def test_failures_come_first_and_passes_last(full: Results) -> None:
 
 
 def test_stated_requirements_come_before_derived_ones(full: Results) -> None:
-    """Among failures: firm and stated, firm and derived, tolerant, unknown."""
+    """The order of failures is firm and stated, firm and derived, tolerant, unknown."""
     ids = ("9/9", "5.2/17", "3/18", "3/1")
     cases = tuple(Case(i, (i,), Verdict.FAIL, Cause.SUBJECT) for i in ids)
     printed = most_important_first(replace(full, cases=cases))

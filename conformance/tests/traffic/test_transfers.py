@@ -31,7 +31,7 @@ def sent(record: Any) -> bytes:
 @pytest.mark.parametrize("options", ["", " big", " cut", " big cut"])
 @pytest.mark.parametrize("size", [1, 199, 200, 201, 400, 700])
 def test_chunks_of_an_upload_are_joined(judged: Judged, size: int, options: str) -> None:
-    """Of any size, in either byte order, the last chunk padded or cut."""
+    """The size, the byte order, and the form of the last chunk may be any."""
     chunks = [f"> chunk {at}/{size}{options}{ACK}" for at in range(0, size, 200)]
     record = judged(NAME + "".join(chunks))
     transfer = transfer_of(record)
@@ -52,7 +52,7 @@ def test_chunks_of_a_download_are_joined(judged: Judged) -> None:
 
 
 def test_a_chunk_knows_its_transfer_and_its_place(judged: Judged) -> None:
-    """Even if the chunk was sent before the previous one was acknowledged."""
+    """This also holds for a chunk that was sent before the previous one was acknowledged."""
     record = judged(NAME + "> chunk 0/300\n> chunk 200/300" + ACK + ACK)
     chunks = [x for x in record.exchanges if x.chunk]
     assert [x.expected_position for x in chunks] == [0, 200]

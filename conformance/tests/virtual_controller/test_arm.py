@@ -37,7 +37,7 @@ POSES = st.builds(
 
 @given(JOINTS)
 def test_inverse_of_forward(joints: Joints) -> None:
-    """For any joints, with the same elbow side."""
+    """The inverse returns the same joints, if the elbow is on the same side."""
     found = inverse(forward(joints), near=joints)
     # Near the stretched arm the cosine of the elbow angle is flat, so that a rounding error has a
     # large effect, also on the position if a joint is at its limit.

@@ -579,7 +579,7 @@ def test_a_simulated_run_has_the_real_duration_and_no_effect(plant: Plant) -> No
 
 @pytest.mark.parametrize("simulated", [True, False])
 def test_a_fault_of_the_plant_fails_the_run(plant: Plant, *, simulated: bool) -> None:
-    """With its own code, at the next advance (L328)."""
+    """The run fails with the code of the fault, at the next call (L328)."""
     run = start(plant, pause(10), ttl(1), simulated=simulated)
     run.advance(1.0)
     plant.fail("12", 2.0)

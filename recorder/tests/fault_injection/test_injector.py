@@ -169,7 +169,7 @@ def test_a_delay_also_delays_later_frames(injector: Any) -> None:
 
 
 def test_jitter_is_reproducible_per_connection(injector: Any) -> None:
-    """Only the seed and the connection decide."""
+    """The jitter depends only on the seed and the connection."""
     text = "seed = 5\n" + rule("jitter", "jitter_ms = 100")
 
     def waits(connection: int) -> list[str]:
@@ -277,7 +277,7 @@ def test_a_reset_replaces_its_frame(injector: Any) -> None:
 
 
 def test_all_matching_rules_are_applied(injector: Any) -> None:
-    """In their order, each with a note."""
+    """Rules are applied in their order, and each adds a note."""
     both = injector(rule("delay", "delay_ms = 5") + rule("delay", "delay_ms = 7") + rule("drop"))
     assert len(notes(both.receive(A2C, ASK, 0.0))) == 3
     assert both.next_s == pytest.approx(0.012)

@@ -86,7 +86,7 @@ def test_content_of_an_entry(recorded: Path, shift: list[WireEvent]) -> None:
 
 @pytest.mark.parametrize("table", [b"null\n{}\n", b'{"name": "x"', b"\xff\x00\n[1]\n"])
 def test_a_damaged_index_is_rebuilt(recorded: Path, tmp_path: Path, table: bytes) -> None:
-    """From the files alone, with the same content."""
+    """The files are sufficient for an index with the same content."""
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
     (tmp_path / FILE_NAME).write_bytes(table)
     RecordingIndex(tmp_path).save()
@@ -95,7 +95,7 @@ def test_a_damaged_index_is_rebuilt(recorded: Path, tmp_path: Path, table: bytes
 
 
 def test_a_deleted_index_is_rebuilt(recorded: Path, tmp_path: Path) -> None:
-    """Also if there never was one."""
+    """An index is also made if there never was one."""
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
     (tmp_path / FILE_NAME).unlink()
     RecordingIndex(tmp_path).save()

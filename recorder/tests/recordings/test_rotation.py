@@ -351,7 +351,7 @@ def test_invalid_rotation(text: str, sentence: str) -> None:
 
 
 def test_parse_rotation() -> None:
-    """By time, by size, by both, or by connection."""
+    """The text names a time, a size, both, or `connection`."""
     assert parse_rotation("1h") == RotationPolicy(Limits(3600 * SECOND_NS))
     assert parse_rotation("512MB,1h") == RotationPolicy(Limits(3600 * SECOND_NS, 512_000_000))
     assert parse_rotation("connection") == RotationPolicy(each_connection=True)

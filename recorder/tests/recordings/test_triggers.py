@@ -129,7 +129,7 @@ def test_the_end_of_the_recording_is_not_a_disconnect(session: Any) -> None:
 
 
 def test_silence_fires_once_and_again_after_the_next_byte(session: Any) -> None:
-    """At a tick, for every open connection."""
+    """Silence is detected at a tick, for every open connection."""
     watcher = parse_trigger("silence:30s")
     feed(watcher, session.events)
     quiet_ns = session.time_ns
@@ -161,7 +161,7 @@ def test_a_late_opened_event_is_not_silence(talk: Any) -> None:
 
 
 def test_a_late_reply_fires_when_it_comes(session: Any) -> None:
-    """From the last byte of the request to the first byte of the reply."""
+    """The latency is from the last byte of the request to the first byte of the reply."""
     session.ask("get_status", None, "00")
     session.ask("get_status")
     session.send(C2A, reply("get_status", b"00"), after_s=0.6)
@@ -193,7 +193,7 @@ def test_a_reply_hidden_by_a_gap_is_not_late(session: Any) -> None:
 
 
 def test_a_signal_fires_at_the_next_tick() -> None:
-    """Once for each request."""
+    """The trigger fires once for each request."""
     watcher = parse_trigger("signal")
     assert isinstance(watcher, UserTrigger)
     assert watcher.on_time(1) == ""

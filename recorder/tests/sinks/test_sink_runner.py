@@ -165,7 +165,7 @@ def test_all_events_of_a_connection(bench: Bench) -> None:
 def test_an_unreachable_robot_is_known_until_it_sends(
     bench: Bench,
 ) -> None:
-    """Also in the next runner."""
+    """The next runner also knows it."""
     bench.put(Kind.OPENED, payload=b"a > b")
     bench.put(Kind.RESET, OTHER, payload=b"no connection: No route to host")
     bench.tick(bench.runner(RecordingSink()))

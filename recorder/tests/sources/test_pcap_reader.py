@@ -295,7 +295,7 @@ def test_raw_ip_of_one_version(path: Path, link_type: int) -> None:
 def test_pcap_files(
     path: Path, order: str, per_second: int, compress: Callable[[bytes], bytes]
 ) -> None:
-    """Both byte orders and both resolutions of pcap, plain and compressed."""
+    """Files with both byte orders and both resolutions are read, plain and compressed."""
     content = pcap(frames(conversation()), order=order, per_second=per_second)
     resolution_ns = 10**9 // per_second
     addresses = OVER_IPV4[0].note
@@ -304,7 +304,7 @@ def test_pcap_files(
 
 @pytest.mark.parametrize("order", ["<", ">"], ids=["little", "big"])
 def test_pcapng_files(path: Path, order: str) -> None:
-    """Both byte orders of pcapng."""
+    """Files with both byte orders are read."""
     assert events_of(path, pcapng(frames(conversation()), order)) == OVER_IPV4
 
 

@@ -148,7 +148,7 @@ def reset(writer: StreamWriter) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_bytes_pass_unchanged_and_are_all_recorded(cable: Any, seed: int) -> None:
-    """Both directions at once, in random pieces, with every byte value."""
+    """Both directions carry every byte value at the same time, in random pieces."""
     dice = random.Random(seed)
     up, down = EVERY_BYTE + dice.randbytes(60_000), EVERY_BYTE[::-1] + dice.randbytes(60_000)
 

@@ -35,7 +35,7 @@ _MOMENT: Final[ContextVar[Callable[[], Moment]]] = ContextVar("moment", default=
 def observed_by(moment: Callable[[], Moment]) -> Iterator[None]:
     """Let failures note the moment at which they occur while the context is active.
 
-    A case sends more after a failure, to put back what it has changed.
+    After a failure a case sends more frames, to restore its changes.
     """
     token = _MOMENT.set(moment)
     try:

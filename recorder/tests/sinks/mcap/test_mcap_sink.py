@@ -130,7 +130,7 @@ def conversations(draw: st.DrawFn) -> list[WireEvent]:
 def test_any_events_are_returned(
     tmp_path_factory: pytest.TempPathFactory, events: list[WireEvent]
 ) -> None:
-    """With any bytes, times, notes and kinds."""
+    """Bytes, times, notes and kinds may have any values."""
     path = record(tmp_path_factory.mktemp("any") / "capture.mcap", events)
     back = read_mcap(path)
     assert list(back) == events

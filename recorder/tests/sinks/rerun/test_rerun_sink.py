@@ -242,7 +242,7 @@ def test_a_failed_creation_leaves_no_files(tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_the_error_has_the_reason_of_the_system(tmp_path: Path) -> None:
-    """For example "No such file or directory"."""
+    """An example is "No such file or directory"."""
     with pytest.raises(FileNotFoundError, match="No such file or directory"):
         RerunSink.to_file(tmp_path / "gone" / "capture.rrd")
 
