@@ -130,7 +130,7 @@ def test_async_with_logs_in_and_closes() -> None:
 
 
 def test_a_failed_login_closes() -> None:
-    """4.1/5."""
+    """The connection is closed after a refused login (4.1/5)."""
 
     async def play(client: AsyncClient, controller: Controller) -> None:
         login = asyncio.create_task(client.login("wrong"))
@@ -145,7 +145,7 @@ def test_a_failed_login_closes() -> None:
 
 
 def test_reply_or_timeout() -> None:
-    """A-3-15, T/9."""
+    """A missing reply raises an error after 5 s; a slow one is accepted (A-3-15, T/9)."""
 
     async def play(client: AsyncClient, controller: Controller) -> None:
         began_s = asyncio.get_running_loop().time()
@@ -208,7 +208,7 @@ def test_other_commands_work_while_one_is_pending() -> None:
 
 
 def test_equal_requests_are_serialised() -> None:
-    """3/25."""
+    """A second request with the same opcode waits for the reply to the first (3/25)."""
 
     async def play(client: AsyncClient, controller: Controller) -> None:
         tasks = [asyncio.create_task(client.get_status()) for _ in range(3)]
@@ -266,7 +266,7 @@ def test_a_cancelled_upload_is_signalled() -> None:
 
 
 def test_transfer_timeout() -> None:
-    """5.2/9."""
+    """Silence after the name ends a download (5.2/9)."""
 
     async def play(client: AsyncClient, controller: Controller) -> None:
         with pytest.raises(TransferFailed, match="no frame for 30 s"):

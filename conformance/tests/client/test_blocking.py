@@ -104,7 +104,7 @@ def test_invalid_url_is_rejected_immediately() -> None:
 
 
 def test_no_login_is_needed_over_a_serial_line() -> None:
-    """L83."""
+    """Over a serial line the client counts as logged in (L83)."""
     assert Client("serial:///dev/rfcomm0")._core.logged_in
     assert not Client("tcp://127.0.0.1")._core.logged_in
 

@@ -175,7 +175,7 @@ def test_directions_have_names(scripted_link: Any) -> None:
 def test_invalid_values_raise_before_anything_is_sent(
     scripted_link: Any, call: Callable[[Client], None]
 ) -> None:
-    """T/6."""
+    """The error is raised before the request is sent (T/6)."""
     client, link = talk(scripted_link)
     with pytest.raises(PayloadError):
         call(client)

@@ -84,7 +84,7 @@ def test_other_commands_work_during_a_transfer(play: Any) -> None:
 
 @pytest.mark.parametrize("answer", [b"0", b"", b"2", b"\x01", b"11"])
 def test_a_refused_name_is_not_followed_by_content(play: Any, answer: bytes) -> None:
-    """5.2/4, 5.2/19."""
+    """No chunk is sent after a refused name (5.2/4, 5.2/19)."""
     transfer = upload(play, b"content")
     play.receive_frame(UP, answer)
     assert play.sent() == [(UP, b"a.rob")]
@@ -125,7 +125,7 @@ def test_an_upload_times_out_between_25_and_60_s(play: Any, answers: list[int]) 
 
 @pytest.mark.parametrize("granted", [False, True])
 def test_a_download_times_out_between_25_and_60_s(play: Any, granted: bool) -> None:  # noqa: FBT001 - a parameter of the test
-    """5.4/5, 5.4/6."""
+    """A missing chunk ends the download (5.4/5, 5.4/6)."""
     transfer = play.begin(play.core.download(b"a.rob"))
     if granted:
         play.wait_for(25)
@@ -152,7 +152,7 @@ def test_the_timeout_follows_the_dialect(new_play: Any) -> None:
 
 
 def test_a_refused_download_fails(play: Any) -> None:
-    """L772."""
+    """A refused name raises an error (L772)."""
     transfer = play.begin(play.core.download(b"a.rob"))
     play.receive_frame(DOWN, b"0")
     with pytest.raises(TransferFailed, match="refused the name"):
@@ -181,7 +181,7 @@ def test_a_bad_chunk_is_rejected_once(play: Any, bad: bytes) -> None:
 
 @pytest.mark.parametrize("signal", [b"", chunk(300, 0, 0), chunk(0, 0, 0), chunk(300, 200, 0)])
 def test_a_length_of_zero_ends_a_download_without_reply(play: Any, signal: bytes) -> None:
-    """5.3/8, A-5-10."""
+    """A chunk of length 0 is the error signal (5.3/8, A-5-10)."""
     transfer = download(play)
     play.sent()
     play.receive_frame(DOWN_CHUNK, signal)
@@ -235,7 +235,7 @@ def test_a_chunk_before_the_reply_to_the_name_is_refused(play: Any) -> None:
 
 @pytest.mark.parametrize("name", [b"", b"n" * 31, b"a|b", b"a/b", b"..", b"a\\b", b"a\0"])
 def test_names_are_checked_before_anything_is_sent(play: Any, name: bytes) -> None:
-    """5.2/18, T/6, A-5-20."""
+    """An invalid name raises an error (5.2/18, T/6, A-5-20)."""
     with pytest.raises(PayloadError):
         upload(play, b"x", name)
     with pytest.raises(PayloadError):
@@ -244,7 +244,7 @@ def test_names_are_checked_before_anything_is_sent(play: Any, name: bytes) -> No
 
 
 def test_an_empty_file_is_not_sent(play: Any) -> None:
-    """5.2/17, A-5-10."""
+    """An empty file raises an error by default (5.2/17, A-5-10)."""
     with pytest.raises(PayloadError, match="empty file"):
         upload(play, b"")
     assert play.sent() == []
@@ -297,7 +297,7 @@ def test_an_abort_after_the_last_chunk_has_no_effect(play: Any) -> None:
 
 
 def test_an_aborted_download_is_refused_at_the_next_chunk(play: Any) -> None:
-    """5.3/5."""
+    """The reply to the next chunk is 0 (5.3/5)."""
     transfer = download(play)
     transfer.abort()
     play.sent()

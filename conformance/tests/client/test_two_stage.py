@@ -39,7 +39,7 @@ def test_the_final_result_ends_the_command(play: Any, command: Any) -> None:
 
 
 def test_the_result_may_share_a_segment_with_the_reply(play: Any, command: Any) -> None:
-    """4/10."""
+    """First reply and final result arrive together (4/10)."""
     operation = play.ask(command.name, VALUES.get(command.name))
     reply, result = Frame(C2A, command.opcode, b"1"), Frame(C2A, command.opcode, b"11", tagged=True)
     play.receive_bytes(reply.encode() + result.encode())
@@ -124,7 +124,7 @@ def stop(play: Any, *, first: bool = True) -> Any:
 
 
 def test_emergency_stop_before_the_first_reply(play: Any) -> None:
-    """4.17/10."""
+    """A stop succeeds while the first reply to the run is missing (4.17/10)."""
     run = play.ask("run_program", b"a.rob")
     play.ask("get_status")
     halt = stop(play)

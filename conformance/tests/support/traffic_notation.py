@@ -1,8 +1,8 @@
-"""A playbook: sessions as lines of text, what a judge makes of them, and other ways to cut them.
+"""The traffic notation: sessions as lines of text, and fixtures that judge them.
 
-One line is one thing that happens, a millisecond after the one before it. The first query of a
-state after a reply or a result of a two-stage command comes later, so that the state is not old
-(A-4.8-3), unless a line with seconds is between them::
+Each line is one event, a millisecond after the previous one. The first query of a state after a
+reply or a final result of a two-stage command comes later, so that the state is current (A-4.8-3),
+unless a line with seconds is between them::
 
     login                       a login that succeeds
     > run_program a.rob         the client sends; a text of data follows, with \\xNN for bytes

@@ -80,7 +80,7 @@ def test_all_files_are_complete(tmp_path: Path, shift: list[WireEvent]) -> None:
 
 
 def test_a_closed_file_is_released_immediately(tmp_path: Path, shift: list[WireEvent]) -> None:
-    """Without the garbage collector, which the writer process seldom runs."""
+    """No garbage collection is needed, which the writer process seldom runs."""
     recorder = Recorder(tmp_path, Archive("cell 2", rotate=parse_rotation("1s")), shift[0].time_ns)
     gc.collect()
     gc.disable()

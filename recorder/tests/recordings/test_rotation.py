@@ -309,9 +309,9 @@ def test_rotation_by_connection(
 def test_short_connections_share_a_file(
     tmp_path: Path, sessions: Callable[..., list[list[WireEvent]]], interval_ns: int, files: int
 ) -> None:
-    """Otherwise many connections would delay the writing; also without ticks between them.
+    """A file for each of many short connections would delay the writing.
 
-    The first that ends a tick after its file began is the last in it.
+    The file ends with the first connection that ends at least a tick after its start.
     """
     sink = recorder(tmp_path, parse_rotation("connection"))
     for session in sessions(100, interval_ns):

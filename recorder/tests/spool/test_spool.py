@@ -385,7 +385,8 @@ def test_a_gap_is_written_at_the_end(tmp_path: Path) -> None:
 
 
 def test_pending_records_are_bounded(bench: Bench) -> None:
-    """Many openings while the disk refuses: one RESTART record replaces them."""
+    """If many connections are opened while the disk is full, one RESTART record replaces their
+    records."""
     bench.disk.refuses = True
     for number in range(1, 30_000):
         bench.writer.append(Kind.OPENED, stream_number(number, A2C), 1, 0)

@@ -530,7 +530,7 @@ print(unsent_bytes(near))
 
 
 def test_unsent_bytes_without_a_free_file_descriptor() -> None:
-    """A client that gets no upstream connection is reset; the function imports no module then."""
+    """The function works without a free file descriptor, as it then imports no module."""
     done = subprocess.run(
         [sys.executable, "-c", NO_FILE_IS_FREE],
         capture_output=True,

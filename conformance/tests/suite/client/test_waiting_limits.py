@@ -54,7 +54,7 @@ def test_a_slow_computer_causes_no_failures(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_part_of_a_list_that_comes_after_the_reply_timeout() -> None:
-    """A client that requests a part after a timeout of 1 s gets the pushed part before it."""
+    """A client with a timeout of 1 s gets the pushed part before it requests the next one."""
     dialect = DEFAULT.replace(reply_timeout="1")
     results = prove_client(Options(only=frozenset({"2/6"}), allowed=ALL), None, dialect)
     assert not [case for case in results.cases if case.verdict is Verdict.FAIL]

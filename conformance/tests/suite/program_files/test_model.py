@@ -43,7 +43,7 @@ def outputs_on(block: Block, inputs: tuple[bool, ...] = (), **variables: int) ->
     ],
 )
 def test_calculations(opt: Opt, a: int, b: int, due: int) -> None:
-    """Operators 1 to 4 (L978-981)."""
+    """The operators 1 to 4 calculate as in C (L978-981)."""
     assert calculated(opt, a, b) == due
 
 
@@ -60,7 +60,7 @@ def test_undefined_results(opt: Opt, a: int, b: int) -> None:
 
 
 def test_comparisons() -> None:
-    """Operators 5 to 9 for less, equal and greater (L982-986)."""
+    """The operators 5 to 9 are tried for less, equal and greater (L982-986)."""
     pairs = ((1, 2), (2, 2), (3, 2))
     held = {opt: [compared(opt, a, b) for a, b in pairs] for opt in Opt if opt >= Opt.GREATER}
     assert held == {

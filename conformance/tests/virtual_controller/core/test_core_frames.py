@@ -33,7 +33,7 @@ def test_a_request_may_come_byte_by_byte(bench: Any) -> None:
 
 
 def test_requests_may_come_in_one_piece_and_are_answered_in_order(bench: Any) -> None:
-    """Requirements 2/6 and 3/24."""
+    """Replies have the order of the requests (2/6, 3/24)."""
     client = bench.client()
     client.link.send(_STATUS + _TIME + _VERSION + _STATUS[:2])
     assert _names(client) == ["get_status", "get_time", "get_version"]

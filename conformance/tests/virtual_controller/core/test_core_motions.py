@@ -93,7 +93,7 @@ def test_an_emergency_stop_interrupts_everything(busy_of: Any, activity: str, st
 def test_order_of_the_interrupted_result_is_a_reading(
     busy_of: Any, reading: str, results: list[str]
 ) -> None:
-    """A-4.17-4 (b) and (c)."""
+    """The result comes after that of the stop, or never (A-4.17-4 b and c)."""
     _, client = busy_of("jog", estop_interrupted=reading)
     client.send("emergency_stop")
     assert [name for name, _ in client.receive()] == ["emergency_stop", *results]
@@ -217,7 +217,7 @@ def test_a_jog_moves_along_its_axis(
 
 
 def test_a_jog_can_take_binary_numbers_only(bench_of: Any) -> None:
-    """A-4.28-1 (b)."""
+    """A digit as direction is refused (A-4.28-1 b)."""
     client = bench_of(jog_byte="binary").client()
     assert client.ask("jog", b"1") == b"0|05"
     assert client.ask("jog", b"\x01") == b"1"
@@ -225,7 +225,7 @@ def test_a_jog_can_take_binary_numbers_only(bench_of: Any) -> None:
 
 @pytest.mark.parametrize("data", [b"", b"0", b"5", b"\x00", b"\x05", b"11", b"1|", b"\xff"])
 def test_an_invalid_jog_is_refused(bench: Any, data: bytes) -> None:
-    """Requirement 4.28/7."""
+    """An invalid direction is refused, and the arm does not move (4.28/7)."""
     client = bench.client()
     before = client.where()
     assert client.ask("jog", data) == b"0|05"
@@ -274,7 +274,7 @@ def test_released_joints_refuse_motion_until_locked(bench: Any) -> None:
 
 @pytest.mark.parametrize("name", ["release_joints", "lock_joints"])
 def test_releasing_and_locking_may_be_repeated(bench: Any, name: str) -> None:
-    """A-4.25-3 (a)."""
+    """A second release or lock succeeds, too (A-4.25-3 a)."""
     client = bench.client()
     for _ in range(2):
         client.send(name)

@@ -29,7 +29,7 @@ def test_a_program_runs_to_its_end(bench: Any) -> None:
 
 
 def test_a_simulated_run_has_the_real_duration_and_no_effect(bench: Any) -> None:
-    """Requirement 4.16/5 (A-4.16-1)."""
+    """A simulation takes the time of a run and sets no output (4.16/5, A-4.16-1)."""
     bench.store_program(b"p", _OUTPUT, _MINUTE)
     client = bench.client()
     before = client.where()
@@ -45,7 +45,7 @@ def test_a_simulated_run_has_the_real_duration_and_no_effect(bench: Any) -> None
 def test_a_program_that_does_not_exist_is_refused_with_20(
     bench: Any, command: str, name: bytes
 ) -> None:
-    """Requirement 4.15/7 (L1044)."""
+    """The refusal has the code 20 (4.15/7, L1044)."""
     bench.store_program(b"p")
     client = bench.client()
     assert client.ask(command, name) == b"0|20"
@@ -82,14 +82,14 @@ def test_the_running_program_and_its_time_are_reported(bench: Any) -> None:
 
 
 def test_a_move_is_not_a_running_program(bench: Any) -> None:
-    """Requirement 4.9/10."""
+    """During a move no running program is reported (4.9/10)."""
     client = bench.client()
     client.ask("jog", b"1")
     assert client.ask("get_running_program") == b"0"
 
 
 def test_reply_without_running_program_is_a_reading(bench_of: Any) -> None:
-    """A-4.9-2 (b) and A-T-1 (b)."""
+    """The reply is 0|| or a zero byte (A-4.9-2 b, A-T-1 b)."""
     assert bench_of(runinfo_none="0||").client().ask("get_running_program") == b"0||"
     assert bench_of(runinfo_binary="binary").client().ask("get_running_program") == b"\0"
 
@@ -98,7 +98,7 @@ def test_reply_without_running_program_is_a_reading(bench_of: Any) -> None:
 
 
 def test_the_list_is_sorted_and_complete(bench: Any) -> None:
-    """Requirement 4.10/11."""
+    """Each stored program is in the list, in the order of names (4.10/11)."""
     client = bench.client()
     assert client.ask("list_programs") == b"0"
     for name in (b"b.rob", b"a.rob", "程序".encode()):
@@ -117,7 +117,7 @@ def test_the_list_is_sorted_and_complete(bench: Any) -> None:
 def test_the_form_of_a_list_is_a_reading(
     bench_of: Any, readings: dict[str, str], names: list[bytes], reported: bytes
 ) -> None:
-    """A-4.10-2 and A-4.10-4."""
+    """Bars and empty lists have several forms (A-4.10-2, A-4.10-4)."""
     bench = bench_of(**readings)
     for name in names:
         bench.store.write(name, b"x")
@@ -191,12 +191,12 @@ def test_the_opcode_of_the_default_program_is_a_reading(
 def test_reply_without_default_program_is_a_reading(
     bench_of: Any, reading: str, reported: bytes | None
 ) -> None:
-    """A-4.12-2."""
+    """The reply is empty, 0 or missing (A-4.12-2)."""
     assert bench_of(default_none=reading).client().ask("get_default_program") == reported
 
 
 def test_only_a_stored_program_becomes_the_default(bench: Any) -> None:
-    """Requirements 4.13/3 to 4.13/6."""
+    """A missing program is refused as default (4.13/3 to 4.13/6)."""
     bench.store_program(b"p")
     client = bench.client()
     assert client.ask("set_default_program", b"p") == b"1"
@@ -223,7 +223,7 @@ def test_a_deleted_program_does_not_exist(bench: Any) -> None:
     "name", [b"", b".", b"..", b"../x", b"/etc/passwd", b"a\\b", b"a|b", b"p\0q"]
 )
 def test_a_name_with_path_elements_is_refused(bench: Any, name: bytes) -> None:
-    """Requirements 4.11/6 and 5.2/15."""
+    """Such a name can be neither deleted nor transferred (4.11/6, 5.2/15)."""
     client = bench.client()
     assert client.ask("delete_program", name) == b"0"
     assert client.ask("upload_name", name) == b"0"

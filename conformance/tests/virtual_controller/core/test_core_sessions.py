@@ -104,7 +104,7 @@ def test_a_result_for_a_closed_connection_is_dropped(bench: Any) -> None:
 
 
 def test_many_clients_are_served_by_default(bench: Any) -> None:
-    """A-2-2 (b)."""
+    """All connected clients are served at the same time (A-2-2 b)."""
     clients = [bench.client() for _ in range(10)]
     assert [client.ask("get_status") for client in clients] == [b"00"] * 10
 
@@ -120,7 +120,7 @@ def test_one_client_at_a_time_is_a_reading(bench_of: Any) -> None:
 
 
 def test_replacing_the_previous_client_is_a_reading(bench_of: Any) -> None:
-    """A-2-2 (c)."""
+    """A new client ends the connection of the previous one (A-2-2 c)."""
     bench = bench_of(max_clients="newest")
     first, second = bench.client(), bench.client()
     assert first.receive() == []

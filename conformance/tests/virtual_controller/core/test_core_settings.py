@@ -33,7 +33,7 @@ def test_a_new_password_is_used_from_the_next_login(bench: Any) -> None:
     ],
 )
 def test_a_refused_change_keeps_the_password(bench: Any, pair: bytes) -> None:
-    """Requirements 4.2/3, 4.2/5 and 4.2/6."""
+    """The old password is still valid (4.2/3, 4.2/5, 4.2/6)."""
     assert bench.client().ask("set_password", pair) == b"0"
     assert bench.guest().ask("login", b"password") == b"1"
 
@@ -58,14 +58,14 @@ def test_the_network_is_stored_and_reported(bench: Any) -> None:
 
 @pytest.mark.parametrize("network", [b"999.1.1.1|255.0.0.0|10.0.0.1", b"10.0.0.9", b"", b"a|b|c"])
 def test_an_impossible_network_is_refused(bench: Any, network: bytes) -> None:
-    """Requirement 4.4/5."""
+    """An invalid address is refused and not stored (4.4/5)."""
     client = bench.client()
     assert client.ask("set_network", network) == b"0"
     assert client.ask("get_network") == b"192.168.1.2|255.255.255.0|192.168.1.1"
 
 
 def test_the_clock_runs_after_it_was_set(bench: Any) -> None:
-    """Requirements 4.5/4 and 4.6/4."""
+    """The reported time is the set time plus the time since (4.5/4, 4.6/4)."""
     client = bench.client()
     assert client.ask("get_time") == b"20141222143000"
     bench.pass_s(61.5)
@@ -77,14 +77,14 @@ def test_the_clock_runs_after_it_was_set(bench: Any) -> None:
 
 @pytest.mark.parametrize("time", [b"20141332250000", b"2014122214300", b"", b"2014122214300x"])
 def test_an_impossible_time_is_refused(bench: Any, time: bytes) -> None:
-    """Requirement 4.5/5."""
+    """An invalid time is refused (4.5/5)."""
     client = bench.client()
     assert client.ask("set_time", time) == b"0"
     assert client.ask("get_time") == b"20141222143000"
 
 
 def test_the_clock_can_be_set_while_a_program_runs(bench: Any) -> None:
-    """A-4.5-2."""
+    """A busy robot accepts a new time (A-4.5-2)."""
     bench.store_program(b"p")
     client = bench.client()
     client.ask("run_program", b"p")
@@ -93,7 +93,7 @@ def test_the_clock_can_be_set_while_a_program_runs(bench: Any) -> None:
 
 
 def test_setting_the_gripper_center_moves_nothing(bench: Any) -> None:
-    """Requirements 4.20/3 and 4.20/5."""
+    """The center is stored, and the arm does not move (4.20/3, 4.20/5)."""
     client = bench.client()
     before = client.where()
     assert client.ask("set_gripper_center", b"-1.5|0|456.7") == b"1"
@@ -106,7 +106,7 @@ def test_setting_the_gripper_center_moves_nothing(bench: Any) -> None:
 )
 @pytest.mark.parametrize("command", ["set_gripper_center", "set_initial_tool_position"])
 def test_malformed_coordinates_are_refused(bench: Any, command: str, point: bytes) -> None:
-    """Requirements 4.20/4 and 4.21/4."""
+    """A wrong number of fields or an invalid number is refused (4.20/4, 4.21/4)."""
     client = bench.client()
     assert client.ask(command, point) == b"0"
     assert client.ask("get_gripper_center") == b"0|0|0"
@@ -149,7 +149,7 @@ def test_the_meaningless_angles_are_a_reading(bench_of: Any) -> None:
 
 
 def test_nothing_is_configured_while_a_command_executes(bench: Any) -> None:
-    """A-4.20-1."""
+    """A busy robot refuses settings (A-4.20-1)."""
     bench.store_program(b"p")
     client = bench.client()
     client.ask("run_program", b"p")

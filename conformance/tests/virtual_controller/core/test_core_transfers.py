@@ -45,7 +45,7 @@ def _download(client: Any, name: bytes, **readings: str) -> bytes:
 
 @pytest.mark.parametrize("size_bytes", [1, 199, 200, 201, 400, 51_200, 65_535, 65_536, 70_000])
 def test_a_file_is_downloaded_unchanged(bench: Any, size_bytes: int) -> None:
-    """Requirements 5.2/12 and 5.2/16."""
+    """A download has the bytes of the upload (5.2/12, 5.2/16)."""
     content = (bytes(range(256)) * 300)[:size_bytes]
     client = bench.client()
     assert set(_upload(client, b"f", content)) == {b"1"}
@@ -154,7 +154,7 @@ def test_silence_of_more_than_thirty_seconds_ends_an_upload(bench: Any) -> None:
 
 
 def test_silence_of_more_than_thirty_seconds_ends_a_download(bench: Any) -> None:
-    """Requirement 5.3/7 (L787)."""
+    """A later reply to a chunk has no effect (5.3/7, L787)."""
     bench.store.write(b"f", bytes(600))
     client = bench.client()
     client.send("download_name", b"f")
@@ -166,7 +166,7 @@ def test_silence_of_more_than_thirty_seconds_ends_a_download(bench: Any) -> None
 
 
 def test_the_timeout_is_a_reading(bench_of: Any) -> None:
-    """A-5-13."""
+    """The dialect sets the timeout (A-5-13)."""
     client = bench_of(xfer_timeout="5").client()
     client.ask("upload_name", b"f")
     client.receive(5.1)
@@ -187,7 +187,7 @@ def test_a_refused_chunk_ends_the_download(bench: Any, answer: bytes) -> None:
 
 
 def test_a_missing_file_cannot_be_downloaded(bench: Any) -> None:
-    """Requirements 5.3/3 and 5.3/10."""
+    """The name is refused (5.3/3, 5.3/10)."""
     client = bench.client()
     assert client.ask("download_name", b"f") == b"0"
     assert client.receive(40.0) == []
@@ -206,7 +206,7 @@ def test_a_second_transfer_on_a_connection_is_refused(bench: Any, second: str) -
 
 
 def test_a_second_transfer_can_replace_the_first(bench_of: Any) -> None:
-    """A-5-17 (b)."""
+    """The first transfer ends when the second starts (A-5-17 b)."""
     bench = bench_of(xfer_concurrency="replace")
     client = bench.client()
     client.ask("upload_name", b"f")
@@ -235,7 +235,7 @@ def test_a_new_upload_in_the_segment_of_an_invalid_chunk(bench: Any) -> None:
 
 
 def test_other_commands_are_served_during_a_transfer(bench: Any) -> None:
-    """Requirement 5.4/8."""
+    """Queries between two chunks get their replies (5.4/8)."""
     client = bench.client()
     client.ask("upload_name", b"f")
     assert client.ask("get_status") == b"00"
@@ -289,7 +289,7 @@ def test_chunks_in_any_order_are_a_reading(bench_of: Any) -> None:
 
 
 def test_empty_files_are_refused(bench: Any) -> None:
-    """A-5-10 (a)."""
+    """An upload with a file size of 0 is refused (A-5-10 a)."""
     bench.store.write(b"e", b"")
     assert bench.client().ask("download_name", b"e") == b"0"
 
@@ -314,7 +314,7 @@ def test_an_empty_file_by_its_name_is_a_reading(bench_of: Any) -> None:
 def test_an_empty_file_is_refused_if_the_disk_is_full(
     bench_of: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A-5-21 with A-5-10 (b)."""
+    """The name is refused if the file cannot be created (A-5-21, A-5-10 b)."""
 
     def fail(*_: object) -> None:
         raise StoreError("the disk failed")
@@ -325,7 +325,7 @@ def test_an_empty_file_is_refused_if_the_disk_is_full(
 
 
 def test_an_empty_file_by_an_empty_chunk_is_a_reading(bench_of: Any) -> None:
-    """A-5-10 (c)."""
+    """A chunk of length 0 creates an empty file (A-5-10 c)."""
     bench = bench_of(empty_file="chunk")
     client = bench.client()
     client.ask("upload_name", b"e")
