@@ -350,11 +350,13 @@ def test_hostile_entries(verify: Verify, package: Path, tmp_path: Path, kind: st
         end = data.rindex(b"PK\1\2")
         path.write_bytes(data[: end + 10] + b"\x63\0" + data[end + 12 :])
     status, text = verify(path)
-    says = {"link": "not a regular file", "bomb": "too large", "method": "compressed otherwise"}[
-        kind
-    ]
+    expected_text = {
+        "link": "not a regular file",
+        "bomb": "too large",
+        "method": "compressed otherwise",
+    }[kind]
     assert (status, text.count("\n")) == (1, 1)
-    assert says in text
+    assert expected_text in text
 
 
 @pytest.mark.parametrize("content", [None, b"", b"no archive", b"PK\5\6" + bytes(18)])
@@ -677,7 +679,7 @@ def test_other_reports(
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("change", "expected_text"),
     [
         ({"reference": Conclusion.NONCONFORMANT}, "the reference implementation is nonconformant"),
         ({"mutants": {**calibrated().mutants, "status-in-words": ()}}, "no case kills status-in-"),
@@ -691,13 +693,13 @@ def test_other_calibration(
     run_folder: Path,
     tmp_path: Path,
     change: dict[str, Any],
-    says: str,
+    expected_text: str,
 ) -> None:
     path = tmp_path / "forged.zip"
     right = certification_of(path, list_of_cases())
     write_package(replace(right, calibration=replace(calibrated(), **change)), run_folder, ICS)
     status, text = verify(path)
-    assert (status, says in text) == (1, True), text
+    assert (status, expected_text in text) == (1, True), text
 
 
 def test_no_calibration(verify: Verify, run_folder: Path, tmp_path: Path) -> None:

@@ -280,7 +280,7 @@ def test_claims_of_the_run_and_further_readings(
 
 
 @pytest.mark.parametrize(
-    ("description", "says"),
+    ("description", "expected_text"),
     [
         ({"subject": "robot"}, "'robot' is not a valid Role"),
         ({"subject__time_scale": "fast"}, "fast"),
@@ -293,17 +293,17 @@ def test_a_wrong_description(
     refused: Callable[..., str],
     recorded: Callable[..., Path],
     description: Mapping[str, str],
-    says: str,
+    expected_text: str,
 ) -> None:
     """The error message names the file."""
     file = recorded("login", **description)
     message = refused("audit", f"{file}")
     assert f"{file} has an invalid description of its subject: " in message
-    assert says in message
+    assert expected_text in message
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "expected_text"),
     [("[subject]\nlacks = ['fly']\n", "fly"), ("[subject]\nurl = 'http://x'\n", "http://x")],
 )
 def test_a_wrong_ics(
@@ -311,7 +311,7 @@ def test_a_wrong_ics(
     recorded: Callable[..., Path],
     tmp_path: Path,
     text: str,
-    says: str,
+    expected_text: str,
 ) -> None:
     """The mistakes are reported."""
-    assert says in refused("audit", f"{recorded('login')}", "--ics", ics(tmp_path, text))
+    assert expected_text in refused("audit", f"{recorded('login')}", "--ics", ics(tmp_path, text))

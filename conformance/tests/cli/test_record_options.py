@@ -369,7 +369,7 @@ def read_until(descriptor: int, text: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "expected_text"),
     [
         ((), "no controller"),
         (("tcp://127.0.0.1", "--config", "x.toml"), "cannot be combined"),
@@ -385,14 +385,14 @@ def read_until(descriptor: int, text: str) -> str:
     ],
 )
 def test_usage(
-    refused: Callable[..., str], tmp_path: Path, arguments: tuple[str, ...], says: str
+    refused: Callable[..., str], tmp_path: Path, arguments: tuple[str, ...], expected_text: str
 ) -> None:
     """User errors are reported, and nothing is created."""
     faults = tmp_path / "faults.toml"
     faults.write_text('[[rule]]\nfault = "drop"\n')
     viewed = [str(faults) if each == "FAULTS" else each for each in arguments]
     out = () if "--out" in viewed or "--config" in viewed else ("--out", str(tmp_path / "out"))
-    assert says in refused("record", *viewed, *out)
+    assert expected_text in refused("record", *viewed, *out)
     assert not (tmp_path / "out").exists()
 
 

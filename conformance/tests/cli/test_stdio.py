@@ -135,7 +135,7 @@ def test_a_lost_terminal(processes: Any, tmp_path: Path) -> None:
     assert "run.interrupted" in {case.id for case in Results.read(out / "results.json").cases}
 
 
-def test_a_recording_whose_terminal_is_lost(processes: Any, tmp_path: Path) -> None:
+def test_a_recording_with_a_lost_terminal(processes: Any, tmp_path: Path) -> None:
     host, port = processes.controller()
     recorder = processes.start(
         "record", f"tcp://{host}:{port}", "--listen", "127.0.0.1:0", "--out", str(tmp_path)

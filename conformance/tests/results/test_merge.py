@@ -172,7 +172,7 @@ def test_refusals() -> None:
     first, second = sitting(PASSED), sitting(PASSED, day=1)
     assert second.run
     subject = second.subject
-    for other, says in (
+    for other, expected_text in (
         (replace(second, subject=replace(subject, version="1.5")), "version was 1.4 and is 1.5"),
         (replace(second, subject=replace(subject, name="Cell 8")), "was Cell 7 and is Cell 8"),
         (replace(second, subject=replace(subject, claims={"lacks": "jog"})), "lacks was not given"),
@@ -183,7 +183,7 @@ def test_refusals() -> None:
         (replace(second, run=None), "schema 1"),
         (first, "the same sitting"),
     ):
-        with pytest.raises(MergeError, match=says):
+        with pytest.raises(MergeError, match=expected_text):
             merge([first, other])
     unnamed = [replace(r, subject=replace(subject, name="", link=r"a")) for r in (first, second)]
     assert merge(unnamed)

@@ -161,9 +161,9 @@ def test_a_gap_makes_the_transfer_uncertain(judged: Judged, gap: str) -> None:
     transfer = transfer_of(record)
     assert not transfer.certain
     assert "missing" in transfer.reason
-    behind = [x for x in record.exchanges if x.chunk][-1]
-    assert behind.transfer is None
-    assert not behind.previous_transfer.certain
+    later = [x for x in record.exchanges if x.chunk][-1]
+    assert later.transfer is None
+    assert not later.previous_transfer.certain
     assert not record.failed
 
 

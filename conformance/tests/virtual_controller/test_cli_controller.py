@@ -80,7 +80,7 @@ def _ask(link: Link, request: bytes) -> bytes:
     return arrival.content
 
 
-def _say(process: subprocess.Popen[str], line: str) -> str:
+def _send_line(process: subprocess.Popen[str], line: str) -> str:
     assert process.stdin is not None
     process.stdin.write(f"{line}\n")
     process.stdin.flush()
@@ -193,11 +193,11 @@ def test_control_commands_on_stdin(start: Start) -> None:
     process = start("--control")
     link = _connect(process)
     _ask(link, b"\xaa\x01\x08password\xcc")
-    assert _say(process, "motor-fault inner_arm,wrist") == "ok: status 15"
+    assert _send_line(process, "motor-fault inner_arm,wrist") == "ok: status 15"
     assert _ask(link, b"\xaa\x09\x00\xcc") == b"\xcc\x09\x0215\xaa"
-    assert _say(process, "analog 2 4.75") == "ok: analog input 2 is 4.75"
+    assert _send_line(process, "analog 2 4.75") == "ok: analog input 2 is 4.75"
     assert _ask(link, b"\xaa\x44\x0202\xcc") == b"\xcc\x44\x061|4.75\xaa"
-    assert _say(process, "boom").startswith("error: there is no command 'boom'")
+    assert _send_line(process, "boom").startswith("error: there is no command 'boom'")
     assert process.stdin is not None
     process.stdin.close()
     assert _ask(link, b"\xaa\x09\x00\xcc") == b"\xcc\x09\x0215\xaa"

@@ -59,11 +59,11 @@ def test_a_serial_client_is_served_without_login_unless_masked() -> None:
     """L81, L83: silence while a network client is connected."""
 
     async def test(server: Server) -> None:
-        heard: list[bytes] = []
+        output: list[bytes] = []
         serve = server.receive
 
         def receive(connection: int, data: bytes) -> None:
-            heard.append(data)
+            output.append(data)
             serve(connection, data)
 
         server.receive = receive  # type: ignore[method-assign] # a witness of what arrives
@@ -75,7 +75,7 @@ def test_a_serial_client_is_served_without_login_unless_masked() -> None:
         _, writer = await asyncio.open_connection(*await server.listen("127.0.0.1", 0))
         await _until(lambda: len(server.core.sessions) == 2)
         os.write(master, _STATUS)
-        await _until(lambda: b"".join(heard) == _STATUS * 2)
+        await _until(lambda: b"".join(output) == _STATUS * 2)
         writer.close()
         await _until(lambda: len(server.core.sessions) == 1)
         os.write(master, b"\xaa\x08\x00\xcc")

@@ -66,14 +66,14 @@ def test_an_injected_fault_causes_no_failure(new_talk: Callable[[], Any]) -> Non
 def test_no_dropped_request_causes_a_failure(shift: list[WireEvent]) -> None:
     """The controller did not receive the request, and the client continues as recorded."""
     before = Counter(verdicts(shift))
-    asked = [
+    requests = [
         at
         for at, (event, after) in enumerate(pairwise(shift))
         if event.kind is after.kind is Kind.BYTES
         and (event.direction, after.direction) == (A2C, C2A)
     ]
     blamed = []
-    for at in [*asked[:4], *asked[4:-3:40], *asked[-3:]]:
+    for at in [*requests[:4], *requests[4:-3:40], *requests[-3:]]:
         injected = replace(shift[at], kind=Kind.INJECTED, data=b"", note="dropped")
         for printed in ([injected], []):
             found = Counter(verdicts([*shift[: at + 1], *printed, *shift[at + 2 :]])) - before

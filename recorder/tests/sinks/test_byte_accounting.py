@@ -19,15 +19,17 @@ def read(path: Path) -> McapSummary:
     return capture.summary
 
 
-def write_recording(path: Path, events: list[WireEvent], lie: WireEvent | None = None) -> Path:
-    """Write a recording; `lie` is only in its byte counts, not in the raw layer."""
+def write_recording(
+    path: Path, events: list[WireEvent], false_event: WireEvent | None = None
+) -> Path:
+    """Write a recording; `false_event` is only in its byte counts, not in the raw layer."""
     sink = McapSink(path.open("wb"))
     for number, event in enumerate(events):
         sink.write(event)
         if number % 40 == 0:
             sink.tick(event.time_ns)
-    if lie:
-        sink._byte_accounting.add(lie)
+    if false_event:
+        sink._byte_accounting.add(false_event)
     sink.close({})
     return path
 
@@ -52,8 +54,8 @@ def test_wrong_accounts(
     shift: list[WireEvent], tmp_path: Path, change: Callable[[WireEvent], WireEvent]
 ) -> None:
     """Different bytes, a missing gap or a missing stream cause a note."""
-    lie = change(next(event for event in reversed(shift[:60]) if event.kind is Kind.BYTES))
-    summary = read(write_recording(tmp_path / "a.mcap", shift[:60], lie))
+    false_event = change(next(event for event in reversed(shift[:60]) if event.kind is Kind.BYTES))
+    summary = read(write_recording(tmp_path / "a.mcap", shift[:60], false_event))
     assert summary.wrong_accounts == 1
     (note,) = summary.notes
     assert note.startswith("1 streams are not what the file's own accounts say of them")

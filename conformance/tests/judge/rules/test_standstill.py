@@ -12,7 +12,7 @@ POSE = "> get_tool_coordinates\n< get_tool_coordinates {}"
 STATUS = "> get_status\n< get_status 00"
 MOVING = "> get_status\n< get_status 04"
 HERE, NEAR, THERE = "0|90|0|0", "0|90.1|0|0", "1|90|0|0"
-BEFORE_TURN, BEHIND_TURN = "300|300|0|179.95|0|0", "300|300|0|-180|0|0"
+BEFORE_TURN, AFTER_TURN = "300|300|0|179.95|0|0", "300|300|0|-180|0|0"
 HERE_XY, THERE_XY = "300|300|0|0|0|0", "295|305|0|0|0|0"
 SET = {
     "4.13/6": "set_default_program a.rob",
@@ -81,8 +81,8 @@ CASES = (
     ("4.23/5", "fail", session(MOVED, pose(HERE_XY, THERE_XY))),
     ("4.23/5", "pass", session(LOCKED, "+5", STATUS, pose(HERE_XY, HERE_XY), STATUS)),
     ("4.23/5", "fail", session(LOCKED, "+5", STATUS, pose(HERE_XY, THERE_XY), STATUS)),
-    ("4.23/5", "pass", session(MOVED, pose(BEFORE_TURN, BEHIND_TURN))),
-    ("4.23/5", "fail", session(MOVED, pose("300|300|0|179|0|0", BEHIND_TURN))),
+    ("4.23/5", "pass", session(MOVED, pose(BEFORE_TURN, AFTER_TURN))),
+    ("4.23/5", "fail", session(MOVED, pose("300|300|0|179|0|0", AFTER_TURN))),
     # thetaY and thetaZ have no meaning (L1006).
     ("4.23/5", "pass", session(MOVED, pose(HERE_XY, "300|300|0|0|34.5|1"))),
     ("4.23/5", "fail", session(MOVED, pose(HERE_XY, "300|300|0|34.5|0|0"))),

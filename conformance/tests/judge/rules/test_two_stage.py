@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-_ASKED = {
+_REQUESTS = {
     "run_program": "run_program a.rob",
     "simulate_program": "simulate_program a.rob",
     "emergency_stop": "emergency_stop",
@@ -37,7 +37,7 @@ _ACCEPTANCES = {
 
 def refused(name: str, reply: str) -> str:
     """A command and its first reply."""
-    return f"login\n> {_ASKED[name]}\n< {name} {reply}"
+    return f"login\n> {_REQUESTS[name]}\n< {name} {reply}"
 
 
 def ended(name: str, result: str) -> str:

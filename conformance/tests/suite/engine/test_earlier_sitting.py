@@ -44,7 +44,7 @@ def test_the_same_run(first: Results) -> None:
 
 
 @pytest.mark.parametrize(
-    ("ics", "options", "says"),
+    ("ics", "options", "expected_text"),
     [
         ({"name": "Plant B"}, {}, "subject.name was Plant A and is Plant B"),
         ({"version": ""}, {}, "subject.version was 1.2 and is not given"),
@@ -63,11 +63,11 @@ def test_the_same_run(first: Results) -> None:
     ],
 )
 def test_differences_that_change_a_verdict(
-    first: Results, ics: dict[str, Any], options: dict[str, Any], says: str
+    first: Results, ics: dict[str, Any], options: dict[str, Any], expected_text: str
 ) -> None:
     """The message names the difference, in less than two lines."""
     found = difference(first, adapter(replace(ICS, **ics), replace(OPTIONS, **options)))
-    assert says in found
+    assert expected_text in found
     assert len(found) < 160
 
 

@@ -73,7 +73,7 @@ def test_hooks_run_without_a_shell(tmp_path: Path) -> None:
         hook.run(port=3, value="0; true")
 
 
-def test_a_hook_whose_program_cannot_be_executed(tmp_path: Path) -> None:
+def test_a_hook_program_without_permission(tmp_path: Path) -> None:
     """A file without the execute permission is refused; with it, it is accepted."""
     program = tmp_path / "restart.sh"
     program.write_text("#!/bin/sh\n", encoding="utf-8")

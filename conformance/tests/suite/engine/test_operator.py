@@ -121,10 +121,10 @@ def test_requests_are_evidence() -> None:
     results = run(RobotOperator, INPUTS, FAULT, "8/2.faults", "6.5/21.each-port")
     assert {case.verdict for case in results.cases} == {Verdict.PASS}
     assert [case.id for case in results.cases] == [FAULT, "8/2.faults", INPUTS, "6.5/21.each-port"]
-    asked = [each.request for each in results.cases[2].operator]
-    assert asked[0] == "set digital input 1 to 1"
-    assert asked[-1].count("; ") == 7
-    assert len(asked) == 9
+    operator_requests = [each.request for each in results.cases[2].operator]
+    assert operator_requests[0] == "set digital input 1 to 1"
+    assert operator_requests[-1].count("; ") == 7
+    assert len(operator_requests) == 9
     assert results.cases[0].operator[0].request == "cause a motor fault of inner arm that lasts"
     assert Results.from_json(results.to_json().encode()) == results
 

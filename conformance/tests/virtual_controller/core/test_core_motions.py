@@ -57,15 +57,15 @@ def test_status_of_executing_commands(busy_of: Any, activity: str, state: bytes)
     assert bench.core.next_event_s is None
 
 
-@pytest.mark.parametrize("asked", [name for name in _TWO_STAGE if name != "emergency_stop"])
+@pytest.mark.parametrize("requested", [name for name in _TWO_STAGE if name != "emergency_stop"])
 @pytest.mark.parametrize(("activity", "state"), _ACTIVITIES.items())
 def test_a_busy_robot_refuses_with_its_state(
-    busy_of: Any, activity: str, state: bytes, asked: str
+    busy_of: Any, activity: str, state: bytes, requested: str
 ) -> None:
     """Requirements 4/6 and 4/15: a second two-stage command is refused, whatever its data."""
     _, client = busy_of(activity)
-    for data in (_ARGUMENT.get(asked, b""), b"\xff"):
-        assert client.ask(asked, data) == b"0|" + state
+    for data in (_ARGUMENT.get(requested, b""), b"\xff"):
+        assert client.ask(requested, data) == b"0|" + state
     assert client.ask("get_status") == state
 
 

@@ -83,7 +83,7 @@ def test_reads_serves_exactly_the_read_only_rows(bench_of: Any) -> None:
         assert (answered is not None) == (row.hazard is Hazard.READ_ONLY), row.name
 
 
-def test_results_go_only_to_the_connection_that_asked(bench: Any) -> None:
+def test_results_are_sent_only_to_the_requesting_connection(bench: Any) -> None:
     """A-2-2: each of two clients receives its own replies and results."""
     mover, watcher = bench.client(), bench.client()
     assert mover.ask("set_tool_coordinates", _MOVE) == b"1"

@@ -38,7 +38,7 @@ def test_data_on_a_request_that_has_none_is_ignored(bench: Any, name: str) -> No
 def test_every_frame_passes_handle_and_emit(bench: Any) -> None:
     """A subclass that overrides `handle` and `emit` can change every frame."""
 
-    class Deaf(ControllerCore):
+    class Spoils(ControllerCore):
         seen: list[str] = []  # noqa: RUF012 - one core of this class is made, here
 
         def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -49,22 +49,22 @@ def test_every_frame_passes_handle_and_emit(bench: Any) -> None:
             self.seen.append(f"out {frame.opcode:02X}")
             super().emit(session, frame._replace(data=b"spoilt"))
 
-    core = Deaf(bench.plant, bench.store)
+    core = Spoils(bench.plant, bench.store)
     core.open(1, 0.0)
     core.receive(1, b"\xaa\x01\x08password\xcc", 0.0)
     (sent,) = core.receive(1, b"\xaa\x09\x00\xcc", 0.0)
     assert sent.data == b"\xcc\x09\x06spoilt\xaa"
-    assert Deaf.seen == ["in 01", "out 01", "in 09", "out 09"]
+    assert Spoils.seen == ["in 01", "out 01", "in 09", "out 09"]
 
 
 def test_a_behaviour_can_be_replaced_by_its_name(bench: Any) -> None:
     """A faulty controller is a subclass that overrides the method of one command."""
 
-    class Liar(ControllerCore):
+    class WrongStatus(ControllerCore):
         def get_status(self, _: object) -> str:
             return "04"
 
-    core = Liar(bench.plant, bench.store)
+    core = WrongStatus(bench.plant, bench.store)
     core.open(1, 0.0, "serial")
     (sent,) = core.receive(1, b"\xaa\x09\x00\xcc", 0.0)
     assert sent.data == b"\xcc\x09\x0204\xaa"

@@ -180,8 +180,8 @@ class AssignsToOldest(ClientCore):
 
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
         setting = BY_NAME["set_default_program"]
-        asked = [e.command.name for e in self._open if e.command.name in _UNDER_0E]
-        if frame.opcode == setting.opcode and asked[:1] == [setting.name]:
+        queries = [e.command.name for e in self._open if e.command.name in _UNDER_0E]
+        if frame.opcode == setting.opcode and queries[:1] == [setting.name]:
             frame = frame._replace(data=frame.data[:1])
         return super()._dispatch(frame, now_s)
 

@@ -29,10 +29,10 @@ class LooksForFramesInData(ClientCore):
     def feed(self, data: bytes, now_s: float) -> list[Event]:
         events = super().feed(data, now_s)
         held = data[len(data) - self._framer.buffered_bytes :]
-        _, mark, behind = held.partition(b"\xaa\xcc")
+        _, mark, after = held.partition(b"\xaa\xcc")
         if mark:
             self._framer = Framer(C2A)
-            events += super().feed(mark[1:] + behind, now_s)
+            events += super().feed(mark[1:] + after, now_s)
         return events
 
 
