@@ -76,6 +76,11 @@ class PendingOperation:
         return self.stage is not Stage.SETTLED
 
     @property
+    def awaited_command(self) -> str:
+        """The command whose reply is still due after a timeout; empty if none is."""
+        return self.command.name if self.stage is Stage.REQUESTED else ""
+
+    @property
     def settled(self) -> bool:
         """Whether the operation has ended."""
         return self.stage is Stage.SETTLED

@@ -54,6 +54,11 @@ class FileTransfer(PendingOperation):
         return "transfer"
 
     @property
+    def awaited_command(self) -> str:
+        """None: after the timeout the transfer has ended for both sides, and no reply is due."""
+        return ""
+
+    @property
     def has_progress(self) -> bool:
         """Whether bytes were transferred since the last report."""
         return self.moved_bytes > self._reported_bytes
