@@ -152,12 +152,30 @@ def test_reply_or_timeout() -> None:
         with pytest.raises(ReplyTimeout):
             await client.get_version()
         assert asyncio.get_running_loop().time() - began_s == pytest.approx(5)
+        time = asyncio.create_task(client.get_time())
+        await controller.expect(0x08, 0x07)
+        for byte in Frame(C2A, 0x07, b"20141222143000").encode():
+            controller.writer.write(bytes((byte,)))
+            await asyncio.sleep(0.2)
+        assert (await time).year == 2014
+
+    perform(play)
+
+
+def test_the_link_ends_if_a_reply_cannot_be_assigned() -> None:
+    """One reply comes for two requests; the client then closes the connection."""
+
+    async def play(client: AsyncClient, controller: Controller) -> None:
+        with pytest.raises(ReplyTimeout):
+            await client.get_version()
         version = asyncio.create_task(client.get_version())
         await controller.expect(0x08, 0x08)
-        for byte in Frame(C2A, 0x08, b"1.0.0").encode():
-            controller.writer.write(bytes((byte,)))
-            await asyncio.sleep(0.4)
-        assert await version == "1.0.0"
+        controller.writer.write(Frame(C2A, 0x08, b"1.0.0").encode())
+        with pytest.raises(ReplyTimeout):
+            await version
+        with pytest.raises(LinkLost, match="replies to get_version came late"):
+            await client.get_status()
+        assert await controller._reader.read() == b""
 
     perform(play)
 

@@ -119,7 +119,21 @@ def test_reply_or_timeout(scripted_link: Any) -> None:
     with pytest.raises(ReplyTimeout):
         client.get_status()
     assert link.now_s - began_s == pytest.approx(5)
-    assert client.get_status().code == "00"
+    assert client.get_version() == "1"
+
+
+def test_the_link_ends_if_a_reply_cannot_be_assigned(scripted_link: Any) -> None:
+    """One reply comes for two requests; the client then closes the link."""
+    silent = [True, False]
+    link = scripted_link(lambda *frame: [] if silent.pop(0) else polite(*frame))
+    client = Client(link)
+    client._core.logged_in = True
+    for _ in range(2):
+        with pytest.raises(ReplyTimeout):
+            client.get_status()
+    assert link.closed
+    with pytest.raises(LinkLost, match="replies to get_status came late"):
+        client.get_version()
 
 
 @pytest.mark.parametrize("ending", Ending)

@@ -158,6 +158,8 @@ def test_the_password_may_come_from_the_environment(
         (["tcp://127.0.0.1", "jog"], "jog takes DIRECTION: 0 given"),
         (["tcp://127.0.0.1", "set_digital_output", "8", "2"], "value 2 is out of range: 0 to 1"),
         (["tcp://127.0.0.1", "get_version", "--jsn"], "get_version takes no arguments: 1 given"),
+        (["tcp://127.0.0.1", "get_status", "--reading", "x=y"], "unknown reading 'x': "),
+        (["tcp://127.0.0.1", "get_status", "--ics", "no.toml"], "no.toml cannot be read"),
         (["robot", "get_version"], "'robot' is not a link URL: write for example tcp://"),
     ],
 )  # fmt: skip
@@ -166,6 +168,18 @@ def test_wrong_usage_is_status_2(arguments: list[str], sentence: str) -> None:
     status, reported = call(*arguments)
     assert status == 2
     assert reported.startswith(sentence)
+
+
+@pytest.mark.parametrize("option", ["--reading", "--ics"])
+def test_the_readings_of_the_controller_are_used(option: str, tmp_path: Path) -> None:
+    """From the command line and from an ICS; the reply timeout is a reading, too."""
+    (tmp_path / "ics.toml").write_text('[readings]\nreply_timeout = "0.1"\n')
+    value = {"--reading": "reply_timeout=0.1", "--ics": str(tmp_path / "ics.toml")}[option]
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        url = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        status, sentence = call(url, "get_version", option, value)
+    assert status == 3
+    assert sentence.startswith("login got no reply within 0.1 s: another client may be connected")
 
 
 def test_no_answer_is_status_3() -> None:

@@ -105,6 +105,14 @@ def test_a_refused_chunk_ends_an_upload(play: Any, answer: bytes) -> None:
     assert play.core.is_free("transfer")
 
 
+def test_a_refused_first_chunk_names_the_likely_reading(play: Any) -> None:
+    upload = play.begin(play.core.upload(b"a.rob", b"content"))
+    play.says(0x50, b"1")
+    play.says(0x52, b"0")
+    with pytest.raises(TransferFailed, match=r"byte 0 \(L758\); .* may be endian=big"):
+        upload.outcome()
+
+
 @pytest.mark.parametrize("answers", [[], [UP], [UP, UP_CHUNK]])
 def test_an_upload_times_out_between_25_and_60_s(play: Any, answers: list[int]) -> None:
     """5.2/9, 5.4/5: for the name and every chunk; the link stays usable."""

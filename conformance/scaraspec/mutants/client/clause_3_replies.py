@@ -15,7 +15,7 @@ from scaraspec.mutants.operators.client.frames import (
     received_while,
 )
 from scaraspec.mutants.operators.client.process_memory import memory
-from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
+from scaraspec.protocol.commands import BY_NAME, BY_OPCODE, Parsed
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import TAG, Frame, Framer, Skipped, SkipReason, StreamItem
 from scaraspec.protocol.payloads import FLAG
@@ -310,6 +310,14 @@ class KeepsLateReplies(ClientCore):
         late, self._late = self._late, None
         if late is not None:
             self._dispatch(late, now_s)
+
+
+@mutant("takes-late-replies", "3/33", subtle=True)
+class TakesLateReplies(ClientCore):
+    """The late reply to a request that timed out answers the next request of that command."""
+
+    def _is_owed(self, parsed: Parsed) -> bool:  # noqa: ARG002 - it owes nothing
+        return False
 
 
 # Bytes that are not a frame

@@ -483,6 +483,32 @@ def test_reply_after_the_timeout(subject: ClientUnderTest, line: IncomingConnect
     for_each_supported((query, "set_digital_output", "delete_program"), each)
 
 
+@client_case("3/33", name="late-again")
+def test_late_reply_during_the_next_request(
+    subject: ClientUnderTest, line: IncomingConnection
+) -> None:
+    """The late reply to a request arrives after the next one was sent, which is then refused."""
+    name = "set_digital_output"
+    call = begin_operation(subject, name)
+    await_request(line, name, call)
+    if not subject.answers_within(call, subject.answer_timeout_s) or line.ended:
+        raise CaseSkipped("the client ends the connection at a missing reply, or waits for it")
+    expect(not call.ok, "the client reports success without a reply", observed=f"{call}")
+    call = begin_operation(subject, name)
+    if sent_or_answered(subject, line, call) is None:
+        raise CaseSkipped("the client sends no further request after a missing reply")
+    with suppress(NoReply):  # the client has closed the connection
+        line.reply(name, data=b"1")
+        line.wait(_SHORT_S)
+        line.reply(name, data=b"0")
+    subject.wait_for_answer(call)
+    expect(
+        not call.ok,
+        "the client took the late reply to an earlier request for the reply to this request",
+        observed=f"{call}",
+    )
+
+
 @client_case("3/33", name="result-first")
 def test_result_ahead_of_its_reply(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A tagged frame with the opcode of the command arrives before the first reply, a refusal."""
