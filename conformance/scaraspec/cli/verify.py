@@ -12,7 +12,7 @@ from scaraspec.api.certificates import (
 )
 from scaraspec.cli.problems import Problem
 from scaraspec.judge.verdicts import ExitStatus
-from scaraspec.report.sanitizing import visible
+from scaraspec.report.sanitizing import visible_line
 from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec verify robot.scaraspec.zip --signer laboratory.pub"
@@ -58,23 +58,23 @@ def _write(path: Path, verification: Verification) -> None:
     try:
         write_certificate(verification, path)
     except PackageError as error:
-        click.echo(visible(f"{error}"))
+        click.echo(visible_line(f"{error}"))
     except OSError as error:
         raise Problem(
             UserMessage("{path} cannot be written: {reason}", path=path, reason=error.strerror),
             ExitStatus.INCONCLUSIVE,
         ) from None
     else:
-        click.echo(visible(UserMessage("{path}: written", path=path)))
+        click.echo(visible_line(UserMessage("{path}: written", path=path)))
 
 
 def show(package: Path, verification: Verification) -> None:
     """Print one line for each check, its problems, and the conclusion."""
     for check in verification.checks:
-        click.echo(visible(f"{check.name:11} {_mark(check.status)}  {check.note}").rstrip())
+        click.echo(visible_line(f"{check.name:11} {_mark(check.status)}  {check.note}").rstrip())
         for problem in check.problems:
-            click.echo(visible(f"  {problem}"))
-    click.echo(visible(_conclusion(package, verification)))
+            click.echo(visible_line(f"  {problem}"))
+    click.echo(visible_line(_conclusion(package, verification)))
 
 
 def _mark(status: ExitStatus) -> str:
