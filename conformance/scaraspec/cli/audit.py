@@ -11,7 +11,7 @@ from rich.progress import Progress, TextColumn, TimeElapsedColumn
 
 from scaraspec.api.auditing import audit
 from scaraspec.cli.options import capture_port, given_options
-from scaraspec.cli.problems import Problem
+from scaraspec.cli.problems import Problem, require_replaceable
 from scaraspec.protocol.readings import ReadingError, parse_settings
 from scaraspec.report import html, terminal
 from scaraspec.report.model import Role
@@ -26,6 +26,8 @@ EXAMPLE = "Example: scaraspec audit capture.mcap --html report.html"
 
 _PATH = click.Path(path_type=Path)
 _ROLES = {"controller": Role.CONTROLLER, "client": Role.CLIENT, "both": Role.CAPTURE, None: None}
+_JSON_MARK = ' "run": null,\n "schema": "scaraspec.results/'
+_HTML_MARK = '<meta name="generator" content="scaraspec audit">'
 _OUTPUT = ("json_file", "html_file", "language")
 
 
@@ -78,11 +80,8 @@ def command(  # noqa: PLR0913 - one for each option
     Violations by the side that is not the subject do not count. Exit status 0 conformant,
     1 nonconformant, 3 inconclusive, 4 nothing to judge.
     """
-    for target in (json_file, html_file):
-        if target and target.exists() and file.exists() and target.samefile(file):
-            raise Problem(
-                UserMessage("{target} is the capture: name another file to write", target=target)
-            )
+    require_replaceable(json_file, _JSON_MARK)
+    require_replaceable(html_file, _HTML_MARK)
     try:
         options = given_options(click.get_current_context(), without=_OUTPUT)
         with _shown_progress() as progress:
