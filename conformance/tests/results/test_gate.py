@@ -252,6 +252,8 @@ def test_waivers_file(tmp_path: Path) -> None:
         ('case = "4.15/3"', 'fingerprint = "y"\nflaky = true', "must name its case"),
         ("expires = ", "expires =", ""),
         ("[[waiver]]", "[[waiver", "not valid TOML"),
+        ("[[waiver]]", "a = " + "9" * 5000, "not valid TOML"),
+        ("[[waiver]]", "a = " + "[" * 5000, "not valid TOML"),
     ],
 )
 def test_invalid_waivers(tmp_path: Path, old: str, new: str, problem: str) -> None:
