@@ -277,21 +277,25 @@ def test_each_change_of_the_manifest(
     assert count > 3 * len(FILES)
 
 
-@pytest.mark.parametrize("problem", ["removed", "added", "altered"])
+@pytest.mark.parametrize("problem", ["removed", "added", "doubled", "altered"])
 def test_each_changed_case_is_named(
     verify: Verify, package: Path, results: Results, tmp_path: Path, problem: str
 ) -> None:
-    cases = {
-        "removed": results.cases[1:],
-        "added": (*results.cases, replace(results.cases[0], id="4.8/2.more")),
-        "altered": (replace(results.cases[0], message="other"), *results.cases[1:]),
-    }[problem]
-    named = "4.8/2.more" if problem == "added" else results.cases[0].id
-    text = replace(results, cases=cases).to_json()
-    path = rezipped(package, tmp_path / "changed.zip", results__json=text.encode())
-    status, text = verify(path)
-    assert status == 1
-    assert f"case {named} was {problem}" in text
+    path = tmp_path / "changed.zip"
+    for number, case in enumerate(results.cases):
+        changed = {
+            "removed": (),
+            "added": (case, replace(case, id=f"{case.id}x")),
+            "doubled": (case, case),
+            "altered": (replace(case, message=f"{case.message}x"),),
+        }[problem]
+        cases = (*results.cases[:number], *changed, *results.cases[number + 1 :])
+        text = replace(results, cases=cases).to_json()
+        rezipped(package, path, results__json=text.encode())
+        status, text = verify(path)
+        assert status == 1
+        named, word = changed[-1].id if changed else case.id, problem.replace("doubled", "altered")
+        assert re.findall(r"case (\S+) was (\w+)", text) == [(named, word)]
 
 
 # Hostile archives.
@@ -311,6 +315,8 @@ def _hostile(path: Path, package: Path, kind: str) -> None:
         elif kind == "many":
             for number in range(2000):
                 archive.writestr(f"{number}", b"")
+    if kind == "before":
+        path.write_bytes(b"#!/bin/sh\n" + path.read_bytes())
 
 
 @pytest.mark.parametrize(
@@ -321,6 +327,7 @@ def _hostile(path: Path, package: Path, kind: str) -> None:
         ("twice", (1, "it contains junit.xml 2 times")),
         ("many", (1, "its directory is too large")),
         ("comment", (2, "it is not a package")),
+        ("before", (1, "there are other bytes before its first file")),
     ],
 )
 @pytest.mark.filterwarnings("ignore:Duplicate name")
@@ -502,17 +509,16 @@ def test_another_version(
 # Results that were changed together with the manifest.
 
 
-def test_missing_case(verify: Verify, results: Results, forge: Callable[[Results], Path]) -> None:
-    cases = [case for case in results.cases if case.id != STATUS]
+@pytest.mark.parametrize("case_id", CASES)
+@pytest.mark.parametrize("count", [0, 2])
+def test_each_mandatory_case_once(
+    verify: Verify, results: Results, forge: Callable[[Results], Path], case_id: str, count: int
+) -> None:
+    says = f"occurs {count} times" if count else "is missing"
+    cases = [each for each in results.cases for _ in range(count if each.id == case_id else 1)]
     status, text = verify(forge(concluded(results, *cases)))
     assert status == 1
-    assert f"case {STATUS} is missing" in text
-
-
-def test_doubled_case(verify: Verify, results: Results, forge: Callable[[Results], Path]) -> None:
-    status, text = verify(forge(concluded(results, *results.cases, results.cases[0])))
-    assert status == 1
-    assert f"case {results.cases[0].id} occurs 2 times" in text
+    assert f"case {case_id} {says}" in text
 
 
 @pytest.mark.parametrize(
