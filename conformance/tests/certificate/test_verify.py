@@ -37,7 +37,7 @@ from scaraspec.mutants.controller import mutants
 from scaraspec.protocol.commands import Command
 from scaraspec.protocol.frames import Frame
 from scaraspec.report import junit
-from scaraspec.report.model import SEEN, Case, Results, Role, Tool
+from scaraspec.report.model import SEEN, Case, Results, Role, Session, Tool
 from scaraspec.suite.engine.hooks import CommandHook
 from scaraspec.virtual_controller.core import ControllerCore
 
@@ -181,6 +181,12 @@ def test_environment(package: Path) -> None:
         ({"sample": 5}, "environment.json is damaged: "),
         ({"sample": {}}, "sample.serial_number is missing"),
         ({"laboratory": {"name": "Other", "operator": "Li"}}, "ics.json has another laboratory"),
+        (
+            {"machine": {"host": "a", "python": "3", "clock": ""}},
+            "machine.operating_system is missing",
+        ),
+        ({"tool": {"version": "9"}}, "results.json has another version of scaraspec or Python"),
+        ({"round_trip": {}}, "environment.json has another round trip than the results"),
     ],
 )
 def test_other_environment(
@@ -638,6 +644,20 @@ def test_other_options(
     assert f'option {name} is "{value}"' in text
 
 
+@pytest.mark.parametrize("name", ["reply_timeout_s", "time_scale", "undefined_opcodes"])
+def test_missing_and_unknown_options(
+    verify: Verify, results: Results, forge: Callable[[Results], Path], name: str
+) -> None:
+    """An option that the laboratory chooses is stated, and no other one exists."""
+    assert results.run
+    settings = {key: value for key, value in results.run.settings.items() if key != name}
+    changed = replace(results, run=replace(results.run, settings={**settings, "skip\n": "4"}))
+    status, text = verify(forge(changed))
+    assert status == 1
+    assert f"option {name} is missing" in text
+    assert "option 'skip\\n' is not known" in text
+
+
 def test_other_seed(verify: Verify, results: Results, forge: Callable[[Results], Path]) -> None:
     status, text = verify(forge(with_settings(results, seed=77)))
     assert (status, "the seed is not one of 0 to 9" in text) == (1, True)
@@ -651,7 +671,7 @@ def test_verdicts(verify: Verify, results: Results, forge: Callable[[Results], P
         results,
         verdict=Conclusion.CONFORMANT,
         counts={**results.counts, Verdict.PASS: 99},
-        requirements=(replace(first, verdict=other), *results.requirements[2:]),
+        requirements=(replace(first, verdict=other, cases=()), *results.requirements[2:]),
     )
     status, text = verify(forge(changed))
     assert status == 1
@@ -659,6 +679,7 @@ def test_verdicts(verify: Verify, results: Results, forge: Callable[[Results], P
         f"requirement {first.id} is {other.value}, but its cases are {first.verdict.value}" in text
     )
     assert f"requirement {results.requirements[1].id} is missing" in text
+    assert f"requirement {first.id} names other cases" in text
     assert "the numbers of verdicts are not those of the cases" in text
     assert "the verdict is conformant, but the cases are" in text
 
@@ -754,6 +775,41 @@ def test_the_capture_contradicts(
     status, text = verify(path)
     assert status == 1
     assert "the traffic in the results is not that of the capture" in text
+
+
+def _other_traffic(results: Results) -> Iterator[Session]:
+    """Yield the traffic of results, each time with another member that differs."""
+    assert results.session
+    session = results.session
+    for name in ("begun_ns", "ended_ns", "frames", "undecodable_bytes"):
+        yield replace(session, **{name: getattr(session, name) + 1})
+    for name in ("connections", "exchanges", "transfers"):
+        assert getattr(session, name)
+        yield replace(session, **{name: getattr(session, name)[1:]})
+    yield replace(session, transfers=(replace(session.transfers[0], chunks=99),))
+
+
+def test_each_change_of_the_traffic(results: Results, run_folder: Path) -> None:
+    derived, _ = audit(run_folder / "capture.mcap")
+    assert [*checks.capture_problems(results, derived)] == []
+    for session in _other_traffic(results):
+        found = [*checks.capture_problems(replace(results, session=session), derived)]
+        assert found == ["the traffic in the results is not that of the capture"]
+
+
+def test_the_time_of_the_run(results: Results, run_folder: Path) -> None:
+    """The dates of a certificate are those of the run, which contains the capture."""
+    derived, _ = audit(run_folder / "capture.mcap")
+    assert results.run
+    year_ns = 365 * 86400 * 10**9
+    for years in (-1, 1):
+        moved = replace(
+            results.run,
+            begun_ns=results.run.begun_ns + years * year_ns,
+            ended_ns=results.run.ended_ns + years * year_ns,
+        )
+        found = [*checks.capture_problems(replace(results, run=moved), derived)]
+        assert found == ["the capture is of another time than the run"]
 
 
 def test_inconclusive(verify: Verify, results: Results, forge: Callable[[Results], Path]) -> None:
