@@ -754,7 +754,9 @@ def test_nonconformant(
     write_package(certification_of(path, small_list), faulty, ICS)
     status, text = verify(path)
     assert status == 1
-    assert "the controller is nonconformant: " in text
+    assert "conclusion  FAILED\n  the controller is nonconformant: " in text
+    assert text.endswith("verified, unsigned: Cell 7 1.4: nonconformant\n")
+    assert "REFUSED" not in text
 
 
 def test_the_capture_contradicts(
