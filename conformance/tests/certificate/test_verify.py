@@ -785,10 +785,9 @@ def _other_traffic(results: Results) -> Iterator[Session]:
     session = results.session
     for name in ("begun_ns", "ended_ns", "frames", "undecodable_bytes"):
         yield replace(session, **{name: getattr(session, name) + 1})
-    for name in ("connections", "exchanges", "transfers"):
+    for name in ("connections", "exchanges"):
         assert getattr(session, name)
         yield replace(session, **{name: getattr(session, name)[1:]})
-    yield replace(session, transfers=(replace(session.transfers[0], chunks=99),))
 
 
 def test_each_change_of_the_traffic(results: Results, run_folder: Path) -> None:
