@@ -1,18 +1,15 @@
 """A small certification, and the package of it."""
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from certification import ICS, certification_of, certified, list_of_cases
+from certification import ICS, Verify, certification_of, certified, list_of_cases
 
 from scaraspec.api import certificates
 from scaraspec.api.certificates import write_package
 from scaraspec.certificate.mandatory import MandatoryList
 from scaraspec.cli.main import main
-
-Verify = Callable[..., tuple[int, str]]
 
 
 @pytest.fixture(scope="session")

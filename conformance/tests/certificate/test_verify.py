@@ -19,6 +19,7 @@ from certification import (
     CASES,
     ICS,
     STATUS,
+    Verify,
     calibrated,
     certification_of,
     certified,
@@ -41,7 +42,6 @@ from scaraspec.report.model import SEEN, Case, Results, Role, Session, Tool
 from scaraspec.suite.engine.hooks import CommandHook
 from scaraspec.virtual_controller.core import ControllerCore
 
-Verify = Callable[..., tuple[int, str]]
 NAMES = sorted((*FILES, MANIFEST))
 
 

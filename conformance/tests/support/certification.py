@@ -1,6 +1,7 @@
 """A small certification on the simulated clock, and packages of it."""
 
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,6 +24,9 @@ from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec_recorder.recordings.capture import capture_sink
 from scaraspec_recorder.sinks.mcap.mcap_sink import CLAIM, SUBJECT
 from scaraspec_recorder.sinks.sink import OutputFolder
+
+Verify = Callable[..., tuple[int, str]]
+"""Runs the command, and returns its exit status and output."""
 
 STATUS = "4.8/2"
 CASES = ("2/11.wrong-login", "4.1/2", STATUS, "4/3.fault")
