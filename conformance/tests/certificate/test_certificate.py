@@ -3,13 +3,12 @@ it."""
 
 import hashlib
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from certification import ICS, certification_of, certified
+from certification import ICS, Verify, certification_of, certified
 from wording import ROOT
 
 from scaraspec.api import verify_package
@@ -23,7 +22,6 @@ from scaraspec.report.files import write_new
 from scaraspec.report.translations import TRANSLATIONS, Language
 
 HOSTILE = "</dd><script>alert(1)</script>\u202e\x00"
-Verify = Callable[..., tuple[int, str]]
 
 
 @pytest.fixture(scope="module")

@@ -177,6 +177,16 @@ def test_templates_agree() -> None:
     assert inputs == set(re.findall(r"SCARASPEC_\w+", jenkins))
 
 
+def test_quotes_and_brackets_of_the_jenkinsfile() -> None:
+    """No tool reads Groovy here: each quote and bracket is closed, outside of comments."""
+    text = (TEMPLATES / "Jenkinsfile").read_text("utf-8")
+    left = re.sub(r"""'''.*?'''|'[^'\n]*'|"[^"\n]*"|//[^\n]*""", "", text, flags=re.DOTALL)
+    pair = r"\{[^{}()\[\]]*\}|\([^{}()\[\]]*\)|\[[^{}()\[\]]*\]"
+    while (shorter := re.sub(pair, "", left)) != left:
+        left = shorter
+    assert left.split() == ["pipeline"]
+
+
 def _common_lines(template: str) -> str:
     """Return the lines from the comment to the last exit, without indentation."""
     pattern = r"^ *# The same lines.*\bexit \"\$certified\"$"

@@ -109,6 +109,21 @@ def test_no_certification_without_calibration(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.usefixtures("small")
+def test_interrupted_calibration(
+    certify: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Ctrl-C ends it with one sentence; nothing is sent and nothing is written."""
+
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(certificates, "calibrate", interrupted)
+    status, text = certify("tcp://127.0.0.1:1", *ALLOW, "--out", tmp_path / "out")
+    assert (status, text.splitlines()[-1]) == (3, "scaraspec: interrupted")
+    assert {file.name for file in tmp_path.iterdir()} <= {"ics.toml", "state"}
+
+
 @pytest.mark.parametrize("role", [Role.CONTROLLER, Role.CLIENT])
 def test_the_seed_chooses_the_mutants(role: Role) -> None:
     """Each seed of a certification selects other mutants."""
@@ -134,7 +149,7 @@ def test_nonconformant(certify: Run, processes: Any, tmp_path: Path) -> None:
     status, text = certify(f"tcp://{host}:{port}", *arguments)
     assert status == 1, text
     assert "the controller is nonconformant" in text
-    assert text.endswith(f"{package}: refused\n")
+    assert text.endswith(f"{package}: verified, unsigned: Cell 7: nonconformant\n")
 
 
 @pytest.mark.parametrize(

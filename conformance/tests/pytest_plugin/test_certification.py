@@ -55,11 +55,11 @@ def test_reports(verdict: Verdict, outcome: str) -> None:
         pytest.TestReport(**known, outcome="passed", when="teardown"),
     ]
     item = cast("pytest.Item", type("Item", (), {"path": Path("a")}))
-    ended = Outcome(case, verdict, message="message", expected="1", observed="2")
+    ended = Outcome(case, verdict, message="me\n::error::", expected="1", observed="2")
     setup, call, teardown = reported(ended, reports, item)
     assert (setup.outcome, call.outcome, teardown.outcome) == ("passed", outcome, "passed")
     if outcome == "failed":
-        assert call.longrepr == "message\nexpected: 1\nobserved: 2"
+        assert call.longrepr == "me⟨U+000A⟩::error::\nexpected: 1\nobserved: 2"
 
 
 def test_settings_of_the_user(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,6 @@
 """junit.xml is valid XML for any text, and only passes count as passed."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -118,13 +119,25 @@ ALLOWED = {
 }
 """The attributes and elements that we write; the xUnit plugin of Jenkins allows all of them."""
 
+REQUIRED = {
+    "testsuite": {"name", "tests", "failures", "errors"},
+    "testcase": {"name"},
+    "property": {"name", "value"},
+}
+"""The attributes that the plugin requires."""
 
-def test_only_allowed_elements(full: Results) -> None:
+
+def test_only_allowed_elements(full: Results, hostile: Results) -> None:
     """The schema of the plugin refuses a file with any other attribute, such as `skipped` above."""
-    for element in tree_of(full).iter():
+    long = replace(full.cases[0], duration_s=12345.6)
+    slow = replace(full, cases=(long, *full.cases[1:]))
+    for element in (each for results in (slow, hostile) for each in tree_of(results).iter()):
         attributes, children = ALLOWED[element.tag]
-        assert set(element.attrib) <= attributes
+        assert REQUIRED.get(element.tag, set()) <= set(element.attrib) <= attributes
         assert {child.tag for child in element} <= children
+        assert re.fullmatch(r"[0-9]*(\.[0-9]*)?", element.get("time", ""))
+        if children:
+            assert not (element.text or "").strip()
 
 
 def test_an_independent_reader(full: Results, hostile: Results) -> None:

@@ -1,12 +1,14 @@
 """A gate passes results that are as good as the baseline, and fails for each single change."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import date, timedelta
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from results_of_run import FAILED, PASSED, SEEN, failed, results_of
 
 from scaraspec.judge.verdicts import ExitStatus, Reason, Verdict
@@ -100,6 +102,76 @@ def test_each_single_change_fails(results: Results, change: str) -> None:
     """Each change is compared with the baseline of the unchanged results."""
     changed, expected = CHANGES[change]
     assert kinds(changed(results), baseline=results) == expected
+
+
+_VERDICTS = st.sampled_from([Verdict.PASS, Verdict.TOLERATED, Verdict.FAIL])
+_JUDGED = ("4.8/1", "4.8/2", "4.8/2.other", "4.15/3", "5.4/5")
+_IDS = (*_JUDGED, "3/18.seen-1", "3/18.seen-2")
+_RUNS = st.builds(
+    lambda verdicts, seed: results_of(
+        *(
+            failed(name, "the code is {code}", code="07")
+            if verdict is Verdict.FAIL
+            else Case(name, (name,), verdict)
+            for name, verdict in verdicts.items()
+        ),
+        seed=seed,
+    ),
+    st.dictionaries(st.sampled_from(_IDS), _VERDICTS, min_size=1),
+    st.integers(0, 3),
+)
+
+
+def _with(results: Results, case: Case, *others: Case) -> Results:
+    """Return the results with other cases in place of one."""
+    cases = [new for each in results.cases for new in (others if each is case else (each,))]
+    return results_of(*cases, seed=results.run.seed if results.run else 0)
+
+
+def _worse(results: Results) -> Iterator[tuple[str, Results, tuple[Waiver, ...]]]:
+    """Yield the problem of each single change, with the changed results and the waivers."""
+    for case in results.cases:
+        judged = case.id in _JUDGED
+        if judged:
+            yield f"lost-case {case.id}", _with(results, case), ()
+            yield f"lost-case {case.id}", _with(results, case, replace(NOT_RUN, id=case.id)), ()
+        if case.verdict is Verdict.FAIL:
+            other = failed(case.id, "another message")
+            yield f"changed-failure {case.id}", _with(results, case, other), ()
+            other = failed(case.id, "the code is {code}", code="08")
+            yield f"changed-failure {case.id}", _with(results, case, other), ()
+            old = waiver(case=case.id, expires=TODAY - timedelta(1))
+            yield f"expired-waiver {case.id}", results, (old,)
+        else:
+            if judged:
+                other = failed(case.id, "the code is {code}", code="07")
+                yield f"new-failure {case.id}", _with(results, case, other), ()
+            yield f"stale-waiver {case.id}", results, (waiver(case=case.id),)
+    for each in results.requirements:
+        if {*each.cases} <= {*_JUDGED}:
+            left = tuple(other for other in results.requirements if other is not each)
+            yield f"lost-requirement {each.id}", replace(results, requirements=left), ()
+            undecided = tuple(
+                replace(other, verdict=Verdict.NONE) if other is each else other
+                for other in results.requirements
+            )
+            yield f"lost-requirement {each.id}", replace(results, requirements=undecided), ()
+    added = failed("9/9", "wrong")
+    yield "new-failure 9/9", _with(results, results.cases[-1], results.cases[-1], added), ()
+    yield "unknown-id 9/9", results, (waiver(case="9/9"),)
+    for settings in ({}, {"allow": "motion"}, {"allow": "state", "only": "4"}):
+        assert results.run
+        changed = replace(results, run=replace(results.run, settings=settings))
+        name = "only" if "only" in settings else "allow"
+        yield f"other-settings {name}", changed, ()
+
+
+@given(_RUNS)
+def test_each_change_of_any_results_fails(results: Results) -> None:
+    """The results pass with their own baseline. After each single change they do not."""
+    assert kinds(results, baseline=results) == []
+    for problem, changed, waivers in _worse(results):
+        assert problem in kinds(changed, *waivers, baseline=results)
 
 
 def test_what_may_change(results: Results) -> None:
@@ -253,6 +325,8 @@ def test_waivers_file(tmp_path: Path) -> None:
         ('case = "4.15/3"', 'fingerprint = "y"\nflaky = true', "must name its case"),
         ("expires = ", "expires =", ""),
         ("[[waiver]]", "[[waiver", "not valid TOML"),
+        ("[[waiver]]", "a = " + "9" * 5000, "not valid TOML"),
+        ("[[waiver]]", "a = " + "[" * 5000, "not valid TOML"),
     ],
 )
 def test_invalid_waivers(tmp_path: Path, old: str, new: str, problem: str) -> None:

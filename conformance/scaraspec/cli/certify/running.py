@@ -23,7 +23,7 @@ from scaraspec.cli.stdio import insists
 from scaraspec.judge.verdicts import Cause, Verdict
 from scaraspec.operating_system import ending_signals
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.report.sanitizing import visible
+from scaraspec.report.sanitizing import visible, visible_line
 from scaraspec.suite.engine.case import Case
 from scaraspec.suite.engine.case_sheet import operator_requests
 from scaraspec.suite.engine.ics import Ics
@@ -168,7 +168,7 @@ class Display:
             self._dependency_message = outcome.message
         if self._ticks or shown:
             text = f"{outcome.verdict.value} {outcome.case.id}: {outcome.message}"
-            self._console.print(Text(visible(text)), soft_wrap=True)
+            self._console.print(Text(visible_line(text)), soft_wrap=True)
         if not (self._ticks or self._console.is_terminal):
             self._print_time_left()
 

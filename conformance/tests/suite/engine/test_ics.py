@@ -136,6 +136,8 @@ def test_a_hook_that_hangs_is_ended(tmp_path: Path) -> None:
         ("[hooks]\nrestart = 'no-such-program-on-the-path'", "does not exist or is not executable"),
         ("readings = 3", "[readings] must be a table"),
         ("[subject\n", "is not valid TOML"),
+        ("a = " + "9" * 5000, "is not valid TOML"),
+        ("a = " + "[" * 5000, "is not valid TOML"),
         ("[more]\n", "more is not known"),
     ],
 )
