@@ -150,7 +150,7 @@ class Exchange:
     """The first reply without a request that arrived while this exchange was unanswered."""
     ending: Ending = Ending.OPEN
     certain: bool = True
-    """Whether no capture gap and no injected fault can have affected it."""
+    """Whether no capture gap, injected fault or other request can have affected it."""
 
     # Access; set by `Dialogue` when the request arrives.
     logged_in: bool | None = None
@@ -169,6 +169,10 @@ class Exchange:
     """A later request was answered while this one was unanswered."""
     overdue: bool = False
     """It was overtaken, and its own reply arrived after the reply timeout."""
+    requested_again: FrameSeen | None = None
+    """For a late reply: the request with the same opcode that followed the reply timeout."""
+    ambiguous: bool = False
+    """Its reply may answer an earlier or later request with its opcode."""
 
     # Execution; set by `PendingResults`.
     concurrent: tuple["Exchange", ...] = ()
@@ -203,6 +207,10 @@ class Exchange:
 
     def __post_init__(self) -> None:
         self.name = self.request.name
+
+    def set_ambiguous(self) -> None:
+        """Note that its reply may answer another request: nothing certain follows from it."""
+        self.ambiguous, self.certain = True, False
 
     @property
     def request_value(self) -> Any:
