@@ -184,6 +184,8 @@ class Exchange:
     """`RobotState.version` at the request."""
     idle_status: FrameSeen | None = None
     """The first status 00 that arrived while this two-stage command executed."""
+    lag_ns: int = 0
+    """For how long after its first reply a status 00 was requested that may be old (A-4.8-3)."""
     stop_requested: bool = False
     """An emergency stop was requested, or its client hung up, while it executed."""
     interrupted_by: "Exchange | None" = None

@@ -71,7 +71,8 @@ class ExchangeHistory:
         request, last = self.last_requests.get(name), self.last(name)
         if request is None or request.place.time_ns < since_ns:
             return False
-        return last is None or last.request is not request
+        answered = last is not None and last.request is request
+        return not answered and all(x.request is not request for x in self.accepted)
 
     def between(self, name: str, begin_ns: int, end_ns: int) -> Iterator[Exchange]:
         """Yield the exchanges of a command that are within two times, oldest first."""
