@@ -148,6 +148,8 @@ class Exchange:
     """Invalid bytes in the place of the reply or of the final result."""
     unmatched_reply: FrameSeen | None = None
     """The first reply without a request that arrived while this exchange was unanswered."""
+    mismatched: bool = False
+    """It and the request before or after it were each followed only by another opcode's reply."""
     ending: Ending = Ending.OPEN
     certain: bool = True
     """Whether no capture gap, injected fault or other request can have affected it."""

@@ -189,7 +189,7 @@ ROWS = (
     R("5.3/3", lines=(772,), register=("A-5-11",),
       sentence="A file that is not stored must be answered '0'.",
       original="若文件不可发送，返回 0",
-      binds=CONTROLLER, testable=AC, hazard=READ_ONLY, strength=FIRM, basis=DERIVED),
+      binds=CONTROLLER, testable=AC | PC, hazard=READ_ONLY, strength=FIRM, basis=DERIVED),
     R("5.3/4", lines=((777, 780),), register=("A-5-23",),
       sentence="Behind the '1' to 0x54 the controller must send "
                "the content, one fileData in each 0x56 frame.",

@@ -10,6 +10,7 @@ from scaraspec.judge.rules.rule import (
     rule,
     tolerated,
 )
+from scaraspec.judge.rules.settings import MAX_UNSEEN_NS
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA_BYTES, HEAD_BYTES, TransferState
@@ -21,6 +22,8 @@ from scaraspec.user_message import UserMessage
 _CHUNKS = ("upload_chunk", "download_chunk")
 _UPLOAD_CHUNK = ("upload_chunk",)
 _DOWNLOAD_CHUNK = ("download_chunk",)
+_CONTENT_COMES_NS = 5_000_000_000
+"""Within this time after the reply to its name the content begins (A-3-15)."""
 
 
 # 5.1: the structure
@@ -73,6 +76,25 @@ def constant_file_size(x: Exchange, _: RobotState) -> RuleResult | None:
         expected=str(transfer.size_bytes),
         observed=str(x.chunk.file_size),
         at=(x.request.place,),
+    )
+
+
+@rule("5.1/3", on=Exchange, names=_DOWNLOAD_CHUNK)
+def size_of_the_upload(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """The file size of a download is the number of bytes that were uploaded (L729)."""
+    stored = robot.files.get(x.transfer.name) if x.transfer else None
+    if stored is None or x.chunk is None or x.error_signal or x.expected_position:
+        return None
+    if x.chunk.file_size == stored.received_bytes:
+        return PASSED
+    return failed(
+        UserMessage(
+            "the file size in the download of {file_name} is not the size of its upload",
+            file_name=show(stored.name),
+        ),
+        expected=str(stored.received_bytes),
+        observed=str(x.chunk.file_size),
+        at=(*places_of(stored), x.request.place),
     )
 
 
@@ -388,12 +410,50 @@ def content_after_the_reply(x: Exchange, _: RobotState) -> RuleResult | None:
     )
 
 
+@rule("5.3/3", on=Exchange, names=("download_name",))
+def absent_file_refused(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """A name that the last program list lacks is answered "0" (L772), if no file has it."""
+    return PASSED if x.accepted is False and _is_unlisted(x, robot) else None
+
+
+@rule("5.3/3", on=Transfer)
+def absent_file_has_no_content(transfer: Transfer, robot: RobotState) -> RuleResult | None:
+    """A name that is not listed and was answered "1" has content, or is not stored (L772)."""
+    opening = transfer.opening
+    if transfer.upload or transfer.chunks or opening is None or not _is_unlisted(opening, robot):
+        return None
+    if transfer.ended_ns - transfer.begun_ns < _CONTENT_COMES_NS:
+        return None
+    return failed(
+        UserMessage(
+            "the download of {file_name} was accepted, but the program list lacks it and no content"
+            " followed",
+            file_name=show(transfer.name),
+        ),
+        expected="0",
+        observed="1",
+    )
+
+
+def _is_unlisted(download: Exchange, robot: RobotState) -> bool:
+    """Whether the last program list lacks the file and no upload of it was requested since."""
+    programs = robot.history.last("list_programs", before_ns=download.time_ns)
+    if programs is None or download.time_ns - programs.time_ns > MAX_UNSEEN_NS:
+        return False
+    names = {name for part in programs.parts if part.value for name in part.value.names}
+    upload = robot.history.last_requests.get("upload_name")
+    uploaded = upload is not None and upload.place.time_ns > programs.time_ns
+    return download.request.text not in names and not uploaded
+
+
 @rule("5.3/4", on=Transfer)
 def content_follows(transfer: Transfer, robot: RobotState) -> RuleResult | None:
     """After "1" the controller sends the content (L777-780); an empty file has none (A-5-10)."""
     if transfer.upload or transfer.chunks or transfer.reason != SILENCE:
         return None
     stored = robot.files.get(transfer.name)
+    if absent_file_has_no_content(transfer, robot):
+        return None
     if stored is None or not stored.received_bytes:
         return inconclusive(
             UserMessage(

@@ -7,6 +7,7 @@ from itertools import pairwise, takewhile
 from typing import Final
 
 from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule, tolerated
+from scaraspec.judge.rules.settings import MAX_UNSEEN_NS
 from scaraspec.judge.rules.two_stage import TWO_STAGE
 from scaraspec.protocol.fields import NAME_MAX_BYTES, Defect, show
 from scaraspec.protocol.program_files import MAX_FILE_BYTES, Severity, lint
@@ -222,6 +223,27 @@ def deleted_is_gone(x: Exchange, robot: RobotState) -> RuleResult | None:
             "{program} was deleted, but {command} was accepted for it",
             program=show(x.request.text),
             command=x.name,
+        ),
+        expected="0",
+        observed="1",
+        at=(*places_of(deletion), *places_of(x)),
+    )
+
+
+@rule("4.11/4", on=Exchange, names=("delete_program",))
+def deleted_once(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """A program that was deleted is not stored: its second deletion is answered "0" (L260)."""
+    deletion = next(_deletions([x.request.text], x.time_ns, robot), None)
+    if deletion is None or x.accepted is None:
+        return None
+    if not x.accepted:
+        return PASSED
+    if x.time_ns - answered_ns(deletion) > MAX_UNSEEN_NS:
+        return None
+    return failed(
+        UserMessage(
+            "{program} was deleted twice with success, without an upload between",
+            program=show(x.request.text),
         ),
         expected="0",
         observed="1",

@@ -32,7 +32,7 @@ def reply_has_its_opcode(x: Exchange, _: RobotState) -> RuleResult | None:
     """
     if x.reply:
         return PASSED
-    given_up = x.ending is Ending.UNANSWERED or x.overtaken
+    given_up = x.ending is Ending.UNANSWERED or x.overtaken or x.mismatched
     if not x.unmatched_reply or not given_up or not _reply_expected(x):
         return None
     return failed(

@@ -48,6 +48,7 @@ LOST = """
     > get_status
     < get_status 00
 """
+MISMATCHED = "> get_status\n< get_version 1.0.0\n+1\n> get_status\n< get_version 1.0.0\n"
 PORT_2 = "> set_digital_output 2|1\n< set_digital_output 1\n"
 OUTPUTS = "> get_digital_outputs\n< get_digital_outputs 1|{}\n"
 
@@ -66,6 +67,12 @@ CASES = (
     ("3/31", "fail", LOST.format(after=0, poll=0.1)),
     ("3/31", "fail", LOST.format(after=0, poll=6)),
     ("3/31", "inconclusive", LOST.format(after=1, poll=0.1)),
+    # Each request is followed only by the reply of another command.
+    ("3/11", "fail", "login\n" + MISMATCHED),
+    ("3/11", "fail", "login\n" + MISMATCHED + "+9\n> get_status\n< get_status 00"),
+    ("3/11", "pass", "login\n" + MISMATCHED.partition("+1")[0]),
+    ("3/11", "pass", "login\n> get_status\n< get_time 20260101000000\n< get_status 00"),
+    ("3/11", "inconclusive", "< gap 9\nlogin\n" + MISMATCHED),
     ("3/33", "none 3/31", LOST.format(after=0, poll=0.1)),
     ("3/33", "none", "login\n> get_status\n+6\n< get_status 00\n> get_status\n< get_status 00"),
 )
