@@ -1,7 +1,7 @@
 """Clauses 4.10 and 4.11, code 20: stored programs, from uploads, deletions and lists."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import lru_cache
 from itertools import pairwise, takewhile
 from typing import Final
@@ -170,14 +170,44 @@ def uploaded_is_listed(x: Exchange, robot: RobotState) -> RuleResult | None:
     for transfer in missing:
         if is_valid_program(transfer):
             return failed(
-                UserMessage(
-                    "{program} was uploaded but is not listed", program=show(transfer.name)
-                ),
+                _missing_message(transfer.name, listed, robot),
                 expected="in the list",
                 observed=f"{len(listed)} other names",
                 at=(*places_of(transfer), *places_of(x)),
             )
     return PASSED if len(missing) < len(expected) else None
+
+
+def _missing_message(name: bytes, listed: Collection[bytes], robot: RobotState) -> UserMessage:
+    """Say that an uploaded program is missing, and which similar name may be the cause."""
+    program = show(name)
+    for other in listed:
+        if show(other) == program:
+            return UserMessage(
+                "{program} was uploaded in {encoding} but is listed in {other_encoding}",
+                program=program,
+                encoding=_encoding(name),
+                other_encoding=_encoding(other),
+            )
+    for other in (*listed, *robot.history.deleted):
+        if other.lower() == name.lower():
+            return UserMessage(
+                "{program} was uploaded but is not listed; {other} was {what}: the names differ"
+                " only in case",
+                program=program,
+                other=show(other),
+                what="listed" if other in listed else "deleted",
+            )
+    return UserMessage("{program} was uploaded but is not listed", program=program)
+
+
+def _encoding(name: bytes) -> str:
+    """Return the encoding in which `show` reads a name (A-T-2)."""
+    try:
+        name.decode()
+    except UnicodeDecodeError:
+        return "GBK"
+    return "UTF-8"
 
 
 @rule("4.10/11", "4.11/3", on=Exchange, names=_LIST)

@@ -1,9 +1,11 @@
 """The program store: each requirement on traffic that keeps it, and on traffic that does not."""
 
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
+from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.program_files import Node, NodeType, Program, WaitSeconds, build
 from scaraspec.protocol.transfer import FILE_DATA, chunks_of
 
@@ -133,3 +135,32 @@ def test_a_damaged_program_may_be_taken_for_missing(judged: Callable) -> None:
     record = judged(session(upload("a.rob", DAMAGED), run("a.rob", "0|20")))
     (finding,) = [f for f in record.findings if f.requirement == "8/5"]
     assert finding.reading == ("A-4.15-2", "20")
+
+
+@pytest.mark.parametrize(
+    ("uploaded", "between", "listing", "message"),
+    [
+        (
+            r"\xe7\xa8\x8b.rob",
+            "",
+            r"0|\xb3\xcc.rob",
+            "程.rob was uploaded in UTF-8 but is listed in GBK",
+        ),
+        (
+            r"\xb3\xcc.rob",
+            "",
+            r"0|\xe7\xa8\x8b.rob",
+            "程.rob was uploaded in GBK but is listed in UTF-8",
+        ),
+        ("a.rob", "", "0|A.ROB", "A.ROB was listed: the names differ only in case"),
+        ("a.rob", delete("A.ROB"), "0", "A.ROB was deleted: the names differ only in case"),
+        ("a.rob", "", "0|b.rob", "a.rob was uploaded but is not listed"),
+    ],
+)
+def test_a_missing_program_and_a_similar_name(
+    uploaded: str, between: str, listing: str, message: str, judged: Any
+) -> None:
+    """The finding names the encodings, or the letters in another case."""
+    record = judged(session(upload(uploaded), between, listed(listing)))
+    (found,) = [f for f in record.findings if f.requirement == "4.10/11"]
+    assert (found.verdict, found.message.endswith(message)) == (Verdict.FAIL, True), found.message
