@@ -40,7 +40,10 @@ PASSES_ONLY = dict(chain.from_iterable(table.get("PASSES_ONLY", {}).items() for 
 """Requirements that no capture shows to be broken, and why."""
 
 
-NEVER_PASSES = {"3/33": "a capture does not show which reply a client takes for its own"}
+NEVER_PASSES = {
+    "3/33": "a capture does not show which reply a client takes for its own",
+    "7/3": "numbers alone do not show which angle they describe",
+}
 """Requirements that no capture shows to be kept, and why."""
 
 
