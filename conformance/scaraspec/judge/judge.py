@@ -171,6 +171,9 @@ class Judge:
     def judge(self, traffic_event: TrafficEvent, robot: RobotState) -> Iterator[Finding]:
         """Apply every rule for this traffic event; yield the findings other than passes."""
         self.dialect_seen.add(traffic_event)
+        if not self.scope.selection.includes(traffic_event):
+            robot.remember(traffic_event)
+            return
         if isinstance(traffic_event, FrameSeen):
             results = self._judge_frame(traffic_event.frame)
         else:

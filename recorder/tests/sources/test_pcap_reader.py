@@ -631,7 +631,7 @@ def test_a_huge_record_length(path: Path) -> None:
         capture = read_pcap(path)
         assert list(capture) == OVER_IPV4
         assert "is damaged" in capture.summary.notes[0]
-    source = _Source(io.BytesIO(b"?"))
+    source = _Source(file := io.BytesIO(b"?"), file)
     assert source.read(_MAX_RECORD_BYTES + 1) == b""
     assert source.read(_MAX_RECORD_BYTES) == b"?"
 
