@@ -170,6 +170,7 @@ CASES = (
     ("5.1/3", "pass", UPLOAD + "< gap 9" + down("chunk 0/400").removeprefix("login")),
     ("5.3/3", "fail", UNLISTED.format(name="b", between="", pause=6)),
     ("5.3/3", "fail", UNLISTED.format(name="b", between="", pause=61)),
+    ("5.3/3", "fail", UNLISTED.format(name="b", between=AGAIN.format(1), pause=6)),
     ("5.3/3", "none", UNLISTED.format(name="a", between="", pause=6)),
     ("5.3/3", "none", UNLISTED.format(name="b", between="", pause=0)),
     (
@@ -221,6 +222,11 @@ CASES = (
     ),
     # Of an empty file, which this may be, nothing need come (A-5-10).
     ("5.3/4", "inconclusive", "login\n> download_name a\n< download_name 1\n+61\n> close"),
+    ("5.3/8", "pass", down("chunk 0/300", "chunk 200/300 len=0").replace("_chunk 1", "_chunk 0")),
+    ("5.3/8", "fail", down("chunk 0/300", "chunk 200/300 len=0")),
+    ("5.3/8", "fail", down("download_chunk ")),
+    ("5.3/8", "none", down("chunk 0/0 len=0")),  # an empty file (A-5-10)
+    ("5.3/8", "none", "login\n> download_name a\n< download_name 1\n< chunk 0/300 len=0"),
     ("5.3/5", "pass", DOWNLOAD),
     ("5.3/5", "fail", DOWNLOAD + "> download_chunk 1"),
     ("5.3/5", "fail", DOWNLOAD + "> download_chunk 1\n< download_chunk 0"),  # A-5-16

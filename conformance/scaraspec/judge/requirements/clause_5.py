@@ -216,7 +216,7 @@ ROWS = (
       sentence="A client that receives data of length 0 must "
                "count the transfer as failed and stop it.",
       original="若文件接受端接受到长度为 0 的数据时,表明本次传输出现错误,停止传输",
-      binds=CLIENT, testable=AK, hazard=READ_ONLY, strength=FIRM, basis=TEXT),
+      binds=CLIENT, testable=AK | PC, hazard=READ_ONLY, strength=FIRM, basis=TEXT),
     R("5.3/9", lines=(782,), register=("A-5-14",),
       sentence="After a 0x56 was answered '0', the controller should send no "
                "further chunk of the transfer; repeating the refused one passes.",

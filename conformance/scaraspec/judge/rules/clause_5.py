@@ -1,6 +1,7 @@
 """Clauses 5.1 to 5.4: chunks and transfers, uploads and downloads."""
 
 from scaraspec.judge.rules.flag import one_flag
+from scaraspec.judge.rules.program_store import is_unlisted
 from scaraspec.judge.rules.rule import (
     PASSED,
     RuleResult,
@@ -10,7 +11,6 @@ from scaraspec.judge.rules.rule import (
     rule,
     tolerated,
 )
-from scaraspec.judge.rules.settings import MAX_UNSEEN_NS
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA_BYTES, HEAD_BYTES, TransferState
@@ -394,6 +394,19 @@ def reads_back(transfer: Transfer, robot: RobotState) -> RuleResult | None:
     )
 
 
+@rule("5.3/8", on=Exchange, names=_DOWNLOAD_CHUNK)
+def error_signal_ends_the_download(x: Exchange, _: RobotState) -> RuleResult | None:
+    """A chunk of length 0 is an error (L787): the client does not answer it with "1".
+
+    A controller may send an empty file as such a chunk (A-5-10).
+    """
+    if not x.error_signal or not x.reply or (x.chunk and not x.chunk.file_size):
+        return None
+    if not x.accepted:
+        return PASSED
+    return failed("a chunk without data was answered 1", expected="0, or no reply", observed="1")
+
+
 @rule("5.3/4", on=Exchange, names=_DOWNLOAD_CHUNK)
 def content_after_the_reply(x: Exchange, _: RobotState) -> RuleResult | None:
     """The first chunk comes after the reply to the file name (L777; A-5-23)."""
@@ -413,14 +426,14 @@ def content_after_the_reply(x: Exchange, _: RobotState) -> RuleResult | None:
 @rule("5.3/3", on=Exchange, names=("download_name",))
 def absent_file_refused(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A name that the last program list lacks is answered "0" (L772), if no file has it."""
-    return PASSED if x.accepted is False and _is_unlisted(x, robot) else None
+    return PASSED if x.accepted is False and is_unlisted(x, robot) else None
 
 
 @rule("5.3/3", on=Transfer)
 def absent_file_has_no_content(transfer: Transfer, robot: RobotState) -> RuleResult | None:
     """A name that is not listed and was answered "1" has content, or is not stored (L772)."""
     opening = transfer.opening
-    if transfer.upload or transfer.chunks or opening is None or not _is_unlisted(opening, robot):
+    if transfer.upload or transfer.chunks or opening is None or not is_unlisted(opening, robot):
         return None
     if transfer.ended_ns - transfer.begun_ns < _CONTENT_COMES_NS:
         return None
@@ -433,17 +446,6 @@ def absent_file_has_no_content(transfer: Transfer, robot: RobotState) -> RuleRes
         expected="0",
         observed="1",
     )
-
-
-def _is_unlisted(download: Exchange, robot: RobotState) -> bool:
-    """Whether the last program list lacks the file and no upload of it was requested since."""
-    programs = robot.history.last("list_programs", before_ns=download.time_ns)
-    if programs is None or download.time_ns - programs.time_ns > MAX_UNSEEN_NS:
-        return False
-    names = {name for part in programs.parts if part.value for name in part.value.names}
-    upload = robot.history.last_requests.get("upload_name")
-    uploaded = upload is not None and upload.place.time_ns > programs.time_ns
-    return download.request.text not in names and not uploaded
 
 
 @rule("5.3/4", on=Transfer)

@@ -224,6 +224,27 @@ def new_password_opens(x: Exchange, robot: RobotState) -> RuleResult | None:
     return failed(message, expected="0", observed="1", at=at)
 
 
+@rule("4.2/2", "4.2/5", on=Exchange, names=("login",))
+def refused_password(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """After "0" the new password opens no login (L123, L133)."""
+    refused = robot.history.last("set_password", before_ns=x.time_ns)
+    if refused is None or refused.accepted is not False or not refused.request_value:
+        return None
+    old, new = refused.request_value
+    last = robot.history.last_requests.get("set_password") is refused.request
+    unknown = old == new or new in robot.history.passwords
+    if not x.accepted or not last or unknown or x.time_ns - refused.time_ns > MAX_UNSEEN_NS:
+        return None
+    if x.request_value != new:
+        return PASSED if x.request_value == old else None
+    return failed(
+        "the new password opens a login although 0x03 was answered 0",
+        expected="0",
+        observed="1",
+        at=(*places_of(refused), *places_of(x)),
+    )
+
+
 def _others(x: Exchange, robot: RobotState) -> set[str]:
     return robot.sessions - {x.request.place.connection}
 

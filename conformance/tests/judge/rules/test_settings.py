@@ -79,6 +79,7 @@ def changed(*logins: str, first: str = "login", reply: str = "1") -> str:
     return "\n".join(lines)
 
 
+NO_REPLY = {"4.2/2": "pass", "4.2/5": "none"}
 ALONE = "> close\n2> login new\n2< login 0"
 
 CASES = (
@@ -92,6 +93,16 @@ CASES = (
     ("4.2/4", "none", changed("new 0")),  # another client is logged in (A-2-2)
     ("4.2/4", "none", changed("password 1", reply="0")),
     ("4.2/4", "none", changed("other 0")),
+    *(
+        (requirement, expected + also.format(other), session)
+        for requirement, other in (("4.2/2", "4.2/5"), ("4.2/5", "4.2/2"))
+        for expected, also, session in (
+            ("fail", " {}", changed("new 1", reply="0")),
+            ("pass", "", changed("password 1", reply="0")),
+            (NO_REPLY[requirement], "", changed("new 0", reply="0")),
+            (NO_REPLY[requirement], "", changed("new 0", "other 0", reply="0")),
+        )
+    ),
     ("4.4/2", "pass", refused("network", HOME, OFFICE, HOME)),
     ("4.4/2", "fail", refused("network", HOME, OFFICE, OFFICE)),
     ("4.13/2", "pass", refused("default_program", "a.rob", "b.rob", "a.rob")),
