@@ -128,7 +128,12 @@ CASES = (
     # No frame end follows: the length is that of the whole frame, so that the login is never
     # answered.
     ("3/7", "fail 3/6", "> = AA 01 0C 70 61 73 73 77 6F 72 64 CC\n+5\n> close"),
-    ("3/7", "none", "> = AA 01 0D 70 61 73 73 77 6F 72 64 CC\n+5\n> close"),
+    # A text contains no end byte; it ends the frame also if another length is declared.
+    ("3/7", "fail 3/6", "> = AA 01 0D 70 61 73 73 77 6F 72 64 CC\n+5\n> close"),
+    ("3/7", "fail 3/6", "login\n> get_status\n< = CC 09 FF 30 30 AA CC 07 FF 31 AA"),
+    ("3/7", "pass", "login\n> = AA 30 0D 61 62\n> close"),
+    ("3/7", "pass", "login\n> = AA 30 0D 61 62 CC 00\n> close"),
+    ("3/7", "pass", "login\n> = AA 52 D4 00 01 CC\n> close"),
     ("3/7", "inconclusive", "> gap\n> = AA 01 0C 70 61 73 73 77 6F 72 64 CC\n> close"),
     ("3/8", "pass", QUERY),
     ("3/8", "fail 3/6 3/7", "login\n> = AA 09 00 30 CC\n> get_status\n< get_status 00"),

@@ -49,6 +49,18 @@ def down(*chunks: str) -> str:
     return f"login\n> download_name a.bin\n< download_name 1\n{answers}"
 
 
+UNLISTED = """
+    login
+    > list_programs
+    < list_programs 0|a|c
+    {between}
+    > download_name {name}
+    < download_name 1
+    +{pause}
+    > get_time
+    < get_time 20260101000000
+"""
+UNLISTED_CONTENT = "< chunk 0/20\n> download_chunk 1\n"
 _POLL = "> get_status\n< get_status 00\n"
 
 CASES = (
@@ -132,7 +144,7 @@ CASES = (
     # it.
     (
         "5.2/7",
-        "pass 3/31",
+        "pass",
         up("chunk 0/300")
         + f"> chunk 200/300\n+28\n{_POLL}+3\n"
         + AGAIN.format(1)
@@ -152,7 +164,25 @@ CASES = (
     ),
     ("5.2/12", "pass", UPLOAD + FETCH),
     ("5.2/12", "fail", UPLOAD + FETCH.replace("200/300", "200/300 other")),
-    ("5.2/12", "fail", UPLOAD + down("chunk 0/200").removeprefix("login")),
+    ("5.2/12", "fail 5.1/3", UPLOAD + down("chunk 0/200").removeprefix("login")),
+    ("5.1/3", "fail 5.2/12", UPLOAD + down("chunk 0/200").removeprefix("login")),
+    ("5.1/3", "fail", UPLOAD + down("chunk 0/400").removeprefix("login")),
+    ("5.1/3", "pass 4.11/3", UPLOAD + DELETE.format(1) + down("chunk 0/400").removeprefix("login")),
+    ("5.1/3", "pass", UPLOAD + "< gap 9" + down("chunk 0/400").removeprefix("login")),
+    ("5.3/3", "fail", UNLISTED.format(name="b", between="", pause=6)),
+    ("5.3/3", "fail", UNLISTED.format(name="b", between="", pause=61)),
+    ("5.3/3", "fail", UNLISTED.format(name="b", between=AGAIN.format(1), pause=6)),
+    ("5.3/3", "none", UNLISTED.format(name="a", between="", pause=6)),
+    ("5.3/3", "none", UNLISTED.format(name="b", between="", pause=0)),
+    (
+        "5.3/3",
+        "none",
+        UNLISTED.format(name="b", between=AGAIN.format(1).replace("a.bin", "b"), pause=6),
+    ),
+    ("5.3/3", "none", UNLISTED.format(name="b", between="< gap 9", pause=6)),
+    ("5.3/3", "pass", UNLISTED.format(name="b", between="", pause=6).replace("name 1", "name 0")),
+    # Another file than a program need not be listed.
+    ("5.3/3", "none", UNLISTED.format(name="a.bin", between="", pause=0) + UNLISTED_CONTENT),
     ("5.2/12", "none", UPLOAD + "> gap 30\n" + FETCH.replace("200/300", "200/300 other")),
     (
         "5.2/12",
@@ -193,6 +223,11 @@ CASES = (
     ),
     # If the file is empty, no chunk follows (A-5-10).
     ("5.3/4", "inconclusive", "login\n> download_name a\n< download_name 1\n+61\n> close"),
+    ("5.3/8", "pass", down("chunk 0/300", "chunk 200/300 len=0").replace("_chunk 1", "_chunk 0")),
+    ("5.3/8", "fail", down("chunk 0/300", "chunk 200/300 len=0")),
+    ("5.3/8", "fail", down("download_chunk ")),
+    ("5.3/8", "none", down("chunk 0/0 len=0")),  # an empty file (A-5-10)
+    ("5.3/8", "none", "login\n> download_name a\n< download_name 1\n< chunk 0/300 len=0"),
     ("5.3/5", "pass", DOWNLOAD),
     ("5.3/5", "fail", DOWNLOAD + "> download_chunk 1"),
     ("5.3/5", "fail", DOWNLOAD + "> download_chunk 1\n< download_chunk 0"),  # A-5-16

@@ -300,10 +300,15 @@ def _recut(events: Iterable[WireEvent], size_bytes: Callable[[], int]) -> Iterat
             at += len(piece)
 
 
+def wire_events(session: str) -> list[WireEvent]:
+    """Return the wire events of the lines of a session."""
+    return _Script().run(session)
+
+
 @pytest.fixture(scope="session")
 def script() -> Callable[[str], list[WireEvent]]:
     """Convert the lines of a session to wire events."""
-    return lambda text: _Script().run(text)
+    return wire_events
 
 
 @pytest.fixture(scope="session")

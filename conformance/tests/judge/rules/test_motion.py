@@ -68,6 +68,20 @@ def moved(joints_then: str, pose_then: str, between: str = "", by: str = "") -> 
 THERE = "200|300|-100|34.6|0|0"
 SHOVED = "> set_gripper_center 9|9|9\n< set_gripper_center 1"
 
+
+def turned(joints_before: str, joints_after: str) -> str:
+    """A move that turns the tool by 90 degrees."""
+    return session(
+        joints(joints_before),
+        pose("200|300|0|0|0|0"),
+        move("200|300|0|90|0|0"),
+        joints(joints_after),
+        pose("200|300|0|90|0|0"),
+    )
+
+
+NOT_RADIANS = {"7/3": "none", "4.27/6": "pass"}
+
 CASES = (
     ("4.24/8", "pass", session(move(), pose(THERE))),
     ("4.24/8", "pass", session(gripper("0|0|0"), move(), pose("200.9|299.1|-100|35.5|0|0"))),
@@ -83,7 +97,7 @@ CASES = (
     ),
     (
         "4.24/8",
-        "tolerated A-4.23-1=gripper centre unknown",
+        "inconclusive",
         session(move(), pose("200|300|-50|34.6|0|0")),
     ),
     (
@@ -96,6 +110,18 @@ CASES = (
     ("4.24/8", "none", session(gripper("0|0|0"), move(result="00|12"), pose("0|0|0|0|0|0"))),
     # Later another client may have moved the arm.
     ("4.24/8", "none", session(gripper("0|0|0"), move(), "+3", pose("0|0|0|0|0|0"))),
+    # The tool turns by 90 degrees: joint 4 turns by 90 in degrees, and by 1.57 in radians.
+    *(
+        (requirement, expected, turned(*joints))
+        for requirement in ("7/3", "4.27/6")
+        for expected, joints in (
+            ("inconclusive", ("0.5|-1|0|0", "0.5|-1|0|1.5708")),
+            ("inconclusive", ("0.5|-1|250|0", "-0.3|0.1|100|1.27")),
+            (NOT_RADIANS[requirement], ("30|-60|0|0", "30|-60|0|90")),
+            (NOT_RADIANS[requirement], ("0|0|0|0", "0|0|0|90")),
+            (NOT_RADIANS[requirement], ("0|0|0|3", "0|0|0|2.9")),
+        )
+    ),
     ("4.24/9", "pass", session(FAR, f"< {MOVE} 0|05")),
     ("4.24/9", "pass", session(FAR, f"< {MOVE} 1", f"<90 {MOVE} 00|06")),
     ("4.24/9", "fail", session(FAR, f"< {MOVE} 1", f"<90 {MOVE} 11")),

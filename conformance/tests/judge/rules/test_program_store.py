@@ -1,9 +1,11 @@
 """The program store: each requirement with traffic that meets it and traffic that violates it."""
 
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
+from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.program_files import Node, NodeType, Program, WaitSeconds, build
 from scaraspec.protocol.transfer import FILE_DATA, chunks_of
 
@@ -98,6 +100,36 @@ CASES = (
     ("4.11/3", "pass", session(delete("a.rob"), run("a.rob", "1", "00|20"))),
     ("4.11/3", "fail", session(delete("a.rob"), run("a.rob", "1", "11"))),
     ("4.11/3", "none", session(delete("a.rob"), run("a.rob", "1"))),
+    # The list began again in place of its next part; the store had changed.
+    ("4.10/4", "fail", session(listed("1|a|b"), listed("1|a|c"))),
+    ("4.10/4", "pass", session(listed("1|a|b"), listed("0|c|d"))),
+    ("4.10/3", "fail", session(listed(r"0|a.rob\nb.rob"))),
+    ("4.10/3", "fail", session(listed(r"0|a.rob\r\nb.rob"))),
+    ("4.10/3", "fail 4.10/11", session(upload("a"), upload("b"), listed("0|a,b"))),
+    ("4.10/3", "pass", session(listed("0|a,b"))),
+    ("4.10/3", "pass", session(listed("0|my program.rob"))),
+    ("4.15/7", "pass", session(listed("0|a.rob"), run("b.rob", "0|20"))),
+    ("4.15/7", "pass", session(listed("0|a.rob"), run("b.rob", "1", "00|20"))),
+    ("4.15/7", "fail", session(listed("0|a.rob"), run("b.rob", "1", "11"))),
+    ("4.15/7", "none", session(listed("0|a.rob"), run("a.txt", "1", "11"))),  # A-0-9
+    ("4.15/7", "none", session(listed("0|a.rob"), upload("b.rob"), run("b.rob", "1", "11"))),
+    ("4.15/7", "none", session(listed("0|a.rob"), "+61", run("b.rob", "1", "11"))),
+    ("4.15/7", "none", session(listed("0|a.rob"), "< gap 9", run("b.rob", "1", "11"))),
+    (
+        "8/5",
+        "fail",
+        session(listed("0|a.rob"), run("b.rob", "1", "11").replace("run_", "simulate_")),
+    ),
+    ("4.11/3", "fail", session(delete("a"), delete("a", "0"), run("a", "1", "11"))),
+    ("4.11/4", "pass", session(delete("a"), delete("a", "0"))),
+    ("4.11/4", "fail", session(delete("a"), delete("a"))),
+    ("4.11/4", "fail", session(upload("a"), delete("a"), "+9", delete("a"))),
+    ("4.11/4", "none", session(delete("a"), upload("a"), delete("a"))),
+    ("4.11/4", "none", session(delete("a"), delete("b"))),
+    ("4.11/4", "none", session(delete("a", "0"), delete("a"))),
+    ("4.11/4", "none", session(delete("a"), "< gap 9", delete("a"))),
+    # A client that is not recorded may have uploaded it.
+    ("4.11/4", "none", session(delete("a"), "+61", delete("a"))),
     ("4.11/5", "pass", session(RUNNING, delete("a.rob", "0"))),
     ("4.11/5", "tolerated delete_guard=allow", session(RUNNING, delete("a.rob"))),
     ("4.11/5", "none", session(RUNNING, delete("b.rob"))),
@@ -124,3 +156,32 @@ def test_a_damaged_program_may_be_taken_for_missing(judged: Callable) -> None:
     record = judged(session(upload("a.rob", DAMAGED), run("a.rob", "0|20")))
     (finding,) = [f for f in record.findings if f.requirement == "8/5"]
     assert finding.reading == ("A-4.15-2", "20")
+
+
+@pytest.mark.parametrize(
+    ("uploaded", "between", "listing", "message"),
+    [
+        (
+            r"\xe7\xa8\x8b.rob",
+            "",
+            r"0|\xb3\xcc.rob",
+            "程.rob was uploaded in UTF-8 but is listed in GBK",
+        ),
+        (
+            r"\xb3\xcc.rob",
+            "",
+            r"0|\xe7\xa8\x8b.rob",
+            "程.rob was uploaded in GBK but is listed in UTF-8",
+        ),
+        ("a.rob", "", "0|A.ROB", "A.ROB was listed: the names differ only in case"),
+        ("a.rob", delete("A.ROB"), "0", "A.ROB was deleted: the names differ only in case"),
+        ("a.rob", "", "0|b.rob", "a.rob was uploaded but is not listed"),
+    ],
+)
+def test_a_missing_program_and_a_similar_name(
+    uploaded: str, between: str, listing: str, message: str, judged: Any
+) -> None:
+    """The finding names the encodings, or the letters in another case."""
+    record = judged(session(upload(uploaded), between, listed(listing)))
+    (found,) = [f for f in record.findings if f.requirement == "4.10/11"]
+    assert (found.verdict, found.message.endswith(message)) == (Verdict.FAIL, True), found.message

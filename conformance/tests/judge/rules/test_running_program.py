@@ -8,6 +8,7 @@ DURING = """
     login
     > {name} a.rob
     < {name} 1
+    +60
     > get_running_program
     < get_running_program {answer}
     {rest}
@@ -65,6 +66,21 @@ RESTARTED = """
     < get_status 01
 """
 
+RUN_ENDED = """
+    login
+    > run_program a.rob
+    < run_program 1
+    +1
+    <90 run_program 11
+    {pause}
+    > get_status
+    < get_status {status}
+    {between}
+    > get_running_program
+    < get_running_program 1|a.rob|00000001
+"""
+RUN_B = "> run_program b\n< run_program 1"
+
 CASES = (
     ("4.9/2", "pass", during("1|a.rob|00000000")),
     ("4.9/2", "pass", during(r"\x01|a.rob|00000000")),
@@ -92,6 +108,17 @@ CASES = (
         "none",
         twice("00000055", "10", "00000055").replace(" run_program", " simulate_program"),
     ),
+    # It counts from the start of this run (A-4.9-3).
+    ("4.9/5", "fail", during("1|a.rob|01000000")),
+    ("4.9/5", "fail", during("1|a.rob|00000105")),
+    ("4.9/5", "none", during("1|a.rob|00000102")),
+    ("4.9/5", "none", during("1|a.rob|01000000", name="simulate_program")),
+    ("4.9/5", "none", ASK.format("1|a.rob|01000000")),
+    ("4.9/6", "fail", RUN_ENDED.format(pause="", status="00", between="")),
+    ("4.9/6", "fail", RUN_ENDED.format(pause="+2", status="00", between="")),
+    ("4.9/6", "none 4.9/4", RUN_ENDED.format(pause="", status="00", between=RUN_B)),
+    ("4.9/6", "none", RUN_ENDED.format(pause="", status="00", between="> run_program b")),
+    ("4.9/6", "none", RUN_ENDED.format(pause="", status="00", between="+1")),
     ("4.9/6", "pass", ASK.format("0")),
     ("4.9/6", "pass", idle("0")),
     ("4.9/6", "fail", ASK.format("0|a.rob|00000000")),

@@ -67,18 +67,61 @@ TWICE = (
 )
 AGAIN = "> set_gripper_center 1|2|3\n< set_gripper_center 1"
 
+DELETED = "> delete_program a.rob\n< delete_program 1"
+
+
+def changed(*logins: str, first: str = "login", reply: str = "1") -> str:
+    """A session in which the password "password" is replaced, and logins on new connections."""
+    lines = [f"{first}\n> set_password password|new\n< set_password {reply}"]
+    for number, login in enumerate(logins, 2):
+        password, answer = login.split()
+        lines.append(f"{number}> login {password}\n{number}< login {answer}\n{number}> close")
+    return "\n".join(lines)
+
+
+NO_REPLY = {"4.2/2": "pass", "4.2/5": "none"}
+ALONE = "> close\n2> login new\n2< login 0"
+
 CASES = (
+    ("4.2/4", "pass", changed("new 1")),
+    ("4.2/4", "pass", changed("password 0")),
+    ("4.2/4", "fail", changed("password 1")),
+    ("4.2/4", "fail", changed("new 0", "password 1")),
+    ("4.2/4", "fail", changed("new 1", "password 1")),
+    ("4.2/4", "fail", changed("password 1", "new 1")),
+    ("4.2/4", "inconclusive", changed() + "\n" + ALONE),
+    ("4.2/4", "none", changed("new 0")),  # another client is logged in (A-2-2)
+    ("4.2/4", "none", changed("password 1", reply="0")),
+    ("4.2/4", "none", changed("other 0")),
+    *(
+        (requirement, expected + also.format(other), session)
+        for requirement, other in (("4.2/2", "4.2/5"), ("4.2/5", "4.2/2"))
+        for expected, also, session in (
+            ("fail", " {}", changed("new 1", reply="0")),
+            ("pass", "", changed("password 1", reply="0")),
+            (NO_REPLY[requirement], "", changed("new 0", reply="0")),
+            (NO_REPLY[requirement], "", changed("new 0", "other 0", reply="0")),
+        )
+    ),
     ("4.4/2", "pass", refused("network", HOME, OFFICE, HOME)),
     ("4.4/2", "fail", refused("network", HOME, OFFICE, OFFICE)),
     ("4.13/2", "pass", refused("default_program", "a.rob", "b.rob", "a.rob")),
-    ("4.13/2", "fail", refused("default_program", "a.rob", "b.rob", "b.rob")),
+    ("4.13/2", "fail 4.13/5", refused("default_program", "a.rob", "b.rob", "b.rob")),
+    ("4.13/5", "pass", refused("default_program", "a.rob", "b.rob", "a.rob")),
+    ("4.13/5", "fail 4.13/2", refused("default_program", "a.rob", "b.rob", "b.rob")),
+    # Another client may have set it.
+    ("4.13/5", "inconclusive", refused("default_program", "a.rob", "b.rob", "")),
+    ("4.13/5", "inconclusive", refused("default_program", "a.rob", "b.rob", "0")),
+    ("4.13/5", "none", refused("default_program", "a.rob", "b.rob", "", between=DELETED)),
+    ("4.13/5", "none", refused("default_program", "a.rob", "b.rob", "", between="+70")),
+    ("4.13/5", "none", refused("default_program", "a.rob", "b.rob", "", between="< gap 9")),
     ("4.20/2", "pass", refused("gripper_center", "0|0|0", "1|2|3", "0|0|0")),
     ("4.20/2", "fail", refused("gripper_center", "0|0|0", "1|2|3", "1|2|3")),
     ("4.20/2", "fail", refused("gripper_center", "0|0|0", "1|2|3", "1|0|0")),
     ("4.20/2", "pass", TWICE),
     # A client that was not recorded may have set it, or another setting, a program or a restart may
     # have changed it.
-    ("4.20/2", "pass", refused("gripper_center", "0|0|0", "1|2|3", "1|0|9")),
+    ("4.20/2", "inconclusive", refused("gripper_center", "0|0|0", "1|2|3", "1|0|9")),
     ("4.20/2", "pass", refused("gripper_center", "0|0|0", "1|2|3", "1|2|3", between=AGAIN)),
     ("4.20/2", "pass", refused("gripper_center", "0|0|0", "1|2|3", "1|2|3", between=PROGRAM)),
     ("4.20/2", "pass", refused("gripper_center", "0|0|0", "1|2|3", "1|2|3", between="+70")),

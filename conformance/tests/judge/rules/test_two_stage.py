@@ -102,6 +102,19 @@ login
 2<90 run_program 11
 """
 
+_SILENT = """
+    login
+    > {name} {data}
+    < {name} 1
+    +2
+    2> login password
+    2< login 1
+    {then}
+    2> {name} {data}
+"""
+_STILL_THERE = "> get_status\n< get_status 04"
+_TARGET = "9|1|2|3|4|0|0"
+
 CASES = (
     *cases(),
     ("4/1", "pass", refused("run_program", "1")),
@@ -199,10 +212,19 @@ CASES = (
     ("4/16", "pass", _LOST.replace("+2", "+100")),
     ("4/16", "pass", _LOST.replace("< rst", "<90 run_program 11\n< rst")),
     ("4/16", "pass", _LOST.replace("< rst", "< gap\n< rst")),
+    # The first connection is silent, but its end is not in the capture.
+    ("4/16", "inconclusive", _SILENT.format(name="run_program", data="a.rob", then="")),
+    ("4/16", "inconclusive", _SILENT.format(name="set_tool_coordinates", data=_TARGET, then="")),
+    ("4/16", "tolerated A-4-2=asked again", _SILENT.format(name="jog", data=1, then=_STILL_THERE)),
     ("4.28/2", "pass", "login\n> jog 4"),
     ("4.28/2", "fail", "login\n> jog 5"),
     ("4.28/2", "fail", r"login" + "\n" + r"> jog \x00"),
     ("4.28/2", "tolerated jog_byte=binary", "login\n> jog \\x04"),
+    # The controller closes without a reply: it shut down, or the link failed.
+    ("4.35/2", "inconclusive", "login\n> shutdown\n< close"),
+    ("4.35/2", "inconclusive", "login\n> shutdown\n+1\n< rst"),
+    ("4.35/2", "none", "login\n> shutdown\n> close"),
+    ("4.35/2", "pass", "login\n> shutdown\n< shutdown 1\n< close"),
     ("4.35/5", "pass", "login\n> shutdown\n< shutdown 1\n< close"),
     ("4.35/5", "fail", "login\n> shutdown\n< shutdown 1\n<90 60 11\n< close"),
 )
