@@ -21,7 +21,7 @@ def test_the_sample_file() -> None:
     third, fourth = read_config(SAMPLE)
     assert (third.name, third.listen, third.out) == (
         "line-3",
-        "0.0.0.0:8877",
+        ("0.0.0.0:8877",),
         Path("captures/line-3"),
     )
     assert third.rotate

@@ -376,6 +376,12 @@ def read_until(descriptor: int, text: str) -> str:
         (("serial:///dev/ttyX", "--mode", "tproxy"), "needs TCP on both sides"),
         (("tcp://127.0.0.1", "--trigger", "bang"), "--trigger: 'bang' is not a trigger"),
         (("tcp://127.0.0.1", "--listen", "tcp://127.0.0.1"), "is not an address to listen on"),
+        (("tcp://127.0.0.1", "--listen", "8877"), "8877 has no host: write HOST:PORT, as 127."),
+        (("tcp://127.0.0.1", "--listen", ":8877"), ":8877 has no host: write HOST:PORT"),
+        (
+            ("tcp://127.0.0.1", "--listen", "127.0.0.1:0", "--listen", "serial:///dev/ttyX"),
+            "cannot be combined with other addresses",
+        ),
         (("tcp://127.0.0.1", "--inject", "/nowhere.toml"), "--inject: /nowhere.toml"),
         (("tcp://127.0.0.1", "--listen", "0.0.0.0:0", "--inject", "FAULTS"), "add --i-mean-it"),
     ],
@@ -390,6 +396,62 @@ def test_usage(
     out = () if "--out" in given or "--config" in given else ("--out", str(tmp_path / "out"))
     assert says in refused("record", *given, *out)
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("listen", ["127.0.0.1", "0.0.0.0", "*"])
+def test_its_own_address_as_target(processes: Any, tmp_path: Path, listen: str) -> None:
+    """It is refused at the start, also if the recorder listens on all addresses."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    done = processes.run(
+        *("record", f"tcp://127.0.0.1:{port}", "--listen", f"{listen}:{port}"),
+        *("--out", str(tmp_path)),
+    )
+    assert done.returncode == 2
+    assert "the target is the recorder's own address" in done.stderr
+
+
+def test_several_addresses_of_both_kinds(processes: Any, controller: str, tmp_path: Path) -> None:
+    """Clients connect by IPv4 and IPv6 to the same port of a host, and to further addresses."""
+    recorder = processes.start(
+        *("record", controller, "--listen", "*:0", *LOCAL, "--out", str(tmp_path))
+    )
+    line = recorder.stdout.readline()
+    assert line.startswith("recording 0.0.0.0:"), line
+    addresses = line.split(" to ")[0].removeprefix("recording ").split(" and ")
+    port = addresses[0].rpartition(":")[2]
+    assert addresses[1:-1] == ([f"[::]:{port}"] if socket.has_dualstack_ipv6() else [])
+    for address in addresses:
+        ask(f"tcp://{address}".replace("0.0.0.0", "127.0.0.1").replace("[::]", "[::1]"))
+    assert f"{len(addresses)} connections" in end(recorder)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("serial:///dev/nope", *LOCAL), "waiting for /dev/nope, which does not exist"),
+        (
+            ("tcp://192.0.2.1", "--listen", "serial:///dev/nope"),
+            "waiting for the client's line, which cannot be opened",
+        ),
+        pytest.param(
+            ("tcp://192.0.2.1", "--mode", "redirect", *LOCAL),
+            "waiting for clients that firewall rules redirect to port ",
+            marks=pytest.mark.skipif(
+                sys.platform != "linux" or os.geteuid() != 0, reason="needs root"
+            ),
+        ),
+    ],
+)
+@pytest.mark.skipif(sys.platform == "win32", reason="names a device of POSIX")
+def test_what_a_recorder_waits_for(
+    processes: Any, tmp_path: Path, arguments: tuple[str, ...], says: str
+) -> None:
+    """What does not exist yet is reported at the start."""
+    pytest.importorskip("serial")
+    recorder = processes.start("record", *arguments, "--out", str(tmp_path))
+    assert any(says in line for line in recorder.stdout)
+    end(recorder)
 
 
 def test_a_taken_address_ends_all(processes: Any, tmp_path: Path) -> None:

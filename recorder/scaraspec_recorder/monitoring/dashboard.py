@@ -189,10 +189,11 @@ class Dashboard:
 
 
 def _place(status: Status) -> str:
-    """Return the listening address and the current file."""
+    """Return the listening addresses and the current file."""
     files = status.progress.files
     captures = [name for name in files if not name.endswith(RERUN_SUFFIX)] or ["no file yet"]
-    return f"clients at {address_text(status.listen)}, {captures[-1]}"
+    listen = " and ".join(map(address_text, status.listen))
+    return f"clients at {listen}, {captures[-1]}"
 
 
 def _problems(status: Status) -> list[str]:

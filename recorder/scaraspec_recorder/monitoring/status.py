@@ -25,7 +25,7 @@ class Status:
 
     Attributes:
         name: The robot's name.
-        listen: Host and port that clients connect to.
+        listen: Hosts and ports that clients connect to.
         out_dir: Output folder.
         time_s: Time of the state, in seconds.
         progress: Progress of the writer process.
@@ -36,7 +36,7 @@ class Status:
     """
 
     name: str
-    listen: tuple[str, int]
+    listen: tuple[tuple[str, int], ...]
     out_dir: Path
     time_s: float
     progress: Progress
@@ -95,7 +95,7 @@ class StatusReader:
             free_bytes = shutil.disk_usage(self._out_dir).free
         return Status(
             self.name,
-            recording.address,
+            recording.addresses,
             self._out_dir,
             now_s,
             recording.progress,

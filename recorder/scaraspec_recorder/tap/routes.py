@@ -11,6 +11,7 @@ import socket
 import struct
 from dataclasses import dataclass
 from enum import StrEnum
+from ipaddress import ip_address
 from typing import Final, Protocol
 
 from scaraspec_recorder.tap import tcp
@@ -72,8 +73,12 @@ class Upstream:
     port: int
 
     def listen(self, host: str, port: int) -> socket.socket:
-        """Listen on a TCP port; see `Route.listen`."""
-        return tcp.listen(host, port)
+        """Listen on a TCP port that is not the target; see `Route.listen`."""
+        sock = tcp.listen(host, port)
+        if self._reaches(sock):
+            sock.close()
+            raise OSError(_OWN_ADDRESS)
+        return sock
 
     def target(self, client: socket.socket) -> str:  # noqa: ARG002 - the same for all clients
         """Return the controller's address."""
@@ -101,6 +106,22 @@ class Upstream:
             except OSError as error:
                 failure = error
         raise failure
+
+    def _reaches(self, listener: socket.socket) -> bool:
+        """Whether connections to the target arrive at this listener."""
+        listening, port = listener.getsockname()[:2]
+        if port != self.port:
+            return False
+        try:
+            found = socket.getaddrinfo(self.host, port, listener.family, socket.SOCK_STREAM)
+        except (OSError, UnicodeError):  # not known now; checked again for each client
+            return False
+        hosts = {str(address[0]) for *_, address in found}
+        every = ip_address(listening).is_unspecified
+        return any(
+            host == listening or ((every or ip_address(host).is_unspecified) and _is_own(host))
+            for host in hosts
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,7 +239,7 @@ def _redirected_from(client: socket.socket) -> tuple[str, int]:
 
 def _is_own(host: str) -> bool:
     """Whether this is an address of this machine: others cannot be bound."""
-    with socket.socket() as probe:
+    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
         try:
             probe.bind((host, 0))
         except OSError:

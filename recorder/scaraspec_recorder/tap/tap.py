@@ -11,7 +11,7 @@ import os
 import socket
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final, cast
 
@@ -70,19 +70,20 @@ class Tap:
         self._connect = connect or Connection
         self._connections: set[Connection] = set()
         self._accepted = 0
-        self._server: asyncio.Server | None = None
+        self._servers: list[asyncio.Server] = []
         self._connection_removed = asyncio.Event()
 
     async def start(self, listener: socket.socket) -> None:
-        """Start to accept connections; `stop` closes `listener`."""
+        """Start to accept connections, also of further listeners; `stop` closes `listener`."""
         self.kernel_time = self.kernel_time and kernel_timestamps.enable_timestamps(listener)
         loop = asyncio.get_running_loop()
-        self._server = await loop.create_server(self._accept, sock=listener, backlog=tcp.BACKLOG)
+        server = await loop.create_server(self._accept, sock=listener, backlog=tcp.BACKLOG)
+        self._servers.append(server)
 
     async def stop(self) -> None:
         """Stop accepting and close all connections: orderly within `STOP_S`, then by reset."""
-        if self._server:
-            self._server.close()
+        for server in self._servers:
+            server.close()
         for connection in tuple(self._connections):
             connection.close("the recorder stopped")
         try:
@@ -120,7 +121,7 @@ def new_event_loop() -> asyncio.AbstractEventLoop:
 
 
 def run(  # noqa: PLR0913, PLR0917 - the arguments of a process
-    listener: socket.socket,
+    listeners: Sequence[socket.socket],
     route: Route,
     spool: Path,
     limit_bytes: int,
@@ -141,7 +142,8 @@ def run(  # noqa: PLR0913, PLR0917 - the arguments of a process
         loop = asyncio.get_running_loop()
         writer = SpoolWriter(spool, loop.call_later, limit_bytes=limit_bytes)
         tap = Tap(route, writer.append, connect, kernel_time=kernel_time)
-        await tap.start(listener)
+        for listener in listeners:
+            await tap.start(listener)
         gc.freeze()  # imported objects stay alive: exclude them from collections
         line.settimeout(0)
         await loop.sock_recv(line, 1)

@@ -39,6 +39,18 @@ def listen(host: str, port: int) -> socket.socket:
     return socket.create_server(address[:2], family=family, backlog=BACKLOG)
 
 
+def listening_hosts(host: str) -> list[str]:
+    """Return the addresses of a host to listen on, IPv4 first; `*` and `::` are all of both.
+
+    Raises:
+        OSError: The host is unknown.
+    """
+    passive = None if host in ("*", "::") else host
+    found = socket.getaddrinfo(passive, 0, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+    ipv4_first = sorted(found, key=lambda each: each[0] != socket.AF_INET)
+    return list(dict.fromkeys(str(address[0]) for *_, address in ipv4_first))
+
+
 def address_text(address: tuple[object, ...]) -> str:
     """Return a socket address as ``host:port``, an IPv6 host in brackets."""
     host, port = address[:2]
@@ -48,10 +60,10 @@ def address_text(address: tuple[object, ...]) -> str:
 def is_loopback(host: str) -> bool:
     """Whether only this machine can reach a socket that listens on this host."""
     try:
-        found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
+        found = listening_hosts(host)
     except (OSError, UnicodeError):
         return False
-    return all(ipaddress.ip_address(address[0]).is_loopback for *_, address in found)
+    return all(ipaddress.ip_address(address).is_loopback for address in found)
 
 
 def allow_many_sockets() -> None:

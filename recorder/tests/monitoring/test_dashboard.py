@@ -14,7 +14,7 @@ from scaraspec_recorder.spool.spool import WriteStall
 
 CALM = Status(
     name="line-3",
-    listen=("127.0.0.1", 8877),
+    listen=(("127.0.0.1", 8877),),
     out_dir=Path("captures"),
     time_s=1000,
     progress=Progress(3, ByteCounts(7000), ByteCounts(500_000), ["capture.mcap"]),

@@ -38,7 +38,7 @@ def test_the_documented_command_listens_at_the_redirected_port(mode: Mode) -> No
     *_, url, option, name = shlex.split(recipe(mode).record)
     robot = read_robot("r", {"url": url, option.removeprefix("--"): name}, "--")
     assert MODES[name] is robot.mode is mode
-    host, _, port = robot.listen.partition(":")
+    host, _, port = robot.listen[0].partition(":")
     where = {Mode.REDIRECT: f"redirect to :{port};", Mode.TPROXY: f"tproxy to {host}:{port} "}
     for rule in redirecting_rules(mode):
         assert where[mode] in rule
