@@ -5,7 +5,10 @@ keys of a TOML table are the options of ``scaraspec record``.
 """
 
 import difflib
+import os
 import re
+import reprlib
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -154,10 +157,10 @@ def read_robot(name: str, table: Mapping[str, Any], prefix: str) -> RobotConfig:
         if not isinstance(value, kind):
             raise ConfigError(
                 UserMessage(
-                    "{prefix}{key}: {value!r} is not {kinds}",
+                    "{prefix}{key}: {value} is not {kinds}",
                     prefix=prefix,
                     key=key,
-                    value=value,
+                    value=reprlib.repr(value),
                     kinds=_KINDS[kind],
                 )
             )
@@ -174,6 +177,19 @@ def read_robot(name: str, table: Mapping[str, Any], prefix: str) -> RobotConfig:
                 prefix=prefix,
             )
         )
+    for text in (name, str(values.get("out", DEFAULT_OUT))):
+        try:
+            os.fsencode(text)
+        except UnicodeEncodeError:
+            raise ConfigError(
+                UserMessage(
+                    "{prefix}out: {text} cannot be used in file names, whose encoding is {encoding}"
+                    " here: use other letters, or a UTF-8 locale",
+                    prefix=prefix,
+                    text=text,
+                    encoding=sys.getfilesystemencoding(),
+                )
+            ) from None
     values.setdefault("listen", (DEFAULT_LISTEN[values.get("mode", Mode.EXPLICIT)],))
     robot = RobotConfig(name, **values)
     if robot.i_mean_it and not robot.injection:

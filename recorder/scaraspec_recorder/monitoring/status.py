@@ -18,6 +18,9 @@ from scaraspec_recorder.spool.spool import WriteStall, unread_bytes
 STALL_S: Final = 5.0
 """Time without acknowledgment after which writing counts as stalled; normal are four per second."""
 
+START_S: Final = 30.0
+"""The same time before the first acknowledgment: on a busy machine a process starts slowly."""
+
 
 @dataclass(frozen=True, slots=True)
 class Status:
@@ -33,6 +36,7 @@ class Status:
         silent_s: Seconds since the last acknowledgment.
         free_bytes: Free disk space.
         stall: Why writing is stalled, if known.
+        starting: Whether nothing was acknowledged since the start.
     """
 
     name: str
@@ -44,11 +48,12 @@ class Status:
     silent_s: float
     free_bytes: int
     stall: WriteStall | None = None
+    starting: bool = False
 
     @property
     def stalled(self) -> bool:
         """Whether writing is interrupted or slow."""
-        waits = bool(self.stall) or self.silent_s > STALL_S
+        waits = bool(self.stall) or self.silent_s > (START_S if self.starting else STALL_S)
         return waits and not self.progress.finished
 
     @property
@@ -89,7 +94,8 @@ class StatusReader:
         """Return the current status."""
         recording, now_s = self._recording, self._now_s()
         stall = recording.stall
-        heard_s = stall.since_ns / 1e9 if stall else self._last_acknowledged_s()
+        acknowledged_s = self._last_acknowledged_s()
+        heard_s = stall.since_ns / 1e9 if stall else acknowledged_s
         free_bytes = 0
         with suppress(OSError):  # the writer process creates the folder; the disk may be missing
             free_bytes = shutil.disk_usage(self._out_dir).free
@@ -103,6 +109,7 @@ class StatusReader:
             max(now_s - heard_s, 0),
             free_bytes,
             stall,
+            acknowledged_s == self._started_s,
         )
 
     def _last_acknowledged_s(self) -> float:
