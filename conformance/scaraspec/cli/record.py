@@ -319,6 +319,11 @@ def _print_summary(statuses: Sequence[Status]) -> None:
                 f"from the {way}: {least}{count.received_bytes} bytes received and forwarded = "
                 f"{count.recorded_bytes} recorded + {count.gap_bytes} in {count.gaps} gaps{rest}"
             )
+            if count.unforwarded_bytes:
+                click.echo(
+                    f"from the {way}: {count.unforwarded_bytes} bytes received and not forwarded, "
+                    "because the robot was not connected"
+                )
         files = ", ".join(progress.files) or "none"
         if progress.earlier_files:
             files = f"{progress.earlier_files} others, {files}"

@@ -10,6 +10,7 @@ import sys
 import time
 import urllib.request
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -107,6 +108,24 @@ def test_a_robot_that_cannot_be_reached_is_told(processes: Any, tmp_path: Path) 
             told = recorder.stdout.readline()
     assert told == "127.0.0.1: the robot cannot be reached: Connection refused\n"
     end(recorder)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems refuse at once")
+def test_a_robot_that_does_not_answer(processes: Any, tmp_path: Path) -> None:
+    """The pending connection is shown, and the bytes of the client are counted."""
+    with ExitStack() as stack:
+        silent = stack.enter_context(socket.create_server(("127.0.0.1", 0), backlog=0))
+        for _ in range(2):  # its queue is full, and it ignores the next clients
+            waiting = stack.enter_context(socket.socket())
+            waiting.settimeout(0)
+            waiting.connect_ex(silent.getsockname())
+        robot = "tcp://{}:{}".format(*silent.getsockname())
+        recorder = processes.start("record", robot, *LOCAL, "--out", str(tmp_path))
+        host, port = url_in(recorder.stdout.readline()).removeprefix("tcp://").split(":")
+        client = stack.enter_context(socket.create_connection((host, int(port)), DEADLINE_S))
+        client.sendall(b"hello")
+        assert recorder.stdout.readline() == "127.0.0.1: connecting to the robot …\n"
+        assert "5 bytes received and not forwarded" in end(recorder)
 
 
 def test_a_trigger_marks_the_recording(processes: Any, controller: str, tmp_path: Path) -> None:

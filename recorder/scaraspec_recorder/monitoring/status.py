@@ -18,6 +18,9 @@ from scaraspec_recorder.spool.spool import WriteStall, unread_bytes
 STALL_S: Final = 5.0
 """Time without acknowledgment after which writing counts as stalled; normal are four per second."""
 
+CONNECTING_S: Final = 1.0
+"""Time after which a pending connection to the robot is shown."""
+
 START_S: Final = 30.0
 """The same time before the first acknowledgment: on a busy machine a process starts slowly."""
 
@@ -55,6 +58,13 @@ class Status:
         """Whether writing is interrupted or slow."""
         waits = bool(self.stall) or self.silent_s > (START_S if self.starting else STALL_S)
         return waits and not self.progress.finished
+
+    @property
+    def connecting_s(self) -> float:
+        """How long a client has been waiting for the connection to the robot; 0 if not for long."""
+        since_ns = self.progress.connecting_since_ns
+        waited_s = self.time_s - since_ns / 1e9 if since_ns else 0
+        return waited_s if waited_s > CONNECTING_S else 0
 
     @property
     def gaps(self) -> int:

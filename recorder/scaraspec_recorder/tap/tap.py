@@ -18,7 +18,12 @@ from typing import Final, cast
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.traffic.wire import Kind
 from scaraspec_recorder.child_process import ignore_signals
-from scaraspec_recorder.spool.records import UNREACHABLE, ControlRecord, stream_number
+from scaraspec_recorder.spool.records import (
+    UNREACHABLE,
+    ControlRecord,
+    stream_number,
+    unforwarded_record,
+)
 from scaraspec_recorder.spool.spool import SpoolWriter
 from scaraspec_recorder.tap import kernel_timestamps, tcp
 from scaraspec_recorder.tap.routes import Route
@@ -293,6 +298,7 @@ class Connection:
                 self._connect_upstream(end.transport)
             )
         else:
+            self._record(ControlRecord.CONNECTED, end)
             self.client.resume()
             for early in self.client.early_data:
                 self.client.data_received(*early)
@@ -374,7 +380,18 @@ class Connection:
         for each in self._ends:
             each.pause()
             self._record(ControlRecord.TOTAL, each)
+        if dropped_bytes := self._unforwarded_bytes():
+            record = unforwarded_record(self.client.stream, self.tap.now_ns(), dropped_bytes)
+            self.tap.append(*record)
         self._record(kind, end, note)
+
+    def _unforwarded_bytes(self) -> int:
+        """Count the bytes that the client sent before the upstream socket was connected."""
+        client = self.client
+        unread_bytes = 0
+        if not self.upstream.transport and client.transport and not client.closed:
+            unread_bytes = tcp.unread_bytes(client.transport.get_extra_info("socket"))
+        return sum(len(data) for data, *_ in client.early_data) + unread_bytes
 
     def _record(self, kind: Kind | ControlRecord, end: SocketEnd, note: str = "") -> None:
         now_ns = self.tap.now_ns()

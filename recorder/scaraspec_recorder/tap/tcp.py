@@ -96,6 +96,14 @@ def unsent_bytes(sock: socket.socket) -> int:
     return int.from_bytes(answer, sys.byteorder)
 
 
+def unread_bytes(sock: socket.socket) -> int:
+    """Return the number of received bytes that were not read; 0 if it is unknown."""
+    if sys.platform != "linux":
+        return 0
+    answer = fcntl.ioctl(sock.fileno(), termios.FIONREAD, b"\0\0\0\0")
+    return int.from_bytes(answer, sys.byteorder)
+
+
 def reset(transport: asyncio.Transport) -> None:
     """Reset the connection with RST. Queued bytes are lost."""
     sock: socket.socket = transport.get_extra_info("socket")

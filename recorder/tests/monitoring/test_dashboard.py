@@ -113,6 +113,20 @@ def test_a_slow_start_is_no_stall(tmp_path: Path) -> None:
     assert not reader.read_status().stalled
 
 
+def test_a_pending_connection_is_reported() -> None:
+    """If it takes longer than usual."""
+    said: list[str] = []
+    waiting = replace(CALM.progress, connecting_since_ns=1020 * 10**9)
+    with LineDisplay(said.append) as lines:
+        for second in range(15, 40):
+            lines.update([at(second, waiting if second >= 20 else None)], ending=False)
+    assert said == ["line-3: connecting to the robot …"]
+    screen = io.StringIO()
+    with Dashboard(Console(file=screen, width=160)) as dashboard:
+        dashboard.update([at(23, waiting)], ending=False)
+    assert f"{said[0]} 3 s" in screen.getvalue()
+
+
 def test_an_unreachable_robot_is_reported() -> None:
     """With the reason, on a terminal too."""
     said: list[str] = []

@@ -20,7 +20,7 @@ from scaraspec_recorder.spool.records import ControlRecord
 from scaraspec_recorder.tap import routes, tcp
 from scaraspec_recorder.tap import tap as tap_module
 from scaraspec_recorder.tap.routes import Upstream
-from scaraspec_recorder.tap.tap import BUFFER_BYTES
+from scaraspec_recorder.tap.tap import BUFFER_BYTES, Connection
 from tap_bench import Bench, at_end, receive, run_on, send, turn
 
 BULK_BYTES = 3 << 20
@@ -327,6 +327,41 @@ def test_early_bytes_are_buffered(run: Any) -> None:
             assert await receive(server, len(sent)) == sent
             assert await at_end(server)
             assert bench.stream(A2C) == sent
+
+    run(test)
+
+
+@pytest.mark.parametrize("ending", ["recorder", "robot"])
+def test_early_bytes_that_are_not_forwarded_are_counted(run: Any, ending: str) -> None:
+    """Those that the tap has read, and those in the client's socket."""
+
+    async def test() -> None:
+        route = DelayedRoute()
+        async with Bench(route) as bench:
+            with socket.socket() as closed:
+                closed.bind(("127.0.0.1", 0))
+                route.upstream = Upstream(*closed.getsockname())
+                client = await bench.client()
+                (connection,) = await connections(bench)
+                await send(client, b"first")
+                while not connection.client.early_data:
+                    await turn()
+                await send(client, b"more")
+                if ending == "robot":
+                    route.go.set()
+                    await bench.until(Kind.RESET)
+                else:
+                    await bench.stop()
+            kinds = [record.kind for record in bench.records]
+            assert ControlRecord.CONNECTED not in kinds
+            dropped = bench.records[kinds.index(ControlRecord.UNFORWARDED)]
+            expected_bytes = 9 if sys.platform == "linux" else 5
+            assert (dropped.direction, dropped.length_bytes) == (A2C, expected_bytes)
+
+    async def connections(bench: Bench) -> set[Connection]:
+        while not bench.tap._connections:
+            await turn()
+        return bench.tap._connections
 
     run(test)
 
