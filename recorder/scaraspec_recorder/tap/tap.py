@@ -6,6 +6,7 @@ decoding and no waiting. Does not belong here: frames and capture formats.
 """
 
 import asyncio
+import errno
 import gc
 import os
 import socket
@@ -33,6 +34,9 @@ BUFFER_BYTES: Final = 256 << 10
 
 STOP_S: Final = 2.0
 """Time limit to forward queued bytes when the tap stops."""
+
+PEER_CHECK_S: Final = 10.0
+"""Interval at which lost peers are looked for."""
 
 _READ_SIZE: Final = "max_size"  # attribute of asyncio's transports; uvloop's do not have it
 _DESCRIPTORS: Final = os.name == "posix"  # on Windows, a socket is not a file descriptor
@@ -77,6 +81,7 @@ class Tap:
         self._accepted = 0
         self._servers: list[asyncio.Server] = []
         self._connection_removed = asyncio.Event()
+        self._peer_check = asyncio.get_running_loop().call_later(PEER_CHECK_S, self._check_peers)
 
     async def start(self, listener: socket.socket) -> None:
         """Start to accept connections, also of further listeners; `stop` closes `listener`."""
@@ -87,6 +92,7 @@ class Tap:
 
     async def stop(self) -> None:
         """Stop accepting and close all connections: orderly within `STOP_S`, then by reset."""
+        self._peer_check.cancel()
         for server in self._servers:
             server.close()
         for connection in tuple(self._connections):
@@ -108,6 +114,12 @@ class Tap:
         while self._connections:
             self._connection_removed.clear()
             await self._connection_removed.wait()
+
+    def _check_peers(self) -> None:
+        """Reset the sockets whose peer is lost."""
+        for connection in tuple(self._connections):
+            connection.check_peers()
+        self._peer_check = asyncio.get_running_loop().call_later(PEER_CHECK_S, self._check_peers)
 
     def _accept(self) -> "SocketEnd":
         self._accepted += 1
@@ -170,6 +182,7 @@ class SocketEnd(asyncio.Protocol):
         self.received_bytes = 0
         self.half_closed = False  # its sender sends no more bytes
         self.closed = False
+        self.lost = False  # the other side does not acknowledge
         self.transport: asyncio.Transport | None = None
         self.descriptor = -1
         self.early_data: list[tuple[bytes, int, bool]] = []  # read before the peer was connected
@@ -235,7 +248,8 @@ class SocketEnd(asyncio.Protocol):
         if isinstance(self._reader, kernel_timestamps.TimestampedReader):
             self._reader.close()
             exc = exc or self._reader.failure
-        self.connection.socket_closed(self, _reason(exc) if exc else "reset")
+        why = _reason(exc) if exc else "reset"
+        self.connection.socket_closed(self, os.strerror(errno.ETIMEDOUT) if self.lost else why)
 
     def pause_writing(self) -> None:
         """The socket's write buffer is full: pause the peer."""
@@ -337,6 +351,15 @@ class Connection:
         """Close in order, after queued bytes are sent."""
         if not self._ended:
             self._close(self.client, note)
+
+    def check_peers(self) -> None:
+        """Reset a socket whose peer is lost; the peer socket is reset then, too."""
+        for end in self._ends:
+            transport = end.transport
+            if transport and not transport.is_closing():
+                end.lost = tcp.is_lost(transport.get_extra_info("socket"))
+                if end.lost:
+                    tcp.reset(transport)
 
     def reset(self) -> None:
         """Reset both sockets now. Queued bytes are lost."""

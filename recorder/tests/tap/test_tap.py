@@ -11,6 +11,7 @@ from collections.abc import Awaitable, Callable
 from functools import partial
 from hashlib import sha256
 from typing import Any
+from unittest.mock import MagicMock
 
 import pytest
 
@@ -527,6 +528,29 @@ def test_a_write_error_ends_the_connection(run: Any) -> None:
             assert (await bench.until(Kind.RESET)).direction is C2A
 
     run(test)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads the state of TCP of Linux")
+@pytest.mark.parametrize(
+    ("retransmissions", "probes", "unacknowledged", "silent_ms", "lost"),
+    [
+        (8, 0, 1, 60_000, True),  # data is in flight
+        (8, 0, 1, 59_000, False),
+        (2, 0, 1, 600_000, False),  # idle for long, then sent
+        (0, 5, 0, 90_000, True),  # it did not read, then vanished
+        (0, 1, 0, 119_000, False),  # it does not read; probes are two minutes apart
+        (0, 0, 0, 10**6, False),  # nothing is sent
+    ],
+)
+def test_a_lost_peer(
+    retransmissions: int, probes: int, unacknowledged: int, silent_ms: int, *, lost: bool
+) -> None:
+    """By the state of the system's TCP."""
+    info = tcp._TCP_INFO.pack(retransmissions, probes, unacknowledged, silent_ms)
+    sock = MagicMock(**{"getsockopt.return_value": info})
+    assert tcp.is_lost(sock) is lost
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        assert not tcp.is_lost(server)
 
 
 def test_address_text() -> None:
