@@ -21,7 +21,7 @@ def test_the_sample_file() -> None:
     third, fourth = read_config(SAMPLE)
     assert (third.name, third.listen, third.out) == (
         "line-3",
-        "0.0.0.0:8877",
+        ("0.0.0.0:8877",),
         Path("captures/line-3"),
     )
     assert third.rotate
@@ -104,6 +104,8 @@ ONE = '[robots.a]\nurl="tcp://192.0.2.7"\n'
         ("\ud800", "is not a valid TOML file"),
         ('url = "x"\n' + ONE, "url is not a setting for all robots"),
         (ONE + "kep = 1", "robots.a.kep is not a setting: did you mean keep?"),
+        (ONE + f"out{'.a' * 2000}=1", "robots.a.out: {'a': {'a': {'a': {'a': "),
+        ("out = " + "[" * 5000 + "\n" + ONE, "is not a valid TOML file: maximum recursion depth"),
         ("out = 5\n" + ONE, "robots.a.out: 5 is not a string"),
         ('[robots."a/b"]\nurl="x"', "'a/b' cannot be used in file names"),
         (ONE + ONE.replace("a]", "b]"), "b and a have the same listen, 127.0.0.1:8877"),

@@ -116,8 +116,9 @@ def test_files_and_links_that_cannot_be_used(refused: Callable[..., str], tmp_pa
     """Exit status 2."""
     path = tmp_path / "ics.toml"
     assert "cannot be read" in refused("ics", "check", str(path))
-    path.write_text("[")
-    assert "is not valid TOML" in refused("ics", "check", str(path))
+    for text in ("[", "a = " + "[" * 5000):
+        path.write_text(text)
+        assert "is not valid TOML" in refused("ics", "check", str(path))
     path.write_text("")
     assert "x://" in refused("ics", "check", str(path), "x://robot")
     assert "x://" in refused("ics", "new", "x://robot")

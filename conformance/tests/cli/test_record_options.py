@@ -10,6 +10,7 @@ import sys
 import time
 import urllib.request
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -108,11 +109,26 @@ def test_an_unreachable_robot_is_reported(processes: Any, tmp_path: Path) -> Non
         host, port = url_in(recorder.stdout.readline()).removeprefix("tcp://").split(":")
         with socket.create_connection((host, int(port)), DEADLINE_S):
             printed = recorder.stdout.readline()
-        # Its first packets are slow.
-        while "writing is stalled" in printed or "writing continues" in printed:
-            printed = recorder.stdout.readline()
     assert printed == "127.0.0.1: the robot cannot be reached: Connection refused\n"
     end(recorder)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems refuse at once")
+def test_a_robot_that_does_not_answer(processes: Any, tmp_path: Path) -> None:
+    """The pending connection is shown, and the bytes of the client are counted."""
+    with ExitStack() as stack:
+        silent = stack.enter_context(socket.create_server(("127.0.0.1", 0), backlog=0))
+        for _ in range(2):  # its queue is full, and it ignores the next clients
+            waiting = stack.enter_context(socket.socket())
+            waiting.settimeout(0)
+            waiting.connect_ex(silent.getsockname())
+        robot = "tcp://{}:{}".format(*silent.getsockname())
+        recorder = processes.start("record", robot, *LOCAL, "--out", str(tmp_path))
+        host, port = url_in(recorder.stdout.readline()).removeprefix("tcp://").split(":")
+        client = stack.enter_context(socket.create_connection((host, int(port)), DEADLINE_S))
+        client.sendall(b"hello")
+        assert recorder.stdout.readline() == "127.0.0.1: connecting to the robot …\n"
+        assert "5 bytes received and not forwarded" in end(recorder)
 
 
 def test_a_trigger_marks_the_recording(processes: Any, controller: str, tmp_path: Path) -> None:
@@ -380,6 +396,12 @@ def read_until(descriptor: int, text: str) -> str:
         (("serial:///dev/ttyX", "--mode", "tproxy"), "needs TCP on both sides"),
         (("tcp://127.0.0.1", "--trigger", "bang"), "--trigger: 'bang' is not a trigger"),
         (("tcp://127.0.0.1", "--listen", "tcp://127.0.0.1"), "is not an address to listen on"),
+        (("tcp://127.0.0.1", "--listen", "8877"), "8877 has no host: write HOST:PORT, as 127."),
+        (("tcp://127.0.0.1", "--listen", ":8877"), ":8877 has no host: write HOST:PORT"),
+        (
+            ("tcp://127.0.0.1", "--listen", "127.0.0.1:0", "--listen", "serial:///dev/ttyX"),
+            "cannot be combined with other addresses",
+        ),
         (("tcp://127.0.0.1", "--inject", "/nowhere.toml"), "--inject: /nowhere.toml"),
         (("tcp://127.0.0.1", "--listen", "0.0.0.0:0", "--inject", "FAULTS"), "add --i-mean-it"),
     ],
@@ -394,6 +416,79 @@ def test_usage(
     out = () if "--out" in viewed or "--config" in viewed else ("--out", str(tmp_path / "out"))
     assert expected_text in refused("record", *viewed, *out)
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("listen", ["127.0.0.1", "0.0.0.0", "*"])
+def test_its_own_address_as_target(processes: Any, tmp_path: Path, listen: str) -> None:
+    """It is refused at the start, also if the recorder listens on all addresses."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    done = processes.run(
+        *("record", f"tcp://127.0.0.1:{port}", "--listen", f"{listen}:{port}"),
+        *("--out", str(tmp_path)),
+    )
+    assert done.returncode == 2
+    assert "the target is the recorder's own address" in done.stderr
+
+
+def test_several_addresses_of_both_kinds(processes: Any, controller: str, tmp_path: Path) -> None:
+    """Clients connect by IPv4 and IPv6 to the same port of a host, and to further addresses."""
+    recorder = processes.start(
+        *("record", controller, "--listen", "*:0", *LOCAL, "--out", str(tmp_path))
+    )
+    line = recorder.stdout.readline()
+    assert line.startswith("recording 0.0.0.0:"), line
+    addresses = line.split(" to ")[0].removeprefix("recording ").split(" and ")
+    port = addresses[0].rpartition(":")[2]
+    assert addresses[1:-1] == ([f"[::]:{port}"] if socket.has_dualstack_ipv6() else [])
+    for address in addresses:
+        ask(f"tcp://{address}".replace("0.0.0.0", "127.0.0.1").replace("[::]", "[::1]"))
+    assert f"{len(addresses)} connections" in end(recorder)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("serial:///dev/nope", *LOCAL), "waiting for /dev/nope, which does not exist"),
+        (
+            ("tcp://192.0.2.1", "--listen", "serial:///dev/nope"),
+            "waiting for the client's line, which cannot be opened",
+        ),
+        pytest.param(
+            ("tcp://192.0.2.1", "--mode", "redirect", *LOCAL),
+            "waiting for clients that firewall rules redirect to port ",
+            marks=pytest.mark.skipif(
+                sys.platform != "linux" or os.geteuid() != 0, reason="needs root"
+            ),
+        ),
+    ],
+)
+@pytest.mark.skipif(sys.platform == "win32", reason="names a device of POSIX")
+def test_what_a_recorder_waits_for(
+    processes: Any, tmp_path: Path, arguments: tuple[str, ...], says: str
+) -> None:
+    """What does not exist yet is reported at the start."""
+    pytest.importorskip("serial")
+    recorder = processes.start("record", *arguments, "--out", str(tmp_path))
+    assert any(says in line for line in recorder.stdout)
+    end(recorder)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="names of files are Unicode")
+@pytest.mark.parametrize("names", [("线", "x"), ("line", "线")])
+def test_a_name_that_the_system_cannot_encode(
+    processes: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, names: tuple[str, str]
+) -> None:
+    """A locale without these letters is reported as one sentence."""
+    for name, value in (("LC_ALL", "C"), ("PYTHONUTF8", "0"), ("PYTHONCOERCECLOCALE", "0")):
+        monkeypatch.setenv(name, value)
+    robot, out = names
+    config = tmp_path / "lines.toml"
+    config.write_text(f'[robots."{robot}"]\nurl = "tcp://192.0.2.7"\nout = "{out}"\n', "utf-8")
+    done = processes.run("record", "--config", str(config))
+    assert done.returncode == 2
+    assert "cannot be used in file names, whose encoding is " in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def test_an_address_in_use_ends_all_recorders(processes: Any, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from scaraspec.cli import requirements
-from scaraspec.cli.main import main
+from scaraspec.cli.main import COMMANDS, main
 from scaraspec.client import Client, ClientError
 from scaraspec.report.model import Results
 
@@ -29,6 +29,43 @@ def test_a_reader_that_stops_reading(
     words = ("certify", "controller", f"tcp://{host}:{port}", "--only", "4.8")
     assert _unread(*words, "--out", str(tmp_path / "out")) == 1
     assert Results.read(tmp_path / "out" / "results.json").verdict.value == "nonconformant"
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_closed_output(command: str) -> None:
+    """It is as an output whose reader has left: a status of 1 would say nonconformant."""
+    words = ["sh", "-c", 'exec "$@" >&-', "sh", *SCARASPEC, command, "--help"]
+    done = subprocess.run(words, stderr=subprocess.PIPE, text=True, timeout=LIMIT_S, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_closed_output_and_a_verdict(processes: Any, tmp_path: Path) -> None:
+    """No file gets the descriptor of the output; the status is that of the results."""
+    host, port = processes.controller("--mutant", "status-of-one-digit")
+    words = ("certify", "controller", f"tcp://{host}:{port}", "--only", "4.8")
+    closing = ("sh", "-c", 'exec "$@" <&- >&- 2>&-', "sh", *SCARASPEC, *words)
+    done = subprocess.run([*closing, "--out", str(tmp_path)], timeout=LIMIT_S, check=False)
+    assert done.returncode == 1
+    assert Results.read(tmp_path / "results.json").verdict.value == "nonconformant"
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_while_the_command_is_imported(number: signal.Signals) -> None:
+    """It is not lost, also for the first process of a container, which has no default action."""
+    script = (
+        "import builtins, os\n"
+        "from scaraspec.cli import main\n"
+        "imported = builtins.__import__\n"
+        "def importing(name, *arguments):\n"
+        "    if name == 'scaraspec.cli.main':\n"
+        f"        os.kill(os.getpid(), {number.value})\n"
+        "    return imported(name, *arguments)\n"
+        "builtins.__import__ = importing\n"
+        "main()\n"
+    )
+    words = [sys.executable, "-c", script]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+    assert (done.returncode, done.stderr) == (3, "scaraspec: interrupted\n")
 
 
 def test_unread_output_of_a_short_command() -> None:

@@ -121,7 +121,7 @@ def test_faults_in_a_recording(load: Load, tmp_path: Path) -> None:
     async def test() -> None:
         server = await asyncio.start_server(answer, "127.0.0.1")
         route = Upstream(*server.sockets[0].getsockname())
-        listen = ("127.0.0.1", 0)
+        listen = [("127.0.0.1", 0)]
         async with (
             server,
             record(route, listen, tmp_path / "out", [sink], injection=injection) as recording,

@@ -1,20 +1,23 @@
 """Display of recordings: few plain lines, or a dashboard on a terminal."""
 
 import io
+import os
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import MagicMock
 
 from rich.console import Console
 
 from scaraspec_recorder.monitoring.dashboard import MIN_INTERVAL_S, Dashboard, LineDisplay
-from scaraspec_recorder.monitoring.status import STALL_S, Status
+from scaraspec_recorder.monitoring.status import STALL_S, START_S, Status, StatusReader
+from scaraspec_recorder.recording import Recording
 from scaraspec_recorder.sinks.sink_runner import Progress
 from scaraspec_recorder.spool.event_builder import ByteCounts
 from scaraspec_recorder.spool.spool import WriteStall
 
 CALM = Status(
     name="line-3",
-    listen=("127.0.0.1", 8877),
+    listen=(("127.0.0.1", 8877),),
     out_dir=Path("captures"),
     time_s=1000,
     progress=Progress(3, ByteCounts(7000), ByteCounts(500_000), ["capture.mcap"]),
@@ -95,6 +98,35 @@ def test_problems_are_reported_once() -> None:
         "line-3: writing is stalled, 1.5 MB waiting",
         "line-3: writing continues",
     ]
+
+
+def test_a_slow_start_is_no_stall(tmp_path: Path) -> None:
+    """The writer process is not running yet; a spool of an earlier recorder does not count."""
+    (tmp_path / "checkpoint.json").write_text("{}")
+    os.utime(tmp_path / "checkpoint.json", (1, 1))
+    recording = Recording([("127.0.0.1", 8877)], tmp_path, MagicMock(), MagicMock())
+    times_s = iter((1000, 1000 + START_S, 1001 + START_S, 1002 + START_S, 1003 + START_S))
+    reader = StatusReader("line-3", recording, tmp_path, lambda: next(times_s))
+    assert not reader.read_status().stalled
+    assert reader.read_status().stalled
+    os.utime(tmp_path / "checkpoint.json", (1001, 1001))
+    assert reader.read_status().stalled
+    os.utime(tmp_path / "checkpoint.json", (1002 + START_S, 1002 + START_S))
+    assert not reader.read_status().stalled
+
+
+def test_a_pending_connection_is_reported() -> None:
+    """If it takes longer than usual."""
+    said: list[str] = []
+    waiting = replace(CALM.progress, connecting_since_ns=1020 * 10**9)
+    with LineDisplay(said.append) as lines:
+        for second in range(15, 40):
+            lines.update([at(second, waiting if second >= 20 else None)], ending=False)
+    assert said == ["line-3: connecting to the robot …"]
+    screen = io.StringIO()
+    with Dashboard(Console(file=screen, width=160)) as dashboard:
+        dashboard.update([at(23, waiting)], ending=False)
+    assert f"{said[0]} 3 s" in screen.getvalue()
 
 
 def test_an_unreachable_robot_is_reported() -> None:

@@ -14,7 +14,7 @@ metrics = pytest.importorskip("scaraspec_recorder.monitoring.metrics")
 
 STATUS = Status(
     name="line-3",
-    listen=("127.0.0.1", 8877),
+    listen=(("127.0.0.1", 8877),),
     out_dir=Path("captures"),
     time_s=0,
     progress=Progress(3, ByteCounts(70, 30, 2), ByteCounts(500), ["a.mcap"], ["disk full"]),

@@ -2,6 +2,7 @@
 
 import random
 import socket
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -9,7 +10,9 @@ import pytest
 
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.traffic.wire import Kind
+from scaraspec_recorder.tap import tap, tcp
 from scaraspec_recorder.tap.routes import Mode
+from scaraspec_recorder.tap.tap import Connection
 
 pytestmark = [pytest.mark.network, pytest.mark.parametrize("mode", Mode)]
 
@@ -106,6 +109,58 @@ def test_back_pressure(lab: Any, receive: Receive, mode: Mode, direction: Direct
     one.shutdown(socket.SHUT_WR)
     assert receive(other, len(sent)) == sent
     assert other.recv(1) == b""
+
+
+@FROM
+def test_a_lost_receiver(
+    lab: Any, mode: Mode, direction: Direction, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While data is sent to it, there are no keep-alive probes. The sender is disconnected."""
+    quick_checks(monkeypatch)
+    link = Link(lab, mode)
+    one, other = link.ends(direction)
+    one.sendall(b"arrives")
+    assert other.recv(7, socket.MSG_WAITALL) == b"arrives"
+    (lab.controller if direction is A2C else lab.client).run("ip link set eth0 down")
+    one.sendall(b"does not arrive")
+    reset = link.tap.until(Kind.RESET)
+    assert (reset.direction, reset.note) == (direction.opposite, "Connection timed out")
+    with pytest.raises(ConnectionResetError):
+        one.recv(1)
+
+
+@FROM
+def test_a_receiver_that_does_not_read_is_not_lost(
+    lab: Any, receive: Receive, mode: Mode, direction: Direction, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It answers, so the connection stays, although nothing is acknowledged for a long time."""
+    checks = quick_checks(monkeypatch)
+    link = Link(lab, mode, SLOW_BYTES)
+    one, other = link.ends(direction)
+    data = random.Random(3).randbytes(6 * SLOW_BYTES)
+    one.sendall(data)
+    link.tap.until_received(direction, data)
+    first = checks()
+    while checks() < first + 20:
+        time.sleep(0.1)
+    one.shutdown(socket.SHUT_WR)
+    assert receive(other, len(data)) == data
+    assert other.recv(1) == b""
+
+
+def quick_checks(monkeypatch: pytest.MonkeyPatch) -> Callable[[], int]:
+    """Look for lost peers more often, after a shorter time; return how often it was done."""
+    monkeypatch.setattr(tcp, "LOST_S", 1.0)
+    monkeypatch.setattr(tap, "PEER_CHECK_S", 0.1)
+    done: list[Connection] = []
+    check = Connection.check_peers
+
+    def counted(connection: Connection) -> None:
+        done.append(connection)
+        check(connection)
+
+    monkeypatch.setattr(Connection, "check_peers", counted)
+    return lambda: len(done)
 
 
 def send_for_ever(sock: socket.socket) -> None:

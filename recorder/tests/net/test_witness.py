@@ -168,7 +168,7 @@ def conversation(
         with lab.serve() as server:
             server.settimeout(0)
             async with record(
-                lab.route(mode), lab.listen(mode), folder, [Ledger], limit_bytes=limit_bytes
+                lab.route(mode), [lab.listen(mode)], folder, [Ledger], limit_bytes=limit_bytes
             ):
                 parts = [clients_part(number) for number in range(connections)]
                 controllers = asyncio.ensure_future(controllers_part(server))

@@ -17,7 +17,7 @@ from scaraspec_recorder.sinks.sink_runner import (
     note_removal,
 )
 from scaraspec_recorder.spool.event_builder import ByteCounts
-from scaraspec_recorder.spool.records import ControlRecord, stream_number
+from scaraspec_recorder.spool.records import ControlRecord, stream_number, unforwarded_record
 from scaraspec_recorder.spool.spool import (
     SpoolReader,
     SpoolWriter,
@@ -160,6 +160,25 @@ def test_all_events_of_a_connection(bench: Bench) -> None:
         WireEvent(1_000, "1", C2A, Kind.RESET, offset_bytes=2, note="断开"),
     ]
     assert runner.progress == Progress(1, ByteCounts(3), ByteCounts(2))
+
+
+def test_a_pending_connection_and_what_it_does_not_forward(bench: Bench) -> None:
+    """The time since the client waits is known; the bytes are counted and noted at the end."""
+    sink = RecordingSink()
+    runner = bench.runner(sink)
+    for number in (1, 2):
+        bench.put(Kind.OPENED, stream_number(number, A2C), payload=b"a > b")
+    runner.step()
+    assert runner.progress.connecting_since_ns == 1_000
+    bench.put(ControlRecord.CONNECTED, stream_number(1, C2A))
+    bench.writer.append(*unforwarded_record(stream_number(2, A2C), 2_000, 5))
+    bench.put(Kind.RESET, stream_number(2, C2A), payload=b"no connection: timed out")
+    runner.step()
+    assert runner.progress.connecting_since_ns == 0
+    assert runner.progress.a2c.unforwarded_bytes == 5
+    assert runner.progress.unreached == "timed out"
+    note = "no connection: timed out; 5 bytes of the client were not forwarded"
+    assert sink.events[-1].note == note
 
 
 def test_an_unreachable_robot_is_known_until_it_sends(

@@ -96,7 +96,8 @@ class Bench:
 
     def story(self) -> list[tuple[Kind | ControlRecord, Direction]]:
         """Return kind and direction of the records without bytes."""
-        return [(r.kind, r.direction) for r in self.records if r.kind is not Kind.BYTES]
+        others = (Kind.BYTES, ControlRecord.CONNECTED)
+        return [(r.kind, r.direction) for r in self.records if r.kind not in others]
 
 
 def run_on(loop: str, test: Callable[[], Awaitable[None]]) -> None:

@@ -315,7 +315,7 @@ def test_a_client_on_a_serial_line(cable: Any, tmp_path: Path) -> None:
 
     async def test() -> None:
         controller = cable("controller")
-        way, inside = SerialRoute(controller.address), ("127.0.0.1", 0)
+        way, inside = SerialRoute(controller.address), [("127.0.0.1", 0)]
         async with record(way, inside, tmp_path / "out", [Journal]) as recording:
             client = cable("client")
             async with relay_serial_client(client.address, recording.address):

@@ -11,6 +11,7 @@ from collections.abc import Awaitable, Callable
 from functools import partial
 from hashlib import sha256
 from typing import Any
+from unittest.mock import MagicMock
 
 import pytest
 
@@ -20,7 +21,7 @@ from scaraspec_recorder.spool.records import ControlRecord
 from scaraspec_recorder.tap import routes, tcp
 from scaraspec_recorder.tap import tap as tap_module
 from scaraspec_recorder.tap.routes import Upstream
-from scaraspec_recorder.tap.tap import BUFFER_BYTES
+from scaraspec_recorder.tap.tap import BUFFER_BYTES, Connection
 from tap_bench import Bench, at_end, receive, run_on, send, turn
 
 BULK_BYTES = 3 << 20
@@ -331,6 +332,41 @@ def test_early_bytes_are_buffered(run: Any) -> None:
     run(test)
 
 
+@pytest.mark.parametrize("ending", ["recorder", "robot"])
+def test_early_bytes_that_are_not_forwarded_are_counted(run: Any, ending: str) -> None:
+    """Those that the tap has read, and those in the client's socket."""
+
+    async def test() -> None:
+        route = DelayedRoute()
+        async with Bench(route) as bench:
+            with socket.socket() as closed:
+                closed.bind(("127.0.0.1", 0))
+                route.upstream = Upstream(*closed.getsockname())
+                client = await bench.client()
+                (connection,) = await connections(bench)
+                await send(client, b"first")
+                while not connection.client.early_data:
+                    await turn()
+                await send(client, b"more")
+                if ending == "robot":
+                    route.go.set()
+                    await bench.until(Kind.RESET)
+                else:
+                    await bench.stop()
+            kinds = [record.kind for record in bench.records]
+            assert ControlRecord.CONNECTED not in kinds
+            dropped = bench.records[kinds.index(ControlRecord.UNFORWARDED)]
+            expected_bytes = 9 if sys.platform == "linux" else 5
+            assert (dropped.direction, dropped.length_bytes) == (A2C, expected_bytes)
+
+    async def connections(bench: Bench) -> set[Connection]:
+        while not bench.tap._connections:
+            await turn()
+        return bench.tap._connections
+
+    run(test)
+
+
 def test_an_early_end_is_forwarded(run: Any) -> None:
     """A client that connects and ends immediately also ends at the controller."""
 
@@ -492,6 +528,29 @@ def test_a_write_error_ends_the_connection(run: Any) -> None:
             assert (await bench.until(Kind.RESET)).direction is C2A
 
     run(test)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads the state of TCP of Linux")
+@pytest.mark.parametrize(
+    ("retransmissions", "probes", "unacknowledged", "silent_ms", "lost"),
+    [
+        (8, 0, 1, 60_000, True),  # data is in flight
+        (8, 0, 1, 59_000, False),
+        (2, 0, 1, 600_000, False),  # idle for long, then sent
+        (0, 5, 0, 90_000, True),  # it did not read, then vanished
+        (0, 1, 0, 119_000, False),  # it does not read; probes are two minutes apart
+        (0, 0, 0, 10**6, False),  # nothing is sent
+    ],
+)
+def test_a_lost_peer(
+    retransmissions: int, probes: int, unacknowledged: int, silent_ms: int, *, lost: bool
+) -> None:
+    """By the state of the system's TCP."""
+    info = tcp._TCP_INFO.pack(retransmissions, probes, unacknowledged, silent_ms)
+    sock = MagicMock(**{"getsockopt.return_value": info})
+    assert tcp.is_lost(sock) is lost
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        assert not tcp.is_lost(server)
 
 
 def test_address_text() -> None:
