@@ -55,13 +55,14 @@ class CaseResults(dict[str, Case]):
         return [f"{c.id}: {c.message}" for c in self.values() if c.verdict in verdicts]
 
 
-def _run_cases(
+def _run_cases(  # noqa: PLR0913 - each may differ
     core: type[ControllerCore],
     *only: str,
     actual: Dialect | None = None,
     allowed: Collection[Hazard] = ALL,
     examples: int = 3,
     hooks: Collection[str] = (),
+    fail_fast: bool = False,
     **claims: Any,
 ) -> CaseResults:
     """Run the cases of these requirements.
@@ -73,11 +74,18 @@ def _run_cases(
         allowed: The allowed hazards.
         examples: The number of examples to draw.
         hooks: The available hooks.
+        fail_fast: Whether the run ends with the first case that fails.
         claims: Other fields of the ICS.
     """
     robot = Robot(core, actual or claims.get("dialect", DEFAULT))
     handlers = {name: hook for name, hook in hooks_of(robot).items() if name in hooks}
-    options = Options(frozenset(only), frozenset(allowed), undefined=True, examples=examples)
+    options = Options(
+        frozenset(only),
+        frozenset(allowed),
+        undefined=True,
+        examples=examples,
+        fail_fast=fail_fast,
+    )
     return CaseResults(certified(robot, Ics(hooks=handlers, **claims), options))
 
 
