@@ -13,6 +13,8 @@ from wording import ROOT
 
 from scaraspec.report.model import Results
 
+pytestmark = pytest.mark.runs
+
 _TIMEOUT_S = 120
 
 

@@ -20,6 +20,8 @@ from wording import ROOT
 
 from scaraspec.report.model import Results, Role
 
+pytestmark = pytest.mark.runs
+
 PAGE = (ROOT / "docs/tutorial-ci.md").read_text("utf-8")
 _BLOCK = re.compile(r"^(?:`([^`]+)` .*\n(?:.+\n)*\n)?```(\w+)\n((?s:.*?))^```$", re.MULTILINE)
 _TIMEOUT_S = 120

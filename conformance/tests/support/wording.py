@@ -39,8 +39,10 @@ PACKAGES: Final = (
 
 
 def prose_of(file: Path) -> Iterator[str]:
-    """Yield the docstrings and comments of a module."""
+    """Yield the docstrings and comments of a module; none if no avoided word is in it at all."""
     text = file.read_text("utf-8")
+    if not AVOIDED.search(text):
+        return
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             yield str(node.value.value)

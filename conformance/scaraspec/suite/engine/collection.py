@@ -14,6 +14,7 @@ from scaraspec.judge.requirements import Method
 from scaraspec.report.model import Role
 from scaraspec.suite.engine import case as cases
 from scaraspec.suite.engine.case_collector import CaseCollector
+from scaraspec.suite.engine.hypothesis_profile import without_constants
 from scaraspec.suite.engine.plan import Options, is_selected
 from scaraspec.user_message import UserMessage
 
@@ -76,7 +77,7 @@ def run_pytest(
         ("--capture=no",) if options.attended else ()
     )  # an operator reads prompts and types replies
     how = (*_SIMPLE, *(["--collect-only"] if only_collect else ()))
-    with _without_user_settings():
+    with _without_user_settings(), without_constants():
         status = pytest.main(
             [*map(str, where), *alone, *plugins, *output, *how],
             plugins=[collector, _ShortTracebacks(), _OnlyThese(where)],

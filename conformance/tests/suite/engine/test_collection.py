@@ -2,6 +2,9 @@
 
 from pathlib import Path
 
+import pytest
+from hypothesis.internal.conjecture import providers
+
 from scaraspec.report.model import Role
 from scaraspec.suite.engine.case_collector import CaseCollector
 from scaraspec.suite.engine.collection import CASES, cases_in, run_pytest
@@ -26,3 +29,13 @@ def test_other_files_are_ignored() -> None:
     run_pytest(watching, Role.CONTROLLER, Options(), *sorted(files), only_collect=True)
     assert set(watching.considered) == files
     assert {item.path for item in watching.items} == files
+
+
+def test_modules_are_not_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    """hypothesis does not read the modules of the tool, and leaves no folder where a user works."""
+    read: list[None] = []
+    monkeypatch.setattr(providers, "_get_local_constants", lambda: read.append(None))
+    collector = CaseCollector(Role.CLIENT, Options(), CASES[Role.CLIENT])
+    run_pytest(collector, Role.CLIENT, Options(), CASES[Role.CLIENT], only_collect=True)
+    assert collector.cases
+    assert not read
