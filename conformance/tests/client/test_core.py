@@ -338,7 +338,7 @@ def test_a_trailing_nul_is_tolerated(play: Any) -> None:
 
 @pytest.mark.parametrize("data", [b"", b"2", b"\x01", b"11", b"1|1"])
 def test_only_the_exact_form_is_a_success(play: Any, data: bytes) -> None:
-    """T/3: for flags and first replies."""
+    """This holds for flags and for first replies (T/3)."""
     done, begun = play.ask("set_default_program", b"a"), play.ask("reset")
     play.receive_frame(0x0E, data)
     play.receive_frame(0x33, data)
@@ -497,7 +497,7 @@ def test_a_late_reply_with_the_first_opcode_counts(play: Any) -> None:
 
 
 def test_a_timeout_can_mean_no_default_program(new_play: Any) -> None:
-    """A-4.12-2, reading (c)."""
+    """In this reading both opcodes stay unanswered without a default program (A-4.12-2 c)."""
     play = new_play(Dialect.of(default_none="silence"))
     operation = play.ask("get_default_program")
     play.wait_for(10)

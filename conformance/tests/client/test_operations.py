@@ -192,7 +192,7 @@ def test_an_upload_is_named_after_its_file(scripted_link: Any, tmp_path: Path) -
 
 
 def test_a_missing_file_is_not_sent(scripted_link: Any, tmp_path: Path) -> None:
-    """The name is not sent either (5.2/19)."""
+    """Neither the name nor a chunk is sent (5.2/19)."""
     client, link = talk(scripted_link)
     with pytest.raises(FileNotFoundError):
         client.upload(tmp_path / "a.rob")

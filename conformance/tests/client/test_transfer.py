@@ -265,7 +265,7 @@ def test_an_empty_file_is_not_sent(play: Any) -> None:
 def test_an_empty_file_is_sent_as_in_the_dialect(
     new_play: Any, reading: str, answers: list[int], sent: list[Any]
 ) -> None:
-    """A-5-10, readings (b) and (c)."""
+    """An empty file is sent as its name alone, or with one empty chunk (A-5-10 b and c)."""
     play = new_play(Dialect.of(empty_file=reading))
     transfer = upload(play, b"")
     for opcode in answers:
@@ -276,7 +276,7 @@ def test_an_empty_file_is_sent_as_in_the_dialect(
 
 
 def test_an_empty_file_is_accepted_if_the_dialect_allows_it(new_play: Any) -> None:
-    """A-5-10, reading (c)."""
+    """A chunk of length 0 completes an empty file (A-5-10 c)."""
     play = new_play(Dialect.of(empty_file="chunk"))
     transfer = download(play)
     play.receive_frame(DOWN_CHUNK, chunk(0, 0, 0))

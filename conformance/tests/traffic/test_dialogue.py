@@ -299,7 +299,7 @@ def test_each_exchange_knows_the_executing_command(judged: Judged) -> None:
 
 
 def test_overlapping_commands_have_their_own_results(judged: Judged) -> None:
-    """Two commands that overlap are not a fault of their final results."""
+    """Each of two commands that overlap gets its own final result."""
     record = judged(
         "login\n> reset\n< reset 1\n> lock_joints\n< lock_joints 1\n<90 reset 11\n"
         "<90 lock_joints 11"
