@@ -1,5 +1,6 @@
 """Clause 4.9: the running program (0x0A, L219-237)."""
 
+from datetime import datetime
 from typing import Final, NamedTuple
 
 from scaraspec.protocol.commands import RunningProgram
@@ -9,11 +10,13 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.requests.clock import (
     ClockSample,
     expect_clock_ran,
+    has_clock,
     read_clock,
+    rollover_if_possible,
 )
 from scaraspec.suite.controller.harness.requests.motion import stop_motion
 from scaraspec.suite.controller.harness.state.defaults import default_program_preserved
-from scaraspec.suite.controller.harness.state.preserve import patient
+from scaraspec.suite.controller.harness.state.preserve import patient, settings_preserved
 from scaraspec.suite.controller.harness.two_stage.commands import RUN, begin_or_skip, start_program
 from scaraspec.suite.controller.harness.two_stage.executing import (
     ask_while_executing,
@@ -40,6 +43,7 @@ _NO_PROGRAM: Final = (b"0", b"0||", b"\0", b"\0||")
 """No program runs: the possible replies (A-4.9-2, A-T-1)."""
 _DEFAULTS: Final = ("get_default_program", "set_default_program")
 _WAIT_S: Final = 3
+_NEW_YEAR: Final = datetime(2025, 1, 1)  # noqa: DTZ001 - the document names no zone
 _STEP_S: Final = 0.7
 _RESULT_WAIT_S: Final = 0.3
 _TOLERANCE_S: Final = 1.5  # two times, each truncated to a whole second, plus half a second
@@ -164,21 +168,31 @@ def test_none(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 @case(
     *("4.9/2", "4.9/3", "4.9/4", "4.9/5", "4.9/6", "4.9/8", "4.9/9", "4.9/10"),
-    *("4.6/4", "4.8/4", "4.10/11"),
+    *("4.5/6", "4.6/4", "4.8/4", "4.10/11"),
 )
 def test_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A running program is reported with all 30 bytes of its name, and its run time increases.
 
-    The clock advances, too. Another program is the default program, if the SUT has one. A second
-    client gets the same reply.
+    The clock advances, too, into a new year. Another program is the default program, if the SUT has
+    one. A second client gets the same reply.
     """
     other = store_program(subject, line)
     name = store_wait_program(subject, line, _WAIT_S, long_name(subject, NAME_MAX_BYTES))
     if not subject.ics.unsupported.isdisjoint(_DEFAULTS):
-        _run_and_check(subject, line, name, other)
+        _run_in_a_new_year(subject, line, name, other)
         return
     with default_program_preserved(subject, line):
         line.ask("set_default_program", other)
+        _run_in_a_new_year(subject, line, name, other)
+
+
+def _run_in_a_new_year(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, other: bytes
+) -> None:
+    with (
+        settings_preserved(subject, line, *["clock"] * has_clock(subject)),
+        rollover_if_possible(subject, line, _NEW_YEAR),
+    ):
         _run_and_check(subject, line, name, other)
 
 
