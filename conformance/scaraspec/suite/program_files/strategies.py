@@ -84,7 +84,7 @@ _IN_BRANCH: Final = 2  # statements at most, besides the one that marks the bran
 _DEPTH: Final = 3
 _WITH_ELSE: Final = 0.7  # the share of branches
 _TRIES: Final = 20
-_LONG_WAIT_EVERY: Final = 4  # programs, of which one waits for a second
+_LONG_WAIT_EVERY: Final = 6  # programs, of which one waits for a second
 
 
 class DrawnProgram(NamedTuple):

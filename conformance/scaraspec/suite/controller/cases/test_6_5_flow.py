@@ -1,7 +1,7 @@
 """Clause 6.5: which nodes are executed, in which order: sequence, branches and loops."""
 
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from functools import partial
 from typing import Final
@@ -26,7 +26,7 @@ from scaraspec.suite.controller.harness.requests.ports import (
     set_output,
     with_port,
 )
-from scaraspec.suite.controller.harness.state.preserve import settings_preserved
+from scaraspec.suite.controller.harness.state.preserve import clock_preserved
 from scaraspec.suite.controller.harness.two_stage.commands import BRIEFLY_S, SIMULATE
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
@@ -71,10 +71,7 @@ _PASSED, _FAILED = OUTPUTS[0], OUTPUTS[-1]
 _X: Final = 3
 _COUNTER: Final = 9
 _SEEDS: Final = st.integers(0, 2**64)
-_LEAP_DAY, _NO_LEAP_DAY = (
-    datetime(year, month, day)  # noqa: DTZ001 - the document names no zone
-    for year, month, day in ((2024, 2, 29), (2023, 3, 1))
-)
+_NO_LEAP_DAY: Final = datetime(2023, 3, 1)  # noqa: DTZ001 - the document names no zone
 _TIMER_S: Final = 2.0
 _CLOCK_S: Final = 1.25
 """How much sooner a timer may end: the clock shows whole seconds."""
@@ -172,7 +169,7 @@ def test_loop(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     for key, port in ((1, first), (2, last)):
         body.append(Calculate(key, variable(key), Opt.ADD, number(1)))
         body.append(If(variable(key), Opt.EQUAL, number(2), [Flip(port)]))
-    with bench(subject, line) as robot, _clock_preserved(subject, line):
+    with bench(subject, line) as robot, clock_preserved(subject, line):
         nodes = loop(subject.dialect, nodes_of([*body, Wait(1)], robot.before))
         skipped = loop(subject.dialect, nodes_of([Flip(_FAILED)], robot.before))
         condition = compare(number(2), Opt.LESS, number(1))
@@ -293,19 +290,18 @@ def test_many_nodes(subject: ControllerUnderTest, line: OutgoingConnection) -> N
 
 @case(
     *("6.5/26", "6.4/5", "6.5/19", "6.5/20", "6.5/21", "6.5/24", "6.6a/11", "6.6a/12", "6.6a/13"),
-    *("6.6a/14", "6.5/22", "4.5/6"),
+    *("6.6a/14", "6.5/22"),
     name="drawn",
     hazards=PROGRAMS,
 )
 def test_drawn_programs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Random programs end with the outputs and variables that the document requires.
 
-    Some are simulated before: they must end with success, and run as usual after it. One of the
-    programs that wait has a timer. During the others, the clock rolls over.
+    Some are simulated before: they must end with success, and run as usual after it. A program that
+    waits has a timer.
     """
     can_simulate = SIMULATE not in subject.ics.unsupported
-    turns: dict[int, int] = {}  # of the programs that wait
-    with _programs(subject, line) as (robot, dealer), _clock_preserved(subject, line):
+    with _programs(subject, line) as (robot, dealer):
 
         @_drawn(share=2)
         @given(seed=_SEEDS, simulated=st.booleans())
@@ -315,14 +311,11 @@ def test_drawn_programs(subject: ControllerUnderTest, line: OutgoingConnection) 
             state.execute(program.block)
             block = [*program.block, *value_checks(state.variables, FAILED)]
             performs = partial(robot.performs, variables=program.variables, inputs=dealer.inputs)
-            if not state.waited_s:
-                performs(block, simulated=simulated and can_simulate)
-            elif turns.setdefault(seed, len(turns)):
-                with rollover_if_possible(subject, line, _LEAP_DAY):
-                    performs(block)
-            else:
+            if state.waited_s:
                 with _timer_instead(subject, line, robot, block) as timed:
                     performs(timed)
+            else:
+                performs(block, simulated=simulated and can_simulate)
 
         run_and_check()
 
@@ -385,13 +378,6 @@ def _programs(
     """Yield a bench and the source of the programs."""
     with bench(subject, line) as robot, readable_inputs(line, INPUTS) as (inputs, ports):
         yield robot, ProgramDealer(inputs, ports)
-
-
-def _clock_preserved(
-    subject: ControllerUnderTest, line: OutgoingConnection
-) -> AbstractContextManager[None]:
-    """Restore the clock, if there is one, when the context ends."""
-    return settings_preserved(subject, line, *["clock"] * has_clock(subject))
 
 
 def _drawn(share: int) -> settings:
