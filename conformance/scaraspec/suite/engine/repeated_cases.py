@@ -34,7 +34,8 @@ def repeated_cases(found: str, requirement: str, outcomes: Sequence[Outcome]) ->
     index = next((at for at, each in enumerate(outcomes) if each.case.id == found), 0)
     for each in reversed(outcomes[:index]):
         judged = each.verdict in _PASSED and requirement in each.case.requirements
-        if judged and not (each.case.last or each.operator) and _rank(each) <= _rank(outcomes[index]):
+        excluded = each.case.last or each.operator or _rank(each) > _rank(outcomes[index])
+        if judged and not excluded:
             left_s -= each.duration_s
             if left_s < 0:
                 break
