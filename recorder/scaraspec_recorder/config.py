@@ -79,6 +79,7 @@ class RobotConfig:
         i_mean_it: Whether injected faults may affect clients on other machines.
         timestamps: Source of the reception timestamps.
         file_mode: Access rights of the files.
+        no_rrd: Whether to write no .rrd files.
     """
 
     name: str
@@ -95,6 +96,7 @@ class RobotConfig:
     i_mean_it: bool = False
     timestamps: TimestampSource = TimestampSource.USER
     file_mode: int = PRIVATE_MODE
+    no_rrd: bool = False
 
     def sink(self, session: Mapping[str, str], *, draw: bool, needs_login: bool) -> SinkFactory:
         """Return the factory of the sink that writes the files.
@@ -104,9 +106,10 @@ class RobotConfig:
 
         Args:
             session: Metadata of the session, such as the addresses.
-            draw: Whether to write .rrd files too.
+            draw: Whether .rrd files can be written.
             needs_login: False for a serial link (L83).
         """
+        draw = draw and not self.no_rrd
         if not (self.rotate or self.keep or self.min_free_bytes):
             make = partial(
                 capture_sink,
@@ -342,6 +345,7 @@ _KEYS: Final[dict[str, tuple[type | UnionType, str, _Read]]] = {
     "i-mean-it": (bool, "i_mean_it", bool),
     "timestamps": (str, "timestamps", _timestamp_source),
     "file-mode": (str, "file_mode", _file_mode),
+    "no-rrd": (bool, "no_rrd", bool),
 }
 """For each option: its type in the file, the attribute of `RobotConfig` and its parser."""
 

@@ -64,6 +64,7 @@ _GROUPS: Final = {
         "keep",
         "min_free",
         "file_mode",
+        "no_rrd",
         "redact",
         "timestamps",
         "trigger",
@@ -100,6 +101,7 @@ _OF_ALL: Final = ("config", "live", "metrics")  # these do not belong to one rob
 )
 @click.option("--min-free", metavar="SIZE", help="Remove the oldest files if less is free: 2GB.")
 @click.option("--file-mode", metavar="MODE", help="Access rights of the files, as 640 [600].")
+@click.option("--no-rrd", is_flag=True, help="Write no .rrd files; they can be made later.")
 @click.option("--redact", is_flag=True, help="Mask passwords in the raw bytes, too.")
 @click.option(
     "--timestamps",
@@ -319,10 +321,9 @@ def _print_summary(statuses: Sequence[Status]) -> None:
                 f"from the {way}: {least}{count.received_bytes} bytes received and forwarded = "
                 f"{count.recorded_bytes} recorded + {count.gap_bytes} in {count.gaps} gaps{rest}"
             )
-            if count.unforwarded_bytes:
+            for reason, dropped_bytes in count.unforwarded_bytes.items():
                 click.echo(
-                    f"from the {way}: {count.unforwarded_bytes} bytes received and not forwarded, "
-                    "because the robot was not connected"
+                    f"from the {way}: {dropped_bytes} bytes received and not forwarded: {reason}"
                 )
         files = ", ".join(progress.files) or "none"
         if progress.earlier_files:

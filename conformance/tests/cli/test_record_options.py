@@ -97,6 +97,15 @@ def test_a_file_for_each_connection(processes: Any, controller: str, tmp_path: P
         assert processes.run("audit", str(file)).returncode == 0
 
 
+@pytest.mark.usefixtures("viewer")
+def test_without_rrd_files(processes: Any, controller: str, tmp_path: Path) -> None:
+    """For the disk's sake; `convert` can write them later."""
+    recorder = processes.start("record", controller, *LOCAL, "--out", str(tmp_path), "--no-rrd")
+    ask(url_in(recorder.stdout.readline()))
+    assert "files: capture.mcap\n" in end(recorder)
+    assert [path.name for path in tmp_path.iterdir()] == ["capture.mcap"]
+
+
 def test_a_robot_that_cannot_be_reached_is_told(processes: Any, tmp_path: Path) -> None:
     """They are shown on the terminal, not only in the file."""
     with socket.socket() as taken:

@@ -22,7 +22,7 @@ from scaraspec_recorder.recordings.recording_stats import (
     RecordingStats,
     RecordingSummary,
 )
-from scaraspec_recorder.recordings.repair import is_full, repair
+from scaraspec_recorder.recordings.repair import incomplete_rrd, is_full, repair
 from scaraspec_recorder.sinks.file_names import is_recording_name
 from scaraspec_recorder.sinks.mcap import schemas
 from scaraspec_recorder.sinks.own_files import REBUILT, is_own, temporary_file
@@ -163,6 +163,8 @@ class RecordingIndex:
         """Repair a file of this recorder and add it."""
         if is_own(path):
             entry = repair_and_summarize(path)
+            for note in entry.notes:
+                _log.warning("%s: %s", path, note)
             self._saved = False
             self.add(entry)
 
@@ -190,6 +192,8 @@ def repair_and_summarize(path: Path) -> RecordingSummary:
     except CaptureError as error:
         notes = (str(error),)
     drawn = path.with_suffix(RERUN_SUFFIX)
+    if torn := incomplete_rrd(path):
+        notes = (*notes, torn)
     return stats.build_summary((path, drawn) if is_own(drawn) else (path,), notes)
 
 

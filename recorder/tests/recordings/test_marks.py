@@ -216,6 +216,7 @@ def test_a_mark_is_in_the_file_of_its_event(tmp_path: Path, talk: Any) -> None:
     for number in range(3):
         talk.connection = f"{number}"
         talk.mark(A2C, Kind.OPENED)
+        talk.ask("get_status", None, "00")
         talk.time_ns += SECOND_NS
         talk.mark(A2C, Kind.CLOSED)
     for event in talk.events:
