@@ -68,6 +68,8 @@ _GROUPS: Final = {
         "redact",
         "timestamps",
         "trigger",
+        "on_trigger",
+        "protect",
     ),
     "Watching": ("live", "metrics"),
 }
@@ -112,10 +114,11 @@ _OF_ALL: Final = ("config", "live", "metrics")  # these do not belong to one rob
     "--trigger",
     metavar="COND",
     multiple=True,
-    help="Mark the time in the log of the recording at code:12, refusal, finding:4.15/3,"
-    " finding:fail, silence:30s, late:500ms, malformed, disconnect or signal (SIGUSR1);"
+    help="Mark the time at a condition, such as refusal, late:500ms or gap, see docs/record.md;"
     " repeatable.",
 )
+@click.option("--on-trigger", metavar="CMD", help="Run a command, too; see docs/record.md.")
+@click.option("--protect", metavar="TIME", help="Keep files within 5m of a mark.")
 @click.option(
     "--live",
     is_flag=True,
