@@ -12,10 +12,10 @@ from scaraspec.cli.certify.options import (
     PATH,
     calibrated,
     certification_of,
-    conclude,
     option,
     reproduction,
     rerun_of,
+    run_and_exit,
     selection_of,
     statement_of,
     suite_options,
@@ -216,4 +216,4 @@ def command(**given: Any) -> None:
                     operator=TerminalOperator(click.echo) if settings.attended else None,
                 )
 
-        conclude(run, settings.out, certification)
+        run_and_exit(run, settings.out, certification)
