@@ -1,6 +1,7 @@
 """What every test of the tool shares: how hypothesis behaves, and where the data is."""
 
 import gc
+from itertools import count
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,8 @@ from hypothesis import settings
 # A failure prints the blob that replays it; examples are drawn the same way on every machine.
 settings.register_profile("scaraspec", print_blob=True, deadline=None, derandomize=True)
 settings.load_profile("scaraspec")
+
+_numbers = count()
 
 
 def pytest_collection_finish() -> None:
@@ -23,6 +26,17 @@ def fixtures_dir() -> Path:
 
 
 @pytest.fixture(autouse=True)
-def _state_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Keep the journals of a test out of the user's state directory and of other tests."""
-    monkeypatch.setenv("SCARASPEC_STATE", str(tmp_path / "state"))
+def _state_directory(
+    request: pytest.FixtureRequest,
+    tmp_path_factory: pytest.TempPathFactory,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Keep the journals of a test out of the user's state directory and of other tests.
+
+    Most tests need no folder; pytest makes one more slowly the more there are.
+    """
+    if "tmp_path" in request.fixturenames:
+        folder: Path = request.getfixturevalue("tmp_path")
+    else:
+        folder = tmp_path_factory.getbasetemp() / f"{next(_numbers)}"
+    monkeypatch.setenv("SCARASPEC_STATE", str(folder / "state"))
