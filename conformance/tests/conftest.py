@@ -1,4 +1,4 @@
-"""What every test of the tool shares: how hypothesis behaves, and where the data is."""
+"""Settings of hypothesis, and fixtures for all tests of the suite."""
 
 import gc
 from itertools import count
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-# A failure prints the blob that replays it; examples are drawn the same way on every machine.
+# A failure prints the blob that reproduces it; examples are the same on every computer.
 settings.register_profile("scaraspec", print_blob=True, deadline=None, derandomize=True)
 settings.load_profile("scaraspec")
 
@@ -15,7 +15,7 @@ _numbers = count()
 
 
 def pytest_collection_finish() -> None:
-    """Exempt the collected tests from garbage collection, which would visit them all each time."""
+    """Exclude the collected tests from garbage collection, which would examine them each time."""
     gc.freeze()
 
 

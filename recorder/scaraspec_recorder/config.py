@@ -5,12 +5,16 @@ keys of a TOML table are the options of ``scaraspec record``.
 """
 
 import difflib
+import os
 import re
+import reprlib
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
+from types import UnionType
 from typing import Any, Final
 
 from scaraspec.protocol.port import DEFAULT_PORT
@@ -63,7 +67,7 @@ class RobotConfig:
     Attributes:
         name: The robot's name, part of the file names.
         url: URL of the controller.
-        listen: Address that clients connect to.
+        listen: Addresses that clients connect to.
         out: Output folder.
         mode: How client connections reach the recorder.
         redact: Whether to mask passwords in the raw bytes, too.
@@ -79,7 +83,7 @@ class RobotConfig:
 
     name: str
     url: str
-    listen: str = DEFAULT_LISTEN[Mode.EXPLICIT]
+    listen: tuple[str, ...] = (DEFAULT_LISTEN[Mode.EXPLICIT],)
     out: Path = DEFAULT_OUT
     mode: Mode = Mode.EXPLICIT
     redact: bool = False
@@ -153,10 +157,10 @@ def read_robot(name: str, table: Mapping[str, Any], prefix: str) -> RobotConfig:
         if not isinstance(value, kind):
             raise ConfigError(
                 UserMessage(
-                    "{prefix}{key}: {value!r} is not {kinds}",
+                    "{prefix}{key}: {value} is not {kinds}",
                     prefix=prefix,
                     key=key,
-                    value=value,
+                    value=reprlib.repr(value),
                     kinds=_KINDS[kind],
                 )
             )
@@ -173,7 +177,20 @@ def read_robot(name: str, table: Mapping[str, Any], prefix: str) -> RobotConfig:
                 prefix=prefix,
             )
         )
-    values.setdefault("listen", DEFAULT_LISTEN[values.get("mode", Mode.EXPLICIT)])
+    for text in (name, str(values.get("out", DEFAULT_OUT))):
+        try:
+            os.fsencode(text)
+        except UnicodeEncodeError:
+            raise ConfigError(
+                UserMessage(
+                    "{prefix}out: {text} cannot be used in file names, whose encoding is {encoding}"
+                    " here: use other letters, or a UTF-8 locale",
+                    prefix=prefix,
+                    text=text,
+                    encoding=sys.getfilesystemencoding(),
+                )
+            ) from None
+    values.setdefault("listen", (DEFAULT_LISTEN[values.get("mode", Mode.EXPLICIT)],))
     robot = RobotConfig(name, **values)
     if robot.i_mean_it and not robot.injection:
         raise ConfigError(
@@ -213,19 +230,20 @@ def read_config(path: Path) -> tuple[RobotConfig, ...]:
     for key in ("listen", "out"):
         taken: dict[object, str] = {}
         for robot in robots:
-            value = getattr(robot, key)
-            other = taken.setdefault(value, robot.name)
-            if other != robot.name:
-                raise ConfigError(
-                    UserMessage(
-                        "{path}: {robot} and {other} have the same {key}, {value}: change one",
-                        path=path,
-                        robot=robot.name,
-                        other=other,
-                        key=key,
-                        value=value,
+            used = getattr(robot, key)
+            for value in used if isinstance(used, tuple) else (used,):
+                other = taken.setdefault(value, robot.name)
+                if other != robot.name:
+                    raise ConfigError(
+                        UserMessage(
+                            "{path}: {robot} and {other} have the same {key}, {value}: change one",
+                            path=path,
+                            robot=robot.name,
+                            other=other,
+                            key=key,
+                            value=value,
+                        )
                     )
-                )
     return robots
 
 
@@ -276,16 +294,31 @@ def _file_mode(text: str) -> int:
     return int(text, 8)
 
 
+def _listen(value: str | list[object]) -> tuple[str, ...]:
+    texts = [value] if isinstance(value, str) else _strings(value)
+    if not texts:
+        raise ValueError("there must be an address")
+    return tuple(dict.fromkeys(texts))
+
+
+def _strings(values: Iterable[object]) -> list[str]:
+    texts = []
+    for value in values:
+        if not isinstance(value, str):
+            raise ValueError(f"{value!r} is not a string")  # noqa: TRY004 - invalid in the file, not in code
+        texts.append(value)
+    return texts
+
+
 def _injection(text: str) -> Injection:
     return load_injection(Path(text))
 
 
 def _triggers(texts: Iterable[object]) -> tuple[str, ...]:
-    for text in texts:
-        if not isinstance(text, str):
-            raise ValueError(f"{text!r} is not a string")  # noqa: TRY004 - invalid in the file, not in code
+    conditions = _strings(texts)
+    for text in conditions:
         parse_trigger(text)
-    return tuple(dict.fromkeys(str(text) for text in texts))
+    return tuple(dict.fromkeys(conditions))
 
 
 def _suggestion(key: str, known_keys: Iterable[str]) -> str:
@@ -294,9 +327,10 @@ def _suggestion(key: str, known_keys: Iterable[str]) -> str:
 
 
 _Read = Callable[[Any], Any]
-_KEYS: Final[dict[str, tuple[type, str, _Read]]] = {
+_ONE_OR_MORE: Final = str | list
+_KEYS: Final[dict[str, tuple[type | UnionType, str, _Read]]] = {
     "url": (str, "url", str),
-    "listen": (str, "listen", str),
+    "listen": (_ONE_OR_MORE, "listen", _listen),
     "out": (str, "out", Path),
     "mode": (str, "mode", _mode),
     "redact": (bool, "redact", bool),
@@ -313,4 +347,9 @@ _KEYS: Final[dict[str, tuple[type, str, _Read]]] = {
 
 _PER_ROBOT_ONLY: Final = ("url", "listen", "inject", "i-mean-it")
 _SHARED_KEYS: Final = tuple(key for key in _KEYS if key not in _PER_ROBOT_ONLY)
-_KINDS: Final = {str: "a string", bool: "true or false", list: "a list of strings"}
+_KINDS: Final[dict[type | UnionType, str]] = {
+    str: "a string",
+    bool: "true or false",
+    list: "a list of strings",
+    _ONE_OR_MORE: "a string or a list of strings",
+}

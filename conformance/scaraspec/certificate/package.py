@@ -172,6 +172,7 @@ def extract(file: BinaryIO, folder: Path) -> frozenset[str]:
         with zipfile.ZipFile(file) as archive:
             entries = archive.infolist()
             _require_known(entries)
+            _require_limits(entries)
             for entry in entries:
                 with archive.open(entry) as source, (folder / entry.filename).open("xb") as target:
                     shutil.copyfileobj(source, target)
@@ -209,13 +210,20 @@ def _require_known(entries: Sequence[zipfile.ZipInfo]) -> None:
             raise _refused(UserMessage("{name} is not a regular file", name=entry.filename))
         if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise _refused(UserMessage("{name} is compressed otherwise", name=entry.filename))
+    if MANIFEST not in {entry.filename for entry in entries}:
+        raise _refused(UserMessage("{name} is missing", name=MANIFEST))
+
+
+def _require_limits(entries: Sequence[zipfile.ZipInfo]) -> None:
+    """Require that an archive begins with its first file, and that no file is too large."""
+    if min(entry.header_offset for entry in entries):
+        raise _refused("there are other bytes before its first file")
+    for entry in entries:
         limit_bytes = _MAX_BYTES if entry.filename == CAPTURE else _MAX_TEXT_BYTES
         if entry.file_size > limit_bytes:
             raise _refused(UserMessage("{name} is too large", name=entry.filename))
     if sum(entry.file_size for entry in entries) > _MAX_BYTES:
         raise _refused("its files are larger than 1 GiB")
-    if MANIFEST not in {entry.filename for entry in entries}:
-        raise _refused(UserMessage("{name} is missing", name=MANIFEST))
 
 
 def _refused(reason: str) -> PackageError:

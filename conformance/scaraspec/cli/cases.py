@@ -10,7 +10,7 @@ from rich.padding import Padding
 from rich.text import Text
 
 from scaraspec.certificate.decisions import decisions
-from scaraspec.cli.problems import Problem
+from scaraspec.cli.problems import Problem, require_replaceable
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.files import write_whole
@@ -19,7 +19,7 @@ from scaraspec.suite.engine.case_sheet import CaseSheet, case_sheets
 from scaraspec.suite.engine.collection import collect
 from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.selection import SelectionError, parse_selection
-from scaraspec.suite.engine.specification import INTRO, render, rows
+from scaraspec.suite.engine.specification import INTRO, MARK, render, rows
 from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec cases 4.15/2.missing"
@@ -53,6 +53,7 @@ def command(
     """
     if case_id and only:
         raise Problem("ID cannot be combined with --only")
+    require_replaceable(html_path, MARK)
     roles = [Role(role_name)] if role_name else [*_ROLES]
     sheets = _named(case_id, roles) if case_id else [*_selected(only, roles)]
     if html_path:

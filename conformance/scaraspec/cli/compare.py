@@ -8,7 +8,7 @@ from scaraspec.api.results import compare
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.results import append_summary, results_in, user_errors
 from scaraspec.judge.verdicts import ExitStatus
-from scaraspec.report.sanitizing import visible
+from scaraspec.report.sanitizing import visible_line
 from scaraspec.results import comparison_report
 from scaraspec.user_message import UserMessage
 
@@ -41,7 +41,8 @@ def command(before_path: Path, after_path: Path, *, summary: Path | None) -> Non
                 )
             )
         comparison = compare(before, after)
-        append_summary(summary, comparison_report.markdown(comparison))
     for line in comparison_report.lines(comparison):
-        click.echo(visible(line))
+        click.echo(visible_line(line))
+    with user_errors(worse=comparison.differs):
+        append_summary(summary, comparison_report.markdown(comparison))
     raise SystemExit(ExitStatus.NONCONFORMANT if comparison.differs else ExitStatus.CONFORMANT)

@@ -27,6 +27,7 @@ COMMANDS = {
     "convert": "Convert a capture to another format.",
     "demo": "Record and judge a complete session with the virtual controller.",
     "driver-check": "Check the driver of a client.",
+    "exchanges": "Show the dialogue in a capture as text or tables.",
     "frame": "Explain frames given as hexadecimal digits.",
     "gate": "Compare the results of a run with what is accepted.",
     "ics": "Write or check an implementation conformance statement.",

@@ -5,6 +5,7 @@ This module handles arguments and output. `config` checks the configuration, `re
 
 import asyncio
 import contextlib
+import os
 import signal
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,6 +22,7 @@ from scaraspec.cli.viewer import open_viewer
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.operating_system import ending_signals
 from scaraspec.transports.url import (
+    Serial,
     UrlError,
     join_host_port,
     parse,
@@ -73,7 +75,12 @@ _OF_ALL: Final = ("config", "live", "metrics")  # these do not belong to one rob
 
 @click.command(cls=GroupedCommand, groups=_GROUPS, epilog=EXAMPLE)
 @click.argument("url", required=False)
-@click.option("--listen", metavar="HOST:PORT", help=f"Where clients connect [{_LISTEN}].")
+@click.option(
+    "--listen",
+    metavar="HOST:PORT",
+    multiple=True,
+    help=f"Where clients connect [{_LISTEN}]; repeatable.",
+)
 @click.option(
     "--mode",
     type=click.Choice(list(MODES)),
@@ -198,16 +205,16 @@ async def _record(
             whole.cancel()
         stopped.set()
 
-    asked: list[Recording] = []
+    with_signal: list[Recording] = []
     with contextlib.suppress(NotImplementedError, AttributeError):  # missing on some systems
         for number in ending_signals():
             loop.add_signal_handler(number, end, number)
-        loop.add_signal_handler(signal.SIGUSR1, _ask, asked)
+        loop.add_signal_handler(signal.SIGUSR1, _ask, with_signal)
     showing = loop.create_task(_show(watches, stopped))
     try:
         async with asyncio.TaskGroup() as group:
             for robot in robots:
-                group.create_task(_record_one(robot, viewer, watches, asked, stopped))
+                group.create_task(_record_one(robot, viewer, watches, with_signal, stopped))
     except* Problem as problems:
         raise problems.exceptions[0] from None
     except* asyncio.CancelledError:
@@ -217,11 +224,11 @@ async def _record(
         await asyncio.gather(showing, return_exceptions=True)
 
 
-def _ask(asked: Sequence[Recording]) -> None:
+def _ask(with_signal: Sequence[Recording]) -> None:
     """Request a mark in each of these recordings."""
-    if not asked:
+    if not with_signal:
         click.echo("SIGUSR1 has no effect: no recording has --trigger signal")
-    for recording in asked:
+    for recording in with_signal:
         try:
             recording.request_mark()
         except OSError as error:
@@ -232,7 +239,7 @@ async def _record_one(
     robot: RobotConfig,
     viewer: str | None,
     watches: list[StatusReader],
-    asked: list[Recording],
+    with_signal: list[Recording],
     stopped: asyncio.Event,
 ) -> None:
     """Record one robot. Append the recording to `asked` if a signal marks it."""
@@ -240,20 +247,46 @@ async def _record_one(
         async with record(robot, viewer_url=viewer, drain_s=_DRAIN_S) as recording:
             watches.append(StatusReader(robot.name, recording, robot.out))
             if SIGNAL in robot.triggers:
-                asked.append(recording)
-            where = robot.listen if "://" in robot.listen else join_host_port(*recording.address)
+                with_signal.append(recording)
+            where = " and ".join(
+                [text for text in robot.listen if "://" in text]
+                or [join_host_port(*address) for address in recording.addresses]
+            )
             click.echo(f"recording {where} to {robot.url} in {robot.out}; press Ctrl-C to stop")
+            if missing := _missing(robot, recording):
+                click.echo(missing)
             await stopped.wait()
     except NotADirectoryError:
         raise Problem(
             UserMessage("{path} is not a folder: name another one with --out", path=robot.out)
         ) from None
     except OSError as error:
-        place = f"{robot.listen} to {robot.out}"
+        place = f"{' and '.join(robot.listen)} to {robot.out}"
         reason = (error.strerror or f"{error}").partition(" (while")[0]  # Python adds the address
         raise Problem(
             UserMessage("cannot record {place}: {reason}", place=place, reason=reason)
         ) from None
+
+
+def _missing(robot: RobotConfig, recording: Recording) -> str:
+    """Return what must happen before clients can be recorded; empty if nothing must."""
+    controller = parse(robot.url)
+    if (
+        isinstance(controller, Serial)
+        and os.name == "posix"
+        and not Path(controller.device).exists()
+    ):
+        return UserMessage(
+            "waiting for {device}, which does not exist: it is opened when a client connects",
+            device=controller.device,
+        )
+    if robot.mode is not Mode.EXPLICIT:
+        return UserMessage(
+            "waiting for clients that firewall rules redirect to port {port}: the rules are in "
+            "docs/transparent-proxy.md",
+            port=recording.address[1],
+        )
+    return ""
 
 
 async def _show(watches: Sequence[StatusReader], stopped: asyncio.Event) -> None:
@@ -286,6 +319,11 @@ def _print_summary(statuses: Sequence[Status]) -> None:
                 f"from the {way}: {least}{count.received_bytes} bytes received and forwarded = "
                 f"{count.recorded_bytes} recorded + {count.gap_bytes} in {count.gaps} gaps{rest}"
             )
+            if count.unforwarded_bytes:
+                click.echo(
+                    f"from the {way}: {count.unforwarded_bytes} bytes received and not forwarded, "
+                    "because the robot was not connected"
+                )
         files = ", ".join(progress.files) or "none"
         if progress.earlier_files:
             files = f"{progress.earlier_files} others, {files}"

@@ -220,6 +220,9 @@ class Client(ClientBase):
             self._core.feed(arrival.content, now_s)
             self._core.tick(now_s)  # received bytes do not extend a timeout
         self._flush()
+        if self._core.must_close and not self._closed:
+            self._closed = True
+            self._link.close()
 
     def _flush(self) -> None:
         data = self._core.bytes_to_send()

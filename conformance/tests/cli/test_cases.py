@@ -1,4 +1,4 @@
-"""`scaraspec cases`, called as a user calls it."""
+"""`scaraspec cases` on the command line."""
 
 from pathlib import Path
 
@@ -13,12 +13,12 @@ from scaraspec.suite.engine.plan import Options
 
 
 def run(*arguments: str) -> Result:
-    """The command line with these arguments."""
+    """Run the command with these arguments."""
     return CliRunner().invoke(group, ["cases", *arguments])
 
 
 def test_one_case() -> None:
-    """One case is shown with everything that is known of it."""
+    """All details of one case are printed."""
     shown = run("4.15/2.fault")
     assert shown.exit_code == 0
     text = " ".join(shown.output.split())
@@ -36,7 +36,7 @@ def test_one_case() -> None:
 
 
 def test_decisions() -> None:
-    """The decisions about a case are shown with it."""
+    """The decisions about a case are printed with it."""
     text = " ".join(run("5.2/7", "--role", "client").output.split())
     assert "decision of 2026-11-26 repaired Does a client that polls send a chunk" in text
     assert "decision of" not in run("2/5", "--role", "client").output
@@ -53,7 +53,7 @@ def test_selection() -> None:
 
 
 def test_requirement_of_one_role() -> None:
-    """A requirement that can be tested on one role only selects the cases of that role."""
+    """A requirement that can be tested for one role only selects the cases of that role."""
     assert run("--only", "8/2").output.count("  controller;") > 1
 
 
@@ -79,7 +79,7 @@ def test_specification(tmp_path: Path) -> None:
     ],
 )
 def test_mistakes(arguments: list[str], message: str) -> None:
-    """A mistake is one sentence."""
+    """Each error message is one sentence."""
     problem = run(*arguments).exception
     assert isinstance(problem, Problem)
     assert f"{problem}".startswith(message)

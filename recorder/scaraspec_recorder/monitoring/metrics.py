@@ -81,6 +81,7 @@ class _Collector(Collector):
                 ("recorded_bytes", "Bytes that are in the recording."),
                 ("gap_bytes", "Bytes that are missing in the recording, if their number is known."),
                 ("gaps", "Number of gaps in the recording."),
+                ("unforwarded_bytes", "Bytes dropped because the robot was not connected."),
             )
         }
         connections = CounterMetricFamily(

@@ -27,6 +27,7 @@ class ByteCounts:
     gaps: int = 0
     unknown_gaps: int = 0  # of unknown length
     spooled_bytes: int = 0  # left to the next recorder
+    unforwarded_bytes: int = 0  # dropped, because the robot was not connected
 
     @property
     def received_bytes(self) -> int:
@@ -64,6 +65,8 @@ class _Link:
     number: int
     opened: WireEvent
     streams: dict[Direction, _Stream] = field(default_factory=dict)
+    connecting: bool = False
+    unforwarded_bytes: int = 0
 
 
 class EventBuilder:
@@ -87,6 +90,12 @@ class EventBuilder:
         self._streams: dict[int, _Stream] = {}
         for number, time_ns, note, next_bytes in state.get("links", ()):
             self._open(number, time_ns, note, next_bytes)
+
+    @property
+    def connecting_since_ns(self) -> int:
+        """Time of the oldest client that waits for the connection to the robot; 0 for none."""
+        waiting = [link.opened.time_ns for link in self._links.values() if link.connecting]
+        return min(waiting, default=0)
 
     @property
     def state(self) -> dict[str, Any]:
@@ -183,8 +192,15 @@ class EventBuilder:
             opening = kind is Kind.OPENED
             note, begin_bytes = (record.note, 0) if opening else (_NO_START, None)
             link = self._open(record.connection, time_ns, note, [begin_bytes, begin_bytes])
+            link.connecting = opening
             events.append(link.opened)
         stream = self._streams[number]
+        if kind in (ControlRecord.CONNECTED, ControlRecord.UNFORWARDED):
+            link = self._links[record.connection]
+            link.connecting = False
+            link.unforwarded_bytes = record.length_bytes
+            stream.count.unforwarded_bytes += record.length_bytes
+            return events
         if stream.next_bytes is not None and stream.next_bytes < offset:
             events.append(stream.gap(time_ns, offset - stream.next_bytes, _MISSING))
         stream.next_bytes = offset
@@ -193,8 +209,8 @@ class EventBuilder:
         elif kind is Kind.BYTES:
             events += self.take((record,))
         elif isinstance(kind, Kind) and kind is not Kind.OPENED:
-            name, direction = stream.name, stream.direction
-            events.append(WireEvent(time_ns, name, direction, kind, b"", offset, note=record.note))
+            place = (time_ns, stream.name, stream.direction, kind, b"", offset)
+            events.append(WireEvent(*place, note=self._note(record)))
         if kind in (Kind.CLOSED, Kind.RESET):
             self._close(record.connection)
         return events
@@ -211,6 +227,13 @@ class EventBuilder:
             link.streams[direction] = self._streams[stream_number(number, direction)] = stream
         self._links[number] = link
         return link
+
+    def _note(self, record: Record) -> str:
+        """Return the note of a record, with the bytes that its connection did not forward."""
+        dropped_bytes = self._links[record.connection].unforwarded_bytes
+        if not dropped_bytes or record.kind not in (Kind.CLOSED, Kind.RESET):
+            return record.note
+        return f"{record.note}; {dropped_bytes} bytes of the client were not forwarded"
 
     def _close(self, number: int) -> None:
         del self._links[number]

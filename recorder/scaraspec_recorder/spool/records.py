@@ -31,6 +31,8 @@ class ControlRecord(Enum):
 
     RESTART = "restart"  # records before and after it are unrelated: connection numbers start again
     TOTAL = "total"  # `offset_bytes` is the tap's count of received bytes in this direction
+    CONNECTED = "connected"  # the connection to the robot is made
+    UNFORWARDED = "unforwarded"  # bytes of the client before that, see `unforwarded_record`
 
     __hash__ = object.__hash__
 
@@ -79,8 +81,10 @@ class Record(NamedTuple):
 
     @property
     def length_bytes(self) -> int:
-        """Length of a gap; 0 for every other kind."""
-        return int(_LENGTH.unpack_from(self.payload)[0]) if self.kind is Kind.GAP else 0
+        """Length of a gap, or of bytes that were not forwarded; 0 for every other kind."""
+        if self.kind in (Kind.GAP, ControlRecord.UNFORWARDED):
+            return int(_LENGTH.unpack_from(self.payload)[0])
+        return 0
 
     @property
     def note(self) -> str:
@@ -100,6 +104,11 @@ def gap_record(
     """Return the record of bytes that were forwarded but not recorded."""
     payload = _LENGTH.pack(length_bytes) + reason.encode()
     return Record(Kind.GAP, stream, time_ns, offset_bytes, payload)
+
+
+def unforwarded_record(stream: int, time_ns: int, length_bytes: int) -> Record:
+    """Return the record of bytes that were received before the robot was connected, and dropped."""
+    return Record(ControlRecord.UNFORWARDED, stream, time_ns, 0, _LENGTH.pack(length_bytes))
 
 
 class Block:
@@ -157,7 +166,7 @@ def read_blocks(data: bytes) -> tuple[list[Record], int]:
     return records, at
 
 
-def is_torn(data: bytes) -> bool:
+def is_truncated(data: bytes) -> bool:
     """Whether `data` is empty or the start of an incomplete block.
 
     Any other rest that `read_blocks` leaves is damage.

@@ -24,7 +24,16 @@ RESET_FLUSH_S: Final = 5.0
 BACKLOG: Final = 1024
 """Maximum number of clients that wait for accept."""
 
+LOST_S: Final = 60.0
+"""Time without an acknowledgment after which a peer to which data is sent counts as lost."""
+
 _POLL_S: Final = 0.005
+_UNANSWERED: Final = 3
+"""Retransmissions or window probes without an answer; a peer that answers has 1 at most."""
+
+_TCP_INFO: Final = struct.Struct("=2xBB4x12xI28xI")
+"""Of Linux: retransmissions, probes, unacknowledged segments, ms since the last acknowledgment."""
+
 _KEEPALIVE: Final = {"TCP_KEEPIDLE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3}  # s, s, probes
 _LINGER_NOT: Final = struct.pack("ii", 1, 0)  # close() then sends RST
 
@@ -39,6 +48,18 @@ def listen(host: str, port: int) -> socket.socket:
     return socket.create_server(address[:2], family=family, backlog=BACKLOG)
 
 
+def listening_hosts(host: str) -> list[str]:
+    """Return the addresses of a host to listen on, IPv4 first; `*` and `::` are all of both.
+
+    Raises:
+        OSError: The host is unknown.
+    """
+    passive = None if host in ("*", "::") else host
+    found = socket.getaddrinfo(passive, 0, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+    ipv4_first = sorted(found, key=lambda each: each[0] != socket.AF_INET)
+    return list(dict.fromkeys(str(address[0]) for *_, address in ipv4_first))
+
+
 def address_text(address: tuple[object, ...]) -> str:
     """Return a socket address as ``host:port``, an IPv6 host in brackets."""
     host, port = address[:2]
@@ -48,10 +69,10 @@ def address_text(address: tuple[object, ...]) -> str:
 def is_loopback(host: str) -> bool:
     """Whether only this machine can reach a socket that listens on this host."""
     try:
-        found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
+        found = listening_hosts(host)
     except (OSError, UnicodeError):
         return False
-    return all(ipaddress.ip_address(address[0]).is_loopback for *_, address in found)
+    return all(ipaddress.ip_address(address).is_loopback for address in found)
 
 
 def allow_many_sockets() -> None:
@@ -66,7 +87,8 @@ def allow_many_sockets() -> None:
 def tune(sock: socket.socket) -> None:
     """Set TCP_NODELAY and SO_KEEPALIVE: no send delay, detection of lost peers within a minute.
 
-    TCP_USER_TIMEOUT is not set: it would also close a connection whose peer does not read.
+    TCP_USER_TIMEOUT is not set: it would also close a connection whose peer does not read. Without
+    keep-alive probes, during a transmission, `is_lost` detects a lost peer.
     """
     with contextlib.suppress(OSError):  # some systems refuse after the peer disconnected
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -82,6 +104,27 @@ def unsent_bytes(sock: socket.socket) -> int:
         return 0
     answer = fcntl.ioctl(sock.fileno(), termios.TIOCOUTQ, b"\0\0\0\0")  # SIOCOUTQ, by its old name
     return int.from_bytes(answer, sys.byteorder)
+
+
+def unread_bytes(sock: socket.socket) -> int:
+    """Return the number of received bytes that were not read; 0 if it is unknown."""
+    if sys.platform != "linux":
+        return 0
+    answer = fcntl.ioctl(sock.fileno(), termios.FIONREAD, b"\0\0\0\0")
+    return int.from_bytes(answer, sys.byteorder)
+
+
+def is_lost(sock: socket.socket) -> bool:
+    """Whether the peer has not acknowledged sent data for `LOST_S`; on Linux only.
+
+    A peer that does not read still answers window probes, so it is not lost.
+    """
+    if sys.platform != "linux":
+        return False
+    info = sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _TCP_INFO.size)
+    retransmissions, probes, unacknowledged, silent_ms = _TCP_INFO.unpack(info)
+    unanswered = retransmissions if unacknowledged else probes
+    return bool(unanswered >= _UNANSWERED and silent_ms >= LOST_S * 1000)
 
 
 def reset(transport: asyncio.Transport) -> None:

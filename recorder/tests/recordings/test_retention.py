@@ -71,7 +71,7 @@ def disk(tmp_path: Path) -> Disk:
 
 
 def test_without_limits_all_is_kept(disk: Disk) -> None:
-    """The default."""
+    """All recordings are kept by default."""
     assert disk.enforce()
     assert disk.remaining == ["a", "b", "c"]
 

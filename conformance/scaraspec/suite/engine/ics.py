@@ -39,7 +39,7 @@ def read_document(path: Path) -> dict[str, Any]:
         raise UnreadableIcsError(
             UserMessage("{path} cannot be read: {strerror}", path=path, strerror=error.strerror)
         ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # also no UTF-8, and too large a number
         raise UnreadableIcsError(
             UserMessage("{path} is not valid TOML: {error}", path=path, error=error)
         ) from None

@@ -1,4 +1,4 @@
-"""Collection: a run looks only at the files of its cases."""
+"""Collection: a run imports only the files of its cases."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from scaraspec.suite.engine.plan import Options
 
 
 class _Watching(CaseCollector):
-    """Notes the files that pytest considers."""
+    """Records the files that pytest considers."""
 
     def __init__(self) -> None:
         super().__init__(Role.CONTROLLER, Options(), CASES[Role.CONTROLLER])
@@ -23,7 +23,7 @@ class _Watching(CaseCollector):
 
 
 def test_other_files_are_ignored() -> None:
-    """Of the files of the suite, pytest considers only those that are given."""
+    """pytest considers only the given files of the suite."""
     files = {file for _, file in cases_in(CASES[Role.CONTROLLER], Role.CONTROLLER)[:20]}
     watching = _Watching()
     run_pytest(watching, Role.CONTROLLER, Options(), *sorted(files), only_collect=True)

@@ -431,7 +431,7 @@ def _offer_invalid_chunk(line: OutgoingConnection) -> None:
 
 @case("5.4/7", "5.4/1", "4.10/11", name="signal")
 def test_error_signal(subject: ControllerUnderTest) -> None:
-    """If its client signals an error, with a header or without, an upload leaves no more."""
+    """After an error signal, with a header or without, an upload leaves at most the sent part."""
     for data in (None, b""):
         _interrupt_uploads(subject, partial(_signal_error, data=data))
 

@@ -244,7 +244,7 @@ def test_branches(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
 
 
 @case("6.5/24", name="apart", hazards=PROGRAMS)
-def test_branches_apart(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_separate_branches(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Each IF also works in a separate program, which ends with the ENDIF.
 
     A branch that is not executed may contain a loop.
