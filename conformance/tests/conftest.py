@@ -3,6 +3,7 @@
 import gc
 from itertools import count
 from pathlib import Path
+from zlib import crc32
 
 import pytest
 from hypothesis import settings
@@ -12,6 +13,15 @@ settings.register_profile("scaraspec", print_blob=True, deadline=None, derandomi
 settings.load_profile("scaraspec")
 
 _numbers = count()
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mix the modules, so that the workers do not all wait for processes at the same time.
+
+    Each worker begins with a contiguous part of the tests.
+    """
+    if hasattr(config, "workerinput"):
+        items.sort(key=lambda item: crc32(item.nodeid.partition("::")[0].encode()))
 
 
 def pytest_collection_finish() -> None:
