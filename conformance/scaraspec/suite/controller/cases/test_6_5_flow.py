@@ -337,7 +337,7 @@ def _timer_instead(
         return
     timer = Until(round((clock_s + _TIMER_S) * _US))
     yield [timer if isinstance(each, Wait) else each for each in block]
-    lasted_s, least_s = subject.now_ns / _NS - clock.asked_s, _TIMER_S - _CLOCK_S
+    lasted_s, least_s = subject.now_ns / _NS - clock.sent_s, _TIMER_S - _CLOCK_S
     expect(
         lasted_s >= least_s,
         "a program ends before its timer",
