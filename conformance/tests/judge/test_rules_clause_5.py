@@ -60,6 +60,7 @@ UNLISTED = """
     > get_time
     < get_time 20260101000000
 """
+REFUSED_FETCH = "\n> download_name a.bin\n< download_name 0"
 UNLISTED_CONTENT = "< chunk 0/20\n> download_chunk 1\n"
 _POLL = "> get_status\n< get_status 00\n"
 
@@ -222,6 +223,10 @@ CASES = (
     ),
     # Of an empty file, which this may be, nothing need come (A-5-10).
     ("5.3/4", "inconclusive", "login\n> download_name a\n< download_name 1\n+61\n> close"),
+    ("5.2/12", "fail", UPLOAD + REFUSED_FETCH),
+    ("5.2/12", "none", UPLOAD + DELETE.format(1) + REFUSED_FETCH),
+    ("5.2/12", "none", UPLOAD + "+61" + REFUSED_FETCH),
+    ("5.2/12", "none", UPLOAD + "> run_program b\n< run_program 1" + REFUSED_FETCH),
     ("5.3/8", "pass", down("chunk 0/300", "chunk 200/300 len=0").replace("_chunk 1", "_chunk 0")),
     ("5.3/8", "fail", down("chunk 0/300", "chunk 200/300 len=0")),
     ("5.3/8", "fail", down("download_chunk ")),
