@@ -7,7 +7,7 @@ import pytest
 
 
 @pytest.mark.parametrize(
-    ("name", "options", "exit_status", "says"),
+    ("name", "options", "exit_status", "message"),
     [
         ("reply-then-reset.pcap", "", 0, "no violation found"),
         ("two-packets-swapped.pcap", "", 0, "no violation found"),
@@ -39,11 +39,11 @@ import pytest
     ],
 )
 def test_a_case(  # noqa: PLR0913, PLR0917 - two fixtures and a row of the table
-    processes: Any, fixtures_dir: Path, name: str, options: str, exit_status: int, says: str
+    processes: Any, fixtures_dir: Path, name: str, options: str, exit_status: int, message: str
 ) -> None:
-    """The exit status and the decisive sentence are what the situation demands."""
+    """The exit status and the main sentence match the situation."""
     file = fixtures_dir / "captures" / "cases" / name
     done = processes.run("audit", f"{file}", *options.split())
     output = done.stdout + done.stderr
-    assert (done.returncode, says in output) == (exit_status, True), output
+    assert (done.returncode, message in output) == (exit_status, True), output
     assert "raw events are missing" not in output

@@ -205,8 +205,8 @@ def _around(motion: Exchange, x: Exchange, robot: RobotState) -> tuple[_Two, _Tw
     if not then or not then.reply_value or not x.reply_value or not before or not other_before:
         return None
     first_ns = min(before.time_ns, other_before.time_ns)
-    apart_ns = max(before.time_ns, other_before.time_ns) - first_ns
-    if apart_ns > MOMENT_NS or gripper_set_since(first_ns, robot):
+    interval_ns = max(before.time_ns, other_before.time_ns) - first_ns
+    if interval_ns > MOMENT_NS or gripper_set_since(first_ns, robot):
         return None
     mine, theirs = (before, x), (other_before, then)
     return (mine, theirs) if x.name == JOINTS else (theirs, mine)

@@ -148,13 +148,13 @@ def _unchanged(setter: str, x: Exchange, robot: RobotState, count: int) -> RuleR
         _fields(y)[:count] for y in (x.reply_value, before.reply_value, refused.request_value)
     )
     changed = [
-        (value, wanted)
-        for value, wanted, was in zip(now, requested, former, strict=True)
+        (value, requested_value)
+        for value, requested_value, was in zip(now, requested, former, strict=True)
         if value != was
     ]
     if not changed:
         return PASSED
-    if any(value != wanted for value, wanted in changed):
+    if any(value != requested_value for value, requested_value in changed):
         result = inconclusive(
             UserMessage(
                 "{setter} was refused, but {query} then reports another value than before: either"

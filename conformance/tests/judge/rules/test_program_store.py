@@ -1,4 +1,4 @@
-"""The program store: each requirement on traffic that keeps it, and on traffic that does not."""
+"""The program store: each requirement with traffic that meets it and traffic that violates it."""
 
 from collections.abc import Callable
 from typing import Any
@@ -14,12 +14,12 @@ DAMAGED = PROGRAM[:-1]
 
 
 def session(*lines: str) -> str:
-    """These lines behind a login."""
+    """A login, then these lines."""
     return "\n".join(("login", *lines))
 
 
 def listed(*parts: str, fetched: bool = False) -> str:
-    """A list in one part or several, which are pushed or fetched."""
+    """A list in one or several parts, which are pushed or fetched."""
     ask = "> list_programs\n"
     return ask + (ask if fetched else "").join(f"< list_programs {part}\n" for part in parts)
 
@@ -68,7 +68,7 @@ CASES = (
     ("4.10/4", "fail", session(listed("1|a.rob"), "+1", listed("1|a.rob"))),
     ("4.10/4", "fail", session(*3 * (listed("1|a.rob"), "+0.6"))),
     ("4.10/4", "fail", session(listed("1|a", "1|b"), "+1", listed("1|a", "1|b"))),
-    # The rest of a list may be pushed later than it is asked for anew.
+    # The rest of a list may be pushed after the list was requested again.
     ("4.10/4", "none", session(listed("1|a"), "+0.1", listed("1|a"))),
     ("4.10/4", "none", session(listed("1|a", "1|b"), "+0.1", listed("1|a"))),
     ("4.10/4", "none", session(listed("1|a.rob"))),
@@ -83,7 +83,7 @@ CASES = (
     ("4.10/7", "fail", session(listed("0|a.rob|a.rob"))),
     ("4.10/7", "fail", session(listed("1|a.rob", "0|b.rob|a.rob"))),
     ("4.10/7", "fail", session(listed("0|a.rob||b.rob"))),
-    # Whose the parts are nobody can tell where two lists are asked for at the same time.
+    # Where two lists are requested at the same time, it is unknown which one a part belongs to.
     ("4.10/7", "none", session(AT_ONCE)),
     ("4.10/11", "pass", session(upload("a.rob"), listed("0|a.rob"))),
     ("4.10/11", "none", session(upload("a.rob"), AT_ONCE)),
@@ -93,7 +93,7 @@ CASES = (
     ("4.10/11", "none", session(upload("a.rob"), listed("1|b.rob"))),
     ("4.10/11", "fail", session(upload("n" * 30), listed("0|b.rob"))),
     ("4.10/11", "none", session(upload("n" * 31), listed("0|b.rob"))),
-    # What is no valid program may be left out (A-4.10-5).
+    # A file that is no valid program may be missing in the list (A-4.10-5).
     ("4.10/11", "none 6.1/1 6.6b/1", session(upload("a.rob", DAMAGED), listed("0|b.rob"))),
     ("4.10/11", "none", session(upload("a.txt", b"text"), listed("0|b.rob"))),
     ("4.10/11", "pass", session(upload("a.rob"), delete("a.rob"), listed("0|b.rob"))),
@@ -175,12 +175,12 @@ CASES = (
 def test_program_store(
     requirement: str, expected: str, session: str, check_case: Callable[[str, str, str], None]
 ) -> None:
-    """The verdict is the register's, and nothing else fails for it."""
+    """Each session gives the expected verdict, and no other requirement fails."""
     check_case(requirement, expected, session)
 
 
 def test_a_damaged_program_may_be_taken_for_missing(judged: Callable) -> None:
-    """Its file exists, and no code says that it is damaged (A-4.15-2)."""
+    """The file exists, but no code means that it is damaged (A-4.15-2)."""
     record = judged(session(upload("a.rob", DAMAGED), run("a.rob", "0|20")))
     (finding,) = [f for f in record.findings if f.requirement == "8/5"]
     assert finding.reading == ("A-4.15-2", "20")
