@@ -1,4 +1,4 @@
-"""The examples of docs/python.md, run as a user runs them, in one folder and in their order."""
+"""The examples of docs/python.md, executed in one folder and in their order."""
 
 import re
 import subprocess
@@ -15,7 +15,7 @@ _TIMEOUT_S = 120
 
 @pytest.fixture
 def controller() -> Iterator[str]:
-    """A virtual controller in a process of its own; the address is HOST:PORT."""
+    """The address HOST:PORT of a virtual controller in another process."""
     command = [sys.executable, "-m", "scaraspec", "controller", "--listen", "127.0.0.1:0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None

@@ -1,4 +1,4 @@
-"""A small certification, and the package of it."""
+"""A small certification and its package."""
 
 import sys
 from pathlib import Path

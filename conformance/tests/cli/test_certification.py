@@ -60,7 +60,7 @@ def certify(
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Replace the list of mandatory cases, and run only the cases of it."""
+    """Replace the list of mandatory cases by a small one, and run only its cases."""
     options_of = checks.certification_options
 
     def small_options(*arguments: Any, **choices: Any) -> Options:
@@ -69,12 +69,13 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(certificates, "mandatory_lists", lambda _: (list_of_cases(),))
     monkeypatch.setattr(checks, "certification_options", small_options)
     monkeypatch.setattr(certificates, "calibrate", lambda *_, **__: calibrated())
-    monkeypatch.setattr(controller, "end_on_signals", lambda _: None)  # they are those of pytest
+    # These cases belong to pytest.
+    monkeypatch.setattr(controller, "end_on_signals", lambda _: None)
 
 
 @pytest.mark.usefixtures("small")
 def test_certified(certify: Run, processes: Any, tmp_path: Path) -> None:
-    """The package is beside the output folder, and is verified at once."""
+    """The package is beside the output folder, and is verified immediately."""
     host, port = processes.controller()
     out, package = tmp_path / "run-1", tmp_path / "run-1.scaraspec.zip"
     status, text = certify(f"tcp://{host}:{port}", *ALLOW, "--out", out)
@@ -126,7 +127,7 @@ def test_full_disk(  # noqa: PLR0913 - each is a fixture or a parameter
 
 @pytest.mark.usefixtures("small")
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("change", "message"),
     [
         ({"reference": Conclusion.INCONCLUSIVE}, "the reference implementation is inconclusive"),
         ({"mutants": {"status-in-words": ()}}, "no case kills status-in-words"),
@@ -137,13 +138,13 @@ def test_no_certification_without_calibration(
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
     change: dict[str, Any],
-    says: str,
+    message: str,
 ) -> None:
-    """A tester that does not find faults certifies nothing, and sends nothing."""
+    """If the calibration finds no fault, nothing is sent and nothing is certified."""
     unfit = replace(calibrated(), **change)
     monkeypatch.setattr(certificates, "calibrate", lambda *_, **__: unfit)
     status, text = certify("tcp://127.0.0.1:1", *ALLOW, "--out", tmp_path / "out")
-    assert (status, f"no certification on this machine: {says}" in text) == (3, True)
+    assert (status, f"no certification on this machine: {message}" in text) == (3, True)
     assert not (tmp_path / "out").exists()
 
 
@@ -164,7 +165,7 @@ def test_interrupted_calibration(
 
 @pytest.mark.parametrize("role", [Role.CONTROLLER, Role.CLIENT])
 def test_the_seed_chooses_the_mutants(role: Role) -> None:
-    """Every seed of a certification chooses others."""
+    """Each seed of a certification selects other mutants."""
     choices = [tuple(calibration.chosen_mutants(role, seed)) for seed in checks.SEEDS]
     assert len({*choices}) == len(choices)
     assert {len({*choice}) for choice in choices} == {calibration.MUTANTS}
@@ -204,14 +205,14 @@ def test_fixed_options(certify: Run, tmp_path: Path, option: tuple[str, ...]) ->
 
 
 def test_no_attended_certification(certify: Run, tmp_path: Path) -> None:
-    """The checklist of an operator has only some of the cases."""
+    """`--certification` excludes `--attended`: a checklist has only some of the cases."""
     arguments = ("--listen", "127.0.0.1:0", "--attended", "--out", tmp_path / "out")
     status, text = certify(*arguments, role="client", text=ICS.partition("[hooks]")[0])
     assert (status, "leave out --attended" in text) == (2, True)
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("change", "message"),
     [
         (("Li", ""), "a certification needs operator in [laboratory] of the ICS"),
         (("firmware", "# firmware"), "a certification needs firmware in [sample] of the ICS"),
@@ -220,14 +221,17 @@ def test_no_attended_certification(certify: Run, tmp_path: Path) -> None:
         (('"1.4"', "1.4"), "sample.firmware must be str"),
     ],
 )
-def test_incomplete_ics(certify: Run, tmp_path: Path, change: tuple[str, str], says: str) -> None:
+def test_incomplete_ics(
+    certify: Run, tmp_path: Path, change: tuple[str, str], message: str
+) -> None:
     arguments = ("tcp://127.0.0.1:1", *ALLOW, "--out", tmp_path / "out")
     status, text = certify(*arguments, text=ICS.replace(*change))
-    assert (status, says in text) == (2, True), text
+    assert (status, message in text) == (2, True), text
 
 
-def test_what_is_missing(certify: Run, tmp_path: Path) -> None:
-    """All hazards, an output folder, a seed of the set, a TCP link, and a new file."""
+def test_missing_prerequisites(certify: Run, tmp_path: Path) -> None:
+    """Hazards that are not allowed, no output folder, a wrong seed, no TCP link, an existing
+    file."""
     url, out = "tcp://127.0.0.1:1", ("--out", tmp_path / "out")
     status, text = certify(url, "--allow", "state", *out)
     assert (status, "--allow destructive,motion is missing" in text) == (2, True)

@@ -53,7 +53,7 @@ def test_content_of_a_failure(full: Results) -> None:
 
 
 def test_the_sums_match_the_cases(full: Results) -> None:
-    """In the attributes of the suites."""
+    """The attributes of the suites have the right sums."""
     root = tree_of(full)
     assert root.attrib == {
         "name": "scaraspec controller",
@@ -86,7 +86,6 @@ def test_hostile_text_stays_text(hostile: Results) -> None:
 
 
 def test_an_empty_run_does_not_pass(full: Results) -> None:
-    """It has an error."""
     root = tree_of(replace(full, verdict=Conclusion.NOTHING_TESTED, cases=()))
     assert root.get("errors") == "1"
     error = root.find(".//error")
@@ -118,7 +117,7 @@ ALLOWED = {
     **dict.fromkeys(("skipped", "error", "failure"), ({"message", "type"}, set())),
     "system-out": (set(), set()),
 }
-"""The attributes and elements that we write, all of which the xUnit plugin of Jenkins allows."""
+"""The attributes and elements that we write; the xUnit plugin of Jenkins allows all of them."""
 
 REQUIRED = {
     "testsuite": {"name", "tests", "failures", "errors"},
@@ -142,7 +141,7 @@ def test_only_allowed_elements(full: Results, hostile: Results) -> None:
 
 
 def test_an_independent_reader(full: Results, hostile: Results) -> None:
-    """A reader of other authors finds the cases and their outcomes, whatever text they contain."""
+    """A parser by other authors finds the cases and their outcomes, whatever text they contain."""
     for results in (full, hostile):
         read = JUnitXml.fromstring(junit.render(results).encode())
         found = [case for suite in read for case in suite]

@@ -36,7 +36,7 @@ def kinds(results: Results, *waivers: Waiver, baseline: Results | None = None) -
     return [f"{problem.kind.value} {problem.id}" for problem in found.problems]
 
 
-def test_its_own_baseline(results: Results, good: Results) -> None:
+def test_results_pass_their_own_baseline(results: Results, good: Results) -> None:
     """Results pass a gate with the baseline that was made of them."""
     assert kinds(results, baseline=results) == []
     assert kinds(good, baseline=good) == []
@@ -44,7 +44,7 @@ def test_its_own_baseline(results: Results, good: Results) -> None:
 
 
 def test_without_a_baseline_each_failure_is_new(results: Results) -> None:
-    """Nothing is accepted."""
+    """No failure is accepted."""
     assert kinds(results) == ["new-failure 4.15/3", "new-failure 3/18.seen-1"]
 
 
@@ -99,7 +99,7 @@ CHANGES: dict[str, tuple[Callable[[Results], Results], list[str]]] = {
 
 @pytest.mark.parametrize("change", CHANGES)
 def test_each_single_change_fails(results: Results, change: str) -> None:
-    """Compared with the baseline of the unchanged results."""
+    """Each change is compared with the baseline of the unchanged results."""
     changed, expected = CHANGES[change]
     assert kinds(changed(results), baseline=results) == expected
 
@@ -187,7 +187,7 @@ def test_what_may_change(results: Results) -> None:
 
 
 def test_skipped_after_a_known_failure(results: Results) -> None:
-    """A case that did not run because its requirement had failed is not lost."""
+    """A case that did not run because its requirement had failed is not missing."""
     skipped = replace(PASSED, verdict=Verdict.NONE, reason=Reason.FAILED_BEFORE)
     assert kinds(results_of(skipped, FAILED, SEEN), baseline=results) == []
 
@@ -200,7 +200,7 @@ def test_a_fixed_failure_is_reported(results: Results, good: Results) -> None:
 
 
 def test_waived(results: Results) -> None:
-    """By case or by fingerprint, until the last day."""
+    """A failure is accepted by case or by fingerprint, until the last day."""
     by_fingerprint = waiver(case="", fingerprint=SEEN.fingerprint)
     found = gate(results, waivers=(waiver(), by_fingerprint), today=TODAY)
     assert found.exit_status is ExitStatus.CONFORMANT
@@ -230,7 +230,7 @@ def test_flaky(good: Results) -> None:
 
 
 def test_prevented_by_an_accepted_failure(results: Results) -> None:
-    """Such a case leaves nothing open, unless the baseline has judged it."""
+    """Such a case is no problem, unless the baseline has judged it."""
     prevented = Case("4.9/2", ("4.9/2",), Verdict.INCONCLUSIVE, reason=Reason.DEPENDENCY)
     run = results_of(PASSED, FAILED, SEEN, prevented)
     known = gate(run, baseline=Baseline.of(results), today=TODAY)
@@ -243,7 +243,7 @@ def test_prevented_by_an_accepted_failure(results: Results) -> None:
 
 
 def test_fail_fast_is_incomplete() -> None:
-    """An accepted failure that ended the run says nothing about the cases after it."""
+    """Cases after an accepted failure that ended the run are missing."""
     skipped = replace(PASSED, verdict=Verdict.NONE, reason=Reason.FAIL_FAST)
     run = results_of(skipped, FAILED)
     assert gate(run, waivers=(waiver(),), today=TODAY).exit_status is ExitStatus.INCONCLUSIVE
@@ -266,7 +266,8 @@ def test_old_results() -> None:
 
 
 def test_baseline_file(results: Results, tmp_path: Path) -> None:
-    """A baseline is read as it was written; results serve as one; other files stay."""
+    """A written baseline is read unchanged; results can be used as one; other files are not
+    overwritten."""
     path, run = tmp_path / "baseline.json", tmp_path / "results.json"
     baseline = Baseline.of(results)
     baseline.write(path)
@@ -301,7 +302,7 @@ expires = 2026-11-26
 
 
 def test_waivers_file(tmp_path: Path) -> None:
-    """All keys but `flaky` are required."""
+    """All keys except `flaky` are required."""
     path = tmp_path / "waivers.toml"
     path.write_text(VALID, "utf-8")
     assert read_waivers(path) == (waiver(),)
@@ -329,7 +330,7 @@ def test_waivers_file(tmp_path: Path) -> None:
     ],
 )
 def test_invalid_waivers(tmp_path: Path, old: str, new: str, problem: str) -> None:
-    """The error says what is wrong and with which waiver."""
+    """The message states the mistake and the waiver."""
     path = tmp_path / "waivers.toml"
     path.write_text(VALID.replace(old, new), "utf-8")
     if not problem:

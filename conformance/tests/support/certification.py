@@ -103,7 +103,7 @@ def certified(
 
 
 def packed(folder: Path, results: Results, capture: Path, mandatory: MandatoryList) -> Path:
-    """Write a package of these results, with all that follows from them, into a new folder."""
+    """Write a package of these results and all files that belong to it into a new folder."""
     folder.mkdir()
     results.write(folder / "results.json")
     shutil.copy(capture, folder)

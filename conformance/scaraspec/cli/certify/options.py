@@ -329,7 +329,7 @@ def calibrated(certified: Certification | None, console: Console) -> Certificati
         )
 
 
-def conclude(
+def run_and_exit(
     run: Callable[[], Results], out: Path | None, certified: Certification | None = None
 ) -> None:
     """Run a certification, print its results and exit with its status.
