@@ -98,6 +98,16 @@ def test_hostile_text(hostile: Results, *, as_terminal: bool) -> None:
     assert as_terminal or "\x1b" not in text
 
 
+def test_no_command_of_a_ci_system(full: Results) -> None:
+    """Text of the subject starts no line of plain output, for one capture and for several."""
+    named = replace(full, subject=replace(full.subject, name="cell\n::error::done ##[group]"))
+    output = io.StringIO()
+    console = Console(file=output, force_terminal=False)
+    terminal.show_captures([("cell\n::error::done ##[group]", named, "")], console)
+    for text in (shown(named), output.getvalue()):
+        assert "cell⟨U+000A⟩::error::done #⟨U+0023⟩[group]" in text
+
+
 def test_a_long_comparison_is_truncated(full: Results) -> None:
     """The HTML page shows the whole text."""
     (case,) = (case for case in full.cases if case.id == "3/18")
