@@ -57,6 +57,20 @@ def earlier(path: Path) -> Changes:
     return found
 
 
+def test_only_what_is_announced_is_waited_for(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A confirmation is written at once, and is on disk after the next announcement or flush."""
+    waits: list[bytes] = []
+    journal = begun(path)
+    monkeypatch.setattr(os, "fsync", lambda _: waits.append(path.read_bytes()))
+    for event in ("accepted", "deleted"):
+        journal.confirm(event, name="zsaaaa1.rob")
+    assert not waits
+    assert earlier(path).files == []
+    journal.flush()
+    journal.flush()
+    assert [text.count(b"deleted") for text in waits] == [1]
+
+
 def test_what_a_killed_run_has_left(path: Path) -> None:
     """The next run reads what was written, and nothing if the run has ended in order."""
     assert Journal(path).earlier is None
