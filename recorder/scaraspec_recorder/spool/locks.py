@@ -29,9 +29,7 @@ def spool_folder(out_dir: Path, limit_bytes: int = LIMIT_BYTES) -> Path:
     Raises:
         OSError: The folder cannot be created, or other users can access it.
     """
-    on_disk = out_dir.resolve() / ".spool"
-    name = hashlib.sha256(os.fsencode(on_disk)).hexdigest()[:16]
-    in_memory = _MEMORY / f"{_PREFIX}{name}"
+    on_disk, in_memory = _places(out_dir)
     if not on_disk.exists() and (in_memory.exists() or _has_room(limit_bytes)):
         in_memory.mkdir(mode=0o700, exist_ok=True)
         found = in_memory.lstat()  # another user may have created it
@@ -45,6 +43,19 @@ def spool_folder(out_dir: Path, limit_bytes: int = LIMIT_BYTES) -> Path:
         return in_memory
     on_disk.mkdir(mode=0o700, parents=True, exist_ok=True)
     return on_disk
+
+
+def find_spool(out_dir: Path) -> Path | None:
+    """Return the spool folder of recordings into `out_dir`; None if there is none."""
+    on_disk, in_memory = _places(out_dir)
+    return next((folder for folder in (on_disk, in_memory) if folder.is_dir()), None)
+
+
+def _places(out_dir: Path) -> tuple[Path, Path]:
+    """Return the possible folders, on disk and in memory."""
+    on_disk = out_dir.resolve() / ".spool"
+    name = hashlib.sha256(os.fsencode(on_disk)).hexdigest()[:16]
+    return on_disk, _MEMORY / f"{_PREFIX}{name}"
 
 
 def _has_room(size_bytes: int) -> bool:

@@ -371,6 +371,14 @@ def read_checkpoint(directory: Path) -> dict[str, Any]:
     return checkpoint if isinstance(checkpoint, dict) else {}
 
 
+def checkpoint_time_s(directory: Path) -> float | None:
+    """Return when the checkpoint was written, in seconds since the Unix epoch; None if never."""
+    try:
+        return (directory / _CHECKPOINT).stat().st_mtime
+    except FileNotFoundError:
+        return None
+
+
 def replace_state(directory: Path, state: Mapping[str, Any]) -> None:
     """Replace the acknowledged state; the position remains.
 
