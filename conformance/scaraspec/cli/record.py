@@ -66,6 +66,7 @@ _GROUPS: Final = {
         "keep",
         "min_free",
         "file_mode",
+        "durable",
         "no_rrd",
         "redact",
         "timestamps",
@@ -105,6 +106,7 @@ _OF_ALL: Final = ("config", "live", "metrics", "check")  # these do not belong t
 )
 @click.option("--min-free", metavar="SIZE", help="Remove the oldest files if less is free: 2GB.")
 @click.option("--file-mode", metavar="MODE", help="Access rights of the files, as 640 [600].")
+@click.option("--durable", is_flag=True, help="Lose 1 s at most if the power fails.")
 @click.option("--no-rrd", is_flag=True, help="Write no .rrd files; they can be made later.")
 @click.option("--redact", is_flag=True, help="Mask passwords in the raw bytes, too.")
 @click.option(

@@ -150,6 +150,19 @@ def test_a_trigger_marks_the_recording(processes: Any, controller: str, tmp_path
     assert marks(tmp_path / "capture.mcap") == ["disconnect: connection 1 closed"]
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX system")
+def test_a_durable_recording(processes: Any, controller: str, tmp_path: Path) -> None:
+    """Its spool is beside the files, and is removed at the end."""
+    recorder = processes.start("record", controller, *LOCAL, "--out", str(tmp_path), "--durable")
+    url = url_in(recorder.stdout.readline())
+    assert (tmp_path / ".spool").is_dir()
+    ask(url)
+    told = end(recorder)
+    assert recorder.returncode == 0, told
+    assert not (tmp_path / ".spool").exists()
+    assert list(open_capture(tmp_path / "capture.mcap", port=None))
+
+
 @pytest.mark.skipif(not hasattr(socket, "AF_UNIX"), reason="needs Unix sockets")
 def test_a_service(
     processes: Any, controller: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
