@@ -92,7 +92,7 @@ class Client:
         assert await self._reader.read() == b""
 
     async def wait_for_reset(self) -> None:
-        """Wait wait_until the connection is reset."""
+        """Wait until the connection is reset."""
         with suppress(ConnectionError):
             assert await self._reader.read() == b""
 
@@ -157,7 +157,7 @@ def test_a_session_is_recorded_completely(tmp_path: Path) -> None:
 
 
 def test_open_connections_end_with_the_recording(tmp_path: Path) -> None:
-    """The note names the recorder, not a side of the link."""
+    """The note states that the recorder ended them, not a side of the link."""
 
     async def test() -> None:
         async with session(tmp_path, journal.Journal) as recording:

@@ -233,16 +233,16 @@ async def _record(
         stopped.set()
         notify(STOPPING)
 
-    asked: list[Recording] = []
+    with_signal: list[Recording] = []
     with contextlib.suppress(NotImplementedError, AttributeError):  # missing on some systems
         for number in ending_signals():
             loop.add_signal_handler(number, end, number)
-        loop.add_signal_handler(signal.SIGUSR1, _ask, asked)
+        loop.add_signal_handler(signal.SIGUSR1, _ask, with_signal)
     showing = loop.create_task(_show(watches, len(robots), stopped))
     try:
         async with asyncio.TaskGroup() as group:
             for robot in robots:
-                group.create_task(_record_one(robot, viewer, watches, asked, stopped))
+                group.create_task(_record_one(robot, viewer, watches, with_signal, stopped))
     except* Problem as problems:
         raise problems.exceptions[0] from None
     except* asyncio.CancelledError:
@@ -252,11 +252,11 @@ async def _record(
         await asyncio.gather(showing, return_exceptions=True)
 
 
-def _ask(asked: Sequence[Recording]) -> None:
+def _ask(with_signal: Sequence[Recording]) -> None:
     """Request a mark in each of these recordings."""
-    if not asked:
+    if not with_signal:
         click.echo("SIGUSR1 has no effect: no recording has --trigger signal")
-    for recording in asked:
+    for recording in with_signal:
         try:
             recording.request_mark()
         except OSError as error:
@@ -267,7 +267,7 @@ async def _record_one(
     robot: RobotConfig,
     viewer: str | None,
     watches: list[StatusReader],
-    asked: list[Recording],
+    with_signal: list[Recording],
     stopped: asyncio.Event,
 ) -> None:
     """Record one robot. Append the recording to `asked` if a signal marks it."""
@@ -275,7 +275,7 @@ async def _record_one(
         async with record(robot, viewer_url=viewer, drain_s=_DRAIN_S) as recording:
             watches.append(StatusReader(robot.name, recording, robot.out))
             if SIGNAL in robot.triggers:
-                asked.append(recording)
+                with_signal.append(recording)
             where = " and ".join(
                 [text for text in robot.listen if "://" in text]
                 or [join_host_port(*address) for address in recording.addresses]

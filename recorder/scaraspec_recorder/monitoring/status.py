@@ -105,7 +105,7 @@ class StatusReader:
         recording, now_s = self._recording, self._now_s()
         stall = recording.stall
         acknowledged_s = self._last_acknowledged_s()
-        heard_s = stall.since_ns / 1e9 if stall else acknowledged_s
+        last_s = stall.since_ns / 1e9 if stall else acknowledged_s
         free_bytes = 0
         with suppress(OSError):  # the writer process creates the folder; the disk may be missing
             free_bytes = shutil.disk_usage(self._out_dir).free
@@ -116,7 +116,7 @@ class StatusReader:
             now_s,
             recording.progress,
             unread_bytes(recording.spool),
-            max(now_s - heard_s, 0),
+            max(now_s - last_s, 0),
             free_bytes,
             stall,
             acknowledged_s == self._started_s,

@@ -141,8 +141,8 @@ class _FindingTrigger(Trigger):
     def on_item(self, item: Item) -> str:
         if not isinstance(item, Finding) or item.verdict not in self._verdicts:
             return ""
-        wanted = self._requirement in ("", item.requirement)
-        return f"{item.verdict.value} {item.requirement}: {item.message}" if wanted else ""
+        matches = self._requirement in ("", item.requirement)
+        return f"{item.verdict.value} {item.requirement}: {item.message}" if matches else ""
 
 
 class _Silence(Trigger):

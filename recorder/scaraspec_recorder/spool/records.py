@@ -168,7 +168,7 @@ def read_blocks(data: bytes) -> tuple[list[Record], int]:
     return records, at
 
 
-def is_torn(data: bytes) -> bool:
+def is_truncated(data: bytes) -> bool:
     """Whether `data` is empty or the start of an incomplete block.
 
     Any other rest that `read_blocks` leaves is damage.

@@ -1,4 +1,4 @@
-"""TCP between machines, in every mode: what one side does, the other side sees."""
+"""TCP between machines, in every mode: the tap forwards each event of one side to the other."""
 
 import random
 import socket
@@ -21,7 +21,7 @@ Cut = Callable[[socket.socket], None]
 FROM = pytest.mark.parametrize("direction", Direction, ids=str)
 
 SLOW_BYTES = 65_536
-"""What the system holds for a side that reads late; the rest of the data waits in the tap."""
+"""The size of the socket buffer of a side that reads late; other data waits in the tap."""
 
 
 class Link:
@@ -37,13 +37,13 @@ class Link:
         self._ends = {A2C: client, C2A: lab.accept(server)}
 
     def ends(self, direction: Direction) -> tuple[socket.socket, socket.socket]:
-        """Who sends in this direction, and who receives."""
+        """Return the sockets that send and receive in this direction."""
         return self._ends[direction], self._ends[direction.opposite]
 
 
 @FROM
 def test_half_close(lab: Any, receive: Receive, mode: Mode, direction: Direction) -> None:
-    """Who has finished still receives, for as long as the other side likes to send."""
+    """The side that has ended still receives all later data."""
     link = Link(lab, mode)
     one, other = link.ends(direction)
     one.sendall(b"last")
@@ -61,10 +61,10 @@ def test_half_close(lab: Any, receive: Receive, mode: Mode, direction: Direction
 
 
 @FROM
-def test_a_reset_comes_as_a_reset_behind_the_data(
+def test_a_reset_is_forwarded_after_the_data(
     lab: Any, receive: Receive, cut: Cut, mode: Mode, direction: Direction
 ) -> None:
-    """A side that reads late gets all that was queued, then ECONNRESET, never an orderly end."""
+    """A side that reads late gets all queued data, then ECONNRESET instead of an orderly end."""
     link = Link(lab, mode, SLOW_BYTES)
     one, other = link.ends(direction)
     data = random.Random(1).randbytes(6 * SLOW_BYTES)
@@ -78,10 +78,10 @@ def test_a_reset_comes_as_a_reset_behind_the_data(
 
 
 @FROM
-def test_a_reset_after_a_half_close_comes_through(
+def test_a_reset_after_a_half_close_is_forwarded(
     lab: Any, cut: Cut, mode: Mode, direction: Direction
 ) -> None:
-    """If a side half-closes and then dies, the other one is closed, without a write."""
+    """If a side half-closes and then crashes, the other one is closed without a write."""
     link = Link(lab, mode)
     one, other = link.ends(direction)
     one.shutdown(socket.SHUT_WR)
@@ -93,13 +93,11 @@ def test_a_reset_after_a_half_close_comes_through(
 
 
 @FROM
-def test_a_side_that_takes_nothing_blocks_the_other(
-    lab: Any, receive: Receive, mode: Mode, direction: Direction
-) -> None:
-    """Back-pressure goes through the tap, and nothing is lost to it."""
+def test_back_pressure(lab: Any, receive: Receive, mode: Mode, direction: Direction) -> None:
+    """Back-pressure passes through the tap, and no data is lost."""
     link = Link(lab, mode, SLOW_BYTES)
     one, other = link.ends(direction)
-    one.settimeout(0.3)  # silence that long means blocked
+    one.settimeout(0.3)  # no progress for that long means blocked
     block, sent = random.Random(2).randbytes(SLOW_BYTES), bytearray()
 
     def send_much() -> None:

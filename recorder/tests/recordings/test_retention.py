@@ -97,7 +97,7 @@ def test_a_mark_in_the_open_file_protects_its_neighbours(disk: Disk) -> None:
 
 
 def test_without_limits_all_is_kept(disk: Disk) -> None:
-    """The default."""
+    """All recordings are kept by default."""
     assert disk.enforce()
     assert disk.remaining == ["a", "b", "c"]
 

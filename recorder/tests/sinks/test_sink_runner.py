@@ -116,7 +116,7 @@ class Bench:
         self.writer.flush()
 
     def runner(self, *sinks: RecordingSink) -> SinkRunner:
-        """Return a new runner; the one before is dead."""
+        """Return a new runner; the previous one has been killed."""
         for reader in self.readers:
             reader.close()
         self.readers = [SpoolReader(self.spool)]
@@ -124,7 +124,7 @@ class Bench:
         return SinkRunner(self.readers[0], self.out_dir, makes, now_ns=lambda: self.now_ns)
 
     def tick(self, runner: SinkRunner) -> None:
-        """Let the scribe take everything, a quarter of a second later."""
+        """Let the runner process everything, a quarter of a second later."""
         self.now_ns += TICK_NS
         while runner.step():
             pass
@@ -184,7 +184,7 @@ def test_a_pending_connection_and_what_it_does_not_forward(bench: Bench) -> None
 def test_an_unreachable_robot_is_known_until_it_sends(
     bench: Bench,
 ) -> None:
-    """Also in the next runner."""
+    """The next runner also knows it."""
     bench.put(Kind.OPENED, payload=b"a > b")
     bench.put(Kind.RESET, OTHER, payload=b"no connection: No route to host")
     bench.tick(bench.runner(RecordingSink()))
@@ -466,7 +466,7 @@ def test_counts_start_again_after_a_finished_recording(bench: Bench) -> None:
     assert bench.runner(RecordingSink()).progress == Progress()
 
 
-def test_ended_connections_are_forgotten(bench: Bench) -> None:
+def test_ended_connections_are_not_kept(bench: Bench) -> None:
     """Weeks of short connections leave no state in memory or in the checkpoint."""
     runner = bench.runner(RecordingSink())
     for number in range(1, 200):
@@ -489,7 +489,7 @@ def test_no_file_is_overwritten(tmp_path: Path) -> None:
 
 
 def test_reopened_connections_have_the_time_of_the_next_event(bench: Bench) -> None:
-    """However late the next runner starts."""
+    """The time does not depend on when the next runner starts."""
     sink = RecordingSink()
     bench.put(Kind.OPENED, payload=b"a > b")
     bench.tick(bench.runner())

@@ -52,13 +52,13 @@ def test_the_documented_rules_match_only_the_first_packet_of_a_connection(mode: 
 
 
 def test_the_documented_mark_is_that_of_the_recorder() -> None:
-    """It is in the chain for local packets."""
+    """The mark is in the chain for local packets."""
     (output,) = [c for c in recipe(Mode.REDIRECT).script.split("chain ") if c.startswith("output")]
     assert f"meta mark != {GUARD_MARK:#x} ip daddr" in output
 
 
 @REDIRECTED
-def test_the_recipe_removes_all_that_it_installs(mode: Mode) -> None:
+def test_the_recipe_removes_everything_it_installs(mode: Mode) -> None:
     """Table, routing rule and route are in both lists."""
     names = re.compile(r"\b(?:scaraspec_\d+|(?:fwmark|lookup|table) (?:0x[0-9a-f]+|\d+))\b")
     steps = recipe(mode)
@@ -83,7 +83,8 @@ def test_an_address_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> Non
         silent = stack.enter_context(socket.create_server(("127.0.0.1", 0), backlog=0))
         robot = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
         client = stack.enter_context(socket.create_connection(robot.getsockname()))
-        for _ in range(2):  # its queue is full, and it ignores the next clients
+        # The queue of the listener is full, so that further clients get no reply.
+        for _ in range(2):
             waiting = stack.enter_context(socket.socket())
             waiting.settimeout(0)
             waiting.connect_ex(silent.getsockname())

@@ -207,8 +207,8 @@ def test_a_reset_is_forwarded_after_the_data(run: Any, resetter: Direction) -> N
             data = random.Random(1).randbytes(100_000)
             await send(one, data)
             while len(bench.stream(resetter)) < len(data):
-                bench.told.clear()
-                await bench.told.wait()
+                bench.printed.clear()
+                await bench.printed.wait()
             reset(one)
             assert await receive(other, len(data)) == data
             with pytest.raises(ConnectionResetError):
@@ -247,7 +247,7 @@ def test_a_refused_connection_is_reset_and_recorded(run: Any, host: str, why: st
 
     async def test() -> None:
         with socket.socket() as closed:
-            closed.bind(("127.0.0.1", 0))  # held, lest the tap itself gets it
+            closed.bind(("127.0.0.1", 0))  # bound, so that the tap cannot use it
             port = closed.getsockname()[1]
             async with Bench(Upstream(host, port)) as bench:
                 client = await bench.client()
@@ -465,8 +465,8 @@ def test_a_reset_waits_for_a_slow_reader(run: Any) -> None:
             data = random.Random(4).randbytes(400_000)
             await send(client, data)
             while len(bench.stream(A2C)) < len(data):
-                bench.told.clear()
-                await bench.told.wait()
+                bench.printed.clear()
+                await bench.printed.wait()
             reset(client)
             await bench.until(Kind.RESET)
             assert await receive(server, len(data)) == data
@@ -490,7 +490,7 @@ def test_a_reset_has_a_timeout(run: Any, monkeypatch: pytest.MonkeyPatch) -> Non
                     client.send(block)
                 except BlockingIOError:
                     await turn()
-            connection.client.transport.abort()  # what a reset looks like to the tap
+            connection.client.transport.abort()  # the tap sees a reset in this way
             await bench.until(Kind.RESET)
             await bench.tap._wait_until_empty()
             with pytest.raises(ConnectionResetError):
@@ -599,8 +599,8 @@ def test_address_text() -> None:
         ("no..name", False),
     ],
 )
-def test_what_others_can_reach_is_no_loopback(host: str, loopback: bool) -> None:  # noqa: FBT001 - the expected answer
-    """In doubt it is not."""
+def test_loopback_addresses(host: str, loopback: bool) -> None:  # noqa: FBT001 - the expected answer
+    """A name that cannot be resolved is not a loopback address."""
     assert tcp.is_loopback(host) is loopback
 
 
@@ -614,7 +614,7 @@ print(unsent_bytes(near))
 
 
 def test_unsent_bytes_without_a_free_file_descriptor() -> None:
-    """A client that gets no upstream connection is reset; the function imports no module then."""
+    """The function works without a free file descriptor, as it then imports no module."""
     done = subprocess.run(
         [sys.executable, "-c", NO_FILE_IS_FREE],
         capture_output=True,
