@@ -319,7 +319,7 @@ def test_hostile_subjects(
     """Subjects that close at once, hang, flood or answer nonsense: never a pass, and the run
     ends."""
     done = processes.run(
-        "certify", "controller", hostile(treat), "--reply-timeout", "300ms", "--only", "4.8,3"
+        "certify", "controller", hostile(treat), "--reply-timeout", "300ms", "--only", "4.8,3/32"
     )
     assert done.returncode in (1, 3), done.stdout + done.stderr
     assert "Traceback" not in done.stderr
