@@ -25,13 +25,14 @@ from scaraspec_recorder.recordings.archive import Archive, archive_sink
 from scaraspec_recorder.recordings.capture import capture_sink
 from scaraspec_recorder.recordings.recovery import sink_after_repair
 from scaraspec_recorder.recordings.rotation import RotationPolicy, parse_rotation
+from scaraspec_recorder.recordings.trigger_command import parse_command
 from scaraspec_recorder.recordings.triggers import parse_trigger
 from scaraspec_recorder.sinks.file_names import safe_name
 from scaraspec_recorder.sinks.own_files import PRIVATE_MODE
 from scaraspec_recorder.sinks.sink import SinkFactory
 from scaraspec_recorder.tap.routes import Mode
 from scaraspec_recorder.toml_file import TomlError, read_toml
-from scaraspec_recorder.units import Limits, parse_limits, parse_size
+from scaraspec_recorder.units import Limits, parse_duration, parse_limits, parse_size
 
 DEFAULT_OUT: Final = Path("captures")
 MODES: Final = {"port": Mode.EXPLICIT, "redirect": Mode.REDIRECT, "tproxy": Mode.TPROXY}
@@ -75,10 +76,13 @@ class RobotConfig:
         keep: Limits of age and total size; None keeps all recordings.
         min_free_bytes: Disk space that must stay free; 0 for no limit.
         triggers: Conditions that write a mark into the recording.
+        on_trigger: Command to run when a trigger fires; empty for none.
+        protect_ns: How long before and after a mark recordings are protected from `keep`.
         injection: Faults to inject; None for none.
         i_mean_it: Whether injected faults may affect clients on other machines.
         timestamps: Source of the reception timestamps.
         file_mode: Access rights of the files.
+        no_rrd: Whether to write no .rrd files.
     """
 
     name: str
@@ -91,10 +95,13 @@ class RobotConfig:
     keep: Limits | None = None
     min_free_bytes: int = 0
     triggers: tuple[str, ...] = ()
+    on_trigger: tuple[str, ...] = ()
+    protect_ns: int = 0
     injection: Injection | None = None
     i_mean_it: bool = False
     timestamps: TimestampSource = TimestampSource.USER
     file_mode: int = PRIVATE_MODE
+    no_rrd: bool = False
 
     def sink(self, session: Mapping[str, str], *, draw: bool, needs_login: bool) -> SinkFactory:
         """Return the factory of the sink that writes the files.
@@ -104,9 +111,10 @@ class RobotConfig:
 
         Args:
             session: Metadata of the session, such as the addresses.
-            draw: Whether to write .rrd files too.
+            draw: Whether .rrd files can be written.
             needs_login: False for a serial link (L83).
         """
+        draw = draw and not self.no_rrd
         if not (self.rotate or self.keep or self.min_free_bytes):
             make = partial(
                 capture_sink,
@@ -115,6 +123,8 @@ class RobotConfig:
                 draw=draw,
                 redact=self.redact,
                 triggers=self.triggers,
+                on_trigger=self.on_trigger,
+                robot=self.name,
             )
             return partial(sink_after_repair, make=make)
         archive = Archive(
@@ -127,6 +137,8 @@ class RobotConfig:
             keep=self.keep or Limits(),
             min_free_bytes=self.min_free_bytes,
             triggers=self.triggers,
+            on_trigger=self.on_trigger,
+            protect_ns=self.protect_ns,
         )
         return partial(archive_sink, archive=archive)
 
@@ -177,7 +189,20 @@ def read_robot(name: str, table: Mapping[str, Any], prefix: str) -> RobotConfig:
                 prefix=prefix,
             )
         )
-    for text in (name, str(values.get("out", DEFAULT_OUT))):
+    values.setdefault("listen", (DEFAULT_LISTEN[values.get("mode", Mode.EXPLICIT)],))
+    robot = RobotConfig(name, **values)
+    _check_names(robot, prefix)
+    _check_effects(robot, prefix)
+    return robot
+
+
+def _check_names(robot: RobotConfig, prefix: str) -> None:
+    """Check that the system can encode the names of the files.
+
+    Raises:
+        ConfigError: It cannot.
+    """
+    for text in (robot.name, str(robot.out)):
         try:
             os.fsencode(text)
         except UnicodeEncodeError:
@@ -190,13 +215,27 @@ def read_robot(name: str, table: Mapping[str, Any], prefix: str) -> RobotConfig:
                     encoding=sys.getfilesystemencoding(),
                 )
             ) from None
-    values.setdefault("listen", (DEFAULT_LISTEN[values.get("mode", Mode.EXPLICIT)],))
-    robot = RobotConfig(name, **values)
+
+
+def _check_effects(robot: RobotConfig, prefix: str) -> None:
+    """Check that each setting has an effect.
+
+    Raises:
+        ConfigError: A setting needs another one.
+    """
     if robot.i_mean_it and not robot.injection:
         raise ConfigError(
             UserMessage("{prefix}i-mean-it has no effect without inject: remove it", prefix=prefix)
         )
-    return robot
+    for key, used in (("on-trigger", robot.on_trigger), ("protect", robot.protect_ns)):
+        if used and not robot.triggers:
+            raise ConfigError(
+                UserMessage("{prefix}{key} has no effect without trigger", prefix=prefix, key=key)
+            )
+    if robot.protect_ns and not (robot.keep or robot.min_free_bytes):
+        raise ConfigError(
+            UserMessage("{prefix}protect has no effect without keep or min-free", prefix=prefix)
+        )
 
 
 def read_config(path: Path) -> tuple[RobotConfig, ...]:
@@ -338,10 +377,13 @@ _KEYS: Final[dict[str, tuple[type | UnionType, str, _Read]]] = {
     "keep": (str, "keep", parse_limits),
     "min-free": (str, "min_free_bytes", parse_size),
     "trigger": (list, "triggers", _triggers),
+    "on-trigger": (str, "on_trigger", parse_command),
+    "protect": (str, "protect_ns", parse_duration),
     "inject": (str, "injection", _injection),
     "i-mean-it": (bool, "i_mean_it", bool),
     "timestamps": (str, "timestamps", _timestamp_source),
     "file-mode": (str, "file_mode", _file_mode),
+    "no-rrd": (bool, "no_rrd", bool),
 }
 """For each option: its type in the file, the attribute of `RobotConfig` and its parser."""
 

@@ -11,7 +11,7 @@ from scaraspec.api.calibration import MUTANTS, Calibration, calibrate, chosen_mu
 from scaraspec.certificate import checks, package, signature
 from scaraspec.certificate.environment import StatedEnvironment, environment, round_trip
 from scaraspec.certificate.mandatory import MandatoryList, mandatory_lists
-from scaraspec.certificate.package import Manifest, PackageError
+from scaraspec.certificate.package import Manifest, PackageError, obstacle
 from scaraspec.judge.verdicts import ExitStatus, Verdict
 from scaraspec.mutants.kill_matrix import Proof
 from scaraspec.protocol.hazard import Hazard
@@ -174,9 +174,8 @@ def certification(  # noqa: PLR0913 - independent choices of a user
     if hooks := sorted(needed - ics.hooks.keys() - {*mandatory.optional_hooks}):
         text = "a certification needs the hook {hook} in [hooks] of the ICS"
         raise CertificationError(UserMessage(text, hook=hooks[0]))
-    if package.exists():
-        text = "{package} exists: name another file with --package"
-        raise CertificationError(UserMessage(text, package=package))
+    if problem := obstacle(package):
+        raise CertificationError(problem)
     return Certification(package, mandatory, options)
 
 
@@ -319,10 +318,12 @@ def verify_package(
             )
             return replace(verification, certificate=certificate)
     except OSError as error:
-        raise PackageError(
-            UserMessage("{path} cannot be read: {reason}", path=path, reason=error.strerror),
-            ExitStatus.USAGE,
-        ) from None
+        is_own = error.filename == f"{path}"
+        text = (
+            "it cannot be read: {reason}" if is_own else "its files cannot be extracted: {reason}"
+        )
+        status = ExitStatus.USAGE if is_own else ExitStatus.INCONCLUSIVE
+        raise PackageError(UserMessage(text, reason=error.strerror), status) from None
 
 
 def write_certificate(

@@ -77,7 +77,7 @@ class RecordingPlan:
 
     def sinks(self, viewer_url: str | None) -> tuple[SinkFactory, ...]:
         """Return the factories of the sinks: the files, and the viewer if there is one."""
-        needs_login = isinstance(self.controller, Tcp)  # L83
+        needs_login = self.controller.needs_login
         session = {"controller": str(self.controller)}
         files = self.robot.sink(session, draw=has_viewer(), needs_login=needs_login)
         if viewer_url is None:

@@ -5,6 +5,7 @@ A package is hostile input: only the known names are read, each once and up to a
 
 import hashlib
 import json
+import os
 import shutil
 import stat
 import struct
@@ -135,16 +136,29 @@ def sha256_of(file: BufferedReader) -> str:
     return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def obstacle(path: Path) -> str:
+    """Return why a package cannot be written; empty if nothing is known."""
+    if path.exists():
+        return UserMessage("{package} exists: name another file with --package", package=path)
+    folder = next(each for each in path.absolute().parents if each.exists())
+    if folder.is_dir() and os.access(folder, os.W_OK | os.X_OK):
+        return ""
+    return UserMessage(
+        "{package} cannot be written: name another file with --package", package=path
+    )
+
+
 def write(path: Path, files: Mapping[str, Path]) -> None:
     """Write a new package; equal files give equal bytes.
 
     Args:
-        path: The package; it must not exist.
+        path: The package; it must not exist. Its folder is created.
         files: The manifest and the other files, by their names in the package.
 
     Raises:
         OSError: The package exists or cannot be written, or a file cannot be read.
     """
+    path.parent.mkdir(parents=True, exist_ok=True)
     file = path.open("xb")
     try:
         with file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:

@@ -33,7 +33,7 @@ from scaraspec.protocol.readings import Dialect, ReadingError, parse_settings
 from scaraspec.suite.engine.ics import Ics, IcsError
 from scaraspec.transports.connect import CONNECT_TIMEOUT_S
 from scaraspec.transports.link import LinkError
-from scaraspec.transports.url import Tcp, parse
+from scaraspec.transports.url import parse
 from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec call tcp://127.0.0.1:8877 set_digital_output 8 1"
@@ -129,7 +129,7 @@ def _carry_out(  # noqa: PLR0913, PLR0917 - the options of the command line
     values = parse_arguments(name, texts)
     if name == "login":
         password = None  # it logs in itself
-    elif password is None and isinstance(parse(url), Tcp):
+    elif password is None and parse(url).needs_login:
         password = DEFAULT_PASSWORD
     with Client(
         url,

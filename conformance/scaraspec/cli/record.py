@@ -64,9 +64,12 @@ _GROUPS: Final = {
         "keep",
         "min_free",
         "file_mode",
+        "no_rrd",
         "redact",
         "timestamps",
         "trigger",
+        "on_trigger",
+        "protect",
     ),
     "Watching": ("live", "metrics"),
 }
@@ -100,6 +103,7 @@ _OF_ALL: Final = ("config", "live", "metrics")  # these do not belong to one rob
 )
 @click.option("--min-free", metavar="SIZE", help="Remove the oldest files if less is free: 2GB.")
 @click.option("--file-mode", metavar="MODE", help="Access rights of the files, as 640 [600].")
+@click.option("--no-rrd", is_flag=True, help="Write no .rrd files; they can be made later.")
 @click.option("--redact", is_flag=True, help="Mask passwords in the raw bytes, too.")
 @click.option(
     "--timestamps",
@@ -110,10 +114,11 @@ _OF_ALL: Final = ("config", "live", "metrics")  # these do not belong to one rob
     "--trigger",
     metavar="COND",
     multiple=True,
-    help="Mark the time in the log of the recording at code:12, refusal, finding:4.15/3,"
-    " finding:fail, silence:30s, late:500ms, malformed, disconnect or signal (SIGUSR1);"
+    help="Mark the time at a condition, such as refusal, late:500ms or gap, see docs/record.md;"
     " repeatable.",
 )
+@click.option("--on-trigger", metavar="CMD", help="Run a command, too; see docs/record.md.")
+@click.option("--protect", metavar="TIME", help="Keep files within 5m of a mark.")
 @click.option(
     "--live",
     is_flag=True,
@@ -319,10 +324,9 @@ def _print_summary(statuses: Sequence[Status]) -> None:
                 f"from the {way}: {least}{count.received_bytes} bytes received and forwarded = "
                 f"{count.recorded_bytes} recorded + {count.gap_bytes} in {count.gaps} gaps{rest}"
             )
-            if count.unforwarded_bytes:
+            for reason, dropped_bytes in count.unforwarded_bytes.items():
                 click.echo(
-                    f"from the {way}: {count.unforwarded_bytes} bytes received and not forwarded, "
-                    "because the robot was not connected"
+                    f"from the {way}: {dropped_bytes} bytes received and not forwarded: {reason}"
                 )
         files = ", ".join(progress.files) or "none"
         if progress.earlier_files:

@@ -43,8 +43,8 @@ class PendingRequests:
     """
 
     def __init__(self, dialect: Dialect) -> None:
-        self.reply_ns = int((dialect.seconds("reply_timeout") or 5) * NS_PER_S)
-        self._transfer_ns = int((dialect.seconds("xfer_timeout") or 30) * NS_PER_S)
+        self.reply_ns = int(float(dialect["reply_timeout"]) * NS_PER_S)
+        self._transfer_ns = int(float(dialect["xfer_timeout"]) * NS_PER_S)
         self._open: list[_PendingRequest] = []
         self._late_replies_expected: Counter[str] = Counter()
         self._owed_until_ns: dict[str, int] = {}  # until then a late reply may come

@@ -50,7 +50,7 @@ def test_examples(controller: str, tmp_path: Path) -> None:
     assert stated.startswith("() ('")
     assert specified.count("\n") == 3
     assert gated == "CONFORMANT\n"
-    assert verified == "plant-a.scaraspec.zip cannot be read: No such file or directory\n"
+    assert verified == "it cannot be read: No such file or directory\n"
     assert recorded.endswith("no-violation-found\n")
     assert audited.startswith("no-violation-found Only the controller is judged.")
     assert "\nget_version  1.0.0 " in read

@@ -312,6 +312,17 @@ def test_no_package(verify: Verify, tmp_path: Path, content: bytes | None) -> No
     assert text.count("\n") == 1
 
 
+def test_nowhere_to_extract(
+    verify: Verify, package: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It cannot be decided. A folder in place of a package is a usage error."""
+    monkeypatch.setattr("tempfile.tempdir", f"{tmp_path / 'none'}")
+    status, text = verify(package)
+    assert (status, "its files cannot be extracted: No such file" in text) == (3, True)
+    status, text = verify(tmp_path)
+    assert (status, text) == (2, f"scaraspec: {tmp_path}: it cannot be read: Is a directory\n")
+
+
 def test_damaged(verify: Verify, package: Path, tmp_path: Path) -> None:
     path = tmp_path / "cut.zip"
     path.write_bytes(package.read_bytes()[:-100])

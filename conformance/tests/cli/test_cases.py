@@ -57,6 +57,13 @@ def test_requirement_of_one_role() -> None:
     assert run("--only", "8/2").output.count("  controller;") > 1
 
 
+def test_id_of_a_requirement() -> None:
+    """The id of a requirement lists its cases, unless a case has the same id."""
+    assert run("4.17/3").output == run("--only", "4.17/3").output
+    assert "4.17/3.again  controller" in run("4.17/3").output
+    assert "test_2" in run("2/5", "--role", "client").output
+
+
 def test_specification(tmp_path: Path) -> None:
     """The page contains each case of both roles once, with its requirements."""
     page = tmp_path / "specification.html"
@@ -73,8 +80,9 @@ def test_specification(tmp_path: Path) -> None:
     ("arguments", "message"),
     [
         (["4.15/9x"], "there is no case '4.15/9x', did you mean"),
+        (["6.5/3"], "no case is selected: 6.5/3 cannot be tested"),
         (["4.15/7", "--only", "4.15"], "ID cannot be combined with --only"),
-        (["--only", "4.99"], "--only: "),
+        (["--only", "4.99"], "no case is selected: "),
         (["4.15/7", "--html", "/nowhere/page.html"], "/nowhere/page.html cannot be written"),
     ],
 )

@@ -10,10 +10,13 @@ import pytest
 from certification import CASES, calibrated, list_of_cases
 
 from scaraspec.api import calibration, certificates
+from scaraspec.api import certify as certify_api
 from scaraspec.certificate import checks
+from scaraspec.certificate.package import PackageError
 from scaraspec.cli.certify import controller
+from scaraspec.cli.certify import options as certify_options
 from scaraspec.cli.main import main
-from scaraspec.judge.verdicts import Conclusion
+from scaraspec.judge.verdicts import Conclusion, ExitStatus
 from scaraspec.report.model import Results, Role
 from scaraspec.suite.engine.plan import Options
 
@@ -84,6 +87,42 @@ def test_certified(certify: Run, processes: Any, tmp_path: Path) -> None:
     capture = (out / "capture.mcap").read_bytes()
     assert b"\x08password" not in capture
     assert certificates.verify_package(package).exit_status == 0
+
+
+@pytest.mark.usefixtures("small")
+@pytest.mark.parametrize(
+    ("broken", "says"),
+    [
+        ((certify_api, "write_package"), "the package cannot be written: [Errno 28] No space left"),
+        ((certify_options, "verify_package"), "run.zip: its files cannot be extracted"),
+    ],
+)
+def test_full_disk(  # noqa: PLR0913 - each is a fixture or a parameter
+    certify: Run,
+    processes: Any,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    *,
+    broken: tuple[Any, str],
+    says: str,
+) -> None:
+    """The results are shown, and the exit status is 3, or 1 for a violation."""
+
+    def fail(*_: object) -> None:
+        if broken[1] == "write_package":
+            raise OSError(28, "No space left on device")
+        raise PackageError("its files cannot be extracted", ExitStatus.INCONCLUSIVE)
+
+    monkeypatch.setattr(*broken, fail)
+    for mutant, expected in ((), 3), (("--mutant", "status-of-one-digit"), 1):
+        host, port = processes.controller(*mutant)
+        out = tmp_path / f"run-{expected}"
+        arguments = ("--out", out, "--package", tmp_path / "new" / f"{expected}" / "run.zip")
+        status, text = certify(f"tcp://{host}:{port}", *ALLOW, *arguments)
+        assert status == expected, text
+        assert says in text
+        assert "requirements in scope judged" in text
+        assert (out / "results.json").exists()
 
 
 @pytest.mark.usefixtures("small")
@@ -202,6 +241,12 @@ def test_missing_prerequisites(certify: Run, tmp_path: Path) -> None:
     assert (status, "the seed of a certification is 0 to 9, not 10" in text) == (2, True)
     status, text = certify("serial:///dev/ttyS9", *ALLOW, *out)
     assert (status, "--certification needs a TCP link" in text) == (2, True)
+    status, text = certify(url, *ALLOW, *out, "--package", tmp_path / "ics.toml" / "a.zip")
+    assert (status, "a.zip cannot be written: name another file" in text) == (2, True)
+    (tmp_path / "used").mkdir()
+    (tmp_path / "used" / "results.json").touch()
+    status, text = certify(url, *ALLOW, "--out", tmp_path / "used")
+    assert (status, "contains results.json of an earlier run" in text) == (2, True)
     (tmp_path / "out.scaraspec.zip").touch()
     status, text = certify(url, *ALLOW, *out)
     assert (status, "name another file with --package" in text) == (2, True)

@@ -74,7 +74,7 @@ def controller(processes: Any) -> str:
 def test_help_fits_a_screen(processes: Any) -> None:
     """All options, under headings, with an example at the end."""
     lines = processes.run("record", "--help").stdout.splitlines()
-    assert 24 <= len(lines) <= 40
+    assert 24 <= len(lines) <= 44
     assert max(map(len, lines)) <= 80
     assert lines[-1].startswith("  Example: scaraspec record tcp://")
 
@@ -98,6 +98,15 @@ def test_a_file_for_each_connection(processes: Any, controller: str, tmp_path: P
     for file in files:
         assert file.with_suffix(".rrd").exists()
         assert processes.run("audit", str(file)).returncode == 0
+
+
+@pytest.mark.usefixtures("viewer")
+def test_without_rrd_files(processes: Any, controller: str, tmp_path: Path) -> None:
+    """`convert` can write them later."""
+    recorder = processes.start("record", controller, *LOCAL, "--out", str(tmp_path), "--no-rrd")
+    ask(url_in(recorder.stdout.readline()))
+    assert "files: capture.mcap\n" in end(recorder)
+    assert [path.name for path in tmp_path.iterdir()] == ["capture.mcap"]
 
 
 def test_an_unreachable_robot_is_reported(processes: Any, tmp_path: Path) -> None:
@@ -141,6 +150,27 @@ def test_a_trigger_marks_the_recording(processes: Any, controller: str, tmp_path
     assert recorder.returncode == 0, printed
     assert "UTC: connection 1 closed\n" in printed
     assert marks(tmp_path / "capture.mcap") == ["disconnect: connection 1 closed"]
+
+
+@pytest.mark.parametrize("rotate", [(), ("--rotate", "1h", "--keep", "30d", "--protect", "5m")])
+def test_a_trigger_runs_a_command(
+    processes: Any, controller: str, tmp_path: Path, rotate: tuple[str, ...]
+) -> None:
+    """It gets the facts of the trigger, and its file exists."""
+    script = tmp_path / "report.py"
+    script.write_text(
+        "import os, pathlib\n"
+        "assert pathlib.Path(os.environ['SCARASPEC_FILE']).stat().st_size\n"
+        "report = pathlib.Path(__file__).with_suffix('.txt')\n"
+        "report.write_text('{SCARASPEC_TRIGGER} {SCARASPEC_REASON}'.format_map(os.environ))\n"
+    )
+    recorder = processes.start(
+        *("record", controller, *LOCAL, "--out", str(tmp_path / "out"), *rotate),
+        *("--trigger", "disconnect", "--on-trigger", f"{sys.executable} -S {script}"),
+    )
+    ask(url_in(recorder.stdout.readline()))
+    assert "failed" not in end(recorder)
+    assert script.with_suffix(".txt").read_text() == "disconnect connection 1 closed"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs SIGUSR1")
@@ -395,6 +425,9 @@ def read_until(descriptor: int, text: str) -> str:
         (("tcp://127.0.0.1", "--metrics", "192.0.2.7:9100"), "served only on this machine"),
         (("serial:///dev/ttyX", "--mode", "tproxy"), "needs TCP on both sides"),
         (("tcp://127.0.0.1", "--trigger", "bang"), "--trigger: 'bang' is not a trigger"),
+        (("tcp://127.0.0.1", "--on-trigger", "sh"), "--on-trigger has no effect without trigger"),
+        (("tcp://127.0.0.1", "--on-trigger", "/nope"), "--on-trigger: '/nope': there is no such"),
+        (("tcp://127.0.0.1", "--trigger", "gap", "--protect", "5m"), "without keep or min-free"),
         (("tcp://127.0.0.1", "--listen", "tcp://127.0.0.1"), "is not an address to listen on"),
         (("tcp://127.0.0.1", "--listen", "8877"), "8877 has no host: write HOST:PORT, as 127."),
         (("tcp://127.0.0.1", "--listen", ":8877"), ":8877 has no host: write HOST:PORT"),
@@ -476,16 +509,20 @@ def test_what_a_recorder_waits_for(
 
 @pytest.mark.skipif(sys.platform == "win32", reason="names of files are Unicode")
 @pytest.mark.parametrize("names", [("线", "x"), ("line", "线")])
-def test_a_name_that_the_system_cannot_encode(
-    processes: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, names: tuple[str, str]
-) -> None:
+def test_a_name_that_the_system_cannot_encode(tmp_path: Path, names: tuple[str, str]) -> None:
     """A locale without these letters is reported as one sentence."""
-    for name, value in (("LC_ALL", "C"), ("PYTHONUTF8", "0"), ("PYTHONCOERCECLOCALE", "0")):
-        monkeypatch.setenv(name, value)
+    locale = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
     robot, out = names
     config = tmp_path / "lines.toml"
     config.write_text(f'[robots."{robot}"]\nurl = "tcp://192.0.2.7"\nout = "{out}"\n', "utf-8")
-    done = processes.run("record", "--config", str(config))
+    done = subprocess.run(
+        [sys.executable, "-m", "scaraspec", "record", "--config", str(config)],
+        env={**os.environ, **locale},
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+        check=False,
+    )
     assert done.returncode == 2
     assert "cannot be used in file names, whose encoding is " in done.stderr
     assert "Traceback" not in done.stderr

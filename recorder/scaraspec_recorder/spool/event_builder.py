@@ -14,6 +14,7 @@ from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.spool.forwarded_chunks import ForwardedChunk
 from scaraspec_recorder.spool.records import ControlRecord, Record, stream_number
 
+_MOST_DROPPED: Final = 3  # named in a note
 _MISSING: Final = "records are missing"
 _NO_START: Final = "its beginning is not recorded"
 
@@ -27,7 +28,7 @@ class ByteCounts:
     gaps: int = 0
     unknown_gaps: int = 0  # of unknown length
     spooled_bytes: int = 0  # left to the next recorder
-    unforwarded_bytes: int = 0  # dropped, because the robot was not connected
+    unforwarded_bytes: dict[str, int] = field(default_factory=dict)  # dropped, by reason
 
     @property
     def received_bytes(self) -> int:
@@ -66,7 +67,7 @@ class _Link:
     opened: WireEvent
     streams: dict[Direction, _Stream] = field(default_factory=dict)
     connecting: bool = False
-    unforwarded_bytes: int = 0
+    dropped: list[str] = field(default_factory=list)  # what was not forwarded
 
 
 class EventBuilder:
@@ -196,10 +197,9 @@ class EventBuilder:
             events.append(link.opened)
         stream = self._streams[number]
         if kind in (ControlRecord.CONNECTED, ControlRecord.UNFORWARDED):
-            link = self._links[record.connection]
-            link.connecting = False
-            link.unforwarded_bytes = record.length_bytes
-            stream.count.unforwarded_bytes += record.length_bytes
+            self._links[record.connection].connecting = False
+            if kind is ControlRecord.UNFORWARDED:
+                self._drop(record, stream)
             return events
         if stream.next_bytes is not None and stream.next_bytes < offset:
             events.append(stream.gap(time_ns, offset - stream.next_bytes, _MISSING))
@@ -228,12 +228,20 @@ class EventBuilder:
         self._links[number] = link
         return link
 
+    def _drop(self, record: Record, stream: _Stream) -> None:
+        """Count bytes that were not forwarded."""
+        dropped, reason = stream.count.unforwarded_bytes, record.note
+        dropped[reason] = dropped.get(reason, 0) + record.length_bytes
+        sender = "client" if stream.direction is A2C else "controller"
+        self._links[record.connection].dropped.append(
+            f"not forwarded from the {sender}: {record.length_bytes} bytes, {reason}"
+        )
+
     def _note(self, record: Record) -> str:
-        """Return the note of a record, with the bytes that its connection did not forward."""
-        dropped_bytes = self._links[record.connection].unforwarded_bytes
-        if not dropped_bytes or record.kind not in (Kind.CLOSED, Kind.RESET):
-            return record.note
-        return f"{record.note}; {dropped_bytes} bytes of the client were not forwarded"
+        """Return the note of a record; at the end, with what the connection did not forward."""
+        ended = record.kind in (Kind.CLOSED, Kind.RESET)
+        dropped = self._links[record.connection].dropped[:_MOST_DROPPED] if ended else ()
+        return "; ".join(filter(None, (record.note, *dropped)))
 
     def _close(self, number: int) -> None:
         del self._links[number]

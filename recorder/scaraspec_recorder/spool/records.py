@@ -32,7 +32,7 @@ class ControlRecord(Enum):
     RESTART = "restart"  # records before and after it are unrelated: connection numbers start again
     TOTAL = "total"  # `offset_bytes` is the tap's count of received bytes in this direction
     CONNECTED = "connected"  # the connection to the robot is made
-    UNFORWARDED = "unforwarded"  # bytes of the client before that, see `unforwarded_record`
+    UNFORWARDED = "unforwarded"  # bytes that the tap dropped, see `unforwarded_record`
 
     __hash__ = object.__hash__
 
@@ -89,7 +89,8 @@ class Record(NamedTuple):
     @property
     def note(self) -> str:
         """The note of a record without bytes of the wire."""
-        text = self.payload[_LENGTH.size :] if self.kind is Kind.GAP else self.payload
+        counted = self.kind in (Kind.GAP, ControlRecord.UNFORWARDED)
+        text = self.payload[_LENGTH.size :] if counted else self.payload
         return text.decode("utf-8", "replace")
 
 
@@ -106,9 +107,10 @@ def gap_record(
     return Record(Kind.GAP, stream, time_ns, offset_bytes, payload)
 
 
-def unforwarded_record(stream: int, time_ns: int, length_bytes: int) -> Record:
-    """Return the record of bytes that were received before the robot was connected, and dropped."""
-    return Record(ControlRecord.UNFORWARDED, stream, time_ns, 0, _LENGTH.pack(length_bytes))
+def unforwarded_record(stream: int, time_ns: int, length_bytes: int, reason: str) -> Record:
+    """Return the record of bytes that the tap received, but could not forward."""
+    payload = _LENGTH.pack(length_bytes) + reason.encode()
+    return Record(ControlRecord.UNFORWARDED, stream, time_ns, 0, payload)
 
 
 class Block:

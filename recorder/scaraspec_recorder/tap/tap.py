@@ -13,6 +13,8 @@ import socket
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Final, cast
 
@@ -75,7 +77,8 @@ class Tap:
         self.append = append
         self.kernel_time = kernel_time
         self.now_ns = now_ns
-        self.resets = tcp.ResetWatch()
+        self.resets = tcp.SocketWatch(tcp.ERROR)
+        self.urgent = tcp.SocketWatch(tcp.URGENT)
         self._connect = connect or Connection
         self._connections: set[Connection] = set()
         self._accepted = 0
@@ -104,6 +107,7 @@ class Tap:
                 connection.reset()
             await self._wait_until_empty()
         self.resets.close()
+        self.urgent.close()
 
     def remove(self, connection: "Connection") -> None:
         """Remove a connection. Both of its sockets are closed."""
@@ -304,6 +308,7 @@ class Connection:
     def connected(self, end: SocketEnd) -> None:
         """A socket is connected: first the client's, then the upstream's."""
         assert end.transport
+        self.tap.urgent.add(end.descriptor, partial(self._drop_urgent, end))
         if self._ended:
             end.transport.abort()
         elif end is self.client:
@@ -338,6 +343,7 @@ class Connection:
         """A socket is closed. If the tap did not close it, reset the peer socket."""
         end.closed = True
         self.tap.resets.discard(end.descriptor)
+        self.tap.urgent.discard(end.descriptor)
         if not self._ended:
             self._end(Kind.RESET, end, why)
             if end.peer.transport:
@@ -404,9 +410,18 @@ class Connection:
             each.pause()
             self._record(ControlRecord.TOTAL, each)
         if dropped_bytes := self._unforwarded_bytes():
-            record = unforwarded_record(self.client.stream, self.tap.now_ns(), dropped_bytes)
-            self.tap.append(*record)
+            self._record_dropped(self.client, dropped_bytes, "the robot was not connected")
         self._record(kind, end, note)
+
+    def _record_dropped(self, end: SocketEnd, size_bytes: int, reason: str) -> None:
+        """Record bytes that were not forwarded."""
+        self.tap.append(*unforwarded_record(end.stream, self.tap.now_ns(), size_bytes, reason))
+
+    def _drop_urgent(self, end: SocketEnd) -> None:
+        """Record urgent data, which is not in the stream. The system keeps its last byte."""
+        with suppress(OSError):
+            tcp.drop_urgent(end.descriptor)
+            self._record_dropped(end, 1, "sent as urgent data (TCP)")
 
     def _unforwarded_bytes(self) -> int:
         """Count the bytes that the client sent before the upstream socket was connected."""

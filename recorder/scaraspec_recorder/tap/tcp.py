@@ -7,6 +7,7 @@ relayed or recorded.
 import asyncio
 import contextlib
 import ipaddress
+import os
 import select
 import socket
 import struct
@@ -17,6 +18,11 @@ from typing import Final
 if sys.platform == "linux":  # imported early: without a free file descriptor, imports fail
     import fcntl
     import termios
+
+    ERROR: Final = select.EPOLLERR
+    URGENT: Final = select.EPOLLPRI
+else:
+    ERROR = URGENT = 0
 
 RESET_FLUSH_S: Final = 5.0
 """Maximum time that a reset waits until queued data is sent."""
@@ -114,6 +120,16 @@ def unread_bytes(sock: socket.socket) -> int:
     return int.from_bytes(answer, sys.byteorder)
 
 
+def drop_urgent(descriptor: int) -> None:
+    """Drop the byte of urgent data of a socket, so that the next one is reported.
+
+    Raises:
+        OSError: There is none.
+    """
+    with socket.socket(fileno=os.dup(descriptor)) as sock:
+        sock.recv(1, socket.MSG_OOB | socket.MSG_DONTWAIT)
+
+
 def is_lost(sock: socket.socket) -> bool:
     """Whether the peer has not acknowledged sent data for `LOST_S`; on Linux only.
 
@@ -154,24 +170,28 @@ def reset_when_flushed(transport: asyncio.Transport) -> None:
     poll()
 
 
-class ResetWatch:
-    """Reports resets of half-closed sockets.
+class SocketWatch:
+    """Reports events of sockets that event loops do not report.
 
-    Event loops do not watch such a socket and would detect a reset only at the next write. Without
-    epoll, resets are not reported.
+    A reset of a half-closed socket would be detected only at the next write, and urgent data never.
+    Without epoll, nothing is reported.
+
+    Args:
+        event: `ERROR` or `URGENT`.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, event: int) -> None:
+        self._event = event
         self._callbacks: dict[int, Callable[[], None]] = {}
         if sys.platform == "linux":
             self._epoll = select.epoll()
             asyncio.get_running_loop().add_reader(self._epoll.fileno(), self._on_ready)
 
     def add(self, descriptor: int, callback: Callable[[], None]) -> None:
-        """Call `callback` when this socket is reset."""
+        """Call `callback` at each event of this socket."""
         if sys.platform == "linux":
             self._callbacks[descriptor] = callback
-            self._epoll.register(descriptor, select.EPOLLET)  # errors are always reported
+            self._epoll.register(descriptor, select.EPOLLET | self._event)
 
     def discard(self, descriptor: int) -> None:
         """Stop watching this socket. Must be called before it is closed."""
@@ -187,5 +207,5 @@ class ResetWatch:
 
     def _on_ready(self) -> None:
         for descriptor, events in self._epoll.poll(0):
-            if events & select.EPOLLERR and (callback := self._callbacks.get(descriptor)):
+            if events & self._event and (callback := self._callbacks.get(descriptor)):
                 callback()

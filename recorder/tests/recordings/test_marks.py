@@ -17,6 +17,7 @@ from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.recordings.archive import Archive, archive_sink
 from scaraspec_recorder.recordings.capture import capture_sink
 from scaraspec_recorder.recordings.marks import LOGGED_A_MINUTE, SOURCE, TriggerMarks, with_marks
+from scaraspec_recorder.recordings.recording_index import FILE_NAME, RecordingIndex
 from scaraspec_recorder.recordings.rotation import parse_rotation
 from scaraspec_recorder.recordings.triggers import parse_trigger
 from scaraspec_recorder.sinks.clock_watch import ClockWatch
@@ -211,12 +212,30 @@ class RotatedFiles:
         return [marks(path) for path in sorted(self.path.glob("*.mcap"))]
 
 
+def test_the_index_knows_the_marks(tmp_path: Path, talk: Any) -> None:
+    """Those of the first and last mark of each file; also if it is rebuilt from the files."""
+    files = RotatedFiles(tmp_path, "1h", "refusal")
+    for _ in range(3):
+        talk.ask("run_program", b"x", REFUSED)
+    for event in talk.events:
+        files.sink.write(event)
+    files.sink.close()
+    times = [time_ns for time_ns, _ in files.marks[0]]
+    for _ in range(2):
+        index = RecordingIndex(tmp_path)
+        index.save()
+        (entry,) = index.entries.values()
+        assert (entry.first_mark_ns, entry.last_mark_ns) == (times[0], times[-1])
+        (tmp_path / FILE_NAME).unlink()
+
+
 def test_a_mark_is_in_the_file_of_its_event(tmp_path: Path, talk: Any) -> None:
     """Also if the last event of a file causes it."""
     files = RotatedFiles(tmp_path, "connection", "disconnect")
     for number in range(3):
         talk.connection = f"{number}"
         talk.mark(A2C, Kind.OPENED)
+        talk.ask("get_status", None, "00")
         talk.time_ns += SECOND_NS
         talk.mark(A2C, Kind.CLOSED)
     for event in talk.events:

@@ -143,6 +143,21 @@ def test_the_file_of_a_killed_recorder_is_repaired_and_listed(
     assert {**entry, "notes": [], "size_bytes": 0} == {**before, "size_bytes": 0}
 
 
+def test_an_incomplete_rrd_file_is_noted(
+    recorded: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """In the index and in the log."""
+    shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
+    drawn = (tmp_path / NAME).with_suffix(".rrd")
+    drawn.write_bytes(drawn.read_bytes()[:-9])
+    (tmp_path / FILE_NAME).unlink()
+    RecordingIndex(tmp_path).save()
+    (entry,) = lines(tmp_path)
+    (note,) = entry["notes"]
+    assert note.startswith(f"{drawn} is incomplete: ")
+    assert caplog.messages == [f"{tmp_path / NAME}: {note}"]
+
+
 @pytest.mark.parametrize("free_bytes", [0, 10**6])
 def test_a_file_is_repaired_when_there_is_space(
     recorded: Path,
@@ -169,8 +184,9 @@ def test_a_file_is_repaired_when_there_is_space(
                 index.repair()
     assert capture.read_bytes() == truncated
     index.repair()
-    assert not caplog.records[free_bytes > 0 :]
-    assert index.entries[NAME].notes
+    notes = [f"{capture}: {note}" for note in index.entries[NAME].notes]
+    assert notes
+    assert caplog.messages[free_bytes > 0 :] == notes
 
 
 def test_unreadable_files_are_listed(tmp_path: Path) -> None:

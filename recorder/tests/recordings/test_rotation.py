@@ -1,6 +1,7 @@
 """A recording in several files has the same bytes and findings as one in a single file."""
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -321,6 +322,28 @@ def test_short_connections_share_a_file(
     entries = RecordingIndex(tmp_path).entries.values()
     assert len(entries) == files
     assert sum(entry.connections for entry in entries) == 100
+
+
+def test_a_connection_without_bytes_needs_no_file(
+    tmp_path: Path, sessions: Callable[..., list[list[WireEvent]]]
+) -> None:
+    """A health check; but a client that could not reach the robot is recorded."""
+    sink = recorder(tmp_path, parse_rotation("connection"))
+    check, session, later, failed = sessions(4, 2 * TICK_NS)
+    begun, *rest, ended = session
+    unreachable = replace(failed[-1], kind=Kind.RESET, note="no connection: refused")
+    for event in (
+        *(check[0], check[-1], begun, later[0], *rest, later[-1], ended),
+        *(failed[0], unreachable),
+    ):
+        sink.write(event)
+        sink.tick(event.time_ns)
+    sink.close()
+    entries = list(RecordingIndex(tmp_path).entries.values())
+    assert [entry.connections for entry in entries] == [1, 1]
+    assert entries[0].a2c_bytes == sum(len(e.data) for e in session if e.direction is A2C)
+    events = [event for entry in entries for event in read_mcap(tmp_path / entry.name)]
+    assert [event.connection for event in events if event.kind is Kind.OPENED] == ["2", "4"]
 
 
 def test_a_recording_without_events(tmp_path: Path) -> None:

@@ -120,6 +120,16 @@ def test_disconnect(session: Any, kind: Kind) -> None:
     assert fires("disconnect", session.events) == [f"connection 1 {kind.value}"]
 
 
+def test_gap(talk: Any) -> None:
+    """Its length is given if it is known."""
+    talk.mark(C2A, Kind.GAP, "overflow", length=37)
+    talk.mark(A2C, Kind.GAP, "restart", length=-1)
+    assert fires("gap", talk.events) == [
+        "connection 1: 37 bytes are not recorded: overflow",
+        "connection 1: an unknown number of bytes are not recorded: restart",
+    ]
+
+
 def test_the_end_of_the_recording_is_not_a_disconnect(session: Any) -> None:
     """Open connections are closed after gaps of unknown length."""
     for direction in (A2C, C2A):

@@ -171,14 +171,14 @@ def test_a_pending_connection_and_what_it_does_not_forward(bench: Bench) -> None
     runner.step()
     assert runner.progress.connecting_since_ns == 1_000
     bench.put(ControlRecord.CONNECTED, stream_number(1, C2A))
-    bench.writer.append(*unforwarded_record(stream_number(2, A2C), 2_000, 5))
+    bench.writer.append(*unforwarded_record(stream_number(2, A2C), 2_000, 5, "too early"))
     bench.put(Kind.RESET, stream_number(2, C2A), payload=b"no connection: timed out")
     runner.step()
     assert runner.progress.connecting_since_ns == 0
-    assert runner.progress.a2c.unforwarded_bytes == 5
+    assert runner.progress.a2c.unforwarded_bytes == {"too early": 5}
     assert runner.progress.unreached == "timed out"
-    note = "no connection: timed out; 5 bytes of the client were not forwarded"
-    assert sink.events[-1].note == note
+    dropped = "not forwarded from the client: 5 bytes, too early"
+    assert sink.events[-1].note == f"no connection: timed out; {dropped}"
 
 
 def test_an_unreachable_robot_is_known_until_it_sends(

@@ -367,6 +367,31 @@ def test_early_bytes_that_are_not_forwarded_are_counted(run: Any, ending: str) -
     run(test)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not report it")
+@pytest.mark.parametrize("sender", [A2C, C2A], ids=str)
+def test_urgent_data_is_counted(run: Any, sender: Direction) -> None:
+    """It is not in the stream, so it cannot be forwarded; the stream itself is."""
+
+    async def test() -> None:
+        async with Bench() as bench:
+            ends = await bench.pair()
+            one, other = ends if sender is A2C else ends[::-1]
+            await send(one, b"before")
+            assert await receive(other, 6) == b"before"
+            one.send(b"!", socket.MSG_OOB)
+            while not (
+                dropped := [r for r in bench.records if r.kind is ControlRecord.UNFORWARDED]
+            ):
+                await turn()
+            assert [(r.direction, r.length_bytes) for r in dropped] == [(sender, 1)]
+            assert dropped[0].note == "sent as urgent data (TCP)"
+            await send(one, b"after")
+            assert await receive(other, 5) == b"after"
+            assert bench.stream(sender) == b"beforeafter"
+
+    run(test)
+
+
 def test_an_early_end_is_forwarded(run: Any) -> None:
     """A client that connects and ends immediately also ends at the controller."""
 

@@ -35,6 +35,7 @@ from scaraspec.suite.engine.observer import CaseFinding, Observer, Take, sending
 from scaraspec.suite.engine.outcome import Outcome, unless_disturbed
 from scaraspec.suite.engine.passive_findings import grouped, is_confirmed, undecided
 from scaraspec.suite.engine.plan import is_selected
+from scaraspec.suite.engine.repeated_cases import repeated_cases
 from scaraspec.suite.engine.role_adapter import P, RoleAdapter
 from scaraspec.suite.engine.stall_detector import Stall, StallDetector, threshold_s
 from scaraspec.suite.engine.unsupported_claims import (
@@ -232,7 +233,7 @@ class Run(Generic[P]):
         outcomes = (*ran, *self._wrong_claims())
         earlier, ids = self._earlier.cases, {o.case.id for o in outcomes}
         tried = [earlier.get(o.case.id) or self._case(o) for o in outcomes]
-        tried += wrong_claims(self._subject.served, self._replay(""))
+        tried += wrong_claims(self._subject.served, self._replay())
         before = [case for key, case in earlier.items() if key not in ids]
         findings = self._observer.findings
         groups = grouped(findings, (case for case in before if model.SEEN in case.id))
@@ -391,7 +392,7 @@ class Run(Generic[P]):
             observed=outcome.observed,
             duration_s=outcome.duration_s,
             examples=outcome.examples,
-            replay=self._replay(case.id if not case.id.startswith(("run.", "claim.")) else ""),
+            replay=self._replay_of(outcome),
             wire=() if outcome.verdict in (Verdict.NONE, Verdict.PASS) else wire,
             passing=self._stats.evidence.passing(wire) if bad else (),
             attempts=outcome.attempts,
@@ -436,7 +437,7 @@ class Run(Generic[P]):
             message=_with_place(finding.message, first.case, len(findings)),
             expected=finding.expected,
             observed=finding.observed or " = ".join(finding.reading or ()),
-            replay=self._replay(first.case or finding.requirement),
+            replay=self._replay(*self._repeated(first.case, finding.requirement)),
             wire=wire,
             passing=self._stats.evidence.passing(wire) if failed else (),
             reason=reason,
@@ -448,9 +449,21 @@ class Run(Generic[P]):
             step=replace(step, time_ns=first.begin_ns) if failed else None,
         )
 
-    def _replay(self, selection: str) -> str:
+    def _replay_of(self, outcome: Outcome) -> str:
+        """Return the command that repeats a case; the whole run if it is no case."""
+        case = outcome.case
+        if case.id.startswith(("run.", "claim.")):
+            return self._replay()
+        return self._replay(*self._repeated(case.id, outcome.requirement))
+
+    def _repeated(self, case: str, requirement: str) -> tuple[str, ...]:
+        if not (case and requirement):
+            return (case or requirement,)
+        return repeated_cases(case, requirement, self.case_runner.outcomes)
+
+    def _replay(self, *selected: str) -> str:
         replay = self.adapter.replay
-        only = f" --only {selection}" if selection else ""
+        only = f" --only {','.join(selected)}" if selected else ""
         return f"{replay}{only}" if replay else ""
 
 

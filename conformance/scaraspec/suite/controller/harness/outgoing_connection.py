@@ -34,7 +34,7 @@ SEGMENT_S: Final = 0.02
 
 _SIGNS_OF_LIFE: Final = ("login", "get_status")
 """Requests that show whether the controller still answers; they may be steps of every case."""
-_CUT_S: Final = 0.002  # enough for a link without delay
+_CUT_S: Final = 0.001  # enough for a link without delay
 _SEPARATION_S: Final = 0.05
 _INSTANT_S: Final = 0.001
 _IDLE: Final = "00"

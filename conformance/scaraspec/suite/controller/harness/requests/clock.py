@@ -4,7 +4,7 @@ A reported time lies between the request and the reply, so a slow link causes no
 """
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from datetime import datetime, timedelta
 from random import Random
 from typing import Final, NamedTuple
@@ -83,6 +83,18 @@ def rollovers(time: datetime) -> tuple[datetime, ...]:
         day.replace(month=3, day=1),
         day.replace(month=1, day=1),
     )
+
+
+def has_clock(subject: ControllerUnderTest) -> bool:
+    """Whether the clock can be read and set."""
+    return subject.ics.unsupported.isdisjoint(("get_time", "set_time"))
+
+
+def rollover_if_possible(
+    subject: ControllerUnderTest, line: OutgoingConnection, time: datetime
+) -> AbstractContextManager[object]:
+    """Return the context `clock_rolls_over`, or one without effect if there is no clock."""
+    return clock_rolls_over(subject, line, time) if has_clock(subject) else nullcontext()
 
 
 @contextmanager

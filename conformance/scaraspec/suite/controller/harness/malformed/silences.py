@@ -1,4 +1,4 @@
-"""Timeouts: tests several silences at the same time, each on its own connection."""
+"""Silences: tests several silences at the same time, each on its own connection."""
 
 from collections import deque
 from collections.abc import Callable
