@@ -193,8 +193,9 @@ function FIELD.version(field, piece, findings)
   elseif not piece.s:match("^%d+%.%d+%.%d+$") then
     add_defect(findings, "version")
   end
-  add_field(findings, field.filter, piece, show(piece))
-  return show(piece)
+  local text = show(piece, 255)
+  add_field(findings, field.filter, piece, text)
+  return text
 end
 
 -- Removes quotation marks (A-0-3) and trailing NULs (A-T-3).

@@ -120,7 +120,7 @@ local function cut(chars, limit)
 end
 
 -- Returns bytes as text: UTF-8, else GB18030, else Latin-1 (A-T-2).
-local function show(piece)
+local function show(piece, limit)
   local points = utf8_points(piece.s) or gb18030_points(piece) or { piece.s:byte(1, -1) }
   local chars = {}
   for _, point in ipairs(points) do
@@ -132,7 +132,7 @@ local function show(piece)
       end
     end
   end
-  return cut(chars, SPEC.show_limit)
+  return cut(chars, limit or SPEC.show_limit)
 end
 
 local function cut_text(text)
