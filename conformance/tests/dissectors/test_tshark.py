@@ -30,6 +30,7 @@ from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.sinks.pcapng_writer import PcapngWriter
 from scaraspec_recorder.sinks.text import frame_text, part_of
+from scaraspec_recorder.sources.capture import open_capture as open_source
 
 pytestmark = pytest.mark.wireshark
 
@@ -176,6 +177,19 @@ def test_captures(capture: Path, lua: Path) -> None:
             for stream, frames in read_with_tshark(lua, capture, *passes, *order).items():
                 found.setdefault(stream, set()).update(frames)
     assert_equal(found, ours)
+
+
+@pytest.mark.parametrize("name", ["lz4-compressed", "sequence-always-zero", "one-flipped-bit"])
+def test_recordings(name: str, lua: Path, tmp_path: Path) -> None:
+    """Recordings have the same frames after their conversion; one is on another port."""
+    recording = ROOT / f"fixtures/captures/cases/{name}.mcap"
+    converted = tmp_path / "converted.pcapng"
+    with converted.open("wb") as file:
+        writer = PcapngWriter(file)
+        for event in open_source(recording, port=None):
+            writer.write(event)
+    found = read_with_tshark(lua, converted, "-d", "tcp.port==9000,uisr")
+    assert_equal(found, read_with_ours(recording))
 
 
 def test_documented_frames(lua: Path, tmp_path: Path) -> None:
@@ -337,14 +351,28 @@ def values_text(node: program_files.Node) -> str:
     return ", ".join(f"{each.name} {getattr(node.data, each.name)}" for each in fields(node.data))
 
 
-def test_filters(lua: Path) -> None:
-    """Wireshark knows every field by its filter name."""
-    done = subprocess.run(
-        ["tshark", "-G", "fields", "-X", f"lua_script:{lua}"], capture_output=True, check=True
-    )
-    known = done.stdout.decode()
-    names = {line.split("\t")[2] for line in known.splitlines() if line.startswith("F\t")}
+def test_installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """tshark loads the installed dissector, and knows every field by its filter name."""
+    monkeypatch.setenv("HOME", f"{tmp_path}")
+    wireshark.install()
+    done = subprocess.run(["tshark", "-G", "fields"], capture_output=True, check=True)
+    lines = [line.split("\t") for line in done.stdout.decode().splitlines()]
+    names = {line[2] for line in lines if line[0] == "F"}
     assert {field.filter for field in wireshark.filter_fields()} <= names
+
+
+def test_documented_filters(lua: Path) -> None:
+    """Every filter in the documentation is valid, and one finds what it promises."""
+    page = (ROOT / "docs/wireshark.md").read_text("utf-8")
+    rows = [
+        line.split("`")[1].replace("\\|", "|") for line in page.splitlines() if line[:3] == "| `"
+    ]
+    assert len(rows) > 10
+    everything = " || ".join(f"({row})" for row in rows)
+    capture = f"{ROOT / 'fixtures/captures/field/plant-a-morning-shift.pcapng'}"
+    columns = ("-T", "fields", "-e", "uisr.text")
+    assert run_tshark(lua, "-r", capture, "-Y", everything, *columns)
+    assert run_tshark(lua, "-r", capture, "-Y", rows[2], *columns).count(b"refused") == 7
 
 
 def test_expert_infos(lua: Path, tmp_path: Path) -> None:
