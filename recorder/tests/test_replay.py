@@ -131,9 +131,9 @@ def test_a_reply_is_sent_only_after_its_request(talk: Any, *, asks: bool) -> Non
     talk.ask("download_name", b"p.rob", reply=True)
     talk.ask("download_chunk", chunk, reply=True)
     command = BY_NAME["download_chunk"]
-    asked = Frame(C2A, command.opcode, command.request.encode(chunk)).encode()
+    requests = Frame(C2A, command.opcode, command.request.encode(chunk)).encode()
     name = reply("download_name", asks)
-    by_opcode = {BY_NAME["download_name"].opcode: [name, asked] if asks else [name]}
+    by_opcode = {BY_NAME["download_name"].opcode: [name, requests] if asks else [name]}
     robot = Robot(lambda frame: by_opcode.get(frame.opcode, []))
     done = [*replay(plan_steps(talk.events, "1", READ_ONLY), robot, reply_timeout_s=1)]
     assert [step.name for step in done] == ["download_name", "download_chunk"]

@@ -11,7 +11,7 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.transports.connect import connect
 from scaraspec.transports.link import Link
-from scaraspec.transports.url import Tcp, parse
+from scaraspec.transports.url import parse
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder import replay as capture_replay
 from scaraspec_recorder.replay import ReplayStep
@@ -61,7 +61,7 @@ def replay(  # noqa: PLR0913 - independent options
         LoginFailedError: The login failed.
         PayloadError: The password cannot be sent.
     """
-    needs_login = isinstance(parse(url), Tcp)  # L83
+    needs_login = parse(url).needs_login
     source = open_capture(capture, port=port)
     with closing(connect(url)) as link:
         if needs_login:

@@ -22,7 +22,7 @@ COMMANDS = {
     "cases": "Show the cases of the suite; write the test specification.",
     "certify": "Certify an implementation against the document.",
     "client-driver": "Run the reference client as a driver (JSON Lines).",
-    "compare": "Compare the results of two runs.",
+    "compare": "Compare the results of two runs, or two captures.",
     "controller": "Run the virtual controller.",
     "convert": "Convert a capture to another format.",
     "demo": "Record and judge a complete session with the virtual controller.",

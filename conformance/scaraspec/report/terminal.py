@@ -16,7 +16,7 @@ from scaraspec.judge.verdicts import Conclusion
 from scaraspec.report.model import Case, Results
 from scaraspec.report.ordering import VERDICTS_BY_IMPORTANCE
 from scaraspec.report.root_causes import SummaryLine, summary
-from scaraspec.report.sanitizing import visible
+from scaraspec.report.sanitizing import visible, visible_line
 
 _STYLES: Final = {
     "conformant": "bold green",
@@ -59,7 +59,7 @@ def show(results: Results, console: Console, *, findings: int = DEFAULT_FINDINGS
         _draw(results, shown, console)
     else:
         for line in _lines(results, shown):
-            console.print(_text(line), soft_wrap=True)
+            console.print(Text(visible_line(line)), soft_wrap=True)
     if hidden:
         console.print(_text(f"and {hidden} more findings in the report"), soft_wrap=True)
 

@@ -1,4 +1,4 @@
-"""The output folder of a certification, on a disk that is full."""
+"""The output folder of a certification on a full disk."""
 
 import errno
 import os
@@ -24,8 +24,9 @@ RESULTS = Results(
 )
 
 
-def test_what_can_be_written_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A report that does not fit is one sentence; results.json and the others are there."""
+def test_other_reports_are_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One sentence names the report that could not be written; results.json and the others are
+    written."""
 
     def fill(_results: Results, path: Path) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), f"{path}")

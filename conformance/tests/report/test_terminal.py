@@ -69,12 +69,12 @@ def test_passes_are_not_listed(audited: Callable[[str], Results]) -> None:
     """Of a conforming capture, the summary shows the coverage and what was not judged."""
     conforming = audited("plant-a-morning-shift")
     lines = shown(conforming).splitlines()
-    coverage = "no violation found (235 of 299 requirements judged)"
+    coverage = "no violation found (238 of 307 requirements judged)"
     assert lines[0] == f"{coverage}: plant-a-morning-shift.pcapng"
-    assert "64 not judged: no traffic that shows it" in lines
+    assert "69 not judged: no traffic that shows it" in lines
     (unjudged, *_) = (each.id for each in conforming.requirements if not each.decided)
     lines = shown(replace(conforming, undecided={unjudged: 2})).splitlines()
-    assert "63 not judged: no traffic that shows it" in lines
+    assert "68 not judged: no traffic that shows it" in lines
     assert "1 not judged: the traffic does not decide it" in lines
     assert not [line for line in lines if line.startswith("pass")]
 

@@ -12,6 +12,7 @@ from scaraspec_recorder.recordings.recording_files import RecordingFolder, sessi
 from scaraspec_recorder.recordings.recording_index import RecordingIndex
 from scaraspec_recorder.recordings.retention import PERIOD_NS, Retention
 from scaraspec_recorder.recordings.rotation import Rotation, RotationPolicy
+from scaraspec_recorder.recordings.trigger_command import TriggerCommand
 from scaraspec_recorder.sinks.clock_watch import ClockWatch
 from scaraspec_recorder.sinks.decoder import Decoder
 from scaraspec_recorder.sinks.own_files import remove_temporary_files
@@ -34,6 +35,8 @@ class Archive:
         keep: Limits of age and total size.
         min_free_bytes: Disk space that must stay free; 0 for no limit.
         triggers: Conditions that write a mark into the recording, see `triggers`.
+        on_trigger: Command to run when a trigger fires; empty for none.
+        protect_ns: How long before and after a mark recordings are protected from retention.
     """
 
     robot: str
@@ -45,6 +48,8 @@ class Archive:
     keep: Limits = field(default_factory=Limits)
     min_free_bytes: int = 0
     triggers: tuple[str, ...] = ()
+    on_trigger: tuple[str, ...] = ()
+    protect_ns: int = 0
 
 
 def archive_sink(
@@ -72,7 +77,9 @@ def archive_sink(
     remove_temporary_files(folder.path)
     index = RecordingIndex(folder.path)
     free_bytes = free_bytes or (lambda: shutil.disk_usage(folder.path).free)
-    retention = Retention(index, archive.keep, archive.min_free_bytes, free_bytes)
+    retention = Retention(
+        index, archive.keep, archive.min_free_bytes, free_bytes, protect_ns=archive.protect_ns
+    )
     enough = retention.enforce(now_ns())
     if enough:
         index.repair()
@@ -83,9 +90,13 @@ def archive_sink(
     session = session_metadata(known, needs_login=archive.needs_login, redact=archive.redact)
     recording_folder = RecordingFolder(folder, index, archive.robot, session, archive.draw)
     judge = Judge(needs_login=archive.needs_login)
-    outputs = with_marks(
-        [Rotation(recording_folder, judge, archive.rotate)], archive.triggers, folder
-    )
+    command = None
+    if archive.on_trigger:
+        command = TriggerCommand(
+            archive.on_trigger, archive.robot, lambda: recording_folder.open_files[-1].path
+        )
+    rotation = Rotation(recording_folder, judge, archive.rotate)
+    outputs = with_marks([rotation], archive.triggers, folder, command)
     redactor = Redactor() if archive.redact else None
     decoder = Decoder(outputs, judge, redactor, ClockWatch())
     return _Retained(decoder, retention, recording_folder, _too_little(archive))
@@ -130,7 +141,9 @@ class _Retained:
         if 0 <= now_ns - self._looked_ns < PERIOD_NS:
             return
         self._looked_ns = now_ns
-        if not self._retention.enforce(now_ns, self._folder.unlisted_bytes):
+        if not self._retention.enforce(
+            now_ns, self._folder.unlisted_bytes, self._folder.unlisted_marks
+        ):
             self.close()  # events before this tick are durable and not delivered again
             self._full = True
 

@@ -64,6 +64,7 @@ class Progress:
         finished: Whether all events are written and the sinks are closed.
         earlier_files: Number of files created before those in `files`.
         unreached: Why the robot cannot be reached; empty after it has sent bytes.
+        connecting_since_ns: Time of the oldest client that waits for the connection to the robot.
     """
 
     connections: int = 0
@@ -74,6 +75,7 @@ class Progress:
     finished: bool = False
     earlier_files: int = 0
     unreached: str = ""
+    connecting_since_ns: int = 0
 
     @classmethod
     def read(cls, state: Mapping[str, Any]) -> "Progress":
@@ -213,9 +215,11 @@ class SinkRunner:
 
     def _write_events(self, events: Sequence[WireEvent]) -> None:
         self.progress.connections = self._event_builder.connections
+        self.progress.connecting_since_ns = self._event_builder.connecting_since_ns
         for event in events:
             if event.kind is Kind.RESET and event.note.startswith(UNREACHABLE):
-                self.progress.unreached = event.note.removeprefix(UNREACHABLE)
+                why = event.note.removeprefix(UNREACHABLE)
+                self.progress.unreached = why.partition("; ")[0]
             elif event.kind is Kind.BYTES and event.direction is C2A:
                 self.progress.unreached = ""
         for sink in self._sinks:

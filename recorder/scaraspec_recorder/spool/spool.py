@@ -28,7 +28,7 @@ from scaraspec_recorder.spool.records import (
     ControlRecord,
     Record,
     gap_record,
-    is_torn,
+    is_truncated,
     pack_head,
     read_blocks,
 )
@@ -320,7 +320,7 @@ class SpoolReader:
                 return records
             if newer is None:
                 return []
-            self._damaged |= newer != self._number + 1 or not is_torn(rest)
+            self._damaged |= newer != self._number + 1 or not is_truncated(rest)
             self._close_file()
             self._file = _path(self._directory, newer).open("rb", buffering=0)
             self._number, self._at = newer, 0

@@ -51,7 +51,7 @@ def test_corrections_and_interruptions_are_no_steps() -> None:
 
 
 def test_a_step_is_logged(caplog: pytest.LogCaptureFixture) -> None:
-    """In the recording and in the log of the recorder."""
+    """The recording and the log of the recorder have the step."""
     clocks, output = Clocks(), Mock()
     decoder = Decoder([output], Judge(), clock=clocks.watch)
     decoder.tick(1)

@@ -10,9 +10,9 @@ from scaraspec.api import certify
 from scaraspec.cli.certify.options import (
     calibrated,
     certification_of,
-    conclude,
     reproduction,
     rerun_of,
+    run_and_exit,
     selection_of,
     statement_of,
     suite_options,
@@ -141,7 +141,7 @@ def command(  # noqa: PLR0913 - one for each option
                     interruption=interruption,
                 )
 
-        conclude(run, out, certification)
+        run_and_exit(run, out, certification)
 
 
 def _attended(listen: str, answer_timeout_s: float) -> Attended:

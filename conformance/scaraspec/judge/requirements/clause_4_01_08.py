@@ -74,11 +74,11 @@ ROWS = (
       sentence="Once 0x03 was answered '1', the new password must "
                "open the next login and the old one must not.",
       original="应用层向控制层发送设置新密码请求，控制层反馈设置结果。",
-      binds=CONTROLLER, testable=AC, hazard=DESTRUCTIVE, strength=FIRM, basis=DERIVED),
+      binds=CONTROLLER, testable=AC | PC, hazard=DESTRUCTIVE, strength=FIRM, basis=DERIVED),
     R("4.2/5", lines=(123,), register=("A-4.2-1",),
       sentence="After 0x03 was answered '0', the old password must still log in.",
       original="应用层向控制层发送设置新密码请求，控制层反馈设置结果。",
-      binds=CONTROLLER, testable=AC, hazard=DESTRUCTIVE, strength=FIRM, basis=DERIVED),
+      binds=CONTROLLER, testable=AC | PC, hazard=DESTRUCTIVE, strength=FIRM, basis=DERIVED),
     R("4.2/6", lines=(125,), register=("A-4.2-3",),
       sentence="A 0x03 that lacks the separator or leaves "
                "a field empty should not be answered '1'.",

@@ -189,7 +189,7 @@ ROWS = (
     R("5.3/3", lines=(772,), register=("A-5-11",),
       sentence="A file that is not stored must be answered '0'.",
       original="若文件不可发送，返回 0",
-      binds=CONTROLLER, testable=AC, hazard=READ_ONLY, strength=FIRM, basis=DERIVED),
+      binds=CONTROLLER, testable=AC | PC, hazard=READ_ONLY, strength=FIRM, basis=DERIVED),
     R("5.3/4", lines=((777, 780),), register=("A-5-23",),
       sentence="Behind the '1' to 0x54 the controller must send "
                "the content, one fileData in each 0x56 frame.",
@@ -216,7 +216,7 @@ ROWS = (
       sentence="A client that receives data of length 0 must "
                "count the transfer as failed and stop it.",
       original="若文件接受端接受到长度为 0 的数据时,表明本次传输出现错误,停止传输",
-      binds=CLIENT, testable=AK, hazard=READ_ONLY, strength=FIRM, basis=TEXT),
+      binds=CLIENT, testable=AK | PC, hazard=READ_ONLY, strength=FIRM, basis=TEXT),
     R("5.3/9", lines=(782,), register=("A-5-14",),
       sentence="After a 0x56 was answered '0', the controller should send no "
                "further chunk of the transfer; repeating the refused one passes.",

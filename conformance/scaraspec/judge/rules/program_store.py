@@ -1,12 +1,13 @@
 """Clauses 4.10 and 4.11, code 20: stored programs, from uploads, deletions and lists."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import lru_cache
 from itertools import pairwise, takewhile
 from typing import Final
 
 from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule, tolerated
+from scaraspec.judge.rules.settings import MAX_UNSEEN_NS
 from scaraspec.judge.rules.two_stage import TWO_STAGE
 from scaraspec.protocol.fields import NAME_MAX_BYTES, Defect, show
 from scaraspec.protocol.program_files import MAX_FILE_BYTES, Severity, lint
@@ -20,6 +21,8 @@ _LIST: Final = ("list_programs",)
 _RUNS: Final = ("run_program", "simulate_program")
 _NAMING: Final = (*_RUNS, "set_default_program")
 _MISSING: Final = "20"
+_LINE_ENDS: Final = (b"\r\n", b"\n", b"\r")
+_OTHER_SEPARATORS: Final = (*_LINE_ENDS, b",", b";", b" ", b"\t", b"/", b"\0")
 _PUSH_WAIT_NS: Final = 1_000_000_000
 """A client that requests again earlier may overlap with a pushed part (A-4.10-3)."""
 _MAX_FETCH_NS: Final = 5_000_000_000
@@ -35,6 +38,14 @@ def _starts_again(x: Exchange) -> bool:
     if not x.reply or not x.parts or x.parts[0] is x.reply:
         return False
     return x.parts[0].frame.data == x.reply.frame.data
+
+
+def _repeats_its_beginning(x: Exchange) -> bool:
+    """Whether a requested further part begins with the first name of the list again."""
+    first, later = x.parts[0].value if x.parts else None, x.reply.value if x.reply else None
+    if not first or not later or x.parts[0] is x.reply or x.parts[0].frame == x.parts[-1].frame:
+        return False
+    return bool(first.names and later.names) and first.names[0] == later.names[0]
 
 
 def _pushed_part_missing(x: Exchange) -> bool:
@@ -53,8 +64,11 @@ def _is_unambiguous(x: Exchange, robot: RobotState) -> bool:
 
 
 def _is_complete(x: Exchange, robot: RobotState) -> bool:
-    whole = bool(x.parts) and x.parts[-1].value is not None and not x.parts[-1].value.more
-    return whole and _is_unambiguous(x, robot)
+    return _is_complete_list(x) and _is_unambiguous(x, robot)
+
+
+def _is_complete_list(x: Exchange) -> bool:
+    return bool(x.parts) and x.parts[-1].value is not None and not x.parts[-1].value.more
 
 
 def _begun_ns(x: Exchange) -> int:
@@ -69,6 +83,12 @@ def _begun_ns(x: Exchange) -> int:
 @rule("4.10/4", on=Exchange, names=_LIST)
 def last_part_has_flag_0(x: Exchange, robot: RobotState) -> RuleResult | None:
     """The last part of a list begins with "0" (L251); after "1" another part follows."""
+    if _repeats_its_beginning(x) and _is_unambiguous(x, robot):
+        return failed(
+            "the list began again although its previous part announced another part",
+            expected="0 in the last part",
+            observed="1",
+        )
     if _is_complete(x, robot):
         return PASSED
     if not (_starts_again(x) and _pushed_part_missing(x) and _is_unambiguous(x, robot)):
@@ -119,7 +139,12 @@ def _is_known(name: bytes, robot: RobotState) -> bool:
 @rule("4.10/7", on=Exchange, names=_LIST)
 def names_are_unique(x: Exchange, robot: RobotState) -> RuleResult | None:
     """No name is empty or repeated in one list (L246)."""
-    if not x.parts or _starts_again(x) or not _is_unambiguous(x, robot):
+    if (
+        not x.parts
+        or _starts_again(x)
+        or _repeats_its_beginning(x)
+        or not _is_unambiguous(x, robot)
+    ):
         return None
     names = _names(x)
     for part in x.parts:
@@ -134,6 +159,22 @@ def names_are_unique(x: Exchange, robot: RobotState) -> RuleResult | None:
         expected="once",
         observed=f"{count} times",
     )
+
+
+@rule("4.10/3", on=Exchange, names=_LIST)
+def names_are_apart(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """No other character separates the names (L246): known names reveal it, or a line end."""
+    for name in _names(x):
+        for separator in _OTHER_SEPARATORS:
+            apart = [each for each in name.split(separator) if each]
+            known = all(_is_known(each, robot) for each in apart)
+            if len(apart) > 1 and (known or separator in _LINE_ENDS):
+                return failed(
+                    "the names in the list are not separated by '|'",
+                    expected=show(b"|".join(apart)),
+                    observed=show(name),
+                )
+    return None
 
 
 # Programs that must be in the list, and that must not
@@ -169,14 +210,44 @@ def uploaded_is_listed(x: Exchange, robot: RobotState) -> RuleResult | None:
     for transfer in missing:
         if is_valid_program(transfer):
             return failed(
-                UserMessage(
-                    "{program} was uploaded but is not listed", program=show(transfer.name)
-                ),
+                _missing_message(transfer.name, listed, robot),
                 expected="in the list",
                 observed=f"{len(listed)} other names",
                 at=(*places_of(transfer), *places_of(x)),
             )
     return PASSED if len(missing) < len(expected) else None
+
+
+def _missing_message(name: bytes, listed: Collection[bytes], robot: RobotState) -> UserMessage:
+    """Say that an uploaded program is missing, and which similar name may be the cause."""
+    program = show(name)
+    for other in listed:
+        if show(other) == program:
+            return UserMessage(
+                "{program} was uploaded in {encoding} but is listed in {other_encoding}",
+                program=program,
+                encoding=_encoding(name),
+                other_encoding=_encoding(other),
+            )
+    for other in (*listed, *robot.history.deleted):
+        if other.lower() == name.lower():
+            return UserMessage(
+                "{program} was uploaded but is not listed; {other} was {what}: the names differ"
+                " only in case",
+                program=program,
+                other=show(other),
+                what="listed" if other in listed else "deleted",
+            )
+    return UserMessage("{program} was uploaded but is not listed", program=program)
+
+
+def _encoding(name: bytes) -> str:
+    """Return the encoding in which `show` reads a name (A-T-2)."""
+    try:
+        name.decode()
+    except UnicodeDecodeError:
+        return "GBK"
+    return "UTF-8"
 
 
 @rule("4.10/11", "4.11/3", on=Exchange, names=_LIST)
@@ -229,6 +300,27 @@ def deleted_is_gone(x: Exchange, robot: RobotState) -> RuleResult | None:
     )
 
 
+@rule("4.11/4", on=Exchange, names=("delete_program",))
+def deleted_once(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """A program that was deleted is not stored: its second deletion is answered "0" (L260)."""
+    deletion = next(_deletions([x.request.text], x.time_ns, robot), None)
+    if deletion is None or x.accepted is None:
+        return None
+    if not x.accepted:
+        return PASSED
+    if x.time_ns - answered_ns(deletion) > MAX_UNSEEN_NS:
+        return None
+    return failed(
+        UserMessage(
+            "{program} was deleted twice with success, without an upload between",
+            program=show(x.request.text),
+        ),
+        expected="0",
+        observed="1",
+        at=(*places_of(deletion), *places_of(x)),
+    )
+
+
 @rule("4.11/5", on=Exchange, names=("delete_program",))
 def running_is_not_deleted(x: Exchange, _: RobotState) -> RuleResult | None:
     """The running program is not deleted (A-4.11-1)."""
@@ -241,6 +333,44 @@ def running_is_not_deleted(x: Exchange, _: RobotState) -> RuleResult | None:
         "delete_guard",
         "allow",
         UserMessage("{program} was deleted while it ran", program=show(x.request_value or b"")),
+    )
+
+
+def is_unlisted(x: Exchange, robot: RobotState) -> bool:
+    """Return whether the last list lacks the name in a request, and no upload of it came since.
+
+    A controller may ignore the extension of a name (A-0-9) or its case.
+    """
+    programs = robot.history.last("list_programs", before_ns=x.time_ns)
+    if programs is None or x.time_ns - programs.time_ns > MAX_UNSEEN_NS:
+        return False
+    uploaded = robot.history.uploaded_ns.get(x.request.text, -1) > _begun_ns(programs)
+    listed = {_stem(name) for name in _names(programs)}
+    return not uploaded and _is_complete_list(programs) and _stem(x.request.text) not in listed
+
+
+def _stem(name: bytes) -> bytes:
+    return name.lower().rpartition(b".")[0] or name.lower()
+
+
+@rule("4.15/7", on=Exchange, names=("run_program",))
+@rule("8/5", on=Exchange, names=("simulate_program",))
+def unlisted_is_not_run(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """A program that is not stored does not run (L314, L1044): every program is listed (L246)."""
+    if not is_unlisted(x, robot) or x.accepted is None:
+        return None
+    if not x.accepted or (x.outcome and not x.outcome.done):
+        return PASSED
+    if not x.outcome or next(_deletions([x.request.text], x.time_ns, robot), None):
+        return None  # 4.11/3 judges it
+    return failed(
+        UserMessage(
+            "{command} succeeded for {program}, which the last program list lacks",
+            command=x.name,
+            program=show(x.request.text),
+        ),
+        expected="0|20",
+        observed="11",
     )
 
 

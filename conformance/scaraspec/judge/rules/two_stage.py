@@ -10,7 +10,8 @@ from scaraspec.protocol import errors
 from scaraspec.protocol.commands import BY_NAME, COMMANDS
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import Defect, show
-from scaraspec.traffic.events import Exchange, FrameSeen, UnsolicitedReply
+from scaraspec.traffic.events import Ending, Exchange, FrameSeen, UnsolicitedReply
+from scaraspec.traffic.exchange_history import answered_ns
 from scaraspec.traffic.robot_state import RobotState
 from scaraspec.user_message import UserMessage
 
@@ -281,13 +282,17 @@ def failure_code(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("4/16", on=Exchange, names=NOT_STOP)
-def not_repeated(x: Exchange, _: RobotState) -> RuleResult | None:
+def not_repeated(x: Exchange, robot: RobotState) -> RuleResult | None:
     """The client does not repeat a request whose final result is outstanding (A-4-2).
 
     A capture does not show whether the client or its user repeated the request.
     """
-    if all(y.name != x.name or y.request_value != x.request_value for y in x.concurrent):
+    same = [y for y in x.concurrent if (y.name, y.request_value) == (x.name, x.request_value)]
+    if not same:
         return PASSED
+    if _has_reconnected(x, same[0], robot):
+        since_ns = x.time_ns - same[0].time_ns
+        return _repeated(x, same[0], "its client has connected again", since_ns)
     return tolerated(
         "A-4-2",
         "asked again",
@@ -307,16 +312,33 @@ def not_repeated_after_a_lost_link(x: Exchange, robot: RobotState) -> RuleResult
     since_ns = x.time_ns - lost.lost_ns
     if not 0 <= since_ns <= _REPEATED_NS:
         return None
+    return _repeated(x, lost.exchange, "its link had ended before its final result", since_ns)
+
+
+def _has_reconnected(x: Exchange, y: Exchange, robot: RobotState) -> bool:
+    """Whether the connection of `x` has logged in after `y`, and that of `y` is silent since."""
+    here, there = x.request.place.connection, y.request.place.connection
+    logins = (z for z in robot.history.recent.get("login", ()) if z.time_ns > answered_ns(y))
+    login = next((z for z in logins if z.request.place.connection == here), None)
+    if here == there or login is None:
+        return False
+    requests = robot.history.last_requests.values()
+    return not any(
+        z.place.connection == there and z.place.time_ns > login.time_ns for z in requests
+    )
+
+
+def _repeated(x: Exchange, first: Exchange, why: str, since_ns: int) -> RuleResult:
     result = inconclusive(
         UserMessage(
-            "{command} was requested again {since_s:.1f} s after its link had ended before its"
-            " final result: either the client repeated it by itself, which is a violation, or its"
-            " user started it again",
+            "{command} was requested again {since_s:.1f} s after {why}: either the client repeated"
+            " it by itself, which is a violation, or its user started it again",
             command=x.name,
             since_s=since_ns / 1e9,
+            why=why,
         )
     )
-    return result._replace(places=(lost.exchange.request.place, x.request.place))
+    return result._replace(places=(first.request.place, x.request.place))
 
 
 @rule("4.28/2", on=FrameSeen, names=("jog",), sender=A2C)
@@ -336,6 +358,17 @@ def jog_byte(seen: FrameSeen, _robot: RobotState) -> RuleResult | None:
 
 
 # Shutdown has no second stage
+
+
+@rule("4.35/2", on=Exchange, names=("shutdown",))
+def shutdown_is_answered(x: Exchange, _: RobotState) -> RuleResult | None:
+    """The reply "1" comes before the shutdown begins (L696); a link can also fail by itself."""
+    if x.reply or x.ending is not Ending.HUNG_UP:
+        return None
+    return inconclusive(
+        "the controller closed the connection without a reply to 0x60: either it shut down without"
+        " a reply, which is a violation, or the link failed"
+    )
 
 
 @rule("4.35/5", on=Exchange, names=("shutdown",))
