@@ -24,7 +24,7 @@ from scaraspec.traffic.events import Ending, Exchange, TrafficEvent
 from scaraspec.traffic.selection import EVERYTHING as ALL_TRAFFIC
 from scaraspec.traffic.selection import Selection
 from scaraspec.traffic.wire import UNJUDGED, Kind, WireEvent
-from scaraspec.transports.url import Tcp, parse
+from scaraspec.transports.url import parse
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.sinks.mcap.mcap_sink import CLAIM, MASKED, PASSWORDS, SUBJECT
@@ -90,7 +90,7 @@ def audit(  # noqa: PLR0913 - independent options of an audit
     capture = _joined(captures)
     tested, claimed = subject_of(capture)
     subject, ics = subject or tested, (ics or claimed).with_claims(**(readings or {}))
-    serial = serial or not capture.needs_login or bool(ics.url and not _is_tcp(ics.url))
+    serial = serial or not capture.needs_login or bool(ics.url and not parse(ics.url).needs_login)
     side = None if subject is Role.CAPTURE else sending_direction(subject)
     scope = replace(ics.scope(side), only=only, selection=selection)
     if capture.session.get(PASSWORDS) == MASKED:
@@ -196,7 +196,7 @@ def subject_of(capture: McapCapture | PcapCapture) -> tuple[Role, Ics]:
 
 
 class _Listener:
-    """Takes what the judge yields.
+    """Processes the items that the judge yields.
 
     Attributes:
         stats: The statistics of the traffic, with the evidence of the findings that count.
@@ -213,7 +213,7 @@ class _Listener:
         self._scope, self._dialect = judge.scope, ics.dialect
 
     def is_judged(self, event: WireEvent) -> bool:
-        """Return whether the traffic of the event's connection says something about the subject."""
+        """Return whether the event's connection is evidence about the subject."""
         if event.kind is Kind.OPENED and event.note == UNJUDGED:
             self.unjudged.add(event.connection)
         return event.connection not in self.unjudged
@@ -282,7 +282,3 @@ def _one_sided_notices(one_sided: Mapping[str, Direction]) -> Iterator[str]:
                 side=side,
                 names=", ".join(names[:_MAX_NAMED]) + (", …" if names[_MAX_NAMED:] else ""),
             )
-
-
-def _is_tcp(url: str) -> bool:
-    return isinstance(parse(url), Tcp)

@@ -5,12 +5,18 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
-from scaraspec.api.auditing import subject_of
+from scaraspec.api.auditing import audit, subject_of
 from scaraspec.judge.judge import Judge
 from scaraspec.judge.verdicts import Finding
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.report.model import Role
 from scaraspec.report.session import SessionStats
+from scaraspec.results.comparison import compare
+from scaraspec.results.dialogue_comparison import (
+    CaptureComparison,
+    Dialogue,
+    compare_dialogues,
+)
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.observer import sending_direction
 from scaraspec.tables.rows import RowBuilder
@@ -22,7 +28,7 @@ from scaraspec.tables.schema import (
     Row,
     TransferRow,
 )
-from scaraspec.traffic.events import TrafficEvent
+from scaraspec.traffic.events import Exchange, TrafficEvent
 from scaraspec.traffic.wire import UNJUDGED, Kind
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
@@ -77,6 +83,10 @@ class Capture:
             CaptureError: See `open_capture`; also for the other methods.
         """
         return self._of(ExchangeRow)
+
+    def all_exchanges(self) -> Iterator[Exchange]:
+        """Yield the exchanges as the judge gets them, with all frames."""
+        return (step.event for step in self.steps() if isinstance(step.event, Exchange))
 
     def transfers(self) -> Iterator[TransferRow]:
         """Yield the file transfers."""
@@ -166,6 +176,27 @@ def open_capture(
     return Capture(source, ics)
 
 
+def compare_captures(
+    before: Path, after: Path, *, port: int | None = DEFAULT_PORT
+) -> CaptureComparison:
+    """Compare how the same requests were answered in two captures, and what the judge found.
+
+    Args:
+        before: The first capture.
+        after: The second capture.
+        port: The controller's TCP port in packet captures; None for all connections of this
+            protocol.
+
+    Raises:
+        CaptureError: A capture cannot be read.
+    """
+    first, second = (
+        Dialogue.of(open_capture(path, port=port).all_exchanges()) for path in (before, after)
+    )
+    judged = compare(*(audit(path, port=port)[0] for path in (before, after)))
+    return CaptureComparison(compare_dialogues(first, second), judged)
+
+
 def _steps(items: Iterator[TrafficEvent | Finding]) -> Iterator[Step]:
     """Group what the judge yields: each traffic event comes before its findings."""
     event: TrafficEvent | None = None
@@ -184,4 +215,4 @@ def _in_scope(step: Step, judge: Judge) -> Step:
     return step if not step.findings else Step(step.event, tuple(included))
 
 
-__all__: Final = ["Capture", "Step", "open_capture"]
+__all__: Final = ["Capture", "Step", "compare_captures", "open_capture"]

@@ -11,7 +11,7 @@ from rich.console import Console
 from scaraspec.api.auditing import audit
 from scaraspec.api.audits import AuditedCapture, audit_all, find_captures
 from scaraspec.cli.options import capture_port, given_options, selection_options
-from scaraspec.cli.problems import Problem, unreadable
+from scaraspec.cli.problems import Problem, require_replaceable, unreadable
 from scaraspec.cli.progress_bar import shown_share
 from scaraspec.judge.requirements import UnknownRequirementError, select
 from scaraspec.judge.verdicts import ExitStatus
@@ -30,6 +30,8 @@ EXAMPLE = "Example: scaraspec audit capture.mcap --html report.html"
 
 _PATH = click.Path(path_type=Path)
 _ROLES = {"controller": Role.CONTROLLER, "client": Role.CLIENT, "both": Role.CAPTURE, None: None}
+_JSON_MARK = ' "run": null,\n "schema": "scaraspec.results/'
+_HTML_MARK = '<meta name="generator" content="scaraspec audit">'
 _OUTPUT = ("json_file", "html_file", "language", "jobs")
 
 
@@ -96,6 +98,8 @@ def command(  # noqa: PLR0913 - one for each option
     captures are listed with the gravest first. Violations by the side that is not the subject do
     not count. Exit status 0 conformant, 1 nonconformant, 3 inconclusive, 4 nothing to judge.
     """
+    require_replaceable(json_file, _JSON_MARK)
+    require_replaceable(html_file, _HTML_MARK)
     context = click.get_current_context()
     try:
         captures = find_captures(paths)
@@ -112,7 +116,6 @@ def command(  # noqa: PLR0913 - one for each option
         if len(captures) > 1:
             _audit_several(captures, jobs, words, options, outputs=(json_file, html_file))
         files = captures[0]
-        _check_outputs(files, json_file, html_file)
         with shown_share("judging") as progress:
             results, notes = audit(
                 files,
@@ -138,19 +141,6 @@ def command(  # noqa: PLR0913 - one for each option
         click.echo(visible(f"{files[0]}: {note}"), err=True)
     terminal.show(results, Console())
     raise SystemExit(results.verdict.exit_status)
-
-
-def _check_outputs(files: tuple[Path, ...], *targets: Path | None) -> None:
-    """Check that no output is one of the captures.
-
-    Raises:
-        Problem: One is.
-    """
-    for target in targets:
-        if target and target.exists() and any(f.exists() and target.samefile(f) for f in files):
-            raise Problem(
-                UserMessage("{target} is the capture: name another file to write", target=target)
-            )
 
 
 def _audit_several(

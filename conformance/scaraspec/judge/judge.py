@@ -32,7 +32,7 @@ from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.traffic.dialogue import Dialogue
-from scaraspec.traffic.events import FrameSeen, TrafficEvent, Transfer
+from scaraspec.traffic.events import Exchange, FrameSeen, TrafficEvent, Transfer
 from scaraspec.traffic.robot_state import RobotState
 from scaraspec.traffic.wire import Kind, WireEvent, WireRange
 
@@ -51,9 +51,10 @@ _CONTROLLER: Final = re.compile(r"[>→] ([^\s,)]+)")
 _UNCERTAIN: Final = {
     Side.RECORDING: "a gap in the recording or a fault injected on purpose may be why",
     Side.NETWORK: "a fault that was injected on purpose may be why",
+    None: "bytes that belong to no frame may be why",
 }
+_AMBIGUOUS: Final = "its reply may answer another request, which timed out"
 _TWO_COPIES: Final = "two different copies of its bytes were captured"
-_UNFRAMED: Final = "bytes that belong to no frame may be why"
 _ASSUMES_GAP: Final = ("in a gap of the recording", "in a gap")
 _IN_OTHER_BYTES: Final = "not decided: the receiver may have read it as part of other bytes"
 _SIDES: Final = {A2C: Side.CLIENT, C2A: Side.CONTROLLER, None: None}
@@ -324,7 +325,8 @@ def _finding(
     side = _SIDES[responsible_side(requirement, traffic_event)]
     verdict, message, reading = judged.verdict, judged.message, judged.reading
     if verdict is Verdict.FAIL and not is_certain(traffic_event):
-        reason = _UNCERTAIN[unreliable] if unreliable else _UNFRAMED
+        ambiguous = isinstance(traffic_event, Exchange) and traffic_event.ambiguous
+        reason = _AMBIGUOUS if ambiguous else _UNCERTAIN[unreliable]
         verdict, message = Verdict.INCONCLUSIVE, f"{message}; {reason}"
     elif message.endswith(_ASSUMES_GAP) and not unreliable and not is_certain(traffic_event):
         message = _IN_OTHER_BYTES

@@ -89,12 +89,12 @@ class EvidenceCollector:
             return
         for place in finding.evidence:
             self._packet_of[place] = self._packets.find(place)
-        wanted = set(finding.evidence) - self._stored.keys()
+        needed = set(finding.evidence) - self._stored.keys()
         for seen in chain(self._last, reversed(self._recent)):
-            if not wanted:
+            if not needed:
                 return
-            if seen.place in wanted:
-                wanted.remove(seen.place)
+            if seen.place in needed:
+                needed.remove(seen.place)
                 self._stored[seen.place] = evidence_of(seen)
 
 

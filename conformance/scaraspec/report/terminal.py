@@ -18,7 +18,7 @@ from scaraspec.report import formatting
 from scaraspec.report.model import Case, Loss, Results, Role
 from scaraspec.report.ordering import VERDICTS_BY_IMPORTANCE
 from scaraspec.report.root_causes import SummaryLine, summary
-from scaraspec.report.sanitizing import visible
+from scaraspec.report.sanitizing import visible, visible_line
 
 _STYLES: Final = {
     "conformant": "bold green",
@@ -67,7 +67,7 @@ def show(results: Results, console: Console, *, findings: int = DEFAULT_FINDINGS
         _draw(results, shown, console)
     else:
         for line in _lines(results, shown):
-            console.print(_text(line), soft_wrap=True)
+            console.print(Text(visible_line(line)), soft_wrap=True)
     if hidden:
         console.print(_text(f"and {hidden} more findings in the report"), soft_wrap=True)
     for line in _losses(results):
@@ -92,7 +92,8 @@ def show_captures(captures: Iterable[tuple[str, Results | None, str]], console: 
             style = _STYLES.get(verdict.replace(" ", "-"), "bold magenta")
             table.add_row(_text(verdict, style), *map(_text, texts))
         else:
-            console.print(_text(" · ".join(filter(None, (verdict, *texts)))), soft_wrap=True)
+            line = " · ".join(filter(None, (verdict, *texts)))
+            console.print(Text(visible_line(line)), soft_wrap=True)
     if console.is_terminal:
         console.print(table)
     counts = Counter(verdict for _, verdict, *_ in rows)
@@ -125,7 +126,7 @@ def _lines(results: Results, shown: Sequence[SummaryLine]) -> Iterator[str]:
     for line in shown:
         case = line.case
         where = _where(case, results)
-        parts = (case.verdict.value, _which(line), _side(case), _what(case), where, *_remarks(line))
+        parts = (case.verdict.value, _which(line), _what(case), _side(case), where, *_remarks(line))
         yield " · ".join(filter(None, parts))
 
 

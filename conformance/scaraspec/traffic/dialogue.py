@@ -4,7 +4,8 @@ Bytes become frames, and frames become exchanges and transfers. This module does
 they conform. Memory is bounded: finished events are returned and dropped.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Final
 
 from scaraspec.protocol.commands import BY_OPCODE
@@ -221,6 +222,7 @@ class Dialogue:
                 self.robot.forget_after_gap(self._now_ns)
         elif reply and self.robot.gaps.may_owe_reply(self.connection, self._now_ns):
             self.robot.gaps.reopen(self.connection, self._now_ns, self._answered_ns)
+            self._pending_requests.mark_uncertain()
             self.robot.forget_after_gap(self._now_ns)
 
     def _forget_pending(self) -> Iterator[TrafficEvent]:
@@ -368,6 +370,7 @@ class Dialogue:
         if not late and not tagged:
             for exchange in waiting:
                 exchange.unmatched_reply = exchange.unmatched_reply or seen
+            _note_mismatches(waiting)
         after = self._last.get(seen.name)
         doubtful = tagged and self.robot.hides_command(after)
         certain = certain and self._certain(seen) and not (doubtful or self._replies_missing)
@@ -392,3 +395,11 @@ class Dialogue:
             self._pending_requests.expect_late_reply(
                 BY_OPCODE[head[0]].name
             )  # a lenient controller answers it
+
+
+def _note_mismatches(waiting: Sequence[Exchange]) -> None:
+    """Mark requests in a row of which each was followed only by another command's reply."""
+    for older, newer in pairwise(waiting):
+        followed = older.unmatched_reply
+        if followed and newer.unmatched_reply and followed.place.time_ns <= newer.time_ns:
+            older.mismatched = newer.mismatched = True

@@ -1,4 +1,4 @@
-"""Captures over difficult links fail nobody, and lost packets hide no finding about other bytes.
+"""Captures over difficult links cause no failure, and lost packets hide no finding elsewhere.
 
 SCARASPEC_FULL=1 tries more seeds.
 """

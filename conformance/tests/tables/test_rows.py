@@ -32,11 +32,11 @@ def test_transfers_and_findings(capture: Capture) -> None:
 
 def test_losses(fixtures_dir: Path) -> None:
     """The length of a loss is None if it is not known."""
-    torn = open_capture(fixtures_dir / "captures" / "field" / "plant-a-torn.pcapng")
-    lengths = [loss.length_bytes for loss in torn.losses()]
+    truncated = open_capture(fixtures_dir / "captures" / "field" / "plant-a-torn.pcapng")
+    lengths = [loss.length_bytes for loss in truncated.losses()]
     assert None in lengths
     assert 8 in lengths
-    assert torn.notes == ("packets not in the order of time: 2",)
+    assert truncated.notes == ("packets not in the order of time: 2",)
 
 
 def test_arrow_table(capture: Capture) -> None:

@@ -72,7 +72,7 @@ class ByteStream:
         acknowledges: Whether the sender has sent a segment without data after its first data.
         used_corrupt: Number of corrupt segments that were used, because no other copy was captured.
         conflict: Position and length of the last repeated bytes that differ from the first copy;
-            whoever reads it sets it to None.
+            the reader sets it to None.
     """
 
     def __init__(self, connection: str) -> None:

@@ -263,7 +263,7 @@ class _Scanner:
         self._window, self._window_at = b"", 0
         self._messages = self._expected_messages = 0
         self._damaged_chunks = self._skipped_bytes = self._wrong_lengths = 0
-        self._torn_bytes = 0
+        self._truncated_bytes = 0
         self._data_ended = False
         self._unsupported: set[str] = summary.unsupported
 
@@ -279,7 +279,7 @@ class _Scanner:
             if end is None:
                 following = self._search(at + 1)
                 if following is None:
-                    self._torn_bytes = self._size - at
+                    self._truncated_bytes = self._size - at
                     break
                 self._skipped_bytes += following - at
                 at = following
@@ -518,10 +518,10 @@ class _Scanner:
             summary.notes.append(
                 "the file was not closed: what came after its last flush is missing"
             )
-            if self._torn_bytes:
+            if self._truncated_bytes:
                 summary.notes.append(
                     UserMessage(
-                        "its last {count} bytes are torn or damaged", count=self._torn_bytes
+                        "its last {count} bytes are torn or damaged", count=self._truncated_bytes
                     )
                 )
 

@@ -14,7 +14,7 @@ before its request, even if that request is lost.
 
 If the capture's clock is set back or forward, event times stay constant and continue from there. A
 gap of zero bytes marks that earlier traffic must not cause failures. A clock was set forward if a
-long silence begins while bytes are not acknowledged, and nobody repeats them.
+long silence begins while bytes are not acknowledged, and no one repeats them.
 """
 
 from collections.abc import Callable, Collection, Iterable

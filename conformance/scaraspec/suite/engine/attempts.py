@@ -17,8 +17,11 @@ from scaraspec.report.failed_step import AttemptResult
 from scaraspec.suite.engine.outcome import Outcome
 from scaraspec.user_message import UserMessage
 
-MAX_INVALID: Final = 3
-"""How often a case is tried if each time this machine stalls, or a command ends too soon."""
+MAX_STALLED: Final = 3
+"""How often a case is tried if this machine stalls each time."""
+
+MAX_TOO_SHORT: Final = 8
+"""How often a case is tried if a command ends too soon each time, which takes little time."""
 
 _MAX_VALID: Final = 3
 _CONFIRMED: Final = 2
@@ -70,7 +73,8 @@ def needs_another(attempts: Sequence[Attempt]) -> bool:
         attempts: The attempts so far, at least one.
     """
     if not attempts[-1].valid:
-        return len(attempts) < MAX_INVALID
+        too_short = attempts[-1].outcome.reason is Reason.TOO_SHORT
+        return len(attempts) < (MAX_TOO_SHORT if too_short else MAX_STALLED)
     valid = [attempt for attempt in attempts if attempt.valid]
     wrong = [attempt for attempt in valid if attempt.failed or attempt.violated]
     if not wrong:

@@ -35,6 +35,7 @@ from scaraspec.suite.engine.observer import CaseFinding, Observer, Take, sending
 from scaraspec.suite.engine.outcome import Outcome, unless_disturbed
 from scaraspec.suite.engine.passive_findings import grouped, is_confirmed, undecided
 from scaraspec.suite.engine.plan import is_selected
+from scaraspec.suite.engine.repeated_cases import repeated_cases
 from scaraspec.suite.engine.role_adapter import P, RoleAdapter
 from scaraspec.suite.engine.stall_detector import Stall, StallDetector, threshold_s
 from scaraspec.suite.engine.unsupported_claims import (
@@ -88,7 +89,7 @@ class Run(Generic[P]):
             adapter.ics,
             needs_login=adapter.needs_login,
             take=take,
-            hear=self._stats.add,
+            handle=self._stats.add,
             interruption=interruption,
         )
         self.interruption = self._observer.interruption
@@ -232,7 +233,7 @@ class Run(Generic[P]):
         outcomes = (*ran, *self._wrong_claims())
         earlier, ids = self._earlier.cases, {o.case.id for o in outcomes}
         tried = [earlier.get(o.case.id) or self._case(o) for o in outcomes]
-        tried += wrong_claims(self._subject.served, self._replay(""))
+        tried += wrong_claims(self._subject.served, self._replay())
         before = [case for key, case in earlier.items() if key not in ids]
         findings = self._observer.findings
         groups = grouped(findings, (case for case in before if model.SEEN in case.id))
@@ -308,11 +309,11 @@ class Run(Generic[P]):
     def _dialect(self) -> dict[str, ReadingSeen]:
         """Return the observed readings by key, or else those that a case tolerated."""
         readings = self._readings()
-        told = {*chain.from_iterable(o.readings for o in self.case_runner.outcomes)}
-        told |= {s.finding.reading for s in self._observer.findings if s.finding.reading}
+        seen_options = {*chain.from_iterable(o.readings for o in self.case_runner.outcomes)}
+        seen_options |= {s.finding.reading for s in self._observer.findings if s.finding.reading}
         for key, reading in READINGS.items():
             seen = readings.get(key, ReadingSeen((), default=False, mixed=False))
-            options = tuple(o.name for o in reading.options if (key, o.name) in told)
+            options = tuple(o.name for o in reading.options if (key, o.name) in seen_options)
             if options and not seen.options:
                 readings[key] = replace(
                     seen, options=options, default=options == (reading.default,)
@@ -339,11 +340,11 @@ class Run(Generic[P]):
 
     def _wrong_claims(self) -> Iterator[Outcome]:
         """Yield a failure for each claimed reading that contradicts an observation."""
-        told = {outcome.observed for outcome in self.case_runner.outcomes}
+        seen_options = {outcome.observed for outcome in self.case_runner.outcomes}
         for key, seen in self._readings().items():
             if seen.claimed is None:
                 continue
-            named = (o for o in ("silence", seen.claimed) if f"{key} = {o}" in told)
+            named = (o for o in ("silence", seen.claimed) if f"{key} = {o}" in seen_options)
             options = (*seen.options, *named)  # a case need not wait until silence is sure
             if not options or seen.claimed in options:
                 continue
@@ -391,7 +392,7 @@ class Run(Generic[P]):
             observed=outcome.observed,
             duration_s=outcome.duration_s,
             examples=outcome.examples,
-            replay=self._replay(case.id if not case.id.startswith(("run.", "claim.")) else ""),
+            replay=self._replay_of(outcome),
             wire=() if outcome.verdict in (Verdict.NONE, Verdict.PASS) else wire,
             passing=self._stats.evidence.passing(wire) if bad else (),
             attempts=outcome.attempts,
@@ -436,7 +437,7 @@ class Run(Generic[P]):
             message=_with_place(finding.message, first.case, len(findings)),
             expected=finding.expected,
             observed=finding.observed or " = ".join(finding.reading or ()),
-            replay=self._replay(first.case or finding.requirement),
+            replay=self._replay(*self._repeated(first.case, finding.requirement)),
             wire=wire,
             passing=self._stats.evidence.passing(wire) if failed else (),
             reason=reason,
@@ -448,9 +449,21 @@ class Run(Generic[P]):
             step=replace(step, time_ns=first.begin_ns) if failed else None,
         )
 
-    def _replay(self, selection: str) -> str:
+    def _replay_of(self, outcome: Outcome) -> str:
+        """Return the command that repeats a case; the whole run if it is no case."""
+        case = outcome.case
+        if case.id.startswith(("run.", "claim.")):
+            return self._replay()
+        return self._replay(*self._repeated(case.id, outcome.requirement))
+
+    def _repeated(self, case: str, requirement: str) -> tuple[str, ...]:
+        if not (case and requirement):
+            return (case or requirement,)
+        return repeated_cases(case, requirement, self.case_runner.outcomes)
+
+    def _replay(self, *selected: str) -> str:
         replay = self.adapter.replay
-        only = f" --only {selection}" if selection else ""
+        only = f" --only {','.join(selected)}" if selected else ""
         return f"{replay}{only}" if replay else ""
 
 

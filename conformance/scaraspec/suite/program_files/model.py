@@ -50,6 +50,12 @@ class Wait(NamedTuple):
     seconds: int
 
 
+class Until(NamedTuple):
+    """Wait until an instant, in microseconds since 1970 (L938); `State` does not know the time."""
+
+    at_us: int
+
+
 class Pass(NamedTuple):
     """Wait for a condition that an input meets already (L930-934): it has no effect."""
 
@@ -59,10 +65,11 @@ class Pass(NamedTuple):
 
 
 class Go(NamedTuple):
-    """Move the arm in straight lines, from point to point (L911); `State` does not follow it."""
+    """Move the arm in straight lines or along a curve (L911-912); `State` does not follow it."""
 
     speed_percent: int
     points: Sequence[programs.Values]
+    curved: bool = False
 
 
 class If(NamedTuple):
@@ -75,7 +82,7 @@ class If(NamedTuple):
     otherwise: "Block | None" = None
 
 
-Statement = Flip | Put | Assign | Calculate | Wait | Pass | Go | If
+Statement = Flip | Put | Assign | Calculate | Wait | Until | Pass | Go | If
 Block = Sequence[Statement]
 
 
@@ -203,8 +210,8 @@ def _nodes(statement: Statement, initial: Bits) -> Iterable[Node]:
     match statement:
         case Wait(seconds):
             return programs.wait(seconds)
-        case Go(speed_percent, points):
-            return programs.straight(speed_percent, points)
+        case Go(speed_percent, points, curved):
+            return (programs.curve if curved else programs.straight)(speed_percent, points)
         case If(a, opt, b, then, otherwise):
             return programs.branch(
                 programs.compare(a, opt, b),
@@ -214,7 +221,7 @@ def _nodes(statement: Statement, initial: Bits) -> Iterable[Node]:
     return [_node(statement, initial)]
 
 
-def _node(statement: Flip | Put | Assign | Calculate | Pass, initial: Bits) -> Node:
+def _node(statement: Flip | Put | Assign | Calculate | Until | Pass, initial: Bits) -> Node:
     match statement:
         case Flip(port):
             return programs.set_output(port, on=not initial[port - 1])
@@ -224,6 +231,8 @@ def _node(statement: Flip | Put | Assign | Calculate | Pass, initial: Bits) -> N
             return programs.assign(key, value)
         case Calculate(key, a, opt, b):
             return programs.calculate(key, a, opt, b)
+        case Until(at_us):
+            return programs.wait_until(at_us)
         case Pass(port, condition, hundredths):
             return programs.wait_input(port, condition, hundredths)
 

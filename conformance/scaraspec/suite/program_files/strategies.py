@@ -84,7 +84,7 @@ _IN_BRANCH: Final = 2  # statements at most, besides the one that marks the bran
 _DEPTH: Final = 3
 _WITH_ELSE: Final = 0.7  # the share of branches
 _TRIES: Final = 20
-_LONG_WAIT_EVERY: Final = 5  # programs, of which one waits for a second
+_LONG_WAIT_EVERY: Final = 6  # programs, of which one waits for a second
 
 
 class DrawnProgram(NamedTuple):
@@ -117,7 +117,8 @@ class ProgramDealer:
     def program(self, seed: int, kinds: Sequence[str] = _KINDS) -> DrawnProgram:
         """Return the program of a seed; always the same one."""
         if seed not in self._drawn:
-            writer = self._writer(seed)
+            is_long = (len(self._drawn) + 1) % _LONG_WAIT_EVERY == 0
+            writer = self._writer(seed, wait_s=int(is_long))
             self._drawn[seed] = DrawnProgram(writer.variables, writer.block(kinds), ())
         return self._drawn[seed]
 
@@ -125,7 +126,7 @@ class ProgramDealer:
         """Return the program of a seed whose last part is executed `LOOPS` times."""
         tried = itertools.count(seed)
         while seed not in self._drawn:
-            writer = self._writer(next(tried))
+            writer = self._writer(next(tried), wait_s=0)
             before = writer.block(_BEFORE_LOOP)
             drawn = DrawnProgram(writer.variables, before, writer.block(_IN_LOOP, depth=2))
             whole = [*drawn.block, *[*drawn.body] * LOOPS]
@@ -141,9 +142,8 @@ class ProgramDealer:
         dealt: T = deck.pop()
         return dealt
 
-    def _writer(self, seed: int) -> "_Writer":
-        is_long = (len(self._drawn) + 1) % _LONG_WAIT_EVERY == 0
-        return _Writer(Random(seed), self, wait_s=int(is_long))  # noqa: S311 - it must be reproducible
+    def _writer(self, seed: int, *, wait_s: int) -> "_Writer":
+        return _Writer(Random(seed), self, wait_s)  # noqa: S311 - it must be reproducible
 
 
 class _Writer:

@@ -1,5 +1,6 @@
 """Clause 4.9: the running program (0x0A, L219-237)."""
 
+from datetime import datetime
 from typing import Final, NamedTuple
 
 from scaraspec.protocol.commands import RunningProgram
@@ -10,10 +11,11 @@ from scaraspec.suite.controller.harness.requests.clock import (
     ClockSample,
     expect_clock_ran,
     read_clock,
+    rollover_if_possible,
 )
 from scaraspec.suite.controller.harness.requests.motion import stop_motion
 from scaraspec.suite.controller.harness.state.defaults import default_program_preserved
-from scaraspec.suite.controller.harness.state.preserve import patient
+from scaraspec.suite.controller.harness.state.preserve import clock_preserved, patient
 from scaraspec.suite.controller.harness.two_stage.commands import RUN, begin_or_skip, start_program
 from scaraspec.suite.controller.harness.two_stage.executing import (
     ask_while_executing,
@@ -40,6 +42,8 @@ _NO_PROGRAM: Final = (b"0", b"0||", b"\0", b"\0||")
 """No program runs: the possible replies (A-4.9-2, A-T-1)."""
 _DEFAULTS: Final = ("get_default_program", "set_default_program")
 _WAIT_S: Final = 3
+_LEAP_DAY: Final = datetime(2024, 2, 29)  # noqa: DTZ001 - the document names no zone
+_READS: Final = 4
 _STEP_S: Final = 0.7
 _RESULT_WAIT_S: Final = 0.3
 _TOLERANCE_S: Final = 1.5  # two times, each truncated to a whole second, plus half a second
@@ -164,21 +168,31 @@ def test_none(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 @case(
     *("4.9/2", "4.9/3", "4.9/4", "4.9/5", "4.9/6", "4.9/8", "4.9/9", "4.9/10"),
-    *("4.6/4", "4.8/4", "4.10/11"),
+    *("4.5/6", "4.6/4", "4.8/4", "4.10/11"),
 )
 def test_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A running program is reported with all 30 bytes of its name, and its run time increases.
 
-    The clock advances, too. Another program is the default program, if the SUT has one. A second
-    client gets the same reply.
+    The clock advances, too, into a leap day. Another program is the default program, if the SUT has
+    one. A second client gets the same reply.
     """
     other = store_program(subject, line)
     name = store_wait_program(subject, line, _WAIT_S, long_name(subject, NAME_MAX_BYTES))
     if not subject.ics.unsupported.isdisjoint(_DEFAULTS):
-        _run_and_check(subject, line, name, other)
+        _run_into_a_leap_day(subject, line, name, other)
         return
     with default_program_preserved(subject, line):
         line.ask("set_default_program", other)
+        _run_into_a_leap_day(subject, line, name, other)
+
+
+def _run_into_a_leap_day(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, other: bytes
+) -> None:
+    with (
+        clock_preserved(subject, line),
+        rollover_if_possible(subject, line, _LEAP_DAY),
+    ):
         _run_and_check(subject, line, name, other)
 
 
@@ -190,7 +204,7 @@ def _run_and_check(
     try:
         begin_or_skip(subject, line, "run_program", name)
         first = clock_before = None
-        for _ in range(1 + int(_WAIT_S / _STEP_S)):
+        for _ in range(_READS):
             if first:
                 line.wait(_STEP_S / subject.ics.time_scale)
             current = _read_run_time(subject, line, name)
@@ -206,7 +220,9 @@ def _run_and_check(
             _expect_flag_and_status(second_line, "4.9/2")
             _expect_clock_advances(subject, clock_before, _read_clock(subject, line))
         else:
-            line.result("run_program")
+            stop_motion(subject, line)
+            start_program(subject, line, RUN, seconds=0)
+            wait_for_result(subject, line, RUN)
         expect_idle(subject, line, "the robot is not idle although run_program has ended")
         _expect_no_program(line, "a program is reported as running although it has ended")
         if first is None:
@@ -245,9 +261,13 @@ def _read_clock(subject: ControllerUnderTest, line: OutgoingConnection) -> Clock
 def _expect_clock_advances(
     subject: ControllerUnderTest, first: ClockSample | None, later: ClockSample | None
 ) -> None:
-    if first is not None and later is not None:
-        message = "the clock does not advance while a program runs"
-        expect_clock_ran(subject, first, later, message, "4.6/4")
+    if first is None or later is None:
+        return
+    if first.time.date() == later.time.date():
+        message, requirement = "the clock does not advance while a program runs", "4.6/4"
+    else:
+        message, requirement = "the clock is wrong after midnight", "4.5/6"
+    expect_clock_ran(subject, first, later, message, requirement)
 
 
 def _expect_flag_and_status(line: OutgoingConnection, requirement: str) -> None:

@@ -1,19 +1,23 @@
 """Clause 6.5: which nodes are executed, in which order: sequence, branches and loops."""
 
-import itertools
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
-from datetime import datetime
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from functools import partial
 from typing import Final
 
 from hypothesis import Phase, settings
 from hypothesis import strategies as st
 
-from scaraspec.protocol.program_files import Opt
+from scaraspec.protocol.program_files import ByteOrder, Opt
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.clock import clock_rolls_over
+from scaraspec.suite.controller.harness.requests.clock import (
+    has_clock,
+    read_clock,
+    rollover_if_possible,
+)
 from scaraspec.suite.controller.harness.requests.files import send_chunk
 from scaraspec.suite.controller.harness.requests.ports import (
     expect_outputs,
@@ -22,12 +26,13 @@ from scaraspec.suite.controller.harness.requests.ports import (
     set_output,
     with_port,
 )
-from scaraspec.suite.controller.harness.state.preserve import settings_preserved
+from scaraspec.suite.controller.harness.state.preserve import clock_preserved
 from scaraspec.suite.controller.harness.two_stage.commands import BRIEFLY_S, SIMULATE
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import CaseInconclusive, expect, expect_equal
 from scaraspec.suite.program_files.bench import EARLY_S, PROGRAMS, Bench, bench
+from scaraspec.suite.program_files.layout import twin_of
 from scaraspec.suite.program_files.model import (
     Block,
     Calculate,
@@ -36,6 +41,7 @@ from scaraspec.suite.program_files.model import (
     Put,
     State,
     Statement,
+    Until,
     Wait,
     new_state,
     nodes_of,
@@ -65,10 +71,11 @@ _PASSED, _FAILED = OUTPUTS[0], OUTPUTS[-1]
 _X: Final = 3
 _COUNTER: Final = 9
 _SEEDS: Final = st.integers(0, 2**64)
-_NEW_YEAR, _LEAP_DAY, _NO_LEAP_DAY = (
-    datetime(year, month, day)  # noqa: DTZ001 - the document names no zone
-    for year, month, day in ((2025, 1, 1), (2024, 2, 29), (2023, 3, 1))
-)
+_NO_LEAP_DAY: Final = datetime(2023, 3, 1)  # noqa: DTZ001 - the document names no zone
+_TIMER_S: Final = 2.0
+_CLOCK_S: Final = 1.25
+"""How much sooner a timer may end: the clock shows whole seconds."""
+_US, _NS = 1e6, 1e9
 _MANY_NODES: Final = 500
 """Number of nodes that does not fit one byte."""
 _LATE_S: Final = 5.0
@@ -147,11 +154,11 @@ def test_output_node_in_time(subject: ControllerUnderTest, line: OutgoingConnect
         )
 
 
-@case("6.5/23", "6.5/20", hazards=PROGRAMS)
+@case("6.5/23", "6.5/20", "4.5/6", hazards=PROGRAMS)
 def test_loop(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The nodes of a loop are executed again, and no others.
 
-    Another loop precedes it, in a branch that is not executed.
+    Another loop precedes it, in a branch that is not executed. The clock rolls over to a 1 March.
     """
     first, last = OUTPUTS[:2]
     before_loop = Calculate(3, variable(3), Opt.ADD, number(1))
@@ -162,19 +169,20 @@ def test_loop(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     for key, port in ((1, first), (2, last)):
         body.append(Calculate(key, variable(key), Opt.ADD, number(1)))
         body.append(If(variable(key), Opt.EQUAL, number(2), [Flip(port)]))
-    with bench(subject, line) as robot:
+    with bench(subject, line) as robot, clock_preserved(subject, line):
         nodes = loop(subject.dialect, nodes_of([*body, Wait(1)], robot.before))
         skipped = loop(subject.dialect, nodes_of([Flip(_FAILED)], robot.before))
         condition = compare(number(2), Opt.LESS, number(1))
         nodes = [*nodes_of([before_loop], robot.before), *branch(condition, skipped), *nodes]
-        robot.start(nodes, variables_of({1: 0, 2: 0, 3: 0}))
-        for port in (first, last):
-            expect(
-                robot.until(port, on=not robot.before[port - 1], within_s=1 + _LATE_S),
-                "a node of a loop is not executed the second time",
-                expected=f"output {port} changes",
-                observed="it does not change",
-            )
+        with rollover_if_possible(subject, line, _NO_LEAP_DAY):
+            robot.start(nodes, variables_of({1: 0, 2: 0, 3: 0}))
+            for port in (first, last):
+                expect(
+                    robot.until(port, on=not robot.before[port - 1], within_s=1 + _LATE_S),
+                    "a node of a loop is not executed the second time",
+                    expected=f"output {port} changes",
+                    observed="it does not change",
+                )
         expect(
             robot.since_s() >= robot.ours_s(1) - EARLY_S,
             "a loop starts again before its wait is over",
@@ -244,7 +252,7 @@ def test_branches(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
 
 
 @case("6.5/24", name="apart", hazards=PROGRAMS)
-def test_branches_apart(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_separate_branches(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Each IF also works in a separate program, which ends with the ENDIF.
 
     A branch that is not executed may contain a loop.
@@ -282,18 +290,18 @@ def test_many_nodes(subject: ControllerUnderTest, line: OutgoingConnection) -> N
 
 @case(
     *("6.5/26", "6.4/5", "6.5/19", "6.5/20", "6.5/21", "6.5/24", "6.6a/11", "6.6a/12", "6.6a/13"),
-    *("6.6a/14", "4.5/6"),
+    *("6.6a/14", "6.5/22"),
     name="drawn",
     hazards=PROGRAMS,
 )
 def test_drawn_programs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Random programs end with the outputs and variables that the document requires.
 
-    Some are simulated before: they must end with success, and run as usual after it. During the
-    programs that wait, the clock rolls over.
+    Some are simulated before: they must end with success, and run as usual after it. A program that
+    waits has a timer.
     """
     can_simulate = SIMULATE not in subject.ics.unsupported
-    with _programs(subject, line, (_LEAP_DAY, _NEW_YEAR)) as (robot, dealer, rollover):
+    with _programs(subject, line) as (robot, dealer):
 
         @_drawn(share=2)
         @given(seed=_SEEDS, simulated=st.booleans())
@@ -302,23 +310,51 @@ def test_drawn_programs(subject: ControllerUnderTest, line: OutgoingConnection) 
             state = new_state(program.variables, dealer.inputs)
             state.execute(program.block)
             block = [*program.block, *value_checks(state.variables, FAILED)]
-            simulated = simulated and can_simulate and not state.waited_s
-            with rollover(state):
-                robot.performs(block, program.variables, inputs=dealer.inputs, simulated=simulated)
+            performs = partial(robot.performs, variables=program.variables, inputs=dealer.inputs)
+            if state.waited_s:
+                with _timer_instead(subject, line, robot, block) as timed:
+                    performs(timed)
+            else:
+                performs(block, simulated=simulated and can_simulate)
 
         run_and_check()
 
 
-@case(
-    *("6.5/23", "6.5/24", "6.6a/11", "6.6a/12", "6.6a/13", "4.5/6"), name="drawn", hazards=PROGRAMS
-)
+@contextmanager
+def _timer_instead(
+    subject: ControllerUnderTest, line: OutgoingConnection, robot: Bench, block: Block
+) -> Iterator[Block]:
+    """Yield these statements with a timer in place of a wait; require that they last until then.
+
+    Without a clock that shows UTC, the statements are unchanged (A-6.5-13). The timer ends with a
+    second: then a long of four bytes and one of eight have the same little-endian bytes.
+    """
+    clock = read_clock(subject, line) if has_clock(subject) else None
+    known = robot.layout.byte_order is ByteOrder.LITTLE or twin_of(robot.layout) is None
+    clock_s = clock.time.replace(tzinfo=UTC).timestamp() if clock and known else 0.0
+    if not clock or abs(clock_s - clock.answered_s) > _TIMER_S:
+        yield block
+        return
+    timer = Until(round((clock_s + _TIMER_S) * _US))
+    yield [timer if isinstance(each, Wait) else each for each in block]
+    lasted_s, least_s = subject.now_ns / _NS - clock.sent_s, _TIMER_S - _CLOCK_S
+    expect(
+        lasted_s >= least_s,
+        "a program ends before its timer",
+        expected=f"at least {least_s:g} s",
+        observed=f"{lasted_s:.2f} s",
+        requirement="6.5/22",
+    )
+
+
+@case("6.5/23", "6.5/24", "6.6a/11", "6.6a/12", "6.6a/13", name="drawn", hazards=PROGRAMS)
 def test_drawn_loops(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Random programs with a loop set the outputs and variables that the document requires.
 
     The loop counts its iterations. After the last one, it compares the variables instead of
     executing its statements again.
     """
-    with _programs(subject, line, (_NO_LEAP_DAY,)) as (robot, dealer, rollover):
+    with _programs(subject, line) as (robot, dealer):
 
         @_drawn(share=4)
         @given(_SEEDS)
@@ -328,8 +364,7 @@ def test_drawn_loops(subject: ControllerUnderTest, line: OutgoingConnection) -> 
             state = State(initial, dealer.inputs, dict(program.variables))
             state.execute([*program.block, *[*program.body] * LOOPS])
             try:
-                with rollover(state):
-                    _expect_loop(subject, robot, program, state)
+                _expect_loop(subject, robot, program, state)
             finally:
                 robot.stop()
 
@@ -338,26 +373,11 @@ def test_drawn_loops(subject: ControllerUnderTest, line: OutgoingConnection) -> 
 
 @contextmanager
 def _programs(
-    subject: ControllerUnderTest, line: OutgoingConnection, rollovers: tuple[datetime, ...]
-) -> Iterator[tuple[Bench, ProgramDealer, Callable[[State], AbstractContextManager[object]]]]:
-    """Yield a bench, the source of the programs, and a context for a program that waits.
-
-    In this context the clock rolls over to one of the given times, if the program waits.
-    """
-    times = itertools.cycle(rollovers)
-    has_clock = subject.ics.unsupported.isdisjoint(("get_time", "set_time"))
-
-    def rollover(state: State) -> AbstractContextManager[object]:
-        if not (state.waited_s and has_clock):
-            return nullcontext()
-        return clock_rolls_over(subject, line, next(times))
-
-    with (
-        bench(subject, line) as robot,
-        settings_preserved(subject, line, *["clock"] * has_clock),
-        readable_inputs(line, INPUTS) as (inputs, ports),
-    ):
-        yield robot, ProgramDealer(inputs, ports), rollover
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> Iterator[tuple[Bench, ProgramDealer]]:
+    """Yield a bench and the source of the programs."""
+    with bench(subject, line) as robot, readable_inputs(line, INPUTS) as (inputs, ports):
+        yield robot, ProgramDealer(inputs, ports)
 
 
 def _drawn(share: int) -> settings:
@@ -384,7 +404,7 @@ def _expect_loop(
         If(variable(_COUNTER), Opt.LESS_OR_EQUAL, number(LOOPS), program.body, checks),
     ]
     nodes = [*nodes_of(program.block, initial), *robot.loop(nodes_of(iteration, initial))]
-    within_s = robot.theirs_s(subject.longest_s) + state.waited_s
+    within_s = robot.theirs_s(subject.longest_s)
     with robot.with_listing():
         robot.start(nodes, variables_of({**program.variables, _COUNTER: 0}))
         expect(

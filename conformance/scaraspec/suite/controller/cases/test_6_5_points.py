@@ -35,6 +35,7 @@ from scaraspec.suite.program_files.writing import INPUTS, Values, curve, number,
 from scaraspec.user_message import UserMessage
 
 _VALUE_INDICES: Final = (3, 2, 1, 0)  # the last one only turns the gripper
+_TURNS: Final = 5  # each value, and a curve
 _KINDS: Final = ("calculate", "put", "flip", "branch", "pass")
 """The statements before a drawn move."""
 _MIN_OBSERVATIONS: Final = 8
@@ -96,11 +97,10 @@ def test_curve(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 @case("6.5/27", "6.5/24", "6.5/25", "6.5/26", name="drawn", hazards=PROGRAMS)
 def test_drawn_moves(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Random programs with a move along each value, first in the negative direction, end at it.
+    """Random programs with a move back along each value, or along a curve, end at its last point.
 
     The move is in a branch that is executed; the other branch moves back.
     """
-    ways = [(index, direction) for direction in (-1, 1) for index in _VALUE_INDICES]
     turns: dict[int, int] = {}
     with (
         bench(subject, line) as robot,
@@ -110,14 +110,14 @@ def test_drawn_moves(subject: ControllerUnderTest, line: OutgoingConnection) -> 
         dealer = ProgramDealer(inputs, ports)
 
         @settings(
-            max_examples=max(len(_VALUE_INDICES), settings().max_examples // 4),
+            max_examples=max(_TURNS, settings().max_examples // 4),
             phases=(Phase.generate,),
         )
         @given(st.integers(0, 2**64))
         def run_and_check(seed: int) -> None:
             turn = turns.setdefault(seed, len(turns))
-            way = robot_arm.step(robot_arm.home, *ways[turn % len(ways)])
-            move, back = (Go(robot_arm.speed_percent, [each]) for each in (way, robot_arm.home))
+            move = _drawn_move(robot_arm, turn)
+            way, back = move.points[-1], Go(robot_arm.speed_percent, [robot_arm.home])
             program = dealer.program(seed, _KINDS)
             state = State(outputs(line), inputs, dict(program.variables))
             state.execute(program.block)
@@ -135,6 +135,16 @@ def test_drawn_moves(subject: ControllerUnderTest, line: OutgoingConnection) -> 
                     robot.expect_outputs(state.outputs, state.written, message)
 
         run_and_check()
+
+
+def _drawn_move(robot_arm: Arm, turn: int) -> Go:
+    """Return a move to a step of one value; in every fifth turn it is a curve."""
+    home, speed_percent, index = robot_arm.home, robot_arm.speed_percent, turn % _TURNS
+    if index < len(_VALUE_INDICES):
+        return Go(speed_percent, [robot_arm.step(home, _VALUE_INDICES[index], -1)])
+    last = robot_arm.step(home, 2, -1)
+    corner = robot_arm.step(home, 0)
+    return Go(speed_percent, [corner, robot_arm.step(corner, 2, -1), last], curved=True)
 
 
 @case("6.5/27", name="out-of-reach", hazards=PROGRAMS)
@@ -182,9 +192,9 @@ def test_straight_move(subject: ControllerUnderTest, line: OutgoingConnection) -
             robot_arm.step(home, 3, -1),
             robot_arm.step(home, 3, 0.5),
         )
-        for speed_percent in (robot_arm.speed_percent // 2, robot_arm.slow_percent):
+        for speed_percent in (robot_arm.speed_percent, robot_arm.slow_percent):
             observed = robot_arm.watched(
-                straight(max(1, speed_percent), [first_target, second_target, last])
+                straight(speed_percent, [first_target, second_target, last])
             )
             if observed is None or len(observed) >= _MIN_OBSERVATIONS:
                 break

@@ -45,14 +45,15 @@ _SLACK_S: Final = 0.5
 _SLACK_RATIO: Final = 0.1  # ratio of the seconds; the larger tolerance applies (6.5/20)
 _LINK_S: Final = 0.25  # in real time, if the controller's seconds are shorter
 _LONG_S: Final = 200  # negative as a signed byte
-_SHORT_WATCH_S: Final = 0.2  # how long a waiting program is observed
-_WATCH_S: Final = 0.6  # the same for a single observation
+_SHORT_WATCH_S: Final = 0.1  # how long a waiting program is observed
+_WATCH_S: Final = 0.3  # the same for a single observation
 _INPUT_TIMEOUT_S: Final = 3.0  # maximum delay of an input; the document sets no limit
-_TIMER_S: Final = 1.75  # time until the end of a timer; not a whole second
+_TIMER_S: Final = 1.0  # the whole second of the clock, or later, before which a timer ends …
+_BEFORE_S: Final = 0.25  # … by this
 _TICK_TOLERANCE_S: Final = 0.3  # accuracy of the observed clock tick
 _UTC_S: Final = 2.0
 _POLL_S: Final = 0.06
-_MAX_TIMER: Final = 2**31  # seconds before or after 1970 that do not fit a timer of 4 bytes
+_MAX_TIMER: Final = 2**31 - 3600  # seconds before or after 1970 that a timer of 4 bytes contains
 _TICKS: Final = 30  # more than a second of clock queries
 _US_PER_S: Final = 1_000_000
 _NS_PER_S: Final = 1e9
@@ -179,8 +180,9 @@ def test_timer(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 def _timer_problem(subject: ControllerUnderTest, robot: Bench, clock_s: float, at_s: float) -> str:
     """Run a timer that ends a fixed time after a clock tick; return the problem, or ""."""
-    robot.start([wait_until(round((clock_s + _TIMER_S) * _US_PER_S))])
-    due_s = at_s + robot.ours_s(_TIMER_S)
+    timer_s = robot.theirs_s(_TIMER_S) - _BEFORE_S
+    robot.start([wait_until(round((clock_s + timer_s) * _US_PER_S))])
+    due_s = at_s + robot.ours_s(timer_s)
     # The time may have come before the start.
     remaining_s = max(due_s - subject.now_ns / _NS_PER_S, 0.0)
     result = robot.ended(within_s=remaining_s + robot.ours_s(_SLACK_S) + _LINK_S)
@@ -212,7 +214,7 @@ def _wait_for_clock_tick(
         clock = line.ask("get_time").value
         if isinstance(first, datetime) and isinstance(clock, datetime) and clock > first:
             seconds = clock.replace(tzinfo=UTC).timestamp()
-            if not -_MAX_TIMER <= seconds < _MAX_TIMER - _TIMER_S:
+            if abs(seconds) >= _MAX_TIMER:
                 raise CaseInconclusive(
                     "the controller's clock shows a time that a timer cannot contain"
                 )

@@ -49,7 +49,7 @@ _PROGRAMS: Final = (
     "get_place",
 )
 _STEPS_PER_EXAMPLE: Final = 4  # of the longest sequence
-_LONG_STEPS_PER_EXAMPLE: Final = 20
+_LONG_STEPS_PER_EXAMPLE: Final = 15
 _SHRINK_S: Final = 60.0
 """Time limit for shrinking a sequence to the steps that matter."""
 
@@ -94,7 +94,7 @@ def test_passwords(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 )
 def test_programs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Runs, simulations, refusals and stops of programs work, mixed with outputs and settings."""
-    _run_in_any_order(subject, line, _MOTION, _PROGRAMS, share=2)
+    _run_in_any_order(subject, line, _MOTION, _PROGRAMS, share=3)
 
 
 def _run_in_any_order(

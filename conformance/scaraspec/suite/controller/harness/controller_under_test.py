@@ -50,7 +50,8 @@ _READY: Final = "00"  # L209: idle
 _RECONNECTS: Final = 20
 _RETURN_S: Final = 30.0  # a crashed controller may restart by itself within this time
 _RETURN_POLL_S: Final = 1.0
-_REFUSAL_S: Final = 0.05  # a connection that is not served is closed within this time (A-2-2)
+_REFUSAL_S: Final = 0.02  # a connection that is not served is closed within this time (A-2-2) …
+_REFUSAL_RATIO: Final = 3  # … or this multiple of the time to connect
 _CLOSED_LINES: Final = 8  # how many closed connections are remembered
 _ALWAYS: Final = ("login",)
 _DELETE, _RUNNING = "delete_program", "get_running_program"
@@ -58,6 +59,7 @@ _ALWAYS_WITH_STATE: Final = ("login", _DELETE)  # to delete the files of the sui
 _REMEDIES: Final = ("lock_joints", "reset")  # for released joints; for everything else
 
 _MAX_WRONG_PASSWORDS: Final = 5
+_NS: Final = 1e9
 
 
 class ControllerUnderTest:
@@ -80,7 +82,7 @@ class ControllerUnderTest:
         moved: A motion may be in progress.
         off: It was shut down and has not come back.
         traits: What was detected once for the whole run.
-        patience: The timeouts for replies that have never come.
+        timeout_policy: The timeouts for replies that have never come.
         lag: How much later than the state its replies report it.
         settling: How long it reports after a stop or a reset that it executes.
         places: Knows when it may refuse a client because another one has just left.
@@ -112,7 +114,7 @@ class ControllerUnderTest:
         self.detected_readings: dict[str, str] = {}
         self.served: dict[str, bool] = {}
         self.traits = ControllerTraits()
-        self.patience = TimeoutPolicy()
+        self.timeout_policy = TimeoutPolicy()
         self.lag = StateLag()
         self.settling = Settling()
         self.places = Places(self)
@@ -131,6 +133,7 @@ class ControllerUnderTest:
         self._lines: list[OutgoingConnection] = []
         self._closed_lines: list[OutgoingConnection] = []
         self._connections = itertools.count(1)
+        self._refusal_s = _REFUSAL_S
 
     # ------------------------------------------------------------------ time
 
@@ -176,11 +179,11 @@ class ControllerUnderTest:
         What has happened to the robot, such as a latched emergency stop, is not forgotten.
         """
         readings, dialect = dict(self.detected_readings), self.dialect
-        traits, patience = self.traits.copy(), self.patience.copy()
+        traits, timeout_policy = self.traits.copy(), self.timeout_policy.copy()
 
         def restore() -> None:
             self.detected_readings, self.dialect = readings, dialect
-            self.traits, self.patience = traits.with_history_of(self.traits), patience
+            self.traits, self.timeout_policy = traits.with_history_of(self.traits), timeout_policy
 
         return restore
 
@@ -238,7 +241,7 @@ class ControllerUnderTest:
                 if not isinstance(error, NoReply) or line.ending is None:
                     raise
                 return error
-        elif retries and line.ends(within_s=_REFUSAL_S) is not None:
+        elif retries and line.ends(within_s=self._refusal_s) is not None:
             return NotConnected("the subject closes the connection")
         return None
 
@@ -249,6 +252,7 @@ class ControllerUnderTest:
     def _open(self, *, judged: bool) -> OutgoingConnection:
         attempts = 1 if self.off else _RECONNECTS  # the caller retries
         for attempt in range(attempts):
+            begun_ns = self.now_ns
             try:
                 link = self.access.connect()
             except LinkError as error:
@@ -259,6 +263,7 @@ class ControllerUnderTest:
                 self.access.pause(RECONNECT_S)
                 continue
             break
+        self._refusal_s = max(_REFUSAL_S, _REFUSAL_RATIO * (self.now_ns - begun_ns) / _NS)
         line = OutgoingConnection(str(next(self._connections)), link, self, judged=judged)
         self._lines.append(line)
         return line
@@ -432,12 +437,14 @@ class ControllerUnderTest:
             Unreadable: The reply contains no status.
             CaseInconclusive: The status does not become 00 in time.
         """
-        full_s = self.patience.rest_timeout_s(self.longest_s) if within_s is None else within_s
+        full_s = (
+            self.timeout_policy.rest_timeout_s(self.longest_s) if within_s is None else within_s
+        )
         deadline = Deadline(self, full_s)
         while (status := line.ask("get_status").value) != _READY:
             if deadline.expired:
                 if within_s is None:
-                    self.patience.note_rest(full_s, rests=False)
+                    self.timeout_policy.note_rest(full_s, rests=False)
                 if status is None:
                     raise Unreadable("the reply of the subject to get_status contains no status")
                 raise CaseInconclusive(
@@ -446,7 +453,7 @@ class ControllerUnderTest:
                     )
                 )
             line.wait(deadline.poll_s)
-        self.patience.note_rest(full_s - deadline.remaining_s, rests=True)
+        self.timeout_policy.note_rest(full_s - deadline.remaining_s, rests=True)
 
     def settle(self) -> None:
         """Bring the robot to rest and delete the files of the case.
@@ -458,7 +465,7 @@ class ControllerUnderTest:
             CaseInconclusive: The robot does not come to rest.
         """
         self.close_lines()
-        self.unanswered = self.patience.unanswered()
+        self.unanswered = self.timeout_policy.unanswered()
         line = self.open()
         unresponsive = self.moved and self.traits.unresponsive_while_executing
         status = None if unresponsive else line.ask("get_status").value

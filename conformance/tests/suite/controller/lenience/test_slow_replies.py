@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
@@ -87,4 +88,17 @@ class Distant(SlowlyServed):
 def test_a_distant_controller(run_cases: RunCases) -> None:
     """Nothing fails."""
     cases = run_cases(Distant, "4.8", "4.12", "4.24", "5.2/2", "5.3/4", "5.4/6", "6.5/9")
+    assert not cases.problems
+
+
+class RefusesSlowly(SlowlyServed):
+    """The refusals of a busy robot take so long that the command ends before the last of them."""
+
+    delay_s = 0.25
+
+
+def test_command_that_ends_among_refusals_executes_again(run_cases: RunCases) -> None:
+    """The refusals that are missing are required while it executes again."""
+    cases = run_cases(RefusesSlowly, "4/6")
+    assert cases["4/6.set_tool_coordinates"].verdict is Verdict.PASS
     assert not cases.problems

@@ -4,7 +4,7 @@ A reported time lies between the request and the reply, so a slow link causes no
 """
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from datetime import datetime, timedelta
 from random import Random
 from typing import Final, NamedTuple
@@ -27,7 +27,7 @@ class ClockSample(NamedTuple):
     """A reported time, and when it was requested and answered, in seconds since the Unix epoch."""
 
     time: datetime
-    asked_s: float
+    sent_s: float
     answered_s: float
 
 
@@ -37,7 +37,7 @@ def read_clock(subject: ControllerUnderTest, line: OutgoingConnection) -> ClockS
     Raises:
         CaseFailed: The reply is not a valid time.
     """
-    asked_s = subject.now_ns / _NS
+    sent_s = subject.now_ns / _NS
     answer = line.ask("get_time")
     if not isinstance(answer.value, datetime):
         message = "the reply to 0x07 is not a valid time YYYYMMDDHHMMSS"
@@ -45,7 +45,7 @@ def read_clock(subject: ControllerUnderTest, line: OutgoingConnection) -> ClockS
         raise CaseFailed(
             message, expected="YYYYMMDDHHMMSS", observed=f"{answer}", requirement=requirement
         )
-    return ClockSample(answer.value, asked_s, answer.time_s)
+    return ClockSample(answer.value, sent_s, answer.time_s)
 
 
 def _has_form(answer: ReceivedFrame) -> bool:
@@ -85,6 +85,18 @@ def rollovers(time: datetime) -> tuple[datetime, ...]:
     )
 
 
+def has_clock(subject: ControllerUnderTest) -> bool:
+    """Whether the clock can be read and set."""
+    return subject.ics.unsupported.isdisjoint(("get_time", "set_time"))
+
+
+def rollover_if_possible(
+    subject: ControllerUnderTest, line: OutgoingConnection, time: datetime
+) -> AbstractContextManager[object]:
+    """Return the context `clock_rolls_over`, or one without effect if there is no clock."""
+    return clock_rolls_over(subject, line, time) if has_clock(subject) else nullcontext()
+
+
 @contextmanager
 def clock_rolls_over(
     subject: ControllerUnderTest, line: OutgoingConnection, time: datetime
@@ -110,12 +122,12 @@ def set_clock(
     Raises:
         CaseFailed: The request is refused.
     """
-    asked_s = subject.now_ns / _NS
+    sent_s = subject.now_ns / _NS
     answer = line.ask("set_time", time)
     message = UserMessage("setting the time {time} was not answered with 1", time=time)
     requirement = "4.5/3" if answer.accepted is None else "4.5/6"
     expect(answer.accepted, message, expected="1", observed=f"{answer}", requirement=requirement)
-    return ClockSample(time, asked_s, answer.time_s)
+    return ClockSample(time, sent_s, answer.time_s)
 
 
 def expect_clock_ran(
@@ -131,8 +143,8 @@ def expect_clock_ran(
         CaseFailed: The clock advanced too little or too much.
     """
     scale = subject.ics.time_scale
-    min_s = max(then.asked_s - first.answered_s, 0.0) * scale
-    max_s = (then.answered_s - first.asked_s) * scale
+    min_s = max(then.sent_s - first.answered_s, 0.0) * scale
+    max_s = (then.answered_s - first.sent_s) * scale
     slack_s = SLACK_S + _DRIFT * max_s
     advance_s = (then.time - first.time).total_seconds()
     expect(

@@ -28,14 +28,15 @@ _STEPS_IF_LATE: Final = 8
 _WATCHED_POSES: Final = 2  # a slow and a fast step; later ones are watched only if a state is late
 _PHASE_S: Final = 0.017  # the steps end at different moments between two samples
 _POLL_S: Final = 0.005
-_ARRIVED_POLL_S: Final = 0.1  # the pose at the target seldom changes any more
+_ARRIVED_POLL_S: Final = 0.1  # the pose at the target seldom changes any more …
+_ARRIVED_S: Final = 0.2  # … and not later than this
 _NS: Final = 1e9
 
 
 def measure(
     subject: ControllerUnderTest, line: OutgoingConnection, is_new: Callable[[], bool]
 ) -> Lag | None:
-    """Measure how long a change is not reported that was made just now.
+    """Measure how long after a change the old state is reported. Call it right after the change.
 
     Args:
         subject: The controller under test.
@@ -109,11 +110,12 @@ def _pose_lag(subject: ControllerUnderTest, line: OutgoingConnection, target: Po
     """Measure for how long the pose still changes after the end of a step; None if it does not.
 
     An arm that decelerates shows the last part of the lag only by the least digits of its pose. A
-    pose that is at the target from the beginning is queried less often.
+    pose that is at the target from the beginning is queried less often and for a shorter time.
     """
     ended_ns, poses = subject.now_ns, [(0.0, pose_of(line))]
-    poll_s = _ARRIVED_POLL_S if same_place(poses[0][1], target) else _POLL_S
-    while poses[-1][0] < LONGEST_S:
+    arrived = same_place(poses[0][1], target)
+    poll_s, longest_s = (_ARRIVED_POLL_S, _ARRIVED_S) if arrived else (_POLL_S, LONGEST_S)
+    while poses[-1][0] < longest_s:
         line.wait(poll_s)
         poses.append(((subject.now_ns - ended_ns) / _NS, pose_of(line)))
     line.wait(_POLL_S)

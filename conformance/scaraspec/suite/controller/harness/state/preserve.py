@@ -5,10 +5,11 @@ restored here.
 """
 
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
+from scaraspec.suite.controller.harness.requests.clock import has_clock
 from scaraspec.suite.controller.harness.state.password import restore_password
 from scaraspec.suite.controller.harness.state.restore import ITEMS
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
@@ -45,6 +46,13 @@ def settings_preserved(
             with suppress(CaseFailed, CaseInconclusive):
                 if (value := before.get(item.name)) is not None:
                     item.write(subject, ensure_open(subject, line), value)
+
+
+def clock_preserved(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> AbstractContextManager[None]:
+    """Return a context that restores the clock, if it can be read and set."""
+    return settings_preserved(subject, line, *["clock"] * has_clock(subject))
 
 
 @contextmanager
