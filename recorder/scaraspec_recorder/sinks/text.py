@@ -88,7 +88,12 @@ def part_of(seen: FrameSeen) -> str:
 
 def frame_text(seen: FrameSeen) -> str:
     """Return the text of a frame's payload."""
-    return SECRET if is_secret(seen.frame) else _text(seen.frame)
+    return text_of(seen.frame)
+
+
+def text_of(frame: Frame) -> str:
+    """Return the text of a payload; no password is shown."""
+    return SECRET if is_secret(frame) else _text(frame)
 
 
 def defect_texts(seen: FrameSeen) -> tuple[str, ...]:
